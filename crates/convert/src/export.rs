@@ -2,8 +2,11 @@
 
 mod channel_sheet;
 mod folder;
+mod provenance;
 
 use self::folder::Folder;
+pub(crate) use self::provenance::about_tie;
+use self::provenance::{Head, Provenance, Sheets};
 use crate::error::ConvertError;
 use crate::guard::{Unchanged, may_write};
 use crate::message_type::MessageType;
@@ -17,14 +20,13 @@ use ingest::{
 };
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{self, Read as _};
+use std::io;
 use std::path::Path;
 
 /// Name of the metadata in an MCAP and in Parquet.
 const METADATA: &str = "flightlag-export";
 
-/// Bytes of the log that are hashed, and rows that are written, before a wish to stop is heard.
-const HASHED_AT_ONCE: u64 = 16 << 20;
+/// Rows that are written before a wish to stop is heard.
 pub(crate) const ROWS_AT_ONCE: usize = 4096;
 
 /// What is exported.
@@ -106,7 +108,10 @@ struct Source {
 
 /// What was read for an export.
 struct Read {
-    sources: Vec<Source>,
+    /// Of channels or topics, in the order in which they are written.
+    names: Vec<String>,
+    /// One after another: what is written leaves memory, so that a log of very many topics takes no more than its columns.
+    sources: Box<dyn Iterator<Item = Source>>,
     health: LogHealth,
     notices: Notices,
     binding: Option<Binding>,
@@ -132,23 +137,15 @@ pub fn export(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Expo
         ExportWhat::Channels => channels(order, context)?,
         ExportWhat::Topics => topics(order, context)?,
     };
-    if read.sources.is_empty() {
+    if read.names.is_empty() {
         let what = format!("{}: nothing in it could be decoded", order.unit.id);
         return Err(ConvertError::Nothing(what));
     }
-    note_zero_bytes(order.to, &mut read);
-    let places = places(&read.sources, order.to);
-    match order.to {
-        ExportTo::Parquet | ExportTo::Csv => write_folder(order, &read, &places, &unchanged, context)?,
+    let places = places(&read.names, order.to);
+    let sheets = match order.to {
+        ExportTo::Parquet | ExportTo::Csv => write_folder(order, &mut read, &places, &unchanged, context)?,
         ExportTo::Mcap => write_mcap(order, &mut read, &places, &unchanged, context)?,
-    }
-    let sheet = |(source, place): (&Source, &String)| ExportedSheet {
-        name: source.name.clone(),
-        place: place.clone(),
-        rows: source.sheet.rows() as u64,
-        columns: source.sheet.columns.len() as u64,
     };
-    let sheets = read.sources.iter().zip(&places).map(sheet).collect();
     Ok(Exported { sheets, health: read.health, notices: read.notices })
 }
 
@@ -161,9 +158,11 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
         ))
     })?;
     let Flight { channels, notices, utc } = loaded.flight;
-    let source = |(name, channel): (&String, &Channel)| channel_sheet::source(name, channel, utc.as_ref());
-    let sources = channels.iter().map(source).collect();
-    Ok(Read { sources, health: loaded.health, notices, binding: Some(binding), utc })
+    let names = channels.keys().cloned().collect();
+    let tie = utc.clone();
+    let source = move |(name, channel): (String, Channel)| channel_sheet::source(&name, &channel, tie.as_ref());
+    let sources = Box::new(channels.into_iter().map(source));
+    Ok(Read { names, sources, health: loaded.health, notices, binding: Some(binding), utc })
 }
 
 fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, ConvertError> {
@@ -173,16 +172,19 @@ fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, Co
     let log_times = row_time::of_log(&log, order.library)?;
     log_times.note(&mut log.notices);
     let LogTimes { tables: times, utc, .. } = log_times;
+    // Nobody asks for them any more.
+    log.health.topics.iter_mut().for_each(|topic| topic.stamps = vec![]);
     if order.to == ExportTo::Mcap {
         let log_times: Vec<LogTime> = times.iter().map(RowTime::in_utc).collect();
         let names = log.tables.iter().map(|table| table.topic.name.as_str());
         row_time::tell(names.zip(&log_times), &mut log.notices);
     }
-    let stated: StatedUnits<'_> =
-        log.units.iter().map(|u| ((u.type_name.as_str(), u.path.as_str()), u.text.as_str())).collect();
-    let source = |(table, time): (&Table, &RowTime)| topic_source(table, time, order.to, &stated);
-    let sources = log.tables.iter().zip(&times).map(source).collect();
-    Ok(Read { sources, health: log.health, notices: log.notices, binding: None, utc })
+    let names = log.tables.iter().map(|table| table.topic.name.clone()).collect();
+    let stated: StatedUnits = log.units.into_iter().map(|u| ((u.type_name, u.path), u.text)).collect();
+    let to = order.to;
+    let source = move |(table, time): (Table, RowTime)| topic_source(table, &time, to, &stated);
+    let sources = Box::new(log.tables.into_iter().zip(times).map(source));
+    Ok(Read { names, sources, health: log.health, notices: log.notices, binding: None, utc })
 }
 
 /// Says which fields are in no column; of very many topics the first, and the number of the others.
@@ -211,30 +213,29 @@ fn note_empty(log: &mut Log) {
 }
 
 /// A text table cannot hold zero bytes.
-fn note_zero_bytes(to: ExportTo, read: &mut Read) {
-    for source in read.sources.iter().filter(|_| to == ExportTo::Csv) {
-        let texts = with_zero_bytes(&source.sheet);
-        if texts > 0 {
-            let text = "texts hold zero bytes, which no CSV may: \u{2400} stands for each";
-            read.notices.push(Severity::Warning, "zero-bytes", format!("topic {}", source.name), texts, text);
-        }
+fn note_zero_bytes(source: &Source, notices: &mut Notices) {
+    let texts = with_zero_bytes(&source.sheet);
+    if texts > 0 {
+        let text = "texts hold zero bytes, which no CSV may: \u{2400} stands for each";
+        notices.push(Severity::Warning, "zero-bytes", format!("topic {}", source.name), texts, text);
     }
 }
 
 /// As the log states them, by type and field.
-type StatedUnits<'l> = BTreeMap<(&'l str, &'l str), &'l str>;
+type StatedUnits = BTreeMap<(String, String), String>;
 
-fn topic_source(table: &Table, time: &RowTime, to: ExportTo, units: &StatedUnits<'_>) -> Source {
+fn topic_source(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits) -> Source {
     let LogTime { nanos: log_time, how: log_time_how, .. } = time.in_utc();
     let utc = time.utc_beside().map(|_| log_time_how.as_str());
     let about = json!({ "type": table.topic.type_name, "encoding": table.topic.encoding, "utc": utc });
     let mut columns = About::new();
+    let name = table.topic.name.clone();
     let sheet = table_sheet(table, time, to, units, &mut columns);
-    Source { name: table.topic.name.clone(), sheet, columns, about, log_time, log_time_how }
+    Source { name, sheet, columns, about, log_time, log_time_how }
 }
 
 /// The container's stamps, UTC where they do not say it, then the fields by their own names.
-fn table_sheet(table: &Table, time: &RowTime, to: ExportTo, units: &StatedUnits<'_>, about: &mut About) -> Sheet {
+fn table_sheet(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits, about: &mut About) -> Sheet {
     const UTC: &str = "utc_ns";
     let mut sheet = Sheet::default();
     let mut taken = BTreeSet::new();
@@ -250,11 +251,11 @@ fn table_sheet(table: &Table, time: &RowTime, to: ExportTo, units: &StatedUnits<
         about.insert(name.clone(), json!({ "unit": "ns", "clock": Clock::Unix, "added": true }));
         sheet.push(name, Cells::I64(utc.to_vec()));
     }
-    for column in &table.columns {
-        let cells = cells(column, table.rows);
+    for column in table.columns {
+        let cells = cells(&column, table.rows);
         let cells = if to == ExportTo::Csv { cells.whole() } else { cells };
         let name = free(&mut taken, &column.path, str::to_owned);
-        if let Some(unit) = units.get(&(table.topic.type_name.as_str(), column.path.as_str())) {
+        if let Some(unit) = units.get(&(table.topic.type_name.clone(), column.path)) {
             about.insert(name.clone(), json!({ "unit": unit }));
         }
         sheet.push(name, cells);
@@ -267,18 +268,20 @@ fn cells(column: &Column, rows: usize) -> Cells {
         ColumnData::F64(_) => Cells::F64((0..rows).map(|row| column.number(row)).collect()),
         ColumnData::I64(_) => Cells::I64((0..rows).map(|row| column.integer(row)).collect()),
         ColumnData::U64(_) => Cells::U64((0..rows).map(|row| column.unsigned(row)).collect()),
-        ColumnData::Text(_) => Cells::Text((0..rows).map(|row| column.text(row).map(str::to_owned)).collect()),
+        ColumnData::Text(_) => {
+            Cells::Text((0..rows).map(|row| column.text(row).map(|text| text.to_string())).collect())
+        }
     }
 }
 
 /// A file name for each source, or its topic: no two are the same; those of files not even in capitals.
-fn places(sources: &[Source], to: ExportTo) -> Vec<String> {
+fn places(names: &[String], to: ExportTo) -> Vec<String> {
     let mut taken = BTreeSet::new();
-    let place = |source: &Source| match ending(to) {
-        None => free(&mut taken, &source.name, str::to_owned),
-        Some(ending) => free(&mut taken, &file_stem(&source.name), str::to_lowercase) + ending,
+    let place = |name: &String| match ending(to) {
+        None => free(&mut taken, name, str::to_owned),
+        Some(ending) => free(&mut taken, &file_stem(name), str::to_lowercase) + ending,
     };
-    sources.iter().map(place).collect()
+    names.iter().map(place).collect()
 }
 
 fn ending(to: ExportTo) -> Option<&'static str> {
@@ -321,101 +324,29 @@ fn is_device(stem: &str) -> bool {
     matches!(first.as_str(), "con" | "prn" | "aux" | "nul") || numbered("com") || numbered("lpt")
 }
 
-fn provenance(
-    order: &ExportOrder<'_>,
-    read: &Read,
-    places: &[String],
-    unchanged: &Unchanged,
-    context: &ReadContext<'_>,
-) -> Result<Value, ConvertError> {
-    let input = |path: &Path| -> io::Result<Value> {
-        let (mut hash, mut file, mut bytes) = (blake3::Hasher::new(), std::fs::File::open(path)?, 0);
-        while let part @ 1.. = io::copy(&mut file.by_ref().take(HASHED_AT_ONCE), &mut hash)? {
-            context.advance(0).map_err(io::Error::other)?;
-            bytes += part;
-        }
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        Ok(json!({ "name": name, "bytes": bytes, "blake3": hash.finalize().to_hex().as_str() }))
-    };
-    let inputs: Vec<Value> = order
-        .unit
-        .files
-        .iter()
-        .map(|path| input(path).map_err(|e| ConvertError::write(path, "read")(e).or_stopped(context)))
-        .collect::<Result<_, _>>()?;
-    // Tables and hash are of one content.
-    unchanged.check()?;
-    let sheet = |(source, place): (&Source, &String)| {
-        let mut sheet = json!({
-            "name": source.name,
-            "place": place,
-            "rows": source.sheet.rows(),
-            "columns": source.sheet.columns.iter().map(|c| about_column(c, &source.columns)).collect::<Vec<_>>(),
-            "from": source.about,
-        });
-        if order.to == ExportTo::Mcap {
-            sheet["log_time"] = source.log_time_how.as_str().into();
-        }
-        sheet
-    };
-    Ok(json!({
-        "made_by": concat!("flightlag ", env!("CARGO_PKG_VERSION")),
-        "command": order.command,
-        "inputs": inputs,
-        "format": read.health.format,
-        "bytes": read.health.bytes,
-        "damage": read.health.damage,
-        "map": read.binding.as_ref().map(|b| json!({ "name": b.map, "why": b.why })),
-        "utc": read.utc.as_ref().map(about_tie),
-        "sheets": read.sources.iter().zip(places).map(sheet).collect::<Vec<_>>(),
-        "notices": read.notices,
-    }))
-}
-
-/// A column's name, and what is known of it.
-fn about_column(column: &SheetColumn, about: &About) -> Value {
-    let mut said = about.get(&column.name).cloned().unwrap_or_else(|| json!({}));
-    said["name"] = column.name.as_str().into();
-    said
-}
-
-/// How a clock is tied to UTC, and how well.
-pub(crate) fn about_tie(tie: &UtcTie) -> Value {
-    let mut about = json!(tie);
-    about["uncertainty_s"] = (tie.spread_s.p99 - tie.spread_s.p01).into();
-    about["remark"] =
-        "utc_ns = the clock's ns + offset_ns. uncertainty_s is the spread of the pairs, percentiles 1 to 99; \
-                       the delay of the messages that say UTC, as a rule 0.1 to 0.3 s, comes on top."
-            .into();
-    about
-}
-
 fn write_folder(
     order: &ExportOrder<'_>,
-    read: &Read,
+    read: &mut Read,
     places: &[String],
     unchanged: &Unchanged,
     context: &ReadContext<'_>,
-) -> Result<(), ConvertError> {
+) -> Result<Vec<ExportedSheet>, ConvertError> {
     let mut folder = Folder::begin(order.out, places, &order.unit.files)?;
-    let provenance = provenance(order, read, places, unchanged, context)?;
-    for (number, (source, place)) in read.sources.iter().zip(places).enumerate() {
+    let head = Head::of(order, read, unchanged, context)?;
+    let mut sheets = Sheets::default();
+    for (source, place) in read.sources.by_ref().zip(places) {
         context.advance(0).map_err(IngestError::from)?;
+        if order.to == ExportTo::Csv {
+            note_zero_bytes(&source, &mut read.notices);
+        }
+        let about = sheets.add(&source, place, order.to);
         folder.write(place, context, |file| match order.to {
             ExportTo::Csv => write_csv(&source.sheet, file),
-            _ => write_parquet_about(&source.sheet, &of_sheet(&provenance, number), file),
+            _ => write_parquet_about(&source.sheet, &[(METADATA.to_owned(), head.of_sheet(&about))], file),
         })?;
     }
-    folder.keep(&provenance, context)
-}
-
-/// The part of the provenance that belongs to one sheet.
-fn of_sheet(provenance: &Value, number: usize) -> Vec<(String, String)> {
-    let mut part = json!({ "sheet": provenance["sheets"][number] });
-    for key in ["made_by", "command", "inputs", "map", "utc"] {
-        part[key] = provenance[key].clone();
-    }
-    vec![(METADATA.to_owned(), part.to_string())]
+    folder.keep(&Provenance::of(&head, read, &sheets), context)?;
+    Ok(sheets.exported)
 }
 
 fn write_mcap(
@@ -424,35 +355,42 @@ fn write_mcap(
     places: &[String],
     unchanged: &Unchanged,
     context: &ReadContext<'_>,
-) -> Result<(), ConvertError> {
+) -> Result<Vec<ExportedSheet>, ConvertError> {
     let output = Output::begin(order.out)?;
     let mut recording = Recording::begin(order.out, output.file()?, "")?;
-    for (source, place) in read.sources.iter().zip(places) {
+    let mut sheets = Sheets::default();
+    for (source, place) in read.sources.by_ref().zip(places) {
+        sheets.add(&source, place, order.to);
         write_topic(&mut recording, source, place, &mut read.notices, context)?;
     }
     recording.note_before_epoch(&mut read.notices);
+    recording.forget();
     // Behind the messages: it says what was found while they were written.
-    let entries = [("provenance".to_owned(), provenance(order, read, places, unchanged, context)?.to_string())].into();
-    recording.extra(&Extra::Metadata { name: METADATA, entries: &entries })?;
+    let head = Head::of(order, read, unchanged, context)?;
+    let provenance = serde_json::to_string(&Provenance::of(&head, read, &sheets));
+    let provenance = provenance.map_err(|e| ConvertError::write(order.out, "write")(io::Error::other(e)))?;
+    let exported = sheets.exported;
+    recording.metadata(METADATA, [("provenance".to_owned(), provenance)].into())?;
     recording.end()?;
-    output.keep()
+    output.keep()?;
+    Ok(exported)
 }
 
 fn write_topic(
     recording: &mut Recording,
-    source: &Source,
+    source: Source,
     place: &str,
     notices: &mut Notices,
     context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
-    let table = as_table(&source.sheet, TopicInfo { name: place.to_owned(), ..TopicInfo::default() });
+    let Source { sheet, log_time, log_time_how, .. } = source;
+    let table = as_table(sheet, TopicInfo { name: place.to_owned(), ..TopicInfo::default() });
     let kind = MessageType::of(&table, vec![]);
     kind.note_absent(notices);
     let topic = kind.topic();
-    let said = [("log_time".to_owned(), source.log_time_how.clone())].into();
-    recording.extra(&Extra::OfTopic { topic: place, entries: &said })?;
+    recording.extra(&Extra::OfTopic { topic: place, entries: &[("log_time".to_owned(), log_time_how)].into() })?;
     let mut payload = vec![];
-    for (row, logged_ns) in source.log_time.iter().enumerate() {
+    for (row, logged_ns) in log_time.into_iter().enumerate() {
         if row.is_multiple_of(ROWS_AT_ONCE) {
             context.advance(0).map_err(IngestError::from)?;
         }
@@ -463,7 +401,7 @@ fn write_topic(
             encoding: "cdr",
             schema_encoding: "ros2msg",
             schema: kind.definition(),
-            logged_ns: *logged_ns,
+            logged_ns,
             published_ns: None,
             sequence: None,
             payload: &payload,
@@ -472,25 +410,26 @@ fn write_topic(
     Ok(())
 }
 
-fn as_table(sheet: &Sheet, topic: TopicInfo) -> Table {
-    let column = |c: &SheetColumn| {
+fn as_table(sheet: Sheet, topic: TopicInfo) -> Table {
+    let rows = sheet.rows();
+    let column = |c: SheetColumn| {
         let (data, valid) = match &c.cells {
             Cells::I64(v) => (ColumnData::I64(v.iter().map(|x| x.unwrap_or_default()).collect()), validity(v)),
             Cells::U64(v) => (ColumnData::U64(v.iter().map(|x| x.unwrap_or_default()).collect()), validity(v)),
             Cells::F64(v) => (ColumnData::F64(v.iter().map(|x| x.unwrap_or(f64::NAN)).collect()), validity(v)),
             Cells::Text(v) => {
-                (ColumnData::Text(v.iter().map(|x| x.clone().unwrap_or_default()).collect()), validity(v))
+                (ColumnData::Text(v.iter().map(|x| x.as_deref().unwrap_or_default()).collect()), validity(v))
             }
         };
-        Column { path: c.name.clone(), data, valid: Some(valid) }
+        Column { path: c.name, data, valid: Some(valid) }
     };
     Table {
         topic,
-        rows: sheet.rows(),
+        rows,
         logged_ns: None,
         published_ns: None,
         origin: ingest::Places::default(),
-        columns: sheet.columns.iter().map(column).collect(),
+        columns: sheet.columns.into_iter().map(column).collect(),
     }
 }
 

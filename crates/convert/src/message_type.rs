@@ -191,12 +191,12 @@ mod tests {
         let columns = vec![
             column("TimeUS", ColumnData::U64(vec![u64::MAX, 1]), None),
             column("gyro[0]", ColumnData::F64(vec![0.5, 0.0]), Some(vec![true, false])),
-            column(PAYLOAD_HEX, ColumnData::Text(vec!["00ff".to_owned(), String::new()]), None),
+            column(PAYLOAD_HEX, ColumnData::Text(["00ff", ""].into_iter().collect()), None),
         ];
         let topic = TopicInfo::default();
         let table =
             Table { topic, rows: 2, logged_ns: None, published_ns: None, origin: ingest::Places::default(), columns };
-        let as_written = column("gyro[0]", ColumnData::Text(vec!["0.50".to_owned(), String::new()]), None);
+        let as_written = column("gyro[0]", ColumnData::Text(["0.50", ""].into_iter().collect()), None);
         let messages = MessageType::of(&table, vec![&as_written]);
         let lines: Vec<&str> = messages.definition.lines().skip(1).collect();
         let expected = [

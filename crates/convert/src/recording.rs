@@ -6,10 +6,11 @@ use ingest::{Extra, OriginalTopic, TopicInfo};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use std::borrow::Cow;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 /// How many there are of something, and a sum over their bytes and times that does not depend on their order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -35,8 +36,11 @@ pub(crate) struct Content {
     /// Attachments and metadata by name, kind and size.
     pub(crate) extras: BTreeMap<String, Tally>,
     /// What is said of topics beside their types.
-    pub(crate) of_topics: BTreeMap<String, BTreeMap<String, String>>,
+    pub(crate) of_topics: BTreeMap<String, OfTopic>,
 }
+
+/// Texts by name. A log may have tens of thousands of topics: they are held once.
+type OfTopic = Rc<BTreeMap<String, String>>;
 
 impl Content {
     pub(crate) fn message(&mut self, topic: &str, logged_ns: u64, payload: &[u8]) {
@@ -61,10 +65,13 @@ impl Content {
                 let parts = entries.iter().flat_map(|(key, text)| [key.as_bytes(), b"\0", text.as_bytes(), b"\0"]);
                 self.extras.entry(what).or_default().add(&parts.collect::<Vec<&[u8]>>());
             }
-            Extra::OfTopic { topic, entries } if !entries.is_empty() => {
-                self.of_topics.entry((*topic).to_owned()).or_insert_with(|| (*entries).clone());
-            }
-            Extra::OfTopic { .. } => {}
+            Extra::OfTopic { topic, entries } => self.of_topic(topic, &Rc::new((*entries).clone())),
+        }
+    }
+
+    fn of_topic(&mut self, topic: &str, entries: &OfTopic) {
+        if !entries.is_empty() && !self.of_topics.contains_key(topic) {
+            self.of_topics.insert(topic.to_owned(), Rc::clone(entries));
         }
     }
 }
@@ -88,7 +95,7 @@ pub(crate) struct Entry<'m> {
 struct Channel {
     original: Option<OriginalTopic>,
     schema_encoding: String,
-    schema: Vec<u8>,
+    schema: Rc<[u8]>,
     id: u16,
     sequence: u32,
 }
@@ -99,7 +106,9 @@ pub(crate) struct Recording {
     writer: Writer<BufWriter<File>>,
     channels: HashMap<TopicInfo, Vec<Channel>>,
     /// What goes into the channels of a topic, by topic.
-    of_topics: HashMap<String, BTreeMap<String, String>>,
+    of_topics: HashMap<String, OfTopic>,
+    /// Of many topics the definition may be one.
+    schemas: HashSet<Rc<[u8]>>,
     pub(crate) content: Content,
     /// Topics of which the log says more than one thing: the first one stands.
     pub(crate) several: BTreeSet<String>,
@@ -119,6 +128,7 @@ impl Recording {
             writer,
             channels: HashMap::new(),
             of_topics: HashMap::new(),
+            schemas: HashSet::new(),
             content: Content::default(),
             several: BTreeSet::new(),
             before_epoch: 0,
@@ -150,7 +160,7 @@ impl Recording {
         let same = |c: &&mut Channel| {
             c.original.as_ref() == entry.original
                 && c.schema_encoding == entry.schema_encoding
-                && c.schema == entry.schema
+                && *c.schema == *entry.schema
         };
         if let Some(channel) = known.and_then(|all| all.iter_mut().find(same)) {
             channel.sequence = channel.sequence.wrapping_add(1);
@@ -163,18 +173,30 @@ impl Recording {
             self.writer.add_schema(type_name, entry.schema_encoding, entry.schema).map_err(failed(&self.path))?
         };
         let mut entries = self.of_topics.get(name).cloned().unwrap_or_default();
-        entries.extend(entry.original.iter().flat_map(|original| original.entries()));
+        if let Some(original) = entry.original {
+            Rc::make_mut(&mut entries).extend(original.entries());
+        }
         let id = self.writer.add_channel(schema, name, entry.encoding, &entries).map_err(failed(&self.path))?;
-        self.content.extra(&Extra::OfTopic { topic: name, entries: &entries });
+        self.content.of_topic(name, &entries);
+        let schema = self.schema(entry.schema);
         let channel = Channel {
             original: entry.original.cloned(),
             schema_encoding: entry.schema_encoding.to_owned(),
-            schema: entry.schema.to_vec(),
+            schema,
             id,
             sequence: 1,
         };
         self.channels.entry(entry.topic.clone()).or_default().push(channel);
         Ok((id, 1))
+    }
+
+    fn schema(&mut self, text: &[u8]) -> Rc<[u8]> {
+        if let Some(known) = self.schemas.get(text) {
+            return Rc::clone(known);
+        }
+        let schema: Rc<[u8]> = text.into();
+        self.schemas.insert(Rc::clone(&schema));
+        schema
     }
 
     /// What stands beside the messages.
@@ -201,9 +223,9 @@ impl Recording {
 
     fn of_topic(&mut self, topic: &str, entries: &BTreeMap<String, String>) {
         match self.of_topics.get(topic) {
-            Some(known) if known != entries => _ = self.several.insert(topic.to_owned()),
+            Some(known) if **known != *entries => _ = self.several.insert(topic.to_owned()),
             Some(_) => {}
-            None => _ = self.of_topics.insert(topic.to_owned(), entries.clone()),
+            None => _ = self.of_topics.insert(topic.to_owned(), Rc::new(entries.clone())),
         }
     }
 
@@ -213,6 +235,18 @@ impl Recording {
             let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
             notices.push(Severity::Warning, "before-1970", "", self.before_epoch, text);
         }
+    }
+
+    /// Drops what is only needed while messages are written, and what they were.
+    pub(crate) fn forget(&mut self) {
+        (self.channels, self.of_topics, self.schemas) = Default::default();
+        self.content = Content::default();
+    }
+
+    /// Texts about all of it, which may be long.
+    pub(crate) fn metadata(&mut self, name: &str, metadata: BTreeMap<String, String>) -> Result<(), ConvertError> {
+        let metadata = Metadata { name: name.to_owned(), metadata };
+        self.writer.write_metadata(&metadata).map_err(failed(&self.path))
     }
 
     /// Ends the file; what it holds.

@@ -30,7 +30,9 @@ fn head(table: &Table) -> Value {
             ColumnData::F64(_) => ("f64", None),
             ColumnData::I64(_) => ("i64", None),
             ColumnData::U64(_) => ("u64", None),
-            ColumnData::Text(_) => ("text", Some((0..table.rows).map(|row| column.text(row)).collect::<Vec<_>>())),
+            ColumnData::Text(_) => {
+                ("text", Some((0..table.rows).map(|row| Some(column.text(row)?.to_string())).collect::<Vec<_>>()))
+            }
         };
         json!({ "path": column.path, "kind": kind, "texts": texts })
     };

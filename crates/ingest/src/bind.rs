@@ -9,6 +9,7 @@ mod daytime;
 mod ecef;
 mod lacking;
 mod order;
+mod parted;
 mod placed;
 mod repair;
 mod restarts;
@@ -23,19 +24,22 @@ mod turns;
 pub(crate) use self::attitude::from_euler;
 pub use self::times::{RowTimes, TableTimes, row_times};
 
+use self::parted::Parted;
 use self::restarts::Joined;
 use self::rows::{StepBack, bind_rows};
 use self::stamps::{Tied, tie_of};
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
-use crate::map::{BENCH_ALONE, MapLibrary, TimeSource};
+use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, TimeSource};
 use crate::reader::Log;
 use crate::table::Table;
 use crate::time::set_back_for;
 use flight::{Binding, ChannelHealth, Clock, Flight, MapCandidate, Notices, Quantity, Severity, StampKind};
 use std::collections::BTreeSet;
+use std::rc::Rc;
 
-/// Finds the channel map that fits `log` and makes its flight. The notices of the log come first.
+/// Finds the channel map that fits `log` and makes its flight of its columns, which are gone afterwards. The notices of the
+/// log come first.
 ///
 /// A map fits if it binds a position, a velocity, an encoder, or something else that a bench measures, with data.
 /// Of several the better one wins: both a position and a velocity before one of them before none, an encoder
@@ -46,8 +50,30 @@ use std::collections::BTreeSet;
 /// [`IngestError::Map`] if none fits, with what is missing; if two fit equally, with both names; or if there is no map `forced`.
 /// [`IngestError::MapLacks`] if the best one is of the user and names fields that the log lacks, with the nearest names, or comes
 /// near without fitting.
-pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Flight, Binding), IngestError> {
-    let mut trials: Vec<Trial<'_>> = library.candidates(forced)?.into_iter().map(|map| Trial::new(map, log)).collect();
+pub fn bind(log: &mut Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Flight, Binding), IngestError> {
+    let chosen = choose(log, library, forced);
+    let made = chosen.map(|chosen| make(chosen, log));
+    log.tables.clear();
+    made
+}
+
+/// A channel map with its plans for a log, and all that is not to be asked of the log again.
+struct Chosen<'m> {
+    map: &'m ChannelMap,
+    parts: Vec<Parted>,
+    /// Of each part, what is to be said of its units.
+    units: Vec<Notices>,
+    /// Of the log and of the plans.
+    notices: Notices,
+    joined: Option<Joined>,
+    tied: Option<Tied>,
+    why: String,
+    others: Vec<MapCandidate>,
+}
+
+fn choose<'m>(log: &Log, library: &'m MapLibrary, forced: Option<&str>) -> Result<Chosen<'m>, IngestError> {
+    let maps = library.candidates(forced)?;
+    let mut trials: Vec<Trial<'_>> = maps.iter().map(|map| Trial::new(map, log)).collect();
     trials.sort_by_key(|t| std::cmp::Reverse(t.rank()));
     let Some(best) = trials.first().filter(|t| t.fits()) else { return Err(nothing_fits(&trials, log)) };
     let equals: Vec<&str> = trials.iter().filter(|t| t.rank() == best.rank()).map(|t| t.map.name.as_str()).collect();
@@ -60,35 +86,62 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
         turns::align(best.plans.iter_mut().flat_map(|plan| &mut plan.stamps));
         let joined = restarts::join(&best.plans, &best.map.ties, log)?;
         for plan in &mut best.plans {
-            plan.stamps.iter_mut().for_each(|stamps| joined.shift(plan.table, stamps.clock, &mut stamps.nanos));
+            for stamps in &mut plan.stamps {
+                let nanos: &mut Vec<_> = Rc::make_mut(&mut stamps.nanos);
+                joined.shift(plan.table, stamps.clock, nanos);
+            }
         }
         Some(joined)
     });
     let Some(best) = trials.first() else { return Err(nothing_fits(&trials, log)) };
-    Ok(make(best, &trials, log, joined, forced.is_some()))
+    let others = trials.iter().skip(1).filter(|t| !t.plans.is_empty()).map(|t| candidate(t, best)).collect();
+    let why = if forced.is_some() { "asked for by name".to_owned() } else { best.why(best.plans.len()) };
+    let tied = if joined.is_none() { tie_of(&best.map.ties, log) } else { None };
+    let notices = notices_of(best, log);
+    let of_units = |plan: &Plan<'_>| {
+        let mut said = Notices::new();
+        stated::compare(plan, &log.units, &mut said);
+        said
+    };
+    let units = best.plans.iter().map(of_units).collect();
+    let best = trials.swap_remove(0);
+    let Some(map) = maps.into_iter().find(|map| std::ptr::eq(*map, best.map)) else {
+        return Err(nothing_fits(&[best], log));
+    };
+    let parts = best.plans.into_iter().map(|plan| Parted::of(plan, map, log)).collect();
+    Ok(Chosen { map, parts, units, notices, joined, tied, why, others })
+}
+
+/// What is to be said before any channel is made.
+fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
+    let mut notices = log.notices.clone();
+    for (name, said) in &best.unknown {
+        let text = format!("channel {name} is not bound: the log says {said}, which the channel map does not know");
+        notices.push(Severity::Warning, "unknown-remark", "", 1, text);
+    }
+    told::note_stamps(&best.plans, &mut notices);
+    notices
 }
 
 /// The clock and the stamps, ns, that one source gives to the rows of a table.
 pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Vec<Option<i64>>)> {
     let stamps = stamps::read_stamps(StampKind::Logged, source, table, || None)?;
-    Some((stamps.clock, stamps.nanos))
+    Some((stamps.clock, Rc::unwrap_or_clone(stamps.nanos)))
 }
 
-fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined>, forced: bool) -> (Flight, Binding) {
-    let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
+fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
+    let Chosen { map, mut parts, units, notices, joined, tied, why, others } = chosen;
+    let mut flight = Flight { notices, ..Flight::default() };
     let (mut channels, mut apart, mut coarse, mut back) = (vec![], vec![], vec![], None);
-    for (name, said) in &best.unknown {
-        let text = format!("channel {name} is not bound: the log says {said}, which the channel map does not know");
-        flight.notices.push(Severity::Warning, "unknown-remark", "", 1, text);
-    }
-    told::note_stamps(&best.plans, &mut flight.notices);
-    for plan in &best.plans {
-        let bound = bind_rows(plan);
+    parted::keep_columns_of(&parts, log);
+    for of_units in units {
+        let part = parts.remove(0);
+        let Some(bound) = part.make(map, log, &parts, bind_rows) else { continue };
         flight.notices.extend(bound.notices);
-        stated::compare(plan, &log.units, &mut flight.notices);
+        flight.notices.extend(of_units);
         match bound.channel {
             Some(channel) => {
-                flight.channels.insert(plan.rule.name.clone(), channel);
+                flight.channels.insert(bound.health.name.clone(), channel);
             }
             None => no_rows(&bound.health, &mut flight.notices),
         }
@@ -106,7 +159,7 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined
             joined.report(&mut flight.notices);
             joined.into_tie()
         }
-        None => tie_of(&best.map.ties, log),
+        None => tied,
     };
     let tied_by_gps = tied.as_ref().is_some_and(|t| t.from_gps);
     if let Some(tied) = tied {
@@ -115,9 +168,7 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined
     }
     clocks::note_unknown_leaps(&mut flight, tied_by_gps);
     clocks::compare(&mut flight);
-    let others = trials.iter().skip(1).filter(|t| !t.plans.is_empty()).map(|t| candidate(t, best)).collect();
-    let why = if forced { "asked for by name".to_owned() } else { best.why(channels.len()) };
-    (flight, Binding { map: best.map.name.clone(), why, others, channels })
+    (flight, Binding { map: map.name.clone(), why, others, channels })
 }
 
 /// How a clock is tied to UTC, and what was put right or left out for it.

@@ -2,6 +2,7 @@
 
 use jiff::civil::{Date, DateTime, ISOWeekDate, Time, Weekday};
 use jiff::tz::Offset;
+use std::ops::Deref;
 
 /// Unit of an epoch number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -390,14 +391,16 @@ impl DateOrder {
     ///
     /// # Errors
     /// An open date of which nobody can know what it means.
-    pub(crate) fn shown_by<'a>(dates: impl Iterator<Item = &'a str>) -> Result<Option<(DateOrder, &'a str)>, &'a str> {
-        let (mut left, mut telling, mut last) = (DateOrder::ALL.to_vec(), None, "");
+    pub(crate) fn shown_by<T: Deref<Target = str> + Default + Copy>(
+        dates: impl Iterator<Item = T>,
+    ) -> Result<Option<(DateOrder, T)>, T> {
+        let (mut left, mut telling, mut last) = (DateOrder::ALL.to_vec(), None, T::default());
         for text in dates {
-            if std::mem::replace(&mut last, text) == text {
+            if *std::mem::replace(&mut last, text) == *text {
                 continue;
             }
             let fits = |order: &DateOrder| {
-                order.date(text).is_some() && (*order == DateOrder::DayMonthYear || !text.contains('.'))
+                order.date(&text).is_some() && (*order == DateOrder::DayMonthYear || !text.contains('.'))
             };
             if DateOrder::ALL.iter().any(fits) {
                 let before = left.len();

@@ -315,7 +315,7 @@ impl Search<'_> {
     /// What kind of log a packed file holds; the reason if it is not one flight.
     fn inside(&self, path: &Path, packing: Packing) -> Result<Inside, String> {
         let (mut logs, mut tables, mut others) = (vec![], vec![], vec![]);
-        for member in members(path, packing)? {
+        for member in members(path, packing).map_err(|e| e.to_string())? {
             let name = member.name.display().to_string();
             if let Some(fault) = member.fault {
                 others.push(format!("{name} cannot be unpacked: {fault}"));

@@ -24,6 +24,7 @@ mod reader;
 mod sniff;
 pub mod stamps;
 mod table;
+mod texts;
 mod time;
 mod written_unit;
 
@@ -46,3 +47,4 @@ pub use reader::{
 };
 pub use sniff::LogKind;
 pub use table::{Column, ColumnData, PAYLOAD_HEX, Places, Table, TopicInfo};
+pub use texts::{Text, Texts};

@@ -10,6 +10,7 @@ use crate::format::{
 };
 use crate::guess::{self, Guess};
 use crate::map::{ChannelMap, MapLibrary, MapSelect};
+use crate::platform::{FileIdentity, identity};
 use crate::reader::{Log, LogReader, ReadContext, Selection, TableHead};
 use crate::sniff::LogKind;
 use crate::table::TopicInfo;
@@ -76,17 +77,20 @@ pub fn load(
     if let Some(file) = changed(&before, &states(&unit.files)?) {
         return Err(IngestError::Changed { file });
     }
-    let bound = bind(&log, library, forced);
+    let bound = bind(&mut log, library, forced);
     let may_guess = unit.kind == LogKind::Csv && forced.is_none() && needs_guess(&bound, library);
     let guessed = if may_guess { guessed(unit, &log.heads, context)? } else { Ok(None) };
     let (bound, refused) = match (bound, guessed) {
         (bound, Ok(None)) => (bound, None),
         (Ok(bound), Err(_)) => (Ok(bound), None),
         (Err(error), Err(why)) => (Err(error), Some(why)),
-        (Ok(bound), Ok(Some((guess, ..)))) if !guess.both => (Ok(bound), None),
-        (_, Ok(Some((guess, own, map)))) => {
-            log = own;
-            (by_guess(&log, &guess, map), None)
+        (Ok(bound), Ok(Some(guess))) if !guess.both => (Ok(bound), None),
+        (bound, Ok(Some(guess))) => {
+            // A flight in memory is enough.
+            drop(bound);
+            let map = ChannelMap::from_toml(Path::new("guess.toml"), &guess.text)?;
+            log = open(unit).read(&MapSelect::of(&map), &again(context))?;
+            (by_guess(&mut log, &guess, map), None)
         }
     };
     let (flight, binding) = match bound {
@@ -137,8 +141,8 @@ fn needs_guess(bound: &Result<(Flight, Binding), IngestError>, library: &MapLibr
     }
 }
 
-/// A guess, the log as its map reads it, and the map; or why there is none. Nothing where none was asked for.
-type Guessed = Result<Option<(Guess, Log, ChannelMap)>, NoGuess>;
+/// A guess, or why there is none. Nothing where none was asked for.
+type Guessed = Result<Option<Guess>, NoGuess>;
 
 /// Why the columns of a table are not bound by guess.
 enum NoGuess {
@@ -153,18 +157,16 @@ fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) ->
         let why = guess::nameless(heads);
         return Ok(Err(if guess::has_bare(heads) { NoGuess::Refused(why) } else { NoGuess::Nameless(why) }));
     };
-    // These bytes were counted when they were read first.
-    let again = ReadContext { on_bytes: &|_| (), ..*context };
-    let found = match guess::guess(&open(unit).read(&wanted, &again)?) {
-        Ok(found) => found,
-        Err(why) => return Ok(Err(NoGuess::Refused(why))),
-    };
-    let map = ChannelMap::from_toml(Path::new("guess.toml"), &found.text)?;
-    let log = open(unit).read(&MapSelect::of(&map), &again)?;
-    Ok(Ok(Some((found, log, map))))
+    let log = open(unit).read(&wanted, &again(context))?;
+    Ok(guess::guess(&log).map(Some).map_err(NoGuess::Refused))
 }
 
-fn by_guess(log: &Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Binding), IngestError> {
+/// For another reading of bytes that were counted when they were read first.
+fn again<'c>(context: &ReadContext<'c>) -> ReadContext<'c> {
+    ReadContext { on_bytes: &|_| (), ..*context }
+}
+
+fn by_guess(log: &mut Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Binding), IngestError> {
     let name = map.name.clone();
     let mut only = MapLibrary::default();
     only.add(map);
@@ -193,8 +195,8 @@ pub fn load_ways(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<Vec<(Fl
     let mut ways = vec![];
     for guess in guess::ways(&open(unit).read(&wanted, context)?) {
         let map = ChannelMap::from_toml(Path::new("guess.toml"), &guess.text)?;
-        let log = open(unit).read(&MapSelect::of(&map), context)?;
-        if let Ok((flight, _)) = by_guess(&log, &guess, map) {
+        let mut log = open(unit).read(&MapSelect::of(&map), context)?;
+        if let Ok((flight, _)) = by_guess(&mut log, &guess, map) {
             ways.push((flight, guess.said));
         }
     }
@@ -242,14 +244,14 @@ fn note_stamps(log: &mut Log, binding: &Binding) {
     }
 }
 
-/// What shows that a file was written to.
-type State = (PathBuf, u64, Option<SystemTime>);
+/// What shows that a file was written to, or that another one is in its place.
+type State = (PathBuf, u64, Option<SystemTime>, Option<FileIdentity>);
 
 fn states(files: &[PathBuf]) -> Result<Vec<State>, IngestError> {
     let state = |path: &PathBuf| {
         let about =
             std::fs::metadata(path).map_err(|source| IngestError::Io { file: name_of(path), offset: 0, source })?;
-        Ok((path.clone(), about.len(), about.modified().ok()))
+        Ok((path.clone(), about.len(), about.modified().ok(), identity(path)))
     };
     files.iter().map(state).collect()
 }

@@ -1,5 +1,7 @@
 //! Columns of one topic, row by row as they stood in the log.
 
+use crate::texts::{Text, Texts};
+
 /// The column of messages that are carried as they stand: their bytes in hexadecimal digits.
 pub const PAYLOAD_HEX: &str = "payload_hex";
 
@@ -91,7 +93,7 @@ pub enum ColumnData {
     /// 64-bit integers without sign, of which at least one is above `i64::MAX`.
     U64(Vec<u64>),
     /// Text.
-    Text(Vec<String>),
+    Text(Texts),
 }
 
 impl Table {
@@ -164,12 +166,12 @@ impl Column {
 
     /// The value as text.
     #[must_use]
-    pub fn text(&self, row: usize) -> Option<&str> {
+    pub fn text(&self, row: usize) -> Option<Text<'_>> {
         if !self.is_valid(row) {
             return None;
         }
         match &self.data {
-            ColumnData::Text(v) => v.get(row).map(String::as_str),
+            ColumnData::Text(v) => v.get(row),
             ColumnData::F64(_) | ColumnData::I64(_) | ColumnData::U64(_) => None,
         }
     }

@@ -19,6 +19,9 @@ const AS_GOOD: f64 = 1.1;
 /// And by no more than this, m or m/s: rounding.
 const ROUNDING: f64 = 1e-3;
 
+/// Points of the second channel that are made at once.
+const POINTS_OF_A_PART: usize = 1 << 14;
+
 /// Where a pair of channels agrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Coarse {
@@ -123,16 +126,21 @@ impl Grid {
     fn of(stretch: &Stretch) -> Grid {
         let (start, end) = stretch[0].span();
         let points = ((end - start) / STEP_S).ceil().clamp(0.0, 1e7) as usize + 2;
-        let instants: Vec<f64> = (0..points).map(|k| (start + STEP_S * k as f64).min(end)).collect();
         let values = AXES.map(|axis| {
-            let (mut values, mut rates) = (vec![0.0; points], vec![0.0; points]);
+            let mut values = vec![0.0; points];
             let reference: &dyn Reference = &*stretch[axis];
-            reference.fill(&instants, &mut values, &mut rates);
-            // Beyond the end on the last slope, so that a line between two points is right up to the end.
-            for k in 1..points {
-                let beyond = start + STEP_S * k as f64 - end;
-                if beyond > 0.0 {
-                    values[k] += beyond * rates[k];
+            // Part by part: of days of flight the instants and rates alone would be hundreds of megabytes.
+            for (part, values) in values.chunks_mut(POINTS_OF_A_PART).enumerate() {
+                let instant = |k: usize| start + STEP_S * (part * POINTS_OF_A_PART + k) as f64;
+                let instants: Vec<f64> = (0..values.len()).map(|k| instant(k).min(end)).collect();
+                let mut rates = vec![0.0; values.len()];
+                reference.fill(&instants, values, &mut rates);
+                // Beyond the end on the last slope, so that a line between two points is right up to the end.
+                for (k, (value, rate)) in values.iter_mut().zip(rates).enumerate() {
+                    let beyond = instant(k) - end;
+                    if beyond > 0.0 {
+                        *value += beyond * rate;
+                    }
                 }
             }
             values

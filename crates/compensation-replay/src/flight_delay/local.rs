@@ -3,7 +3,7 @@
 use super::pairs::{Pair, Second};
 use crate::input::Horizontal;
 use flight::{Channel, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use record::DelayOrigin;
 
 /// Fixes farther than this from the median fix are no part of the flight, m.
@@ -174,22 +174,24 @@ fn turned(velocity: &Channel, position: &Channel, origin: Stamp, frame: Option<&
     let Some(frame) = frame.filter(|_| position.quantity == Quantity::PositionGeodetic) else {
         return components(velocity, &rows, origin);
     };
-    let rotations: Vec<(Stamp, Matrix3<f64>)> = position
+    let mut fixes = position
         .update_rows()
         .into_iter()
         .map(|row| (position.series.timeline().stamps()[row], geodetic(position, row)))
         .filter(|(_, place)| frame.to_ned(*place).iter().all(|x| x.abs() <= FARTHEST_M))
-        .map(|(stamp, place)| (stamp, frame.rotation_from(place)))
-        .collect();
+        .peekable();
+    let rotation_at = |(_, place): (Stamp, Geodetic)| frame.rotation_from(place);
+    let mut rotation = fixes.next().map(rotation_at);
     let stamps = velocity.series.timeline().stamps();
     let mut out = Horizontal::default();
-    let mut newest = 0;
     for row in rows {
-        while newest + 1 < rotations.len() && rotations[newest + 1].0 <= stamps[row] {
-            newest += 1;
+        let mut newest = None;
+        while let Some(fix) = fixes.next_if(|(stamp, _)| *stamp <= stamps[row]) {
+            newest = Some(fix);
         }
+        rotation = newest.map(rotation_at).or(rotation);
         let own = [0, 1, 2].map(|k| velocity.series.component(k)[row]);
-        let ned = rotations.get(newest).map_or(own, |(_, rotation)| (rotation * Vector3::from(own)).into());
+        let ned = rotation.map_or(own, |rotation| (rotation * Vector3::from(own)).into());
         out.t.push(stamps[row].seconds_since(origin));
         (0..2).for_each(|k| out.axes[k].push(ned[k]));
     }

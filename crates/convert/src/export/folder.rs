@@ -5,6 +5,7 @@ use crate::guard::{is_of_log, may_write};
 use crate::leftover::{claim, folder_of, is_abandoned, temporaries_of, temporary_name};
 use crate::swap::exchange;
 use ingest::ReadContext;
+use serde::Serialize;
 use serde_json::Value;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -73,7 +74,7 @@ impl Folder {
 
     /// Writes the provenance and puts everything in its place. The tables of an earlier export go in the same step; what
     /// somebody else put into the folder stays.
-    pub(super) fn keep(mut self, provenance: &Value, context: &ReadContext<'_>) -> Result<(), ConvertError> {
+    pub(super) fn keep(mut self, provenance: &impl Serialize, context: &ReadContext<'_>) -> Result<(), ConvertError> {
         self.write(PROVENANCE, context, |file| {
             serde_json::to_writer_pretty(&mut *file, provenance)?;
             file.write_all(b"\n")

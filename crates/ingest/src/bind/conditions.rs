@@ -3,18 +3,19 @@
 use crate::map_schema::RequireEntry;
 use crate::reader::Log;
 use crate::table::{Column, Table, numbers};
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// One condition with the numbers that it is about.
 pub(super) struct Condition<'a> {
-    entry: &'a RequireEntry,
-    values: Values<'a>,
+    pub(super) entry: &'a RequireEntry,
+    pub(super) values: Values<'a>,
 }
 
-enum Values<'a> {
+pub(super) enum Values<'a> {
     Own(&'a Column),
     /// Of the row of the same epoch in the topic of this name; `None` for epochs that it does not have.
-    Of(&'a str, Vec<Option<f64>>),
+    Of(Cow<'a, str>, Vec<Option<f64>>),
 }
 
 /// The conditions of a rule on the rows of `table`, as far as the log has their fields.
@@ -28,7 +29,8 @@ pub(super) fn conditions<'a>(require: &'a [RequireEntry], table: &'a Table, log:
         let others = log.tables.iter().filter(|other| entry.of.contains(&other.topic.name));
         for other in others {
             let values = same_epoch(entry, table, other);
-            conditions.extend(values.map(|v| Condition { entry, values: Values::Of(&other.topic.name, v) }));
+            conditions
+                .extend(values.map(|v| Condition { entry, values: Values::Of(other.topic.name.as_str().into(), v) }));
         }
     }
     conditions

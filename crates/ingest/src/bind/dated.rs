@@ -5,6 +5,7 @@ use super::repair::Repair;
 use crate::civil::{DateOrder, DayOfYear, plain_date, says_zone, unix_ns};
 use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};
+use crate::texts::Text;
 use crate::time::redate_days;
 use flight::{GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity};
 use jiff::civil::Date;
@@ -38,7 +39,7 @@ impl<'a> Civil<'a> {
     /// The date of a row; `order` is that of dates that leave it open.
     fn date(&self, row: usize, order: Option<DateOrder>) -> Option<Date> {
         match self.date.text(row) {
-            Some(text) => date_in(order, text),
+            Some(text) => date_in(order, &text),
             None => date_in(order, &format!("{:06}", self.date.integer(row)?)),
         }
     }
@@ -47,7 +48,7 @@ impl<'a> Civil<'a> {
     fn offset(&self, row: usize) -> Option<Cow<'a, str>> {
         let Some(column) = self.offset else { return Some(self.zone.into()) };
         if let Some(text) = column.text(row) {
-            return Some(text.into());
+            return Some(text.to_string().into());
         }
         let digits = column.integer(row)?;
         let width = if digits.unsigned_abs() <= MOST_HOURS { 3 } else { 5 };
@@ -55,7 +56,7 @@ impl<'a> Civil<'a> {
     }
 
     /// The order of dates that leave it open, and the one that shows it if the map does not say it.
-    fn order(&self, rows: usize) -> Result<Option<(DateOrder, Option<&'a str>)>, &'a str> {
+    fn order(&self, rows: usize) -> Result<Option<(DateOrder, Option<Text<'a>>)>, Text<'a>> {
         match self.order {
             Some(order) => Ok(Some((order, None))),
             None => {
@@ -88,7 +89,7 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
         stamps.push(civil.time.at(row).and_then(|time| instant(&time)));
     }
     // A date with points and a year of four digits is told by nobody otherwise.
-    if let Some((order, Some(shows))) = order.filter(|(_, shows)| !shows.is_some_and(is_plain)) {
+    if let Some((order, Some(shows))) = order.filter(|(_, shows)| !shows.as_deref().is_some_and(is_plain)) {
         let text = format!("the dates are read with the {} first, as {shows} shows", order.word());
         repairs.push(Repair {
             severity: Severity::Info,
@@ -127,7 +128,7 @@ pub(super) fn without_zone(source: &TimeSource, table: &Table) -> u64 {
     let label = source.label();
     let named = ["utc", "gmt", "zulu"].iter().any(|zone| label.to_ascii_lowercase().contains(zone));
     let Some(column) = texts(table, field).filter(|_| !named) else { return 0 };
-    (0..table.rows).filter(|row| column.text(*row).is_some_and(is_silent)).count() as u64
+    (0..table.rows).filter(|row| column.text(*row).is_some_and(|text| is_silent(&text))).count() as u64
 }
 
 fn is_plain(date: &str) -> bool {
@@ -137,8 +138,8 @@ fn is_plain(date: &str) -> bool {
 /// The first that stands where an instant should, if it is none.
 pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
     let first = |column: &Column| {
-        let texts = (0..table.rows).filter_map(|row| column.text(row));
-        texts.map(str::trim).find(|text| !text.is_empty()).map(|text| format!("{}: {text:.40}", column.path))
+        let mut texts = (0..table.rows).filter_map(|row| column.text(row));
+        texts.find(|text| !text.trim().is_empty()).map(|text| format!("{}: {:.40}", column.path, text.trim()))
     };
     let said = match source {
         TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {

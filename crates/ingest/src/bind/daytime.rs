@@ -5,7 +5,6 @@ use crate::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, ye
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::{TOLERATED, unwrap};
 use flight::{Clock, NANOS_PER_SECOND, Severity};
-use std::borrow::Cow;
 
 pub(super) const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
 
@@ -32,18 +31,18 @@ impl<'a> TimesOfDay<'a> {
     }
 
     /// The time of a row, with colons.
-    pub(super) fn at(self, row: usize) -> Option<Cow<'a, str>> {
+    pub(super) fn at(self, row: usize) -> Option<String> {
         let text = said(self.column, row)?;
         if is_compact(&text) {
-            return Some(with_colons(&text).filter(|_| self.compact)?.into());
+            return with_colons(&text).filter(|_| self.compact);
         }
         Some(text)
     }
 }
 
-fn said(column: &Column, row: usize) -> Option<Cow<'_, str>> {
-    let number = || column.number(row).map(|number| Cow::from(number.to_string()));
-    column.text(row).map(|text| Cow::from(text.trim())).or_else(number).filter(|text| !text.is_empty())
+fn said(column: &Column, row: usize) -> Option<String> {
+    let number = || column.number(row).map(|number| number.to_string());
+    column.text(row).map(|text| text.trim().to_owned()).or_else(number).filter(|text| !text.is_empty())
 }
 
 fn is_compact(text: &str) -> bool {
@@ -68,7 +67,7 @@ pub(super) fn days_of_year(
     repairs: &mut Vec<Repair>,
 ) -> Option<(Clock, Vec<Option<i64>>)> {
     let column = texts(table, field)?;
-    let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(column.text(row)?)).collect();
+    let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(&column.text(row)?)).collect();
     let since_begin = |day: &DayOfYear| (day.day - 1) * DAY_NS + day.nanos;
     let zone_ns = i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
     let east_ns = |day: &DayOfYear| day.east_ns.unwrap_or(zone_ns);

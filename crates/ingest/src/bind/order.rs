@@ -4,6 +4,7 @@
 //! stretches of the flight: of the two the longer stays. A few rows that leap out of line and back again have a wrong
 //! stamp, unless the place where they land is a hole that they fill.
 
+use crate::table::Places;
 use flight::{Clock, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -28,84 +29,175 @@ pub(super) fn is_of_clock(reason: &str) -> bool {
     [FAR, PASSED_TWICE].contains(&reason)
 }
 
-/// A row that is used: where it stood, when it was, what it says.
-pub(super) struct Sample {
-    pub(super) row: usize,
-    pub(super) stamp: i64,
-    /// As many as the quantity has components, then zeros.
-    pub(super) values: [f64; 4],
+/// Rows that are used, column by column: where each stood, when it was, what it says. A log may have many millions.
+#[derive(Default)]
+pub(super) struct Samples {
+    /// The row of each sample, counted from 1.
+    rows: Places,
+    stamps: Vec<i64>,
+    /// One for each component of the quantity.
+    values: Vec<Vec<f64>>,
 }
 
-/// Calls `rejected` with each row that is left out, and why.
-pub(super) type Reject<'r> = &'r mut dyn FnMut(&'static str, &Sample);
+impl Samples {
+    pub(super) fn new(components: usize) -> Samples {
+        Samples { values: vec![vec![]; components], ..Samples::default() }
+    }
+
+    /// Takes as many of the values as there are components.
+    pub(super) fn push(&mut self, row: usize, stamp: i64, values: [f64; 4]) {
+        self.rows.push(self.stamps.len(), row as u64 + 1);
+        self.stamps.push(stamp);
+        self.values.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.stamps.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.stamps.is_empty()
+    }
+
+    pub(super) fn stamps(&self) -> &[i64] {
+        &self.stamps
+    }
+
+    /// The row of the table that a sample is.
+    pub(super) fn row(&self, sample: usize) -> usize {
+        self.rows.of(sample).saturating_sub(1) as usize
+    }
+
+    /// The rows of all samples.
+    pub(super) fn rows(&self) -> impl Iterator<Item = usize> {
+        (0..self.len()).map(|sample| self.row(sample))
+    }
+
+    /// Whether the first components of two samples, so many, are the same.
+    pub(super) fn is_same(&self, a: usize, b: usize, components: usize) -> bool {
+        self.values.iter().take(components).all(|column| column.get(a) == column.get(b))
+    }
+
+    /// Stamps and components.
+    pub(super) fn into_columns(self) -> (Vec<i64>, Vec<Vec<f64>>) {
+        (self.stamps, self.values)
+    }
+
+    /// Leaves out those for which there is a reason.
+    fn keep(&mut self, rejected: Reject<'_>, mut why: impl FnMut(&Samples, usize) -> Option<&'static str>) {
+        let reasons: Vec<Option<&'static str>> = (0..self.len()).map(|sample| why(self, sample)).collect();
+        if reasons.iter().all(Option::is_none) {
+            return;
+        }
+        let mut rows = Places::default();
+        let mut kept = 0;
+        for (sample, reason) in reasons.iter().enumerate() {
+            match reason {
+                Some(reason) => rejected(reason, self.row(sample)),
+                None => {
+                    rows.push(kept, self.rows.of(sample));
+                    kept += 1;
+                }
+            }
+        }
+        self.rows = rows;
+        retain(&mut self.stamps, &reasons);
+        self.values.iter_mut().for_each(|column| retain(column, &reasons));
+    }
+
+    /// Those of one stamp stay in the order of the log.
+    fn sort(&mut self) {
+        if self.stamps.is_sorted() {
+            return;
+        }
+        let stamp = |sample: &usize| self.stamps.get(*sample).copied();
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by_key(stamp);
+        self.rows = order.iter().map(|sample| self.rows.of(*sample)).collect();
+        self.stamps = order.iter().filter_map(stamp).collect();
+        for column in &mut self.values {
+            *column = order.iter().filter_map(|sample| column.get(*sample).copied()).collect();
+        }
+    }
+}
+
+fn retain<T>(values: &mut Vec<T>, reasons: &[Option<&'static str>]) {
+    let mut reasons = reasons.iter();
+    values.retain(|_| reasons.next().is_none_or(Option::is_none));
+}
+
+/// Calls `rejected` with the row of each sample that is left out, and why.
+pub(super) type Reject<'r> = &'r mut dyn FnMut(&'static str, usize);
 
 /// Leaves out rows that are years or days off, and zeros before the first true stamp of a clock that does not know the day.
-pub(super) fn leave_out_far(samples: &mut Vec<Sample>, clock: Clock, rejected: Reject<'_>) {
+pub(super) fn leave_out_far(samples: &mut Samples, clock: Clock, rejected: Reject<'_>) {
     leave_out_unset(samples, clock, rejected);
-    let mut stamps: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
-    let middle = stamps.len() / 2;
+    let middle = samples.len() / 2;
     if middle == 0 {
         return;
     }
-    let median = *stamps.select_nth_unstable(middle).1;
-    keep(samples, rejected, |s| (s.stamp.abs_diff(median) > FAR_NS).then_some(FAR));
+    let median = match samples.stamps.is_sorted() {
+        true => samples.stamps.get(middle).copied().unwrap_or_default(),
+        false => *samples.stamps.clone().select_nth_unstable(middle).1,
+    };
+    let is_far = |stamp: &i64| stamp.abs_diff(median) > FAR_NS;
+    if samples.stamps.iter().any(is_far) {
+        samples.keep(rejected, |all, sample| all.stamps.get(sample).is_some_and(is_far).then_some(FAR));
+    }
 }
 
-fn leave_out_unset(samples: &mut Vec<Sample>, clock: Clock, rejected: Reject<'_>) {
-    let zeros = samples.iter().take_while(|s| s.stamp == 0).count();
+fn leave_out_unset(samples: &mut Samples, clock: Clock, rejected: Reject<'_>) {
+    let zeros = samples.stamps.iter().take_while(|stamp| **stamp == 0).count();
     if zeros == 0 || !matches!(clock, Clock::Boot | Clock::Elapsed) {
         return;
     }
-    let (Some(first), Some(step)) = (samples.get(zeros), usual_step(samples)) else { return };
-    if first.stamp.unsigned_abs() > DEEP_STEPS * step {
-        samples.drain(..zeros).for_each(|s| rejected(NEVER_FILLED, &s));
+    let (Some(first), Some(step)) = (samples.stamps.get(zeros), usual_step(&samples.stamps)) else { return };
+    if first.unsigned_abs() > DEEP_STEPS * step {
+        samples.keep(rejected, |_, sample| (sample < zeros).then_some(NEVER_FILLED));
     }
 }
 
 /// Sorts by stamp; of equal ones the first in the log is kept.
-pub(super) fn sort(samples: &mut Vec<Sample>, rejected: Reject<'_>) {
+pub(super) fn sort(samples: &mut Samples, rejected: Reject<'_>) {
     let reasons = misplaced(samples);
-    let mut reasons = reasons.into_iter();
-    keep(samples, rejected, |_| reasons.next().flatten());
-    samples.sort_by_key(|s| s.stamp);
-    let mut last: Option<(i64, [f64; 4])> = None;
-    keep(samples, rejected, |s| match last {
-        Some((stamp, values)) if stamp == s.stamp => Some(if values == s.values { REPEATED } else { SHARED }),
+    if !reasons.is_empty() {
+        samples.keep(rejected, |_, sample| reasons.get(sample).copied().flatten());
+    }
+    samples.sort();
+    let equal = |pair: &[i64]| matches!(pair, [a, b] if a == b);
+    if !samples.stamps.windows(2).any(equal) {
+        return;
+    }
+    let mut last: Option<usize> = None;
+    samples.keep(rejected, |all, sample| match last {
+        Some(kept) if all.stamps.get(kept) == all.stamps.get(sample) => {
+            Some(if all.is_same(kept, sample, all.values.len()) { REPEATED } else { SHARED })
+        }
         _ => {
-            last = Some((s.stamp, s.values));
+            last = Some(sample);
             None
         }
     });
 }
 
-fn keep(samples: &mut Vec<Sample>, rejected: Reject<'_>, mut why: impl FnMut(&Sample) -> Option<&'static str>) {
-    samples.retain(|s| match why(s) {
-        Some(reason) => {
-            rejected(reason, s);
-            false
-        }
-        None => true,
-    });
-}
-
 /// Nine of ten steps forward are no longer, ns; `None` if there are too few to say.
-fn usual_step(samples: &[Sample]) -> Option<u64> {
-    let step = |pair: &[Sample]| match pair {
-        [a, b] if b.stamp > a.stamp => Some(b.stamp.abs_diff(a.stamp)),
+fn usual_step(stamps: &[i64]) -> Option<u64> {
+    let step = |pair: &[i64]| match pair {
+        [a, b] if b > a => Some(b.abs_diff(*a)),
         _ => None,
     };
-    let mut steps: Vec<u64> = samples.windows(2).filter_map(step).collect();
+    let mut steps: Vec<u64> = stamps.windows(2).filter_map(step).collect();
     let place = steps.len() * 9 / 10;
     (steps.len() > FEW).then(|| *steps.select_nth_unstable(place).1)
 }
 
 /// Why each row is left out, in the order of the log. Of nothing but disorder nothing is.
-fn misplaced(samples: &[Sample]) -> Vec<Option<&'static str>> {
-    if samples.is_sorted_by_key(|s| s.stamp) {
+fn misplaced(samples: &Samples) -> Vec<Option<&'static str>> {
+    if samples.stamps.is_sorted() {
         return vec![];
     }
-    let Some(step) = usual_step(samples) else { return vec![] };
-    let mut pieces = pieces(samples, DEEP_STEPS * step);
+    let Some(step) = usual_step(&samples.stamps) else { return vec![] };
+    let mut pieces = pieces(&samples.stamps, DEEP_STEPS * step);
     if !pieces.iter().any(|p| p.out_of_order) {
         return vec![];
     }
@@ -126,25 +218,25 @@ struct Piece {
     out_of_order: bool,
 }
 
-fn pieces(samples: &[Sample], deep_ns: u64) -> Vec<Piece> {
+fn pieces(stamps: &[i64], deep_ns: u64) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = vec![];
     let (mut start, mut went_back) = (0, false);
-    for (row, pair) in (1..).zip(samples.windows(2)) {
+    for (row, pair) in (1..).zip(stamps.windows(2)) {
         let [before, now] = pair else { continue };
-        if before.stamp.abs_diff(now.stamp) > deep_ns {
-            let back = now.stamp < before.stamp;
+        if before.abs_diff(*now) > deep_ns {
+            let back = now < before;
             pieces.push(Piece { rows: start..row, out_of_order: went_back || back });
             (start, went_back) = (row, back);
         }
     }
-    pieces.push(Piece { rows: start..samples.len(), out_of_order: went_back });
+    pieces.push(Piece { rows: start..stamps.len(), out_of_order: went_back });
     pieces
 }
 
 /// Rows by stamp that stay.
 struct Placed<'s> {
     rows: BTreeMap<i64, usize>,
-    samples: &'s [Sample],
+    samples: &'s Samples,
     step: u64,
 }
 
@@ -176,19 +268,19 @@ impl Placed<'_> {
                 Place::Beyond if leap => Some(OUT_OF_LINE),
                 _ => None,
             };
-            match (reason, self.samples.get(row)) {
-                (None, Some(sample)) => drop(self.rows.entry(sample.stamp).or_insert(row)),
+            match (reason, self.samples.stamps.get(row)) {
+                (None, Some(stamp)) => drop(self.rows.entry(*stamp).or_insert(row)),
                 _ => reasons.get_mut(row).into_iter().for_each(|r| *r = reason),
             }
         }
     }
 
     fn place(&self, row: usize) -> Place {
-        let Some(sample) = self.samples.get(row) else { return Place::End };
-        let stamp = sample.stamp;
-        if let Some(other) = self.rows.get(&stamp).and_then(|other| self.samples.get(*other)) {
+        let Some(&stamp) = self.samples.stamps.get(row) else { return Place::End };
+        if let Some(other) = self.rows.get(&stamp) {
             // The same row once more is only a duplicate.
-            return if other.values == sample.values { Place::Hole } else { Place::Taken };
+            let is_same = self.samples.is_same(*other, row, self.samples.values.len());
+            return if is_same { Place::Hole } else { Place::Taken };
         }
         let before = self.rows.range(..stamp).next_back().map(|(s, _)| stamp.abs_diff(*s));
         let behind = self.rows.range(stamp..).next().map(|(s, _)| stamp.abs_diff(*s));
@@ -210,14 +302,16 @@ mod tests {
     type Sorted = (Vec<(i64, usize)>, Vec<(&'static str, usize)>);
 
     fn sorted(clock: Clock, stamps: &[i64]) -> Sorted {
-        let sample = |(row, stamp): (usize, &i64)| Sample { row, stamp: *stamp, values: [row as f64, 0.0, 0.0, 0.0] };
-        let mut samples: Vec<Sample> = stamps.iter().enumerate().map(sample).collect();
+        let mut samples = Samples::new(3);
+        stamps.iter().enumerate().for_each(|(row, stamp)| samples.push(row, *stamp, [row as f64, 0.0, 0.0, 0.0]));
         let mut rejected = vec![];
-        leave_out_far(&mut samples, clock, &mut |why, s| rejected.push((why, s.row)));
-        sort(&mut samples, &mut |why, s| rejected.push((why, s.row)));
-        assert!(samples.windows(2).all(|w| w[0].stamp < w[1].stamp));
+        leave_out_far(&mut samples, clock, &mut |why, row| rejected.push((why, row)));
+        sort(&mut samples, &mut |why, row| rejected.push((why, row)));
+        assert!(samples.stamps.windows(2).all(|w| w[0] < w[1]));
         assert_eq!(samples.len() + rejected.len(), stamps.len());
-        (samples.iter().map(|s| (s.stamp, s.row)).collect(), rejected)
+        // The values are those of the row.
+        assert!(samples.rows().map(|row| row as f64).eq(samples.values[0].iter().copied()));
+        (samples.stamps.iter().copied().zip(samples.rows()).collect(), rejected)
     }
 
     fn line(from: i64, rows: i64) -> Vec<i64> {

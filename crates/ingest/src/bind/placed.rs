@@ -11,6 +11,7 @@ use crate::reader::Log;
 use crate::stamps::distribution;
 use crate::table::Table;
 use flight::{Clock, NANOS_PER_SECOND, Severity, StampKind};
+use std::rc::Rc;
 
 /// Farther from a message that states its time, none is placed, ns. The two clocks run apart by less between two such
 /// messages; else one of them was set, or the vehicle restarted.
@@ -49,9 +50,9 @@ pub(super) fn placed(kind: StampKind, rules: &[TieRule], log: &Log, table: &Tabl
     );
     let repairs =
         vec![Repair { severity: Severity::Info, code: "placed-stamps", count: wide.len() as u64, text: text.into() }];
-    let nanos = rows.into_iter().map(|row| row.map(|(boot, _)| boot)).collect();
+    let nanos = rows.into_iter().map(|row| row.map(|(boot, _)| boot)).collect::<Vec<_>>();
     let label = TimeSource::LoggedOnBoot.label();
-    Some(Stamps { kind, clock: Clock::Boot, label, nanos, repairs, counts: vec![], turn: None })
+    Some(Stamps { kind, clock: Clock::Boot, label, nanos: nanos.into(), repairs, counts: vec![], turn: None })
 }
 
 /// Which vehicle, component and run a topic is of: `@2` of `ATTITUDE@2`.
@@ -62,7 +63,7 @@ fn sender(table: &Table) -> &str {
 
 fn pairs_of(rule: &TieRule, table: &Table) -> Vec<Pair> {
     let stamps = read_stamps(StampKind::Logged, &rule.stamp, table, || None).filter(|s| s.clock == Clock::Boot);
-    let boot = stamps.map(|stamps| stamps.nanos).unwrap_or_default();
+    let boot = stamps.map(|stamps| Rc::unwrap_or_clone(stamps.nanos)).unwrap_or_default();
     let logged = table.logged_ns.iter().flatten();
     logged.zip(boot).filter_map(|(logged, boot)| Some(Pair { logged: *logged, boot: boot? })).collect()
 }

@@ -3,7 +3,7 @@
 use super::attitude::{from_euler, from_quaternion, rotate};
 use super::conditions::failed;
 use super::ecef;
-use super::order::{self, FAR_NS, Sample};
+use super::order::{self, FAR_NS, Samples};
 use super::stamps::Stamps;
 use super::trial::{Found, Plan};
 use crate::map::{ChannelRule, Combine, Part, Presence};
@@ -42,9 +42,9 @@ pub(super) struct StepBack {
 }
 
 impl StepBack {
-    fn of(samples: &[Sample], logged: &StampHealth) -> Option<StepBack> {
+    fn of(stamps: &[i64], logged: &StampHealth) -> Option<StepBack> {
         let step_s = logged.steps_s.map(|steps| steps.median)?;
-        let back = samples.windows(2).map(|pair| -seconds_between(pair)).fold(0.0, f64::max);
+        let back = stamps.windows(2).map(|pair| -seconds_between(pair)).fold(0.0, f64::max);
         (back > 0.0).then_some(StepBack { length_s: back + step_s, step_s })
     }
 }
@@ -80,12 +80,12 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
         return unusable(plan, &columns, rejects, notices);
     };
     let mut samples = usable_rows(plan, &columns, primary, &mut rejects);
-    order::leave_out_far(&mut samples, primary.clock, &mut |why, s| rejects.add(why, || place(plan, s.row)));
+    order::leave_out_far(&mut samples, primary.clock, &mut |why, row| rejects.add(why, || place(plan, row)));
     let as_logged = describe(primary, &samples);
-    let back = as_logged.as_ref().and_then(|logged| StepBack::of(&samples, logged));
-    order::sort(&mut samples, &mut |why, s| rejects.add(why, || place(plan, s.row)));
+    let back = as_logged.as_ref().and_then(|logged| StepBack::of(samples.stamps(), logged));
+    order::sort(&mut samples, &mut |why, row| rejects.add(why, || place(plan, row)));
     let stamps = as_logged.map(|logged| as_used(logged, primary, &samples));
-    let coarse_s = coarse(&rejects, &samples);
+    let coarse_s = coarse(&rejects, samples.stamps());
     assumptions(plan, &columns, &mut notices);
     report(plan, &rejects, samples.is_empty(), coarse_s.is_some(), &mut notices);
     let (held, held_health) = held_rows(&samples, compared(plan.rule.quantity, columns.len()));
@@ -101,20 +101,19 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
     let (near, apart) = offsets(plan, &samples, &mut notices);
     health.offsets = near;
     health.held = held_health;
-    let channel = channel_of(plan, primary, &columns, &samples, held, coarse_s, &mut notices);
+    let channel = channel_of(plan, primary, &columns, samples, held, coarse_s, &mut notices);
     Bound { channel, health, apart, coarse_s, back, notices }
 }
 
-fn describe(stamps: &Stamps, samples: &[Sample]) -> Option<StampHealth> {
-    let nanos: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
-    StampStats::from_slice(stamps.kind, stamps.clock, &stamps.label, &nanos)
+fn describe(stamps: &Stamps, samples: &Samples) -> Option<StampHealth> {
+    StampStats::from_slice(stamps.kind, stamps.clock, &stamps.label, samples.stamps())
 }
 
 /// Where stamps go back the log's order hides holes: rate, steps and gaps are then those of the sorted rows, and only
 /// the jumps and repeats those of the log.
-fn as_used(logged: StampHealth, primary: &Stamps, sorted: &[Sample]) -> StampHealth {
+fn as_used(logged: StampHealth, primary: &Stamps, sorted: &Samples) -> StampHealth {
     let (duplicates, back_jumps) = (logged.duplicates, logged.back_jumps);
-    match describe(primary, sorted).filter(|_| back_jumps > 0) {
+    match (back_jumps > 0).then(|| describe(primary, sorted)).flatten() {
         Some(used) => StampHealth { duplicates, back_jumps, ..used },
         None => logged,
     }
@@ -157,16 +156,11 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
         .collect()
 }
 
-fn usable_rows(
-    plan: &Plan<'_>,
-    columns: &[Option<&Found<'_>>],
-    primary: &Stamps,
-    rejects: &mut Rejects,
-) -> Vec<Sample> {
-    let mut samples = Vec::with_capacity(plan.table.rows);
+fn usable_rows(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, rejects: &mut Rejects) -> Samples {
+    let mut samples = Samples::new(plan.rule.quantity.components().len());
     for row in 0..plan.table.rows {
         match sample_of(plan, columns, primary, row) {
-            Ok(sample) => samples.push(sample),
+            Ok((stamp, values)) => samples.push(row, stamp, values),
             Err(reason) => rejects.add(&reason, || place(plan, row)),
         }
     }
@@ -178,7 +172,12 @@ fn place(plan: &Plan<'_>, row: usize) -> String {
     format!("{what} {}", plan.table.origin_of(row))
 }
 
-fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, row: usize) -> Result<Sample, String> {
+fn sample_of(
+    plan: &Plan<'_>,
+    columns: &[Option<&Found<'_>>],
+    primary: &Stamps,
+    row: usize,
+) -> Result<(i64, [f64; 4]), String> {
     let parts = values_of(plan.rule, columns, row)?;
     let stamp = primary.nanos.get(row).copied().flatten().ok_or("no stamp")?;
     if let Some(reason) = failed(&plan.conditions, row) {
@@ -191,7 +190,7 @@ fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, 
     if plan.rule.quantity == Quantity::PositionGeodetic {
         plausible(values)?;
     }
-    Ok(Sample { row, stamp, values })
+    Ok((stamp, values))
 }
 
 /// The parts of a row in SI units, zero where the log has no such field.
@@ -273,16 +272,16 @@ const SHARED_BY: u64 = 4;
 
 /// How coarse a clock is that gives one stamp to several rows, as one of whole seconds, or of a logger that writes its rows in
 /// blocks, s.
-fn coarse(rejects: &Rejects, sorted: &[Sample]) -> Option<f64> {
+fn coarse(rejects: &Rejects, sorted: &[i64]) -> Option<f64> {
     let shared = rejects.of(order::SHARED);
-    let steps: Vec<f64> = sorted.windows(2).map(seconds_between).collect();
     let all = shared + sorted.len() as u64;
-    (shared > FEW_ROWS && SHARED_BY * shared >= all).then(|| distribution(&steps))?.map(|steps| steps.median)
+    let steps = || sorted.windows(2).map(seconds_between).collect::<Vec<f64>>();
+    (shared > FEW_ROWS && SHARED_BY * shared >= all).then(|| distribution(&steps()))?.map(|steps| steps.median)
 }
 
-fn seconds_between(pair: &[Sample]) -> f64 {
+fn seconds_between(pair: &[i64]) -> f64 {
     match pair {
-        [a, b] => Stamp(b.stamp).seconds_since(Stamp(a.stamp)),
+        [a, b] => Stamp(*b).seconds_since(Stamp(*a)),
         _ => f64::NAN,
     }
 }
@@ -385,7 +384,7 @@ fn health_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, 
 
 /// Differences between kinds of stamp on the same rows: those whose clocks agree, and those that are more than a day apart.
 /// Stamps of a simulation that claim to be UTC are years away from those of the logger: such a difference is no delay.
-fn offsets(plan: &Plan<'_>, samples: &[Sample], notices: &mut Notices) -> (Vec<StampOffset>, Vec<StampOffset>) {
+fn offsets(plan: &Plan<'_>, samples: &Samples, notices: &mut Notices) -> (Vec<StampOffset>, Vec<StampOffset>) {
     let pairs = [
         (StampKind::Published, StampKind::Measured),
         (StampKind::Logged, StampKind::Measured),
@@ -403,12 +402,12 @@ fn offsets(plan: &Plan<'_>, samples: &[Sample], notices: &mut Notices) -> (Vec<S
 }
 
 /// When the first sample was, by any of its stamps that knows.
-fn first_unix(plan: &Plan<'_>, samples: &[Sample]) -> Option<Stamp> {
-    let row = samples.first()?.row;
+fn first_unix(plan: &Plan<'_>, samples: &Samples) -> Option<Stamp> {
+    let row = samples.rows().next()?;
     plan.stamps.iter().find_map(|s| s.clock.unix(Stamp(s.nanos.get(row).copied().flatten()?)))
 }
 
-fn offset(plan: &Plan<'_>, samples: &[Sample], (of, against): (StampKind, StampKind)) -> Option<StampOffset> {
+fn offset(plan: &Plan<'_>, samples: &Samples, (of, against): (StampKind, StampKind)) -> Option<StampOffset> {
     let of_kind = |kind| plan.stamps.iter().find(|s| s.kind == kind);
     let (later, earlier) = (of_kind(of)?, of_kind(against)?);
     // GPS time and UTC are compared as UTC; clocks of unknown begin only with their own kind.
@@ -416,8 +415,8 @@ fn offset(plan: &Plan<'_>, samples: &[Sample], (of, against): (StampKind, StampK
         let stamp = Stamp(stamps.nanos.get(row).copied().flatten()?);
         if later.clock == earlier.clock { Some(stamp) } else { stamps.clock.unix(stamp) }
     };
-    let on_row = |s: &Sample| Some(on_axis(later, s.row)?.seconds_since(on_axis(earlier, s.row)?));
-    let differences: Vec<f64> = samples.iter().filter_map(on_row).collect();
+    let on_row = |row: usize| Some(on_axis(later, row)?.seconds_since(on_axis(earlier, row)?));
+    let differences: Vec<f64> = samples.rows().filter_map(on_row).collect();
     Some(StampOffset { of, against, offset_s: distribution(&differences)? })
 }
 
@@ -441,19 +440,17 @@ fn compared(quantity: Quantity, parts: usize) -> Option<usize> {
 
 /// Which rows repeat the value before, if the stream is held: at least half of its values stand for
 /// two rows or more, so the most frequent run is two or longer (design note 3.8).
-fn held_rows(samples: &[Sample], compared: Option<usize>) -> (Vec<bool>, Option<Held>) {
+fn held_rows(samples: &Samples, compared: Option<usize>) -> (Vec<bool>, Option<Held>) {
     let Some(compared) = compared else { return (vec![false; samples.len()], None) };
-    let same = |a: &Sample, b: &Sample| a.values.iter().zip(&b.values).take(compared).all(|(x, y)| x == y);
-    let mut repeats = vec![false; samples.len()];
-    for (repeat, pair) in repeats.iter_mut().skip(1).zip(samples.windows(2)) {
-        *repeat = matches!(pair, [a, b] if same(a, b));
+    let mut repeats: Vec<bool> = (0..samples.len()).map(|i| i > 0 && samples.is_same(i - 1, i, compared)).collect();
+    let updated = || repeats.iter().enumerate().filter(|(_, repeats)| !**repeats).map(|(i, _)| i);
+    let modal_run = modal_run(updated(), samples.len());
+    if updated().nth(FEWEST_RUNS - 1).is_none() || modal_run < 2 {
+        repeats.fill(false);
+        return (repeats, None);
     }
-    let updates: Vec<usize> = repeats.iter().enumerate().filter(|(_, r)| !**r).map(|(i, _)| i).collect();
-    let modal_run = modal_run(&updates, samples.len());
-    if updates.len() < FEWEST_RUNS || modal_run < 2 {
-        return (vec![false; samples.len()], None);
-    }
-    let stamp = |row: &usize| samples.get(*row).map_or(0, |s| s.stamp);
+    let updates: Vec<usize> = updated().collect();
+    let stamp = |i: &usize| samples.stamps().get(*i).copied().unwrap_or_default();
     let steps: Vec<f64> = updates
         .windows(2)
         .filter_map(|pair| <&[usize; 2]>::try_from(pair).ok())
@@ -468,10 +465,10 @@ fn held_rows(samples: &[Sample], compared: Option<usize>) -> (Vec<bool>, Option<
 }
 
 /// The most frequent number of rows from one update to the next, the shorter where two are as frequent.
-fn modal_run(updates: &[usize], rows: usize) -> usize {
+fn modal_run(updates: impl Iterator<Item = usize> + Clone, rows: usize) -> usize {
     let mut tally: HashMap<usize, usize> = HashMap::new();
-    let ends = updates.iter().skip(1).copied().chain([rows]);
-    for (start, end) in updates.iter().zip(ends) {
+    let ends = updates.clone().skip(1).chain([rows]);
+    for (start, end) in updates.zip(ends) {
         *tally.entry(end - start).or_default() += 1;
     }
     tally.into_iter().max_by_key(|&(run, count)| (count, std::cmp::Reverse(run))).map_or(0, |(run, _)| run)
@@ -481,30 +478,32 @@ fn channel_of(
     plan: &Plan<'_>,
     primary: &Stamps,
     columns: &[Option<&Found<'_>>],
-    samples: &[Sample],
+    samples: Samples,
     held: Vec<bool>,
     coarse_s: Option<f64>,
     notices: &mut Notices,
 ) -> Option<Channel> {
-    let stamps = samples.iter().map(|s| Stamp(s.stamp)).collect();
-    let width = plan.rule.quantity.components().len();
-    let component = |i: usize| samples.iter().map(|s| s.values.get(i).copied().unwrap_or(0.0)).collect();
+    let rows = samples.len();
+    // In the order in which notices are listed.
+    let others = if samples.is_empty() { vec![] } else { other_stamps(plan, &samples, notices) };
+    let (stamps, components) = samples.into_columns();
+    let stamps = stamps.into_iter().map(Stamp).collect();
     let series = Timeline::new(primary.kind, primary.clock, stamps)
         .map(|timeline| timeline.with_shared_step(coarse_s.unwrap_or_default()))
-        .and_then(|timeline| Series::new(timeline, (0..width).map(component).collect()));
+        .and_then(|timeline| Series::new(timeline, components));
     match series {
         Ok(series) => (!series.is_empty()).then(|| Channel {
             quantity: plan.rule.quantity,
             series,
             present: present(plan, columns),
-            other_stamps: other_stamps(plan, samples, notices),
+            other_stamps: others,
             held,
             source: source_of(plan, columns),
         }),
         // The rows were sorted and checked above; should they ever not fit, say so.
         Err(error) => {
             let text = format!("channel {}: {error}", plan.rule.name);
-            notices.push(Severity::Warning, "not-a-series", &plan.table.topic.name, samples.len() as u64, text);
+            notices.push(Severity::Warning, "not-a-series", &plan.table.topic.name, rows as u64, text);
             None
         }
     }
@@ -513,13 +512,13 @@ fn channel_of(
 /// The other kinds of stamp that every used row has.
 fn other_stamps(
     plan: &Plan<'_>,
-    samples: &[Sample],
+    samples: &Samples,
     notices: &mut Notices,
 ) -> Vec<(StampKind, flight::Clock, Vec<Stamp>)> {
     let mut others = vec![];
     for stamps in plan.stamps.iter().skip(1) {
         let on_rows: Option<Vec<Stamp>> =
-            samples.iter().map(|s| stamps.nanos.get(s.row).copied().flatten().map(Stamp)).collect();
+            samples.rows().map(|row| stamps.nanos.get(row).copied().flatten().map(Stamp)).collect();
         match on_rows {
             Some(values) => others.push((stamps.kind, stamps.clock, values)),
             None => {
@@ -563,9 +562,9 @@ mod tests {
 
     #[test]
     fn the_most_frequent_run_tells_held_from_parked() {
-        assert_eq!(modal_run(&[0, 2, 4, 7, 9], 11), 2);
-        assert_eq!(modal_run(&[0, 500, 501, 502, 503], 504), 1);
-        assert_eq!(modal_run(&[0, 1, 2, 4, 6], 8), 2);
-        assert_eq!(modal_run(&[], 0), 0);
+        assert_eq!(modal_run([0, 2, 4, 7, 9].into_iter(), 11), 2);
+        assert_eq!(modal_run([0, 500, 501, 502, 503].into_iter(), 504), 1);
+        assert_eq!(modal_run([0, 1, 2, 4, 6].into_iter(), 8), 2);
+        assert_eq!(modal_run([].into_iter(), 0), 0);
     }
 }

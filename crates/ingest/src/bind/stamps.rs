@@ -11,6 +11,7 @@ use crate::table::{Column, ColumnData, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
 use flight::{Clock, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
 use std::ops::Range;
+use std::rc::Rc;
 
 /// Receivers without a fix count from 1970, 1980 or the year of their firmware; no log that ties is from before 2000.
 pub(super) const NO_UTC_BEFORE_NS: i64 = 946_684_800 * NANOS_PER_SECOND;
@@ -20,7 +21,8 @@ pub(super) struct Stamps {
     pub(super) kind: StampKind,
     pub(super) clock: Clock,
     pub(super) label: String,
-    pub(super) nanos: Vec<Option<i64>>,
+    /// Channels of one table share them.
+    pub(super) nanos: Rc<Vec<Option<i64>>>,
     pub(super) repairs: Vec<Repair>,
     /// What the stamps may count to before they begin anew; nothing for those of 64 bits, of containers, and of seconds since boot.
     pub(super) counts: Vec<Count>,
@@ -38,16 +40,23 @@ pub(super) struct Count {
 }
 
 impl Stamps {
+    /// Takes the memory of stamps of the same rows where they are the same.
+    pub(super) fn share(&mut self, other: &Stamps) {
+        if self.nanos == other.nanos {
+            self.nanos = Rc::clone(&other.nanos);
+        }
+    }
+
     /// Takes the stamps of another source of the same clock for rows that have none, if no row has both: devices of two
     /// generations may have written one log. A source that was never filled in is none.
     pub(super) fn fill(&mut self, other: Stamps) {
-        let both = self.nanos.iter().zip(&other.nanos).any(|(own, other)| own.is_some() && other.is_some());
+        let both = self.nanos.iter().zip(&*other.nanos).any(|(own, other)| own.is_some() && other.is_some());
         if both || other.clock != self.clock || is_constant(&other.nanos) {
             return;
         }
         self.turn = self.turn.or(other.turn);
         self.counts.retain(|count| other.counts.contains(count));
-        self.nanos.iter_mut().zip(other.nanos).for_each(|(own, other)| *own = own.or(other));
+        Rc::make_mut(&mut self.nanos).iter_mut().zip(&*other.nanos).for_each(|(own, other)| *own = own.or(*other));
         self.label = format!("{} or {}", self.label, other.label);
         self.repairs.extend(other.repairs);
     }
@@ -114,7 +123,7 @@ pub(super) fn read_stamps(
     if clock != source.clock() && source.clock() == Clock::Boot {
         note(&mut repairs, "unix-stamps", nanos.iter().flatten().count() as u64, UNIX_STAMPS);
     }
-    any.then(|| Stamps { kind, clock, label: source.label(), nanos, repairs, counts, turn })
+    any.then(|| Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
 }
 
 const NO_ZONE: &str = "say no zone and are taken as UTC";
@@ -224,7 +233,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
         TimeSource::Iso { field, zone } => {
             let column = texts(table, field)?;
             let offset = zone.as_deref().unwrap_or("Z");
-            rows.map(|row| local_to_unix_ns(column.text(row)?, offset)).collect()
+            rows.map(|row| local_to_unix_ns(&column.text(row)?, offset)).collect()
         }
         TimeSource::Civil { .. } => dated(source, table, repairs)?,
         TimeSource::DayOfYear { field, year, zone } => days_of_year(field, *year, zone.as_deref(), table, repairs)?.1,
@@ -242,7 +251,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
 fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Vec<Option<i64>>> {
     let rows = 0..table.rows;
     match (texts(table, field), numbers(table, field)) {
-        (Some(text), _) => Some(rows.map(|row| tick.text_since(text.text(row)?, zero_s)).collect()),
+        (Some(text), _) => Some(rows.map(|row| tick.text_since(&text.text(row)?, zero_s)).collect()),
         (None, Some(number)) => {
             let nanos = |row| match number.integer(row) {
                 Some(integer) => tick.integer_since(integer, zero_s),

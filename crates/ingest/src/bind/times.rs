@@ -11,6 +11,7 @@ use crate::reader::Log;
 use crate::table::{Column, Places, Table};
 use flight::{Clock, Notices, Stamp, UtcTie};
 use std::collections::HashSet;
+use std::rc::Rc;
 
 /// The times of a log's rows, by the channel map that fits it best.
 #[derive(Debug, Default)]
@@ -161,6 +162,6 @@ fn is_dated(stamps: &Stamps) -> bool {
 
 impl TableTimes {
     fn of(stamps: Stamps) -> TableTimes {
-        TableTimes { clock: stamps.clock, source: stamps.label, nanos: stamps.nanos }
+        TableTimes { clock: stamps.clock, source: stamps.label, nanos: Rc::unwrap_or_clone(stamps.nanos) }
     }
 }

@@ -50,7 +50,7 @@ pub(super) struct Plan<'a> {
     pub(super) rule: &'a ChannelRule,
     pub(super) table: &'a Table,
     /// [`Closeness::distance`] of the table's name.
-    distance: u8,
+    pub(super) distance: u8,
     /// As [`ChannelRule::parts`]; `None` where the log has no such field.
     pub(super) columns: Vec<Option<Found<'a>>>,
     /// The stamps by kind, the timeline's kind first.
@@ -91,7 +91,12 @@ impl<'a> Trial<'a> {
                 continue;
             }
             match plan(rule, map, log) {
-                Ok(plan) => trial.plans.push(plan),
+                Ok(mut plan) => {
+                    let same = trial.plans.iter().filter(|other| std::ptr::eq(other.table, plan.table));
+                    let known: Vec<&Stamps> = same.flat_map(|other| &other.stamps).collect();
+                    plan.stamps.iter_mut().for_each(|own| known.iter().for_each(|other| own.share(other)));
+                    trial.plans.push(plan);
+                }
                 Err(Miss::Near(what, found)) => {
                     trial.near.push(format!("{}: {what}", rule.name));
                     trial.nearness += found;

@@ -4,6 +4,7 @@ use super::repair::Repair;
 use super::stamps::{Count, Stamps};
 use crate::time::TOLERATED;
 use flight::{Clock, Severity};
+use std::rc::Rc;
 
 /// A topic belongs where so much of it lies within the time of the others, of a hundred.
 const WITHIN: i128 = 90;
@@ -83,7 +84,8 @@ fn put_into_turn(stamps: &mut Stamps, range: i64, all: Span) {
         (None, _) | (Some(0), None) => return,
         (Some(turns), None) => {
             let behind = |stamp: i64| i64::try_from(i128::from(stamp) + turns * wide).ok();
-            let counted = stamps.nanos.iter_mut().filter(|stamp| stamp.is_some_and(|stamp| counts(&stamp)));
+            let counted =
+                Rc::make_mut(&mut stamps.nanos).iter_mut().filter(|stamp| stamp.is_some_and(|stamp| counts(&stamp)));
             counted.for_each(|stamp| *stamp = stamp.and_then(behind));
             ("stamp-wrap", SHIFTED)
         }

@@ -15,6 +15,7 @@ use super::ros::Plan;
 use super::rows::Rows;
 use super::schema::{Dialect, Schema};
 use crate::table::{Column, ColumnData, Table};
+use crate::texts::Text;
 use std::collections::BTreeSet;
 
 /// Stands for the encoding of such a definition.
@@ -110,7 +111,10 @@ impl Column {
             ColumnData::F64(values) => blank(values, valid),
             ColumnData::I64(values) => blank(values, valid),
             ColumnData::U64(values) => blank(values, valid),
-            ColumnData::Text(values) => blank(values, valid),
+            ColumnData::Text(values) => {
+                let kept = values.iter().zip(valid).map(|(text, valid)| if *valid { text } else { Text::default() });
+                *values = kept.collect();
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Rows that grow message by message and become a [`Table`].
 
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
+use crate::texts::Texts;
 use std::collections::HashMap;
 
 /// Most columns of one topic.
@@ -84,7 +85,7 @@ impl Rows {
         let data = match value_type {
             ValueType::Float => ColumnData::F64(vec![]),
             ValueType::Integer => ColumnData::I64(vec![]),
-            ValueType::Text => ColumnData::Text(vec![]),
+            ValueType::Text => ColumnData::Text(Texts::default()),
         };
         Some(self.push_column(path, data))
     }
@@ -235,7 +236,7 @@ impl Growing {
             (ColumnData::I64(v), Value::Integer(x)) => v.push(x),
             (ColumnData::U64(v), Value::Integer(x)) => v.push(x as u64),
             (ColumnData::U64(v), Value::Large(x)) => v.push(x),
-            (ColumnData::Text(v), Value::Text(x)) => v.push(x.to_owned()),
+            (ColumnData::Text(v), Value::Text(x)) => v.push(x),
             _ => return false,
         }
         if let Some(valid) = &mut self.valid {
@@ -271,7 +272,7 @@ impl Growing {
             ColumnData::F64(v) => v.resize(row, 0.0),
             ColumnData::I64(v) => v.resize(row, 0),
             ColumnData::U64(v) => v.resize(row, 0),
-            ColumnData::Text(v) => v.resize(row, String::new()),
+            ColumnData::Text(v) => v.resize(row),
         }
     }
 
@@ -364,7 +365,7 @@ mod tests {
         assert_eq!(table.published_ns, Some(vec![11, 31]));
         let a = table.column("a").unwrap();
         assert_eq!((a.number(0), a.number(1)), (Some(1.0), None));
-        assert_eq!(table.column("b").unwrap().text(1), Some("three"));
+        assert_eq!(table.column("b").unwrap().text(1).as_deref(), Some("three"));
     }
 
     #[test]

@@ -317,7 +317,7 @@ impl Reading<'_> {
         if self.topics.len() >= self.context.limits.topics {
             return None;
         }
-        let plain = fields::text_of(name);
+        let plain = fields::text_of(name).into_owned();
         let type_name = format!("{kind}/{plain}");
         let info = TopicInfo { name: self.free_name(plain, file), type_name, encoding: "csv".into() };
         let selection = self.want.select(&info);

@@ -116,8 +116,8 @@ pub(crate) struct Member {
 ///
 /// # Errors
 /// Why it cannot be looked into.
-pub(crate) fn members(path: &Path, packing: Packing) -> Result<Vec<Member>, String> {
-    let mut file = File::open(path).map_err(|e| e.to_string())?;
+pub(crate) fn members(path: &Path, packing: Packing) -> io::Result<Vec<Member>> {
+    let mut file = File::open(path)?;
     if packing != Packing::Zip {
         let (marks, holes) = (Marks::default(), RefCell::default());
         let unpacked = Resuming::new(&file, packing, named_text(path), &marks, &holes);
@@ -413,7 +413,10 @@ impl<'c> Unpacking<'c> {
             }
             return Ok(());
         }
-        let members = members(path, packing).map_err(unusable)?;
+        let members = members(path, packing).map_err(|e| match e.raw_os_error() {
+            Some(_) => io_error(path, e),
+            None => unusable(e.to_string()),
+        })?;
         let mut wanted = vec![];
         for member in &members {
             let is_wanted = match sniff::content_of(&member.name, &member.head, self.context) {
@@ -502,6 +505,11 @@ impl<'c> Unpacking<'c> {
                 Ok(0) => break None,
                 Ok(got) => got,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                // The disk or the network fails, and not the log: the next time all of it may be there.
+                Err(source) if source.raw_os_error().is_some() => {
+                    let offset = (start + read.get()).min(end);
+                    return Err(IngestError::Io { file: file_name(path), offset, source });
+                }
                 Err(error) => break Some(fault_of(&error, packing)),
             };
             bytes += got as u64;
@@ -551,7 +559,7 @@ fn fault_of(error: &io::Error, packing: Packing) -> String {
         _ if packing == Packing::Zstd && text.contains("Dictionary mismatch") => {
             "the Zstandard data need the dictionary that they were packed with; unpack them with zstd -d -D".to_owned()
         }
-        _ if error.raw_os_error().is_some() => format!("the {name} data could not be read ({text})"),
+        _ if error.raw_os_error().is_some() => text,
         io::ErrorKind::UnexpectedEof => format!("the {name} data are cut: they end without their end mark"),
         _ => format!("the {name} data are damaged (decoder: {text})"),
     }

@@ -16,6 +16,10 @@ const DECIDES: f64 = 0.05;
 const NEAR: f64 = 0.15;
 /// Heights move too little for more.
 const LEAST_VERTICAL: f64 = 0.8;
+/// Of a longer table so many rows are compared, and they stand together in so many stretches: each of minutes, where windows
+/// are of seconds.
+const MOST_ROWS: usize = 1 << 19;
+const STRETCHES: usize = 32;
 /// rad.
 const MOST_LATITUDE: f64 = std::f64::consts::FRAC_PI_2;
 
@@ -57,24 +61,35 @@ pub(super) struct Motion {
     pub(super) why: Vec<String>,
 }
 
+/// Rows of a table of so many that are compared: all of them, or of very many those of some stretches.
+fn compared_rows(rows: usize) -> impl Iterator<Item = usize> {
+    let stretches = if rows > MOST_ROWS { STRETCHES } else { 1 };
+    let length = rows.min(MOST_ROWS) / stretches;
+    (0..stretches).flat_map(move |stretch| {
+        let begin = stretch * (rows - length) / (stretches - 1).max(1);
+        begin..begin + length
+    })
+}
+
 /// The values of some columns over the time of a table, by whatever the rows give.
 pub(super) fn trace<const N: usize>(
     table: &Table,
-    times_s: &[Option<f64>],
+    times_s: &[f64],
     columns: [Option<&Named>; N],
     turn: impl Fn([f64; N]) -> [f64; N],
 ) -> Trace<N> {
     let columns = columns.map(|column| column.and_then(|c| numbers(table, &c.path)));
-    let row = |(row, time): (usize, &Option<f64>)| {
+    let row = |row: usize| {
+        let time_s = *times_s.get(row)?;
         let mut values = [0.0; N];
         for (value, column) in values.iter_mut().zip(&columns) {
             if let Some(column) = column {
                 *value = column.number(row)?;
             }
         }
-        Some(((*time)?, turn(values)))
+        Some((time_s, turn(values)))
     };
-    Trace::new(times_s.iter().enumerate().filter_map(row).collect())
+    Trace::new(compared_rows(times_s.len()).filter_map(row).collect())
 }
 
 fn unit(symbol: &str) -> Option<Unit> {
@@ -119,10 +134,10 @@ fn metres(table: &Table, timing: &Timing, set: &Position, angle: Unit) -> Trace<
     if !set.is_geodetic {
         return trace(table, &timing.times_s, columns, |[a, b, c]| [angle.to_si(a), angle.to_si(b), height(c)]);
     }
-    let mut degrees = trace(table, &timing.times_s, columns, |[a, b, c]| [angle.to_si(a), angle.to_si(b), height(c)]);
+    let mut degrees: Trace<3> =
+        trace(table, &timing.times_s, columns, |[a, b, c]| [angle.to_si(a), angle.to_si(b), height(c)]);
     let is_fix = |[latitude, longitude, _]: &[f64; 3]| *latitude != 0.0 || *longitude != 0.0;
-    let rows = degrees.times_s.iter().copied().zip(degrees.values.iter().copied()).filter(|(_, v)| is_fix(v)).collect();
-    degrees = Trace::new(rows);
+    degrees.retain(is_fix);
     let Some([latitude, longitude, _]) = degrees.values.first().copied() else { return degrees };
     let frame = LocalFrame::new(Geodetic { latitude, longitude, height: 0.0 });
     for value in &mut degrees.values {
@@ -165,10 +180,10 @@ pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Resul
     let mut found: Vec<(f64, Place, Motion)> = vec![];
     let mut why_not = String::new();
     for (angle, why) in units_of_place(place.table, place.set) {
-        let metres = metres(place.table, place.timing, place.set, angle);
         for track in tracks(motion.table, motion.set) {
             let speeds = speeds(motion.table, motion.timing, motion.set, track);
-            match Windows::new(&metres, &speeds) {
+            let metres = metres(place.table, place.timing, place.set, angle);
+            match Windows::new(metres, speeds) {
                 None => why_not = "too little moves to compare them".into(),
                 Some(windows) => match fit(place, motion, &windows, (angle, &why), track) {
                     Ok((agreement, place, motion)) => found.push((agreement, place, motion)),

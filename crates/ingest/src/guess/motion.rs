@@ -31,19 +31,27 @@ impl<const N: usize> Trace<N> {
     }
 
     /// Without rows whose first two values repeat those before: held values are no measurements.
-    pub(super) fn updates(&self) -> Trace<N> {
-        let mut kept = Trace { times_s: vec![], values: vec![] };
-        for (t, value) in self.times_s.iter().zip(&self.values) {
-            if kept.values.last().is_none_or(|last: &[f64; N]| last.iter().take(2).ne(value.iter().take(2))) {
-                kept.times_s.push(*t);
-                kept.values.push(*value);
-            }
-        }
-        kept
+    pub(super) fn updates(mut self) -> Trace<N> {
+        let mut last: Option<[f64; N]> = None;
+        self.retain(|value| {
+            let is_new = last.is_none_or(|last| last.iter().take(2).ne(value.iter().take(2)));
+            last = if is_new { Some(*value) } else { last };
+            is_new
+        });
+        self
+    }
+
+    /// Keeps the rows of such values.
+    pub(super) fn retain(&mut self, mut is_kept: impl FnMut(&[f64; N]) -> bool) {
+        let kept: Vec<bool> = self.values.iter().map(&mut is_kept).collect();
+        let mut of_times = kept.iter();
+        self.times_s.retain(|_| of_times.next().copied().unwrap_or_default());
+        let mut of_values = kept.iter();
+        self.values.retain(|_| of_values.next().copied().unwrap_or_default());
     }
 
     /// Its integral, by trapezoids; across a hole of more than `hole_s` it is not known.
-    pub(super) fn integral(&self, hole_s: f64) -> Integral<N> {
+    pub(super) fn integral(self, hole_s: f64) -> Integral<N> {
         let (mut sum, mut holes) = ([0.0; N], 0_u32);
         let mut at = vec![(sum, holes)];
         for ((t, a), (u, b)) in self.rows().zip(self.rows().skip(1)) {
@@ -53,7 +61,7 @@ impl<const N: usize> Trace<N> {
             }
             at.push((sum, holes));
         }
-        Integral { times_s: self.times_s.clone(), at }
+        Integral { times_s: self.times_s, at }
     }
 
     fn rows(&self) -> impl Iterator<Item = (f64, &[f64; N])> {
@@ -124,7 +132,7 @@ pub(super) struct Match {
 
 impl Windows {
     /// Compares a position in metres with a velocity in any unit. `None` if there is too little motion or common time.
-    pub(super) fn new(position: &Trace<3>, velocity: &Trace<3>) -> Option<Windows> {
+    pub(super) fn new(position: Trace<3>, velocity: Trace<3>) -> Option<Windows> {
         let position = position.updates();
         let hole_s = (5.0 * velocity.median_step_s()?).max(1.0);
         let integral = velocity.integral(hole_s);
@@ -254,7 +262,7 @@ mod tests {
         for v in &mut velocity.values {
             *v = [-3.6 * v[1], 3.6 * v[0], -3.6 * v[2]];
         }
-        let windows = Windows::new(&position, &velocity).unwrap();
+        let windows = Windows::new(position, velocity).unwrap();
         let best = windows.best().unwrap();
         assert_eq!((best.swapped, best.signs), (true, [1.0, -1.0]));
         assert!((best.scale / 3.6 - 1.0).abs() < 0.01 && best.agreement > 0.999, "{best:?}");
@@ -268,7 +276,7 @@ mod tests {
         let (mut position, velocity) = flight(0.4);
         let middle = position.values.len() / 2;
         position.values[middle][0] += 5000.0;
-        let best = Windows::new(&position, &velocity).unwrap().best().unwrap();
+        let best = Windows::new(position, velocity).unwrap().best().unwrap();
         assert_eq!((best.swapped, best.signs), (false, [1.0, 1.0]));
         assert!(best.agreement > 0.999, "{best:?}");
     }
@@ -277,6 +285,6 @@ mod tests {
     fn what_does_not_move_says_nothing() {
         let (mut position, velocity) = flight(0.0);
         position.values.iter_mut().enumerate().for_each(|(i, v)| *v = [1e-3 * (i % 7) as f64, 0.0, 0.0]);
-        assert!(Windows::new(&position, &velocity).is_none());
+        assert!(Windows::new(position, velocity).is_none());
     }
 }

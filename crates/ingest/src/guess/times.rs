@@ -5,6 +5,7 @@ use crate::bind::stamps_by;
 use crate::map::time_source_of;
 use crate::table::{Table, numbers, texts};
 use flight::{Clock, Unit};
+use std::rc::Rc;
 
 /// Rates at which tables are written, as the steps between rows, s.
 const STEPS_S: std::ops::RangeInclusive<f64> = 4e-4..=10.0;
@@ -21,8 +22,8 @@ pub(super) struct Timing {
     /// `measured` or `logged`.
     pub(super) kind: &'static str,
     pub(super) clock: Clock,
-    /// Of each row, s.
-    pub(super) times_s: Vec<Option<f64>>,
+    /// Of each row, s; NaN of a row without. Tables may be long: all who have it share it.
+    pub(super) times_s: Rc<[f64]>,
     /// For people: `time [s], clock elapsed`.
     pub(super) said: String,
     /// Why it is taken so.
@@ -139,12 +140,12 @@ fn timing(
     let source = time_source_of(&entry)?;
     let (clock, nanos) = stamps_by(&source, table)?;
     let first = nanos.iter().flatten().next().copied()?;
-    let times: Vec<i64> = nanos.iter().flatten().copied().collect();
-    let goes_on = times.iter().zip(times.iter().skip(1)).filter(|(a, b)| b >= a).count();
-    let moves = times.iter().any(|t| *t != first);
+    let times = || nanos.iter().flatten();
+    let goes_on = times().zip(times().skip(1)).filter(|(a, b)| b >= a).count();
+    let moves = times().any(|t| *t != first);
     let most = |count: usize| 10 * count >= 9 * table.rows.saturating_sub(1);
-    let is_time = moves && most(times.len()) && most(goes_on);
-    let times_s = nanos.iter().map(|ns| ns.map(|ns| ns as f64 * 1e-9)).collect();
+    let is_time = moves && most(times().count()) && most(goes_on);
+    let times_s = nanos.iter().map(|ns| ns.map_or(f64::NAN, |ns| ns as f64 * 1e-9)).collect();
     is_time.then_some(Timing { entry, kind, clock, times_s, said, why, is_certain })
 }
 

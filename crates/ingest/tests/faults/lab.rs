@@ -206,7 +206,7 @@ pub fn resident<T>(work: impl FnOnce() -> T) -> (T, u64) {
 /// Memory of the columns of a table without what texts hold.
 fn bytes_of(table: &Table) -> usize {
     let cell = |column: &Column| match column.data {
-        ColumnData::Text(_) => size_of::<String>() + 1,
+        ColumnData::Text(_) => size_of::<u64>() + 2,
         ColumnData::F64(_) | ColumnData::I64(_) | ColumnData::U64(_) => size_of::<f64>() + 1,
     };
     table.columns.iter().map(|column| cell(column) * table.rows).sum()

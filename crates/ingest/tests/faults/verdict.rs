@@ -91,10 +91,11 @@ fn cell(column: &Column, row: usize) -> Option<String> {
         ColumnData::F64(v) => number(v[row]),
         ColumnData::U64(v) => v[row].to_string(),
         ColumnData::I64(v) => v[row].to_string(),
-        ColumnData::Text(v) => v[row].parse().map_or_else(
-            |_| v[row].parse().map_or_else(|_| v[row].clone(), number),
-            |integer: i64| integer.to_string(),
-        ),
+        ColumnData::Text(v) => {
+            let text = v.get(row)?.to_string();
+            let real = || text.parse().map_or_else(|_| text.clone(), number);
+            text.parse().map_or_else(|_| real(), |integer: i64| integer.to_string())
+        }
     })
 }
 

@@ -266,7 +266,7 @@ fn twist(name: &str, stamps: &[i64]) -> Table {
 }
 
 fn bound(tables: Vec<Table>) -> Result<(flight::Flight, flight::Binding), IngestError> {
-    bind(&Log { tables, ..Log::default() }, &MapLibrary::shipped().unwrap(), None)
+    bind(&mut Log { tables, ..Log::default() }, &MapLibrary::shipped().unwrap(), None)
 }
 
 #[test]

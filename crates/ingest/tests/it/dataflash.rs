@@ -680,7 +680,7 @@ fn lines_of_the_console_in_front_of_a_text_log_are_no_damage_and_bad_lines_are()
     let bytes = format!("{}\n", lines.join("\r\n"));
     let log = read_bytes(READER, bytes.as_bytes()).unwrap();
     assert_eq!(log.health.format, "ArduPilot DataFlash (text)");
-    assert_eq!(table(&log, "MSG").column("Message").unwrap().text(0), Some("well, all of it"));
+    assert_eq!(table(&log, "MSG").column("Message").unwrap().text(0).as_deref(), Some("well, all of it"));
     let values = numbers(&log, "ABC", "V");
     assert!(values[0] == 1.5 && values[1].is_nan() && values[2] == 3.5 && values.len() == 3, "{values:?}");
     assert_eq!(log.health.damage_count, 3, "{:?}", log.health.damage);

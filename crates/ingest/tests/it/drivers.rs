@@ -34,8 +34,8 @@ impl Topic {
 }
 
 fn bound<const N: usize>(topics: [Topic; N]) -> (Flight, Binding) {
-    let log = Log { tables: topics.map(|topic| topic.0).into(), ..Log::default() };
-    bind(&log, &MapLibrary::shipped().unwrap(), None).unwrap()
+    let mut log = Log { tables: topics.map(|topic| topic.0).into(), ..Log::default() };
+    bind(&mut log, &MapLibrary::shipped().unwrap(), None).unwrap()
 }
 
 /// Every row of a channel: UTC as ms since [`UTC_S`], and the components.

@@ -400,7 +400,7 @@ pub fn received(table: &Table, published: bool) -> Vec<Sent> {
             stamp_ns: integer("header.stamp", row),
             latitude: table.column("latitude").unwrap().number(row).unwrap(),
             status: integer("status", row) as i32,
-            frame: table.column("header.frame_id").unwrap().text(row).unwrap().to_owned(),
+            frame: table.column("header.frame_id").unwrap().text(row).unwrap().to_string(),
         })
         .collect()
 }

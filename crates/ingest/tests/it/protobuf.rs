@@ -173,7 +173,7 @@ fn in_table(table: &Table, path: &str, row: usize) -> Option<String> {
         ingest::ColumnData::F64(_) => column.number(row).map(|v| format!("{v:?}")),
         ingest::ColumnData::U64(_) => column.unsigned(row).map(|v| v.to_string()),
         ingest::ColumnData::I64(_) => column.integer(row).map(|v| v.to_string()),
-        ingest::ColumnData::Text(_) => column.text(row).map(str::to_owned),
+        ingest::ColumnData::Text(_) => column.text(row).map(|text| text.to_string()),
     }
 }
 

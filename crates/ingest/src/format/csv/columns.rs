@@ -4,6 +4,7 @@ use super::fields::{Cell, Decimal, EXACT, Row};
 use super::lines::Extent;
 use crate::reader::{FieldRequest, Selection, TableHead, ValueKind};
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
+use crate::texts::Texts;
 use flight::{Notices, Severity, TopicHealth};
 
 /// A column of numbers with more cells that are none, one in so many, is a loss.
@@ -13,7 +14,7 @@ const TOLERATED: u64 = 100;
 /// table with nothing.
 const ABSENT_PER_BYTE: u64 = 16;
 /// And so much at any rate, bytes.
-const ABSENT: u64 = 16 << 20;
+const ABSENT: u64 = 24 << 20;
 
 /// Lines of cells that are no numbers that are remembered of a column.
 const LISTED_BAD: usize = 100;
@@ -105,7 +106,7 @@ enum Kind {
 enum Cells {
     Integers(Integers),
     Floats(Vec<f64>),
-    Text(Vec<String>),
+    Text(Texts),
     /// As [`Selection::All`] wants it: a number until the first cell that is none.
     Undecided(Box<Cells>, Written),
 }
@@ -130,43 +131,25 @@ impl Integers {
 }
 
 /// Cells as they stand in the log: first those that are integers as everybody writes them ([`plain_integer`]), of which it is enough to know
-/// how many, then the others, each behind its length: seven bits a byte, the lowest first, and the eighth bit where more
-/// follow.
+/// how many, then the others.
 #[derive(Debug, Default)]
 struct Written {
     integers: usize,
-    others: Vec<u8>,
+    others: Texts,
 }
 
 impl Written {
-    fn push(&mut self, cell: &[u8]) {
-        let mut length = cell.len();
-        while length >= 0x80 {
-            self.others.push(length as u8 | 0x80);
-            length >>= 7;
-        }
-        self.others.push(length as u8);
-        self.others.extend_from_slice(cell);
-    }
-
     /// `numbers` begin with the integers.
-    fn texts(&self, numbers: &Cells, decimal: Decimal) -> Vec<String> {
-        let integers = (0..self.integers).map(|i| match numbers {
-            Cells::Integers(held) => held.values.get(i).map(i64::to_string).unwrap_or_default(),
+    fn texts(&self, numbers: &Cells) -> Texts {
+        let mut texts = Texts::default();
+        (0..self.integers).for_each(|i| match numbers {
+            Cells::Integers(held) => texts.push(&held.values.get(i).map(i64::to_string).unwrap_or_default()),
             // None of them was too long for a float.
-            Cells::Floats(held) => held.get(i).map(f64::to_string).unwrap_or_default(),
-            Cells::Text(_) | Cells::Undecided(..) => String::new(),
+            Cells::Floats(held) => texts.push(&held.get(i).map(f64::to_string).unwrap_or_default()),
+            Cells::Text(_) | Cells::Undecided(..) => texts.push(""),
         });
-        let mut rest = self.others.as_slice();
-        let others = std::iter::from_fn(|| {
-            let length = rest.iter().position(|byte| byte & 0x80 == 0)? + 1;
-            let (digits, behind) = rest.split_at_checked(length)?;
-            let size = digits.iter().rev().fold(0, |size, byte| size << 7 | usize::from(byte & 0x7f));
-            let (cell, behind) = behind.split_at_checked(size)?;
-            rest = behind;
-            Some(decimal.text(cell))
-        });
-        integers.chain(others).collect()
+        self.others.iter().for_each(|text| texts.push(&text));
+        texts
     }
 }
 
@@ -206,7 +189,7 @@ impl Topic {
     /// Keeps a column as it is written although numbers are looked for.
     pub(super) fn keep_text(&mut self, path: &str) {
         let undecided = |column: &&mut Building| column.path == path && matches!(column.cells, Cells::Undecided(..));
-        self.columns.iter_mut().filter(undecided).for_each(|column| column.cells = Cells::Text(vec![]));
+        self.columns.iter_mut().filter(undecided).for_each(|column| column.cells = Cells::Text(Texts::default()));
     }
 
     /// Whether a row with so many fields belongs to this header; a delimiter at its end is one more.
@@ -309,10 +292,10 @@ impl Topic {
 
     /// Raises what happened to the cells.
     pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
-        let (rows, decimal) = (self.rows as usize, self.decimal);
+        let rows = self.rows as usize;
         self.columns.iter_mut().for_each(|column| {
             column.fill_up(rows);
-            column.settle(decimal);
+            column.settle();
         });
         self.drop_numbers_that_are_text();
         if let Some(line) = self.unended {
@@ -347,7 +330,7 @@ impl Topic {
 
     /// Columns of large decimals as they were written, where every column is wanted.
     pub(super) fn written(&self) -> Vec<(TopicInfo, Column)> {
-        let columns = self.columns.iter().filter_map(|column| column.written(self.decimal));
+        let columns = self.columns.iter().filter_map(|column| column.written());
         columns.map(|column| (self.info.clone(), column)).collect()
     }
 
@@ -406,7 +389,7 @@ fn has_separators(cell: &str) -> bool {
 }
 
 /// Which texts there are.
-fn filled(texts: &[String]) -> Vec<bool> {
+fn filled(texts: &Texts) -> Vec<bool> {
     texts.iter().map(|text| !text.is_empty()).collect()
 }
 
@@ -433,8 +416,8 @@ impl Building {
 
     /// A column for the cells that follow, with the room of one that was used.
     fn successor(&self, used: Option<Building>) -> Building {
-        let mut next = used.unwrap_or_else(|| Building::new("", self.index, Cells::Text(vec![])));
-        let room = std::mem::replace(&mut next.cells, Cells::Text(vec![]));
+        let mut next = used.unwrap_or_else(|| Building::new("", self.index, Cells::Text(Texts::default())));
+        let room = std::mem::replace(&mut next.cells, Cells::Text(Texts::default()));
         let cells = match (self.cells.kind(), room) {
             (Some(Kind::Integer { long }), Cells::Integers(Integers { mut values, .. })) => {
                 values.clear();
@@ -446,7 +429,11 @@ impl Building {
                 Cells::Floats(values)
             }
             (Some(Kind::Float), _) => Cells::Floats(vec![]),
-            (Some(Kind::Text) | None, _) => Cells::Text(vec![]),
+            (Some(Kind::Text) | None, Cells::Text(mut texts)) => {
+                texts.clear();
+                Cells::Text(texts)
+            }
+            (Some(Kind::Text) | None, _) => Cells::Text(Texts::default()),
         };
         next.valid.clear();
         Building { place: self.place, valid: next.valid, ..Building::new("", self.index, cells) }
@@ -476,7 +463,7 @@ impl Building {
     fn asked(request: &FieldRequest, index: usize) -> Building {
         let cells = match request.kind {
             ValueKind::Number => Cells::Integers(Integers::default()),
-            ValueKind::Text => Cells::Text(vec![]),
+            ValueKind::Text => Cells::Text(Texts::default()),
         };
         Building::new(&request.path, index, cells)
     }
@@ -485,13 +472,13 @@ impl Building {
     fn push(&mut self, cell: &[u8], decimal: Decimal, line: u64) {
         let valid = match &mut self.cells {
             Cells::Text(texts) => {
-                texts.push(decimal.text(cell));
+                texts.push(&decimal.text(cell));
                 !cell.is_empty()
             }
             Cells::Undecided(..) => {
                 let value = self.cells.push_undecided(cell, decimal);
                 match value {
-                    Cell::Bad => self.push_word(cell, decimal, line),
+                    Cell::Bad => self.push_word(cell, line),
                     value => matches!(value, Cell::Integer(_) | Cell::Float(_)),
                 }
             }
@@ -513,21 +500,21 @@ impl Building {
     /// A cell that is no number, in a column that is one of numbers so far. A few such cells are broken numbers; with more, the
     /// column is one of words.
     #[cold]
-    fn push_word(&mut self, cell: &[u8], decimal: Decimal, line: u64) -> bool {
+    fn push_word(&mut self, cell: &[u8], line: u64) -> bool {
         self.note(Cell::Bad, cell, line);
         if self.bad <= 1 + self.filled / NUMBERS_PER_BROKEN {
             return false;
         }
-        self.take_as_text(decimal);
+        self.take_as_text();
         // The caller adds what it knows of this cell.
         self.valid.pop();
         true
     }
 
     /// Takes all cells as they are written.
-    fn take_as_text(&mut self, decimal: Decimal) {
+    fn take_as_text(&mut self) {
         let Cells::Undecided(numbers, written) = &self.cells else { return };
-        let texts = written.texts(numbers, decimal);
+        let texts = written.texts(numbers);
         // What seemed to say nothing was a word among others.
         self.valid = Some(filled(&texts)).filter(|valid| valid.contains(&false)).unwrap_or_default();
         self.cells = Cells::Text(texts);
@@ -536,9 +523,9 @@ impl Building {
     }
 
     /// A short column with few numbers is one of words.
-    fn settle(&mut self, decimal: Decimal) {
+    fn settle(&mut self) {
         if self.bad * LEAST_NUMBERS > self.filled {
-            self.take_as_text(decimal);
+            self.take_as_text();
         }
     }
 
@@ -546,8 +533,8 @@ impl Building {
     fn bytes_of_a_cell(&self) -> u64 {
         let value = match &self.cells {
             Cells::Integers(_) | Cells::Floats(_) => size_of::<f64>(),
-            Cells::Undecided(..) => size_of::<f64>() + 1,
-            Cells::Text(_) => size_of::<String>(),
+            Cells::Undecided(..) => size_of::<f64>() + size_of::<u64>() + 1,
+            Cells::Text(_) => size_of::<u64>() + 1,
         };
         (value + size_of::<bool>()) as u64
     }
@@ -617,12 +604,12 @@ impl Building {
     }
 
     /// The cells of an undecided column whose first number is so large that a float loses nanoseconds of it.
-    fn written(&self, decimal: Decimal) -> Option<Column> {
+    fn written(&self) -> Option<Column> {
         let Cells::Undecided(numbers, written) = &self.cells else { return None };
         let Cells::Floats(values) = &**numbers else { return None };
         let is_valid = |row: usize| self.valid.get(row).copied().unwrap_or(true);
         let (_, first) = values.iter().enumerate().find(|(row, _)| is_valid(*row))?;
-        let data = || ColumnData::Text(written.texts(numbers, decimal));
+        let data = || ColumnData::Text(written.texts(numbers));
         let valid = || (!self.valid.is_empty()).then(|| self.valid.clone());
         (first.abs() >= LARGE).then(|| Column { path: self.path.clone(), data: data(), valid: valid() })
     }
@@ -633,7 +620,7 @@ impl Building {
             && self.rows > 0
         {
             // Words for nothing alone may be what the column is about.
-            let texts = written.texts(numbers, decimal);
+            let texts = written.texts(numbers);
             if texts.iter().any(|text| decimal.number(text.as_bytes()) == Cell::Missing) {
                 let valid = Some(filled(&texts)).filter(|valid| valid.contains(&false));
                 return Column { path: self.path, data: ColumnData::Text(texts), valid };
@@ -654,11 +641,10 @@ impl Cells {
         match self {
             Cells::Integers(held) => held.values.resize(held.values.len() + missing, 0),
             Cells::Floats(held) => held.resize(held.len() + missing, 0.0),
-            Cells::Text(held) => held.resize(held.len() + missing, String::new()),
+            Cells::Text(held) => held.resize(held.len() + missing),
             Cells::Undecided(numbers, written) => {
                 numbers.fill_up(missing);
-                // As many lengths of nothing.
-                written.others.resize(written.others.len() + missing, 0);
+                written.others.resize(written.others.len() + missing);
             }
         }
     }
@@ -742,7 +728,7 @@ impl Cells {
             held.values.push(integer);
             return Cell::Integer(integer);
         }
-        written.push(cell);
+        written.others.push(&decimal.text(cell));
         let value = decimal.number(cell);
         if !numbers.push_fitting(value) {
             let value = numbers.fitting(value);
@@ -798,7 +784,7 @@ mod tests {
             let cells: Vec<&str> = plain.iter().chain(odd).chain(&["x", "y", "3"]).copied().collect();
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Comma, line));
             let ColumnData::Text(texts) = column.finish(Decimal::Comma).data else { panic!("a column of numbers") };
-            assert_eq!(texts, cells.iter().map(|cell| cell.replace(',', ".")).collect::<Vec<_>>());
+            assert_eq!(texts, cells.iter().map(|cell| cell.replace(',', ".")).collect());
         }
     }
 
@@ -807,7 +793,7 @@ mod tests {
         let column = |cells: &[&str]| {
             let mut column = Building::new("t", 0, Cells::undecided());
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Point, line));
-            column.settle(Decimal::Point);
+            column.settle();
             column
         };
         let one = column(&["1", "2", "x", "4", "5", "6", "7", "8", "9", "10", "11"]);
@@ -815,9 +801,11 @@ mod tests {
         assert!(matches!(one.finish(Decimal::Point).data, ColumnData::F64(v) if v[3] == 4.0));
         let words = column(&["1", "2", "x", "y", "5"]);
         assert_eq!(words.bad, 0);
-        assert!(matches!(words.finish(Decimal::Point).data, ColumnData::Text(v) if v == ["1", "2", "x", "y", "5"]));
+        assert!(
+            matches!(words.finish(Decimal::Point).data, ColumnData::Text(v) if v.iter().eq(["1", "2", "x", "y", "5"]))
+        );
         let single = column(&["x"]);
         assert_eq!(single.bad, 0);
-        assert!(matches!(single.finish(Decimal::Point).data, ColumnData::Text(v) if v == ["x"]));
+        assert!(matches!(single.finish(Decimal::Point).data, ColumnData::Text(v) if v.iter().eq(["x"])));
     }
 }

@@ -1,6 +1,7 @@
 //! Splits a record into fields and reads numbers from them.
 
 use super::formula::restored;
+use std::borrow::Cow;
 
 /// Beyond this a double cannot hold every integer.
 pub(super) const EXACT: u64 = 1 << 53;
@@ -163,14 +164,14 @@ impl Fields {
 
     /// All of them as text.
     pub(super) fn texts(&self) -> Vec<String> {
-        (0..self.len()).map(|i| text_of(self.get(i))).collect()
+        (0..self.len()).map(|i| text_of(self.get(i)).into_owned()).collect()
     }
 }
 
 /// UTF-8, or where it is none Latin-1, in which every byte is a character.
-pub(super) fn text_of(cell: &[u8]) -> String {
+pub(super) fn text_of(cell: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(cell) {
-        Ok(text) => text.to_owned(),
+        Ok(text) => text.into(),
         Err(_) => cell.iter().map(|&byte| char::from(byte)).collect(),
     }
 }
@@ -203,15 +204,18 @@ impl Decimal {
 
     /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`, where numbers have a point too. An apostrophe that kept it from being
     /// a formula is taken away.
-    pub(super) fn text(self, cell: &[u8]) -> String {
+    pub(super) fn text(self, cell: &[u8]) -> Cow<'_, str> {
         let text = text_of(cell);
         if cell.first() == Some(&b'\'') {
-            return restored(&text).to_owned();
+            return restored(&text).to_owned().into();
+        }
+        if memchr::memchr(b',', cell).is_none() {
+            return text;
         }
         let one_comma = || text.bytes().filter(|b| *b == b',').count() == 1;
         let of_number = |b: u8| b.is_ascii_digit() || b"+-:,eETZ ".contains(&b);
         let of_decimals = || self == Decimal::Comma && text.bytes().all(of_number);
-        if one_comma() && (of_decimals() || is_time_with_comma(&text)) { text.replace(',', ".") } else { text }
+        if one_comma() && (of_decimals() || is_time_with_comma(&text)) { text.replace(',', ".").into() } else { text }
     }
 }
 

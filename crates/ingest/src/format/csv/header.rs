@@ -277,7 +277,7 @@ impl Header {
         left.remove(&[][..]);
         let mut new: Vec<usize> = left.into_values().flatten().collect();
         new.sort_unstable();
-        let new = new.into_iter().map(|index| super::fields::text_of(cell(index))).collect();
+        let new = new.into_iter().map(|index| super::fields::text_of(cell(index)).into_owned()).collect();
         Other { places, width, new }
     }
 }

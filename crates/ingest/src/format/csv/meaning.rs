@@ -155,7 +155,7 @@ impl Own {
         match self {
             Own::Offset(offset) => Some(Column {
                 path: OFFSET.into(),
-                data: ColumnData::Text(vec![offset.clone(); table.rows]),
+                data: ColumnData::Text(std::iter::repeat_n(offset, table.rows).collect()),
                 valid: None,
             }),
             Own::Mode(name) => {

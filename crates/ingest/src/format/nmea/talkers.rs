@@ -4,6 +4,7 @@
 use super::kind::Kind;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
+use crate::texts::Texts;
 use flight::{Notices, Severity};
 use std::collections::BTreeMap;
 
@@ -143,7 +144,7 @@ fn united(name: String, tables: &[Table]) -> Table {
         let cells = rows.iter().map(|&(at, row)| (from(at).and_then(|table| table.column(path)), row));
         columns.push(column(path, kind, cells));
     }
-    let who = rows.iter().map(|&(at, _)| from(at).map(talker).unwrap_or_default().to_owned()).collect();
+    let who = rows.iter().map(|&(at, _)| from(at).map(talker).unwrap_or_default()).collect();
     columns.push(Column { path: TALKER.to_owned(), data: ColumnData::Text(who), valid: None });
     columns.sort_by(|a, b| a.path.cmp(&b.path));
     let numbers = |of: fn(&Table) -> Option<&Vec<i64>>| -> Option<Vec<i64>> {
@@ -174,8 +175,12 @@ fn column<'t>(path: &str, kind: &ColumnData, cells: impl Iterator<Item = (Option
             (ColumnData::I64(values), valid)
         }
         ColumnData::Text(_) => {
-            let (values, valid) = parts(cells.map(|(column, row)| column?.text(row).map(str::to_owned)));
-            (ColumnData::Text(values), valid)
+            let (mut texts, mut valid) = (Texts::default(), vec![]);
+            for text in cells.map(|(column, row)| column?.text(row)) {
+                valid.push(text.is_some());
+                texts.push(&text.unwrap_or_default());
+            }
+            (ColumnData::Text(texts), valid)
         }
     };
     let valid = valid.contains(&false).then_some(valid);

@@ -61,23 +61,23 @@ pub(super) struct Packed<R> {
 ///
 /// # Errors
 /// What is wrong with it.
-pub(super) fn entries(file: &mut File, most: usize) -> Result<Vec<Entry>, String> {
-    let size = file.metadata().map_err(|e| e.to_string())?.len();
-    let listed = list_at_end(file, size).map_err(|e| e.to_string())?;
-    let mut entries = match listed {
+pub(super) fn entries(file: &mut File, most: usize) -> io::Result<Vec<Entry>> {
+    let size = file.metadata()?.len();
+    let mut entries = match list_at_end(file, size)? {
         Some(entries) => entries,
-        None => headers(file, size, most).map_err(|e| e.to_string())?,
+        None => headers(file, size, most)?,
     };
     for entry in entries.iter_mut().filter(|entry| !entry.is_file()).take(most) {
         // The list may be damaged: each name stands in front of the content as well.
-        let head = read_at(file, entry.header_at, 30 + MOST_COMMENT).map_err(|e| e.to_string())?;
+        let head = read_at(file, entry.header_at, 30 + MOST_COMMENT)?;
         if let Some((own, _)) = header(&head, entry.header_at) {
             entry.name = own.name;
         }
     }
     entries.retain(Entry::is_file);
     if entries.len() > most {
-        return Err(format!("ZIP archive of {} files; more than {most} are not looked into", entries.len()));
+        let what = format!("ZIP archive of {} files; more than {most} are not looked into", entries.len());
+        return Err(io::Error::other(what));
     }
     Ok(entries)
 }

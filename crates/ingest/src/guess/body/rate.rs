@@ -103,7 +103,7 @@ fn of_frame(pairs: &[([f64; 3], [f64; 3])], frame: &'static str, signs: [f64; 3]
 
 /// Mean rates of windows and how fast an attitude that is late turned in them, about forward, right and down.
 fn windows(rates: &Trace<3>, turns: &Turns, late_s: f64) -> Vec<([f64; 3], [f64; 3])> {
-    let integral = rates.integral(HOLE_S);
+    let integral = rates.clone().integral(HOLE_S);
     let attitude = &turns.quaternions;
     let mut pairs = vec![];
     let mut begin = 0;

@@ -1,0 +1,151 @@
+//! The columns of a log, handed to the channels one after another: a column leaves memory when the last channel that reads
+//! it is made. A flight takes as much memory as the columns that it is made of, and both must not be held at once.
+
+use super::conditions::{Condition, Values};
+use super::stamps::Stamps;
+use super::trial::{Found, Plan};
+use crate::map::ChannelMap;
+use crate::map_schema::HeightAbove;
+use crate::reader::Log;
+use crate::table::{Column, ColumnData, Table};
+use flight::Unit;
+use std::collections::HashSet;
+
+/// A plan that names its columns and does not hold them.
+pub(super) struct Parted {
+    /// Among the rules of the map.
+    rule: usize,
+    /// Among the tables of the log.
+    table: usize,
+    columns: Vec<Option<Place>>,
+    stamps: Vec<Stamps>,
+    conditions: Vec<OnRows>,
+}
+
+/// As [`Found`].
+struct Place {
+    column: usize,
+    unit: Unit,
+    above: Option<HeightAbove>,
+    passed_over: Option<usize>,
+}
+
+/// As [`Condition`].
+struct OnRows {
+    /// Among those of the rule.
+    entry: usize,
+    values: OfRows,
+}
+
+/// As [`Values`].
+enum OfRows {
+    Own(usize),
+    Topic(String, Vec<Option<f64>>),
+}
+
+/// The place of something that is one of these.
+fn place_of<T>(all: &[T], one: &T) -> usize {
+    all.iter().position(|other| std::ptr::eq(other, one)).unwrap_or(usize::MAX)
+}
+
+impl Parted {
+    /// Of a plan of this map for this log.
+    pub(super) fn of(plan: Plan<'_>, map: &ChannelMap, log: &Log) -> Parted {
+        let column = |column: &Column| place_of(&plan.table.columns, column);
+        let place = |found: &Found<'_>| Place {
+            column: column(found.column),
+            unit: found.unit,
+            above: found.above,
+            passed_over: found.passed_over.map(column),
+        };
+        let columns = plan.columns.iter().map(|found| found.as_ref().map(place)).collect();
+        let on_rows = |condition: Condition<'_>| OnRows {
+            entry: place_of(&plan.rule.require, condition.entry),
+            values: match condition.values {
+                Values::Own(own) => OfRows::Own(column(own)),
+                Values::Of(topic, values) => OfRows::Topic(topic.into_owned(), values),
+            },
+        };
+        Parted {
+            rule: place_of(&map.rules, plan.rule),
+            table: place_of(&log.tables, plan.table),
+            columns,
+            conditions: plan.conditions.into_iter().map(on_rows).collect(),
+            stamps: plan.stamps,
+        }
+    }
+
+    /// The columns that it reads.
+    fn reads(&self) -> impl Iterator<Item = (usize, usize)> {
+        let found = self.columns.iter().flatten().flat_map(|place| place.passed_over.into_iter().chain([place.column]));
+        let asked = self.conditions.iter().filter_map(|condition| match condition.values {
+            OfRows::Own(column) => Some(column),
+            OfRows::Topic(..) => None,
+        });
+        found.chain(asked).map(|column| (self.table, column))
+    }
+
+    /// The table of the columns that it reads, taken out of the log but for those that others read `later`, and which
+    /// columns these were.
+    fn take_columns(&self, log: &mut Log, later: &[Parted]) -> Option<(Table, Vec<usize>)> {
+        let mut held: Vec<usize> = self.reads().map(|(_, column)| column).collect();
+        held.sort_unstable();
+        held.dedup();
+        let table = log.tables.get_mut(self.table)?;
+        let mut columns = vec![];
+        for column in &held {
+            let found = table.columns.get_mut(*column)?;
+            let is_last = !later.iter().flat_map(Parted::reads).any(|read| read == (self.table, *column));
+            columns.push(if is_last { std::mem::replace(found, empty()) } else { found.clone() });
+        }
+        let (topic, origin) = (table.topic.clone(), table.origin.clone());
+        let own = Table { topic, rows: table.rows, logged_ns: None, published_ns: None, origin, columns };
+        Some((own, held))
+    }
+
+    /// Gives the plan to `make` once more, with columns that are gone from the log afterwards.
+    pub(super) fn make<T>(
+        mut self,
+        map: &ChannelMap,
+        log: &mut Log,
+        later: &[Parted],
+        make: impl FnOnce(&Plan<'_>) -> T,
+    ) -> Option<T> {
+        let (table, held) = self.take_columns(log, later)?;
+        let column = |of: usize| table.columns.get(held.binary_search(&of).ok()?);
+        let found = |place: &Place| {
+            Some(Found {
+                column: column(place.column)?,
+                unit: place.unit,
+                above: place.above,
+                passed_over: place.passed_over.and_then(column),
+                said: None,
+            })
+        };
+        let (rule, stamps) = (map.rules.get(self.rule)?, std::mem::take(&mut self.stamps));
+        let columns = self.columns.iter().map(|place| place.as_ref().and_then(found)).collect();
+        let condition = |on_rows: OnRows| {
+            let values = match on_rows.values {
+                OfRows::Own(own) => Values::Own(column(own)?),
+                OfRows::Topic(topic, values) => Values::Of(topic.into(), values),
+            };
+            Some(Condition { entry: rule.require.get(on_rows.entry)?, values })
+        };
+        let conditions = std::mem::take(&mut self.conditions).into_iter().filter_map(condition).collect();
+        Some(make(&Plan { rule, table: &table, distance: 0, columns, stamps, remarks: vec![], conditions }))
+    }
+}
+
+/// Leaves only the columns that these read.
+pub(super) fn keep_columns_of(parts: &[Parted], log: &mut Log) {
+    let read: HashSet<(usize, usize)> = parts.iter().flat_map(Parted::reads).collect();
+    for (at, table) in log.tables.iter_mut().enumerate() {
+        let others = table.columns.iter_mut().enumerate().filter(|(column, _)| !read.contains(&(at, *column)));
+        others.for_each(|(_, column)| *column = empty());
+        (table.logged_ns, table.published_ns) = (None, None);
+    }
+}
+
+fn empty() -> Column {
+    Column { path: String::new(), data: ColumnData::F64(vec![]), valid: None }
+}
