@@ -303,21 +303,22 @@ impl Store {
     /// Writes a note of our own with its hash in it.
     pub(crate) fn write_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
         let sealed = self.sealed(name, note)?;
-        self.write(name, sealed.as_bytes(), Keep::Synced).map(drop)
+        self.write_with(name, Keep::Synced, |file| write_note(file, &sealed)).map(drop)
     }
 
     /// The same for a note that this store has read before, and that nobody else may have written since.
     pub(crate) fn rewrite_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
         let sealed = self.sealed(name, note)?;
-        let kept = self.put(name, Keep::Synced, Only::IfAsRead, |file| file.write_all(sealed.as_bytes()))?;
+        let kept = self.put(name, Keep::Synced, Only::IfAsRead, |file| write_note(file, &sealed))?;
         let taken = || io::Error::new(io::ErrorKind::ResourceBusy, "another flightlag wrote it meanwhile");
         kept.map(drop).ok_or_else(|| failed(&self.root.join(name), "write", taken()))
     }
 
-    fn sealed(&self, name: &str, note: &impl Serialize) -> Result<String, StoreError> {
+    /// A note with its hash, in pieces: that of a large campaign has many megabytes.
+    fn sealed(&self, name: &str, note: &impl Serialize) -> Result<[String; 2], StoreError> {
         let path = self.path(name)?;
         let text = serde_json::to_string(note).map_err(|e| failed(&path, "write", e.into()))?;
-        Ok(format!("{SEAL}{}{CONTENT}{text}}}\n", blake3::hash(text.as_bytes()).to_hex()))
+        Ok([format!("{SEAL}{}{CONTENT}", blake3::hash(text.as_bytes()).to_hex()), text])
     }
 
     /// A note that [`Store::write_sealed`] wrote; `None` if it is not there, or not as it was written.
@@ -397,6 +398,11 @@ pub(crate) fn first_names(root: &Path) -> Result<Vec<OsString>, StoreError> {
 
 fn failed(path: &Path, doing: &'static str, source: io::Error) -> StoreError {
     StoreError { path: path.to_owned(), doing, source }
+}
+
+/// What [`Store::read_sealed`] reads.
+fn write_note(file: &mut impl Write, [head, text]: &[String; 2]) -> io::Result<()> {
+    [head.as_str(), text, "}\n"].into_iter().try_for_each(|part| file.write_all(part.as_bytes()))
 }
 
 /// A file on its way, and the hash of what was written to it so far.

@@ -162,7 +162,7 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
             }
         }
         @if !advice.set.is_empty() { "Set " (settings(advice)) "." }
-        @if let Some(fly) = &advice.fly { @if !advice.set.is_empty() { " " } "To know more: " (ended(fly)) }
+        @if let Some(fly) = &advice.fly { @if tested.is_some() || !advice.set.is_empty() { " " } "To know more: " (ended(fly)) }
     }
 }
 
