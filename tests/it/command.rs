@@ -451,3 +451,25 @@ fn channels_are_exported_as_every_kind_of_table() {
         assert!(fs::metadata(written).unwrap().len() > 500, "{kind}");
     }
 }
+
+#[test]
+fn a_bucket_is_refused_in_one_sentence_by_a_build_without_buckets() {
+    let folder = tempfile::tempdir().unwrap();
+    let (flights, out) = (folder.path().join("flights"), folder.path().join("out"));
+    fs::create_dir(&flights).unwrap();
+    let (flights, out) = (flights.to_str().unwrap(), out.to_str().unwrap());
+    let commands: [&[&str]; 4] = [
+        &["campaign", "s3://lab/flights", "--out", out],
+        &["campaign", flights, "--out", "s3://lab/out"],
+        &["delay", "s3://lab/flights"],
+        &["gc", "s3://lab/out"],
+    ];
+    for command in commands {
+        let output = flightlag(command).current_dir(folder.path()).output().unwrap();
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.starts_with("flightlag: s3://lab/") && told.contains("build it with `--features s3`"), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is written, and no folder called s3:");
+}

@@ -1,5 +1,7 @@
 //! What ends a campaign. A bad flight does not: it is a row of the table.
 
+use crate::s3::is_in_bucket;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// Why a campaign did not finish.
@@ -97,6 +99,12 @@ impl CampaignError {
             | CampaignError::Asked(_) => Exit::Wrong,
             CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
             CampaignError::Store(error) if crate::disk::may_heal(&error.source) => Exit::TryAgain,
+            // No address of a bucket, or one that this build does not know.
+            CampaignError::Store(error)
+                if error.source.kind() == ErrorKind::InvalidInput && is_in_bucket(&error.path) =>
+            {
+                Exit::Wrong
+            }
             CampaignError::TryAgain(_) | CampaignError::Busy { .. } => Exit::TryAgain,
             CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,
             _ => Exit::Failed,

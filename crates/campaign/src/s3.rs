@@ -20,5 +20,5 @@ pub fn is_in_bucket(path: &Path) -> bool {
 #[cfg(not(feature = "s3"))]
 pub(crate) fn not_built() -> std::io::Error {
     let what = "this flightlag is built without buckets; build it with `--features s3`";
-    std::io::Error::new(std::io::ErrorKind::Unsupported, what)
+    std::io::Error::new(std::io::ErrorKind::InvalidInput, what)
 }
