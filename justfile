@@ -166,6 +166,14 @@ faults-outputs:
     cargo test -p flightlag-campaign --lib -- --ignored faults
     cargo test -p whole --test it limits_of_the_system -- --ignored
 
+# A disk that fails at every read of a log of each kind, two runs of six kinds on one report at fifty moments, twenty surroundings (an hour; strace)
+faults-runs:
+    cargo test --release -p whole --test it faults -- --ignored --nocapture --test-threads 1
+
+# Peak memory for tables of 256 MiB, a line of a GiB, 65,000 topics: 256 MiB above the columns at most (minutes)
+memory:
+    cargo test --release -p whole --test it memory -- --include-ignored --nocapture --test-threads 1
+
 # Every value of every log beside pyulog, pymavlink, rosbags, mcap, pyubx2 and pynmeagps of Python: just peers [LOGS] [PART-OF-A-PATH ...]
 peers logs="../shared/logs" *parts:
     cargo build --release --quiet -p flightlag-ingest --example dump_topics

@@ -76,6 +76,9 @@ impl Content {
     }
 }
 
+/// A chunk ends when its definitions are larger: of tens of thousands of topics one chunk would hold them all.
+const MOST_DEFINED: usize = 4 << 20;
+
 /// A message to write.
 pub(crate) struct Entry<'m> {
     pub(crate) topic: &'m TopicInfo,
@@ -109,6 +112,8 @@ pub(crate) struct Recording {
     of_topics: HashMap<String, OfTopic>,
     /// Of many topics the definition may be one.
     schemas: HashSet<Rc<[u8]>>,
+    /// Bytes of definitions in the chunk under way, which the writer does not count.
+    defined: usize,
     pub(crate) content: Content,
     /// Topics of which the log says more than one thing: the first one stands.
     pub(crate) several: BTreeSet<String>,
@@ -129,6 +134,7 @@ impl Recording {
             channels: HashMap::new(),
             of_topics: HashMap::new(),
             schemas: HashSet::new(),
+            defined: 0,
             content: Content::default(),
             several: BTreeSet::new(),
             before_epoch: 0,
@@ -187,6 +193,11 @@ impl Recording {
             sequence: 1,
         };
         self.channels.entry(entry.topic.clone()).or_default().push(channel);
+        self.defined += entry.schema.len() + entry.topic.name.len();
+        if self.defined > MOST_DEFINED {
+            self.defined = 0;
+            self.writer.flush().map_err(failed(&self.path))?;
+        }
         Ok((id, 1))
     }
 

@@ -13,9 +13,12 @@ const MOST_DIGITS: usize = 19;
 /// The number of no shape.
 const NO_SHAPE: u8 = u8::MAX;
 
-/// The texts of a column, row by row.
+/// The texts of a column, row by row. Columns of numbers, which are as large, should not pay for what it holds.
 #[derive(Clone, Default)]
-pub struct Texts {
+pub struct Texts(Box<Columns>);
+
+#[derive(Clone, Default)]
+struct Columns {
     /// For each row the number of its shape, or [`NO_SHAPE`].
     shape_of: Vec<u8>,
     /// For each row its digits as a number, or where it stands in `others`.
@@ -48,20 +51,20 @@ impl Texts {
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.shape_of.len()
+        self.0.shape_of.len()
     }
 
     /// Without rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.shape_of.is_empty()
+        self.0.shape_of.is_empty()
     }
 
     /// The text of a row.
     #[must_use]
     pub fn get(&self, row: usize) -> Option<Text<'_>> {
-        let (number, digits) = (*self.shape_of.get(row)?, *self.digits.get(row)?);
-        match self.shapes.get(usize::from(number)) {
+        let (number, digits) = (*self.0.shape_of.get(row)?, *self.0.digits.get(row)?);
+        match self.0.shapes.get(usize::from(number)) {
             Some(shape) => Some(shape.with(digits)),
             None => Some(Text(Held::Other(self.other(digits as usize)))),
         }
@@ -78,14 +81,14 @@ impl Texts {
             Some(shaped) => shaped,
             None => (NO_SHAPE, self.push_other(text.as_bytes())),
         };
-        self.shape_of.push(number);
-        self.digits.push(digits);
+        self.0.shape_of.push(number);
+        self.0.digits.push(digits);
     }
 
     /// Leaves so many at most.
     pub fn truncate(&mut self, rows: usize) {
-        self.shape_of.truncate(rows);
-        self.digits.truncate(rows);
+        self.0.shape_of.truncate(rows);
+        self.0.digits.truncate(rows);
     }
 
     /// Leaves so many: more are empty.
@@ -94,24 +97,24 @@ impl Texts {
             return self.truncate(rows);
         }
         self.push("");
-        let number = self.shape_of.last().copied().unwrap_or(NO_SHAPE);
-        let digits = self.digits.last().copied().unwrap_or_default();
-        self.shape_of.resize(rows, number);
-        self.digits.resize(rows, digits);
+        let number = self.0.shape_of.last().copied().unwrap_or(NO_SHAPE);
+        let digits = self.0.digits.last().copied().unwrap_or_default();
+        self.0.shape_of.resize(rows, number);
+        self.0.digits.resize(rows, digits);
     }
 
     /// Takes the texts of another column after these, and leaves it without any, but with its room.
     pub(crate) fn append(&mut self, more: &mut Texts) {
         let numbers: Option<Vec<u8>> =
-            more.shapes.iter().map(|shape| self.number_of(&shape.text, shape.digits)).collect();
+            more.0.shapes.iter().map(|shape| self.number_of(&shape.text, shape.digits)).collect();
         match numbers {
             Some(numbers) => {
-                let behind = self.others.len() as u64;
+                let behind = self.0.others.len() as u64;
                 let number_of = |of_more: &u8| numbers.get(usize::from(*of_more)).copied().unwrap_or(NO_SHAPE);
                 let place = |(number, digits): (&u8, &u64)| digits + if *number == NO_SHAPE { behind } else { 0 };
-                self.digits.extend(more.shape_of.iter().zip(&more.digits).map(place));
-                self.shape_of.extend(more.shape_of.iter().map(number_of));
-                self.others.extend_from_slice(&more.others);
+                self.0.digits.extend(more.0.shape_of.iter().zip(&more.0.digits).map(place));
+                self.0.shape_of.extend(more.0.shape_of.iter().map(number_of));
+                self.0.others.extend_from_slice(&more.0.others);
             }
             // There are too many shapes.
             None => more.iter().for_each(|text| self.push(&text)),
@@ -121,9 +124,9 @@ impl Texts {
 
     /// Without rows, but with the room for as many.
     pub(crate) fn clear(&mut self) {
-        self.shape_of.clear();
-        self.digits.clear();
-        self.others.clear();
+        self.0.shape_of.clear();
+        self.0.digits.clear();
+        self.0.others.clear();
     }
 
     /// The number of its shape and its digits; `None` if it has none.
@@ -143,8 +146,8 @@ impl Texts {
             return None;
         }
         // Most rows have the shape of the one before.
-        let last = self.shape_of.last().copied().unwrap_or(NO_SHAPE);
-        if self.shapes.get(usize::from(last)).is_some_and(|known| *known.text == *shape) {
+        let last = self.0.shape_of.last().copied().unwrap_or(NO_SHAPE);
+        if self.0.shapes.get(usize::from(last)).is_some_and(|known| *known.text == *shape) {
             return Some((last, digits));
         }
         Some((self.number_of(shape, count)?, digits))
@@ -152,23 +155,23 @@ impl Texts {
 
     /// The number of a shape, made if there is none; `None` if there are too many.
     fn number_of(&mut self, shape: &[u8], digits: usize) -> Option<u8> {
-        if let Some(number) = self.by_text.get(shape) {
+        if let Some(number) = self.0.by_text.get(shape) {
             return Some(*number);
         }
-        let number = u8::try_from(self.shapes.len()).ok().filter(|number| *number < NO_SHAPE)?;
-        self.by_text.insert(Box::from(shape), number);
-        self.shapes.push(Shape { text: Box::from(shape), digits });
+        let number = u8::try_from(self.0.shapes.len()).ok().filter(|number| *number < NO_SHAPE)?;
+        self.0.by_text.insert(Box::from(shape), number);
+        self.0.shapes.push(Shape { text: Box::from(shape), digits });
         Some(number)
     }
 
     fn push_other(&mut self, text: &[u8]) -> u64 {
-        let place = self.others.len() as u64;
-        push_with_length(&mut self.others, text);
+        let place = self.0.others.len() as u64;
+        push_with_length(&mut self.0.others, text);
         place
     }
 
     fn other(&self, place: usize) -> &str {
-        let text = self.others.get(place..).and_then(with_length).map(|(text, _)| text);
+        let text = self.0.others.get(place..).and_then(with_length).map(|(text, _)| text);
         text.and_then(|text| std::str::from_utf8(text).ok()).unwrap_or_default()
     }
 }
@@ -303,9 +306,12 @@ mod tests {
     #[test]
     fn a_time_takes_nine_bytes_and_a_long_text_its_own() {
         let times: Texts = (0..10_000).map(|i| format!("2026-05-04T08:00:{:02}.{:04}Z", i % 60, i)).collect();
-        assert_eq!((times.shapes.len(), times.others.len()), (1, 0));
+        assert_eq!((times.0.shapes.len(), times.0.others.len()), (1, 0));
         let long: Texts = (0..100).map(|i| "y".repeat(41 + i)).collect();
-        assert_eq!((long.shapes.len(), long.others.len()), (0, (41..141).map(|n| n + 1 + usize::from(n > 127)).sum()));
+        assert_eq!(
+            (long.0.shapes.len(), long.0.others.len()),
+            (0, (41..141).map(|n| n + 1 + usize::from(n > 127)).sum())
+        );
     }
 
     #[test]

@@ -478,6 +478,8 @@ impl Topic {
             return Err(format!("its definition of {} bytes is too long", text.len()));
         }
         let how = how(&self.info, wanted, &mut self.rows)?;
+        // As a rule it is the only one.
+        self.decoders.reserve_exact(1);
         self.decoders.push(Decoder { schema_encoding: encoding.to_owned(), definition: text.to_vec(), how });
         Ok(Some(self.decoders.len() as u32 - 1))
     }

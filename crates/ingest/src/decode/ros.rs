@@ -432,6 +432,14 @@ fn in_runs(steps: Vec<Step>, dialect: Dialect) -> Vec<Step> {
             (_, None) => short.push(step),
         }
     }
+    // A log may have tens of thousands of topics, each with a plan of its own.
+    for step in &mut short {
+        if let What::Run(run) = &mut step.what {
+            run.steps.shrink_to_fit();
+            run.reads.shrink_to_fit();
+        }
+    }
+    short.shrink_to_fit();
     short
 }
 

@@ -45,6 +45,8 @@ const LONGEST_REMARK: usize = 200;
 /// Rows of a larger file are shared with idle threads, bytes.
 const LEAST_SHARED: u64 = 1 << 20;
 
+const SHORTER: &str = "the file became shorter while it was read";
+
 /// The UTF-8 byte order mark.
 const BOM: &[u8] = b"\xef\xbb\xbf";
 
@@ -67,11 +69,9 @@ impl CsvReader {
 
 impl LogReader for CsvReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let mut size = 0;
-        for path in &self.files {
-            size += open(path)?.1;
-        }
-        let ledger = Ledger::new(size, context.limits.listed_damage);
+        // A file may become shorter or longer before its turn comes: its size is what it is now.
+        let sizes = self.files.iter().map(|path| Ok(open(path)?.1)).collect::<Result<Vec<u64>, IngestError>>()?;
+        let ledger = Ledger::new(sizes.iter().sum(), context.limits.listed_damage);
         let books = Books { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
         let mut reading = Reading {
             want,
@@ -82,8 +82,8 @@ impl LogReader for CsvReader {
             formats: vec![],
             taken: HashSet::new(),
         };
-        for path in &self.files {
-            reading.file(path, self.files.len() == 1)?;
+        for (path, size) in self.files.iter().zip(sizes) {
+            reading.file(path, size, self.files.len() == 1)?;
         }
         reading.finish()
     }
@@ -185,10 +185,10 @@ impl<'a> Open<'a> {
 }
 
 impl Reading<'_> {
-    fn file(&mut self, path: &Path, alone: bool) -> Result<(), IngestError> {
+    fn file(&mut self, path: &Path, size: u64, alone: bool) -> Result<(), IngestError> {
         let name = name_of(path);
         let stem = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        let (file, size) = open(path)?;
+        let (file, _) = open(path)?;
         let head = head_of(&file, &name, self.context)?;
         let layout = match layout::find(without_bom(&head), self.context) {
             Ok(layout) => layout,
@@ -197,7 +197,11 @@ impl Reading<'_> {
             }
             Err(what) if alone => return Err(IngestError::NotALog { file: name, what }),
             Err(what) => {
-                self.books.ledger.count(Fate::Skipped, size);
+                let held = if head.len() as u64 >= HEAD { size } else { size.min(head.len() as u64) };
+                self.books.ledger.count(Fate::Skipped, held);
+                if held < size {
+                    self.books.ledger.damaged(&name, held, size - held, SHORTER);
+                }
                 self.books.notices.push(Severity::Warning, "not-a-table", name, 1, what);
                 return Ok(self.context.advance(size)?);
             }
@@ -211,9 +215,9 @@ impl Reading<'_> {
             Layout::Tagged => self.tagged(&mut open)?,
         }
         // Only a file that shrank while it was read leaves something over here.
-        let missing = size - open.lines.offset;
+        let missing = size.saturating_sub(open.lines.offset);
         if missing > 0 {
-            self.books.ledger.damaged(&name, open.lines.offset, missing, "the file became shorter while it was read");
+            self.books.ledger.damaged(&name, open.lines.offset, missing, SHORTER);
         }
         Ok(())
     }

@@ -13,6 +13,7 @@ mod hostile;
 mod lab;
 mod layout;
 mod lengths;
+mod moving;
 mod odd;
 mod packed;
 mod pieces;

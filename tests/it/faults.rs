@@ -1,0 +1,349 @@
+//! What systems and users do to a run: disks that fail below a log, odd names and file-system shapes, two runs on one report,
+//! and the order, place and hour of a run. All cases: `just faults-runs`.
+#![cfg(target_os = "linux")]
+
+use crate::program::{assert_same, flightlag, results, run, text};
+use record::{CampaignRecord, Outcome};
+use std::collections::BTreeSet;
+use std::ffi::{OsStr, OsString};
+use std::fs;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+/// A folder of short simulated flights in several containers.
+fn flights(count: usize) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let known = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"simulated\"\n";
+    fs::write(folder.path().join("known.toml"), known).unwrap();
+    fs::write(folder.path().join("other.toml"), known.replace("0.4", "0.3")).unwrap();
+    simulate::write_campaign(&folder.path().join("flights"), count, 20.0, 7).unwrap();
+    // The times of files that are this new prove nothing yet.
+    std::thread::sleep(Duration::from_millis(80));
+    folder
+}
+
+fn campaign(folder: &Path, flights: &Path, out: &str, more: &[&str]) -> Vec<OsString> {
+    let path = |name: &str| folder.join(name).into_os_string();
+    let mut all: Vec<OsString> = vec!["campaign".into(), flights.into(), "--out".into(), path(out)];
+    all.extend(more.iter().map(OsString::from));
+    if !more.contains(&"--pipeline") {
+        all.extend(["--pipeline".into(), path("known.toml")]);
+    }
+    all
+}
+
+fn record(out: &Path) -> CampaignRecord {
+    serde_json::from_slice(&fs::read(out.join("campaign.json")).unwrap()).unwrap()
+}
+
+/// The logs in a folder, one of each kind of file.
+fn one_of_each(folder: &Path) -> Vec<PathBuf> {
+    let mut open = vec![folder.to_owned()];
+    let mut found: Vec<PathBuf> = vec![];
+    while let Some(folder) = open.pop() {
+        let mut entries: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        entries.sort();
+        for path in entries {
+            let is_new =
+                path.extension().is_some_and(|ending| !found.iter().any(|known| known.extension() == Some(ending)));
+            match path.is_dir() {
+                true => open.push(path),
+                false if is_new && path.extension() != Some(OsStr::new("json")) => found.push(path),
+                false => {}
+            }
+        }
+    }
+    found
+}
+
+/// Runs the command on a log whose `nth` read fails. `None` if there is no such read, or no strace here.
+fn with_failing_read(log: &Path, nth: usize, error: &str) -> Option<Output> {
+    let trace = tempfile::NamedTempFile::new().unwrap();
+    let program = flightlag([""]).get_program().to_owned();
+    let mut command = Command::new("strace");
+    command.args(["-f", "-qq", "-o"]).arg(trace.path()).arg("-P").arg(log);
+    command.args(["-e", "trace=read,pread64", "-e", &format!("inject=read,pread64:error={error}:when={nth}")]);
+    let output = command.arg(program).arg("inspect").arg(log).output().ok()?;
+    fs::read_to_string(trace.path()).unwrap().contains("INJECTED").then_some(output)
+}
+
+/// Reads that fail, each `step`-th; how many failed.
+fn failing_reads(log: &Path, step: usize) -> usize {
+    let name = log.file_name().unwrap().to_str().unwrap();
+    let mut failed = 0;
+    for nth in (1..).step_by(step) {
+        let mut any = false;
+        for error in ["EIO", "ESTALE"] {
+            let Some(output) = with_failing_read(log, nth, error) else { continue };
+            (any, failed) = (true, failed + 1);
+            let (code, said) = (output.status.code(), text(&output.stderr));
+            // A look at the first bytes alone may do without the rest of them.
+            let is_whole = code == Some(0) && text(&output.stdout).contains(" 0 damaged");
+            let is_error = code == Some(1) && said.contains(name) && said.contains("os error");
+            assert!(is_whole || is_error, "{name}, read {nth}, {error}: {code:?}\n{said}\n{}", text(&output.stdout));
+        }
+        if !any {
+            break;
+        }
+    }
+    failed
+}
+
+fn packed(log: &Path) -> PathBuf {
+    let packed = log.with_extension("csv.zst");
+    fs::write(&packed, zstd::encode_all(&*fs::read(log).unwrap(), 3).unwrap()).unwrap();
+    packed
+}
+
+fn failing_logs(step: usize) {
+    let folder = flights(8);
+    let mut logs = one_of_each(&folder.path().join("flights"));
+    let table = logs.iter().find(|log| log.extension() == Some(OsStr::new("csv"))).cloned();
+    logs.extend(table.map(|table| packed(&table)));
+    for log in logs {
+        let failed = failing_reads(&log, step);
+        if failed == 0 {
+            println!("skipped: no strace here, or it may not trace");
+            return;
+        }
+        println!("{}: {failed} reads failed", log.display());
+    }
+}
+
+#[test]
+fn a_disk_that_fails_below_a_log_is_an_error_with_the_file_and_no_damage() {
+    failing_logs(45);
+}
+
+#[test]
+#[ignore = "minutes; `just faults-runs`"]
+fn a_disk_that_fails_at_any_read_is_an_error_with_the_file_and_no_damage() {
+    failing_logs(1);
+}
+
+#[test]
+fn what_is_no_file_is_refused_by_every_command_and_nothing_waits_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    assert!(Command::new("mkfifo").arg(path("pipe.csv")).status().unwrap().success());
+    let _socket = std::os::unix::net::UnixListener::bind(path("socket.csv")).unwrap();
+    fs::create_dir(path("folder.csv")).unwrap();
+    std::os::unix::fs::symlink(path("gone.csv"), path("dangling.csv")).unwrap();
+    std::os::unix::fs::symlink(path("circle.csv"), path("circle.csv")).unwrap();
+    let odd = ["pipe.csv", "socket.csv", "folder.csv", "dangling.csv", "circle.csv", "/dev/zero", "/dev/null", "-"];
+    for log in odd {
+        let log = if log.starts_with(['/', '-']) { PathBuf::from(log) } else { path(log) };
+        let out = path("out");
+        for arguments in [
+            vec![OsStr::new("inspect"), log.as_os_str()],
+            vec![OsStr::new("delay"), log.as_os_str()],
+            vec![
+                OsStr::new("export"),
+                log.as_os_str(),
+                OsStr::new("--to"),
+                OsStr::new("csv"),
+                OsStr::new("--out"),
+                out.as_os_str(),
+            ],
+            vec![OsStr::new("recover"), log.as_os_str(), out.as_os_str()],
+        ] {
+            let mut command = flightlag(&arguments);
+            let output = command.current_dir(folder.path()).stdin(Stdio::null()).output().unwrap();
+            let (code, said) = (output.status.code(), text(&output.stderr));
+            assert!(matches!(code, Some(1 | 2)), "{arguments:?}: {code:?} {said}");
+            let name = log.file_name().map_or("-".into(), |name| name.to_string_lossy().into_owned());
+            assert!(said.contains(&name), "{arguments:?}: {said}");
+            assert!(!out.exists(), "{arguments:?}");
+        }
+    }
+}
+
+/// A tree of every shape, with `count` logs that can be read.
+fn odd_tree(root: &Path, log: &[u8]) -> usize {
+    let plain: [&[u8]; 16] = [
+        b"-rf.mcap",
+        b"a\nb.mcap",
+        b"q\"uo'te.mcap",
+        b"50%25 %s.mcap",
+        "\u{1f681}.mcap".as_bytes(),
+        "abc\u{202e}gpj.mcap".as_bytes(),
+        b"\xff\xfe.mcap",
+        b"Twin.mcap",
+        b"twin.mcap",
+        b"one/same.mcap",
+        b"two/same.mcap",
+        b"con.mcap",
+        b"a\\b.mcap",
+        b"<script>alert(1)<.mcap",
+        b"\x01\x7f.mcap",
+        b" blank .mcap",
+    ];
+    let long = [&[b'x'; 250][..], b".mcap"].concat();
+    let mut names: Vec<&OsStr> = plain.iter().map(|name| OsStr::from_bytes(name)).collect();
+    names.push(OsStr::from_bytes(&long));
+    for name in &names {
+        let path = root.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, log).unwrap();
+    }
+    // Not logs of their own: the same file by other names, and circles.
+    fs::hard_link(root.join("Twin.mcap"), root.join("zz-hard.mcap")).unwrap();
+    std::os::unix::fs::symlink("Twin.mcap", root.join("zz-link.mcap")).unwrap();
+    std::os::unix::fs::symlink(".", root.join("here")).unwrap();
+    std::os::unix::fs::symlink("circle-b", root.join("circle-a")).unwrap();
+    std::os::unix::fs::symlink("circle-a", root.join("circle-b")).unwrap();
+    assert!(Command::new("mkfifo").arg(root.join("pipe.mcap")).status().unwrap().success());
+    drop(std::os::unix::net::UnixListener::bind(root.join("socket.mcap")).unwrap());
+    // A path of more than 4096 bytes, which can only be made step by step.
+    let deep =
+        "d=$(printf 'd%.0s' $(seq 200)); for i in $(seq 24); do mkdir $d && cd $d || exit 1; done; cat > deep.mcap";
+    let mut made = Command::new("bash").args(["-c", deep]).current_dir(root).stdin(Stdio::piped()).spawn().unwrap();
+    std::io::Write::write_all(&mut made.stdin.take().unwrap(), log).unwrap();
+    assert!(made.wait().unwrap().success());
+    names.len()
+}
+
+#[test]
+fn each_real_log_of_an_odd_tree_is_one_flight_with_a_page_of_its_own() {
+    let folder = flights(1);
+    let log = one_of_each(&folder.path().join("flights"));
+    let log = fs::read(log.iter().find(|log| log.extension() == Some(OsStr::new("mcap"))).unwrap()).unwrap();
+    let tree = folder.path().join("odd");
+    let count = odd_tree(&tree, &log);
+    // Some links and the deep path cannot be read: they are rows, and the others have their pages.
+    run(campaign(folder.path(), &tree, "one", &["--quiet"]), 3);
+    let report = folder.path().join("one");
+    let record = record(&report);
+    let (failed, read): (Vec<_>, Vec<_>) =
+        record.flights.iter().partition(|row| matches!(row.outcome, Outcome::Failed { .. }));
+    assert_eq!(read.len(), count, "{:?}", read.iter().map(|row| &row.flight).collect::<Vec<_>>());
+    assert_eq!(failed.len(), 3, "{:?}", failed.iter().map(|row| &row.flight).collect::<Vec<_>>());
+    let pages: BTreeSet<String> = record.flights.iter().map(|row| row.page.to_string().to_lowercase()).collect();
+    assert_eq!(pages.len(), record.flights.len(), "no two pages are the same on a file system without capitals");
+    let root = report.canonicalize().unwrap();
+    for row in &record.flights {
+        assert!(report.join(row.page.to_string()).canonicalize().unwrap().starts_with(&root), "{}", row.page);
+    }
+}
+
+/// What is begun while a campaign is under way on the same report.
+const SECOND: [&str; 6] = ["same", "other pipeline", "verify", "gc", "status", "killed first"];
+
+/// Two runs on one report, the second so many milliseconds after the first. Each ends well or refuses; a run after both has
+/// the bytes of a run alone.
+fn two_runs(folder: &Path, whole: &Path, kind: &str, later_ms: u64, out: &str) {
+    let flights = folder.join("flights");
+    let arguments = |more: &[&str]| campaign(folder, &flights, out, more);
+    let quiet = |arguments: Vec<OsString>| {
+        let mut command = flightlag(arguments);
+        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        command
+    };
+    let mut first = quiet(arguments(&["--quiet"])).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(later_ms));
+    let report = folder.join(out).into_os_string();
+    let second = match kind {
+        "other pipeline" => arguments(&["--quiet", "--pipeline", folder.join("other.toml").to_str().unwrap()]),
+        "verify" => arguments(&["--quiet", "--verify"]),
+        "gc" => vec!["gc".into(), report],
+        "status" => vec!["status".into(), report],
+        _ => arguments(&["--quiet"]),
+    };
+    if kind == "killed first" {
+        first.kill().unwrap();
+    }
+    let second = quiet(second).output().unwrap();
+    let first = first.wait_with_output().unwrap();
+    for output in [&first, &second] {
+        let said = text(&output.stderr);
+        let is_killed = kind == "killed first" && output.status.signal() == Some(9);
+        let refused =
+            matches!(output.status.code(), Some(1 | 2 | 75)) && !said.is_empty() && !said.contains("panicked");
+        assert!(output.status.success() || is_killed || refused, "{kind}, {later_ms} ms: {} {said}", output.status);
+    }
+    assert!(is_well(&first) || is_well(&second) || kind == "killed first", "{kind}, {later_ms} ms: both refuse");
+    run(arguments(&["--quiet"]), 0);
+    assert_same(&results(&folder.join(out)), &results(whole));
+}
+
+fn is_well(output: &Output) -> bool {
+    output.status.success()
+}
+
+fn interleavings(kinds: &[&str], each: u64) {
+    let folder = flights(3);
+    run(campaign(folder.path(), &folder.path().join("flights"), "whole", &["--quiet"]), 0);
+    let whole = folder.path().join("whole");
+    for kind in kinds {
+        for turn in 0..each {
+            let out = format!("{}-{turn}", kind.replace(' ', "-"));
+            two_runs(folder.path(), &whole, kind, 7 + turn * 900 / each, &out);
+        }
+    }
+}
+
+#[test]
+fn two_runs_on_one_report_never_mix() {
+    interleavings(&["same", "other pipeline", "gc"], 2);
+}
+
+#[test]
+#[ignore = "minutes; `just faults-runs`"]
+fn two_runs_of_any_kind_on_one_report_never_mix_at_fifty_moments() {
+    interleavings(&SECOND, 50);
+}
+
+/// The same flights, so many times, with whatever must not matter.
+fn repeated(times: usize) {
+    let folder = flights(4);
+    run(campaign(folder.path(), &folder.path().join("flights"), "whole", &["--quiet"]), 0);
+    let whole = results(&folder.path().join("whole"));
+    let zones = ["Asia/Kathmandu", "America/St_Johns", "UTC", ""];
+    let languages = ["de_DE.UTF-8", "tr_TR.UTF-8", "C", "ja_JP.EUC-JP"];
+    for turn in 0..times {
+        // Another place, and files that were made in another order: what a folder lists first is another one.
+        let place = folder.path().join(format!("place-{turn}/{}", "deeper/".repeat(turn % 3)));
+        let mut files = all_files(&folder.path().join("flights"));
+        files.rotate_left(turn % 5);
+        if turn % 2 == 0 {
+            files.reverse();
+        }
+        for (name, bytes) in files {
+            let path = place.join("flights").join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, bytes).unwrap();
+        }
+        let threads = ["1", "2", "8"][turn % 3];
+        let mut command = flightlag(campaign(
+            folder.path(),
+            &place.join("flights"),
+            &format!("out-{turn}"),
+            &["--quiet", "--threads", threads],
+        ));
+        let language = languages[turn % 4];
+        command.env("TZ", zones[turn % 4]).env("LANG", language).env("LC_ALL", language);
+        command.env("RUST_BACKTRACE", "1").current_dir(&place);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{turn}: {}", text(&output.stderr));
+        assert_same(&results(&folder.path().join(format!("out-{turn}"))), &whole);
+        fs::remove_dir_all(folder.path().join(format!("out-{turn}"))).unwrap();
+    }
+}
+
+fn all_files(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    crate::program::tree(root).into_iter().collect()
+}
+
+#[test]
+fn place_order_threads_zone_and_language_change_no_byte() {
+    repeated(3);
+}
+
+#[test]
+#[ignore = "minutes; `just faults-runs`"]
+fn twenty_runs_in_twenty_surroundings_have_the_same_bytes() {
+    repeated(20);
+}

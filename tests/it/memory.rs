@@ -1,0 +1,212 @@
+//! Peak memory of the command: 256 MiB above the columns that are asked for, whatever the input is.
+//!
+//! The usual tests have a quarter of the input, and of the bound what it leaves above the program itself. `just memory` has
+//! the whole ones.
+#![cfg(target_os = "linux")]
+
+use crate::program::flightlag;
+use std::ffi::OsString;
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+const MIB: u64 = 1 << 20;
+/// What is promised above the columns.
+const PROMISED: u64 = 256 * MIB;
+/// Of it, what the program takes before it reads anything, at most.
+const PROGRAM: u64 = 48 * MIB;
+
+/// How much of an input is read.
+#[derive(Clone, Copy, PartialEq)]
+enum Size {
+    Quarter,
+    Whole,
+}
+
+impl Size {
+    fn of(self, whole: u64) -> u64 {
+        if self == Size::Whole { whole } else { whole / 4 }
+    }
+
+    /// Memory for columns of so many cells, bytes.
+    fn bound(self, cells: u64) -> u64 {
+        PROGRAM + self.of(PROMISED - PROGRAM) + 8 * cells
+    }
+}
+
+/// Runs the command to its end, with one of these exit codes. Gives the most memory that was resident.
+fn peak(arguments: &[&str], paths: &[&Path], exits: &[i32]) -> u64 {
+    let all = arguments.iter().map(OsString::from).chain(paths.iter().map(|path| path.into()));
+    let mut command = flightlag(all.collect::<Vec<OsString>>());
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let status = PathBuf::from(format!("/proc/{}/status", child.id()));
+    let mut peak = 0;
+    loop {
+        // Of a process that has ended nothing is said any more: the last look decides. What it holds only grows.
+        let said = fs::read_to_string(&status).unwrap_or_default();
+        let kib = said.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok());
+        peak = kib.unwrap_or(0_u64).max(peak);
+        if let Some(exit) = child.try_wait().unwrap() {
+            assert!(exits.contains(&exit.code().unwrap()), "{arguments:?}: {exit}");
+            return peak << 10;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[track_caller]
+fn assert_bound(what: &str, size: Size, cells: u64, peak: u64) {
+    let bound = size.bound(cells);
+    println!("{what}: {} MiB of {} MiB", peak / MIB, bound / MIB);
+    assert!(peak <= bound, "{what}: {} MiB, more than {} MiB", peak / MIB, bound / MIB);
+}
+
+/// Rows of a position each tenth of a second, in about so many bytes, and how many.
+fn places(out: &mut dyn Write, bytes: u64, open_quote: bool) -> u64 {
+    out.write_all(b"time_s,latitude_deg,longitude_deg\n").unwrap();
+    let (mut row, mut rows, mut written) = (String::new(), 0, 0);
+    while written < bytes {
+        let t = rows as f64 * 0.1;
+        row.clear();
+        let quote = if open_quote && rows == 1000 { "\"" } else { "" };
+        let (latitude, longitude) = (37.6 + 0.01 * (t / 60.0).sin(), 127.0 + 0.01 * (t / 60.0).cos());
+        writeln!(row, "{quote}{t:.1},{latitude:.5},{longitude:.5}").unwrap();
+        out.write_all(row.as_bytes()).unwrap();
+        written += row.len() as u64;
+        rows += 1;
+    }
+    rows
+}
+
+struct Table {
+    folder: tempfile::TempDir,
+    path: PathBuf,
+    rows: u64,
+}
+
+fn table(bytes: u64, open_quote: bool) -> Table {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("places.csv");
+    let mut out = BufWriter::new(File::create(&path).unwrap());
+    let rows = places(&mut out, bytes, open_quote);
+    out.flush().unwrap();
+    Table { folder, path, rows }
+}
+
+fn tables(size: Size, bytes: u64) {
+    for (open_quote, what) in [(false, "rows of a table"), (true, "rows below a quote that is never closed")] {
+        let table = table(size.of(bytes), open_quote);
+        let said = format!("{what}, {} rows", table.rows);
+        assert_bound(&said, size, 3 * table.rows, peak(&["inspect"], &[&table.path], &[0, 3]));
+        if size == Size::Whole {
+            assert_bound(&format!("{said}: delay"), size, 3 * table.rows, peak(&["delay"], &[&table.path], &[0, 1, 3]));
+            let out = table.folder.path().join("out");
+            let paths = [table.path.as_path(), Path::new("--out"), &out];
+            let whole = peak(&["export", "--topics", "--to", "csv"], &paths, &[0, 3]);
+            assert_bound(&format!("{said}: export"), size, 3 * table.rows, whole);
+        }
+    }
+}
+
+#[test]
+fn a_table_takes_the_memory_of_its_columns() {
+    tables(Size::Quarter, 64 << 20);
+}
+
+#[test]
+#[ignore = "a minute; `just memory`"]
+fn a_table_of_256_mib_takes_the_memory_of_its_columns() {
+    tables(Size::Whole, 256 << 20);
+}
+
+/// A line without an end, as it stands and packed a thousandfold; nothing of it is a table.
+fn one_line(size: Size, bytes: u64) {
+    let folder = tempfile::tempdir().unwrap();
+    let (plain, packed) = (folder.path().join("line.csv"), folder.path().join("line.csv.zst"));
+    let mut file = BufWriter::new(File::create(&plain).unwrap());
+    let mut zstd = zstd::Encoder::new(File::create(&packed).unwrap(), 1).unwrap();
+    let head = b"time_s,latitude_deg,longitude_deg\n0.0,37.6,127.0\n0.1,37.6,127.0\n";
+    file.write_all(head).unwrap();
+    zstd.write_all(head).unwrap();
+    let part = vec![b'1'; 1 << 20];
+    for _ in 0..size.of(bytes) >> 20 {
+        file.write_all(&part).unwrap();
+        zstd.write_all(&part).unwrap();
+    }
+    file.flush().unwrap();
+    zstd.finish().unwrap();
+    for path in [&plain, &packed] {
+        assert_bound("one line", size, 0, peak(&["inspect"], &[path], &[0, 1, 3]));
+    }
+}
+
+#[test]
+fn a_line_without_end_is_not_taken_into_memory() {
+    one_line(Size::Quarter, 256 << 20);
+}
+
+#[test]
+#[ignore = "a minute; `just memory`"]
+fn a_line_of_a_gibibyte_is_not_taken_into_memory() {
+    one_line(Size::Whole, 1 << 30);
+}
+
+/// A log of many topics with two messages each.
+fn topics(path: &Path, topics: u64) {
+    let mut writer = mcap::Writer::new(BufWriter::new(File::create(path).unwrap())).unwrap();
+    let schema =
+        writer.add_schema("geometry_msgs/msg/Vector3", "ros2msg", b"float64 x\nfloat64 y\nfloat64 z\n").unwrap();
+    let channels: Vec<u16> = (0..topics)
+        .map(|n| writer.add_channel(schema, &format!("/topic/{n:05}"), "cdr", &Default::default()).unwrap())
+        .collect();
+    let payload = [&[0, 1, 0, 0][..], &[0; 24]].concat();
+    for (step, channel_id) in (0..2).flat_map(|_| channels.iter()).enumerate() {
+        let log_time = 1_700_000_000_000_000_000 + 1000 * step as u64;
+        let header =
+            mcap::records::MessageHeader { channel_id: *channel_id, sequence: 0, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, &payload).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+fn many_topics(size: Size, commands: &[&str]) {
+    const COLUMNS: u64 = 5;
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("many.mcap"), folder.path().join("out"));
+    let count = size.of(65_000);
+    topics(&log, count);
+    for to in commands {
+        let whole = peak(&["export", "--topics", "--to", to], &[&log, Path::new("--out"), &out], &[0]);
+        // The first topics have statistics of their stamps, and take more than the others: half of the bound is for a quarter.
+        let bound = PROMISED / if size == Size::Whole { 1 } else { 2 } + 8 * 2 * COLUMNS * count;
+        println!("{count} topics as {to}: {} MiB of {} MiB", whole / MIB, bound / MIB);
+        assert!(whole <= bound, "{count} topics as {to}: {} MiB, more than {} MiB", whole / MIB, bound / MIB);
+        let _ = fs::remove_file(&out).or_else(|_| fs::remove_dir_all(&out));
+    }
+}
+
+#[test]
+fn a_log_of_many_topics_is_exported_topic_by_topic() {
+    many_topics(Size::Quarter, &["mcap"]);
+}
+
+#[test]
+#[ignore = "a minute; `just memory`"]
+fn a_log_of_65_000_topics_is_exported_topic_by_topic() {
+    many_topics(Size::Whole, &["mcap", "csv", "parquet"]);
+}
+
+#[test]
+fn a_sparse_log_of_a_hundred_gigabytes_takes_no_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("sparse.mcap");
+    topics(&log, 10);
+    if let Err(error) = File::options().write(true).open(&log).unwrap().set_len(100_000_000_000) {
+        println!("skipped: no sparse file of that size here: {error}");
+        return;
+    }
+    assert_bound("a sparse log", Size::Quarter, 0, peak(&["inspect"], &[&log], &[3]));
+}
