@@ -36,7 +36,7 @@ fn campaign(folder: &Path, flights: &Path, out: &str, more: &[&str]) -> Vec<OsSt
 }
 
 fn record(out: &Path) -> CampaignRecord {
-    serde_json::from_slice(&fs::read(out.join("campaign.json")).unwrap()).unwrap()
+    campaign::read_report(out).unwrap().unwrap()
 }
 
 /// The logs in a folder, one of each kind of file.
