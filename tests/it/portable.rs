@@ -4,8 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Files that may name an operating system.
-const NAMED_FOR_IT: [&str; 7] = [
+const NAMED_FOR_IT: [&str; 8] = [
     "campaign/src/disk.rs",
+    "campaign/src/fetch/cache.rs",
     "campaign/src/memory.rs",
     "convert/src/guard.rs",
     "flightlag/src/stop.rs",
