@@ -61,5 +61,5 @@ if [ -e "${tables[0]}" ]; then
     printf '%-34s %10.1f kB\n' "largest of ${#tables[@]} pages of the table" "$(($(stat -c %s "${tables[@]}" | sort -n | tail -n 1) / 100))e-1"
 fi
 files=$(find "$out/flights" "$out/by-key" -type f | wc -l)
-bytes=$(du -sb --apparent-size "$out/flights" "$out/by-key" | awk '{ sum += $1 } END { print sum }')
+bytes=$(du -sb --apparent-size "$out/flights" "$out/by-key" | awk '{ sum += $1 } END { printf "%.0f", sum }')
 echo "results of a flight: $((bytes / (flights + 1) / 1000)) kB in $((files / (flights + 1))) files"
