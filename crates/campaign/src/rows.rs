@@ -61,7 +61,12 @@ pub fn read_report(report: &Path) -> Result<Option<CampaignRecord>, (PathBuf, St
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err((path, format!("cannot be read: {e}"))),
     };
-    let rows = std::fs::read(report.join(ROWS)).map_err(|e| (report.join(ROWS), format!("cannot be read: {e}")))?;
+    let rows = std::fs::read(report.join(ROWS)).map_err(|e| match e.kind() {
+        io::ErrorKind::NotFound => {
+            (path.clone(), format!("is without {ROWS}, as an earlier flightlag wrote it; run the campaign again"))
+        }
+        _ => (report.join(ROWS), format!("cannot be read: {e}")),
+    })?;
     unpacked(&text, &rows).map(Some).map_err(|what| (path, format!("is damaged: {what}")))
 }
 

@@ -18,8 +18,9 @@ pub(crate) fn write_site(out: &Path, site: &Site, texts: &[(&str, &str)]) -> Res
     }
     let texts = texts.iter().map(|(name, text)| (*name, text.as_bytes()));
     // The page last: it is complete when it is there.
+    let pages = site.to_write();
     let mut files: Vec<(&str, &[u8])> =
-        texts.chain(site.files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()))).collect();
+        texts.chain(pages.iter().map(|(name, bytes)| (*name, bytes.as_ref()))).collect();
     files.sort_by_key(|(name, _)| *name == "index.html");
     for (name, bytes) in files {
         history::write_file(&out.join(name), bytes)?;
