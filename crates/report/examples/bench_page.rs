@@ -33,7 +33,7 @@ fn main() -> std::io::Result<()> {
 const COMMAND: &str = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig pipelines/bench.rig.toml";
 
 fn write(folder: &Path, site: &Site) -> std::io::Result<()> {
-    for (path, bytes) in &site.files {
+    for (path, bytes) in site.to_write() {
         let path = folder.join(path);
         std::fs::create_dir_all(path.parent().unwrap_or(folder))?;
         std::fs::write(path, bytes)?;

@@ -9,7 +9,7 @@ use report::{FlightPage, Site, TrackExcerpt, campaign_site, flight_site};
 use std::path::Path;
 
 fn write(folder: &Path, site: &Site) -> std::io::Result<()> {
-    for (path, bytes) in &site.files {
+    for (path, bytes) in site.to_write() {
         let file = folder.join(path);
         if let Some(parent) = file.parent() {
             std::fs::create_dir_all(parent)?;

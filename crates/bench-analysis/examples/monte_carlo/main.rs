@@ -44,9 +44,9 @@ fn main() {
         ),
         groups,
     };
-    let mut site = report::monte_carlo_site(&record).files;
-    site.insert("record.json".to_owned(), serde_json::to_vec_pretty(&record).unwrap());
-    for (path, bytes) in &site {
+    let mut site = report::monte_carlo_site(&record);
+    site.files.insert("record.json".to_owned(), serde_json::to_vec_pretty(&record).unwrap());
+    for (path, bytes) in site.to_write() {
         let path = folder.join(path);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, bytes).unwrap();
