@@ -10,8 +10,8 @@ use std::fs;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-use std::time::Duration;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, SystemTime};
 
 /// A folder of short simulated flights in several containers.
 fn flights(count: usize) -> tempfile::TempDir {
@@ -230,7 +230,20 @@ fn each_real_log_of_an_odd_tree_is_one_flight_with_a_page_of_its_own() {
 }
 
 /// What is begun while a campaign is under way on the same report.
-const SECOND: [&str; 6] = ["same", "other pipeline", "verify", "gc", "status", "killed first"];
+const SECOND: [&str; 12] = [
+    "same",
+    "other pipeline",
+    "other flights",
+    "verify",
+    "plan",
+    "gc",
+    "status",
+    "diff",
+    "killed first",
+    "terminated first",
+    "interrupted first",
+    "files of tomorrow",
+];
 
 /// Two runs on one report, the second so many milliseconds after the first. Each ends well or refuses; a run after both has
 /// the bytes of a run alone.
@@ -248,25 +261,62 @@ fn two_runs(folder: &Path, whole: &Path, kind: &str, later_ms: u64, out: &str) {
     let second = match kind {
         "other pipeline" => arguments(&["--quiet", "--pipeline", folder.join("other.toml").to_str().unwrap()]),
         "verify" => arguments(&["--quiet", "--verify"]),
+        "other flights" => campaign(folder, &folder.join("flights-2"), out, &["--quiet"]),
+        "plan" => {
+            let path = |path: &Path| path.as_os_str().to_owned();
+            let [verb, stage, to] = ["campaign", "plan", "--out"].map(OsString::from);
+            vec![verb, stage, path(&flights), to, report, "--pipeline".into(), path(&folder.join("known.toml"))]
+        }
         "gc" => vec!["gc".into(), report],
         "status" => vec!["status".into(), report],
+        "diff" => vec!["diff".into(), whole.into(), report],
         _ => arguments(&["--quiet"]),
     };
-    if kind == "killed first" {
-        first.kill().unwrap();
+    match kind {
+        "killed first" => first.kill().unwrap(),
+        "terminated first" => signal(&first, "TERM"),
+        "interrupted first" => signal(&first, "INT"),
+        // A clock that was set back leaves such files.
+        "files of tomorrow" => touch_tomorrow(&folder.join(out).join(".flightlag")),
+        _ => {}
     }
     let second = quiet(second).output().unwrap();
     let first = first.wait_with_output().unwrap();
     for output in [&first, &second] {
         let said = text(&output.stderr);
-        let is_killed = kind == "killed first" && output.status.signal() == Some(9);
+        let is_killed = kind == "killed first" && output.status.signal() == Some(9)
+            || kind == "terminated first"
+                && matches!((output.status.code(), output.status.signal()), (Some(143), _) | (_, Some(15)))
+            || kind == "interrupted first"
+                && matches!((output.status.code(), output.status.signal()), (Some(130), _) | (_, Some(2)));
         let refused =
             matches!(output.status.code(), Some(1 | 2 | 75)) && !said.is_empty() && !said.contains("panicked");
         assert!(output.status.success() || is_killed || refused, "{kind}, {later_ms} ms: {} {said}", output.status);
     }
-    assert!(is_well(&first) || is_well(&second) || kind == "killed first", "{kind}, {later_ms} ms: both refuse");
-    run(arguments(&["--quiet"]), 0);
-    assert_same(&results(&folder.join(out)), &results(whole));
+    assert!(is_well(&first) || is_well(&second) || kind.ends_with(" first"), "{kind}, {later_ms} ms: both refuse");
+    // Whoever was first keeps the report of these flights.
+    let others_won = kind == "other flights" && !is_well(&first);
+    let (flights, whole) = if others_won {
+        (folder.join("flights-2"), whole.with_file_name("whole-2"))
+    } else {
+        (flights.clone(), whole.to_owned())
+    };
+    run(campaign(folder, &flights, out, &["--quiet"]), 0);
+    assert_same(&results(&folder.join(out)), &results(&whole));
+}
+
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args(["-s", name, &child.id().to_string()]).status().unwrap().success());
+}
+
+/// Gives the files of a folder, if it is there, a time of a day ahead.
+fn touch_tomorrow(folder: &Path) {
+    let tomorrow = SystemTime::now() + Duration::from_secs(86_400);
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        // A temporary file may be gone by now.
+        let Ok(file) = fs::File::options().write(true).open(entry.path()) else { continue };
+        file.set_modified(tomorrow).unwrap();
+    }
 }
 
 fn is_well(output: &Output) -> bool {
@@ -275,7 +325,9 @@ fn is_well(output: &Output) -> bool {
 
 fn interleavings(kinds: &[&str], each: u64) {
     let folder = flights(3);
+    simulate::write_campaign(&folder.path().join("flights-2"), 2, 20.0, 8).unwrap();
     run(campaign(folder.path(), &folder.path().join("flights"), "whole", &["--quiet"]), 0);
+    run(campaign(folder.path(), &folder.path().join("flights-2"), "whole-2", &["--quiet"]), 0);
     let whole = folder.path().join("whole");
     for kind in kinds {
         for turn in 0..each {
