@@ -1,10 +1,9 @@
 //! The frames of MCAP records, as far as they must be understood before a record is taken.
 
 use crate::bytes::Bytes;
-use crate::error::IngestError;
 use crate::format::inflate::Codec;
 use crate::format::unpacker::Packed;
-use logscan::LogFile;
+use logscan::{LogFile, ScanError};
 use mcap::records::{Record, op};
 use std::ops::Range;
 
@@ -34,7 +33,7 @@ pub(super) struct Head {
 
 impl Head {
     /// `None` if the file ends before the head does. The record may still reach past the end.
-    pub(super) fn read(file: &mut LogFile, start: u64) -> Result<Option<Head>, IngestError> {
+    pub(super) fn read(file: &mut LogFile, start: u64) -> Result<Option<Head>, ScanError> {
         let Some([opcode, length @ ..]) = file.peek::<{ HEAD_BYTES as usize }>(start)? else { return Ok(None) };
         let length = u64::from_le_bytes(length);
         let end = (start + HEAD_BYTES).saturating_add(length);
@@ -48,7 +47,7 @@ impl Head {
 
     /// Where the record ends by what it holds, if it tells and that is not where its length leads. `None` too if less was
     /// written than it holds.
-    pub(super) fn own_end(&self, file: &mut LogFile) -> Result<Option<u64>, IngestError> {
+    pub(super) fn own_end(&self, file: &mut LogFile) -> Result<Option<u64>, ScanError> {
         let content = self.start + HEAD_BYTES;
         let end = match self.opcode {
             op::CHUNK => match ChunkHead::stated(file, self)? {
@@ -196,13 +195,13 @@ pub(super) struct ChunkHead {
 
 impl ChunkHead {
     /// Reads and checks the head; what is wrong is for people.
-    pub(super) fn read(file: &mut LogFile, head: &Head) -> Result<Result<ChunkHead, String>, IngestError> {
+    pub(super) fn read(file: &mut LogFile, head: &Head) -> Result<Result<ChunkHead, String>, ScanError> {
         let parsed = ChunkHead::stated(file, head)?.ok_or_else(|| "the chunk's own header is cut".to_owned());
         Ok(parsed.and_then(|inner| inner).and_then(|chunk| chunk.fits_in(head)))
     }
 
     /// The head as it stands there.
-    fn stated(file: &mut LogFile, head: &Head) -> Result<Option<Result<ChunkHead, String>>, IngestError> {
+    fn stated(file: &mut LogFile, head: &Head) -> Result<Option<Result<ChunkHead, String>>, ScanError> {
         let most = head.length.saturating_add(HEAD_BYTES).min(CHUNK_HEAD_BYTES as u64) as usize;
         Ok(ChunkHead::parse(file.up_to(head.start, most)?))
     }
@@ -238,7 +237,7 @@ impl ChunkHead {
     }
 
     /// The chunk of the record at `at`, if it is one.
-    pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
+    pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, ScanError> {
         let Some(head) = Head::read(file, at)?.filter(|head| head.opcode == op::CHUNK && head.end <= file.size())
         else {
             return Ok(None);
