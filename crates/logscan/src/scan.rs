@@ -204,8 +204,10 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
     fn holds_a_start(&mut self, at: u64, length: usize) -> Result<bool, ScanError> {
         let mut from = 1;
         while from < length {
-            let start = start_in::<F>(self.source.bytes(at, length)?.unwrap_or_default(), from);
-            if start < length && matches!(self.parse(at + start as u64)?, Parsed::Frame(_, Trust::Proven)) {
+            // As far as a log that begins with the last byte.
+            let start = start_in::<F>(self.source.up_to(at, length + F::START.len() - 1)?, from);
+            let is_one = |parsed| matches!(parsed, Parsed::Frame(_, Trust::Proven) | Parsed::Long(_, Trust::Proven));
+            if start < length && is_one(self.parse(at + start as u64)?) {
                 return Ok(true);
             }
             from = start.saturating_add(1);

@@ -48,6 +48,17 @@ pub trait Source {
         Ok(self.bytes(offset, there)?.unwrap_or_default())
     }
 
+    /// A look at the next few bytes from far away, which leaves what is held as it is; at the end of the source there are fewer.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    fn look<'s, const N: usize>(&mut self, offset: u64, space: &'s mut [u8; N]) -> Result<&'s [u8], ScanError> {
+        let bytes = self.up_to(offset, N)?;
+        let space = space.get_mut(..bytes.len()).unwrap_or_default();
+        space.copy_from_slice(bytes);
+        Ok(space)
+    }
+
     /// Tells the surroundings that the walk has come to `offset`.
     ///
     /// # Errors
@@ -73,6 +84,15 @@ impl Source for LogFile {
 
     fn ahead(&mut self, offset: u64, least: usize, most: usize) -> Result<&[u8], ScanError> {
         LogFile::ahead(self, offset, least, most)
+    }
+
+    fn look<'s, const N: usize>(&mut self, offset: u64, space: &'s mut [u8; N]) -> Result<&'s [u8], ScanError> {
+        let there = self.size.saturating_sub(offset).min(N as u64) as usize;
+        match self.peek::<N>(offset)? {
+            Some(bytes) => *space = bytes,
+            None => self.read(space.get_mut(..there).unwrap_or_default(), offset)?,
+        }
+        Ok(space.get(..there).unwrap_or_default())
     }
 
     fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), ScanError> {
