@@ -114,8 +114,8 @@ impl Source for &[u8] {
         Ok(start.and_then(|start| self.get(start..start.checked_add(length)?)))
     }
 
-    fn ahead(&mut self, offset: u64, _least: usize, _most: usize) -> Result<&[u8], ScanError> {
-        Ok(usize::try_from(offset).ok().and_then(|start| self.get(start..)).unwrap_or_default())
+    fn ahead(&mut self, offset: u64, _least: usize, most: usize) -> Result<&[u8], ScanError> {
+        self.up_to(offset, most)
     }
 }
 
