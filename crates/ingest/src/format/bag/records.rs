@@ -20,7 +20,7 @@ use std::borrow::Cow;
 /// Said of a file that does not begin as a bag does.
 pub(super) const WRONG_START: &str = "the line that begins the file is wrong";
 /// Records up to this length are taken as they lie in memory, bytes.
-pub(super) const LONGEST: usize = 16 << 10;
+pub(super) const LONGEST: usize = 5 << 10;
 /// Bytes read together with a compressed chunk, for a look at what follows.
 const AHEAD: u64 = LONGEST as u64 + 64;
 /// The shortest header says its type: a length, and `op=` with a byte.
