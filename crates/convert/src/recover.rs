@@ -7,7 +7,7 @@ use crate::guard::{Unchanged, may_write};
 use crate::output::Output;
 use crate::recording::{Content, Entry, Recording, Tally};
 use crate::row_time::{self, LogTime, RowTime};
-use flight::{LogHealth, Notices, Severity};
+use flight::{Code, LogHealth, Notices, Severity};
 use ingest::{
     Extra, FlightUnit, LogKind, LogReader, MapLibrary, McapReader, MessageSink, OriginalLog, RawMessage, ReadContext,
     Select, Selection, TopicInfo,
@@ -275,7 +275,7 @@ fn topics(health: &LogHealth, content: &Content, notices: &mut Notices) -> Vec<R
         let written = content.topics.get(name).map_or(0, |t| t.count);
         if written < found {
             let text = "messages that were found and could not be written";
-            notices.push(Severity::Loss, "not-written", format!("topic {name}"), found - written, text);
+            notices.push(Code::NotWritten, format!("topic {name}"), found - written, text);
         }
         RecoveredTopic { name: name.to_owned(), found, written }
     };
@@ -294,6 +294,6 @@ fn note_rest(recording: &Recording, notices: &mut Notices) {
             "topics whose publishers say different things of themselves (name, latching, quality of service): \
              what the first one says was kept; the first: {first}"
         );
-        notices.push(Severity::Warning, "several-publishers", "", recording.several.len() as u64, text);
+        notices.push(Code::SeveralSources.at(Severity::Warning), "", recording.several.len() as u64, text);
     }
 }

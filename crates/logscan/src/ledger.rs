@@ -1,6 +1,6 @@
 //! Where every byte went. One type for all readers, so that tests can assert the sum.
 
-use flight::{ByteLedger, DamagedRange, LogHealth, Notices, Severity};
+use flight::{ByteLedger, Code, DamagedRange, LogHealth, Notices};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -115,11 +115,11 @@ impl Ledger {
     pub fn finish(self, health: &mut LogHealth, notices: &mut Notices) {
         debug_assert_eq!(self.open(), 0, "bytes without a fate: {:?}", self.bytes);
         for d in &self.damage {
-            notices.push(Severity::Loss, "damaged", place_of(d), d.length, &d.reason);
+            notices.push(Code::Damaged, place_of(d), d.length, &d.reason);
         }
         let unlisted = self.damage_count - self.damage.len() as u64;
         if unlisted > 0 {
-            notices.push(Severity::Loss, "damaged", "", unlisted, "more damaged ranges, counted and not listed");
+            notices.push(Code::Damaged, "", unlisted, "more damaged ranges, counted and not listed");
         }
         for tail in &self.tails {
             let text = format!(
@@ -127,7 +127,7 @@ impl Ledger {
                  log does not say",
                 tail.reason
             );
-            notices.push(Severity::Info, "tail-cut", place_of(tail), tail.length, text);
+            notices.push(Code::TailCut, place_of(tail), tail.length, text);
         }
         health.bytes = self.bytes;
         health.damage = self.damage;

@@ -1,8 +1,9 @@
 //! Alarms of one flight.
 
 use super::counted;
+use flight::Alarm;
 use record::{
-    DelayAlarm, DelayNetwork, DelayOverTime, DelayTerm, DelayTermKind, FlightLateness, Gravity, MeasuredDelay,
+    DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayTerm, DelayTermKind, FlightLateness, MeasuredDelay,
     NetworkDatum, NetworkVerdict,
 };
 use std::collections::BTreeSet;
@@ -25,7 +26,7 @@ pub(super) fn of(
 ) -> Vec<DelayAlarm> {
     let mut alarms = Alarms::default();
     if let Some(text) = out.position_minus_velocity_s.and_then(|apart| other_time_scale(apart.value)) {
-        alarms.raise(Gravity::Red, "other-time-scale", text);
+        alarms.raise(Alarm::OtherTimeScale, text);
     }
     if let Some(over_time) = over_time {
         alarms.over_time(over_time, out.lateness.is_some());
@@ -44,21 +45,21 @@ pub(super) fn of(
 struct Alarms(Vec<DelayAlarm>);
 
 impl Alarms {
-    fn raise(&mut self, gravity: Gravity, code: &str, text: String) {
-        self.0.push(DelayAlarm { gravity, code: code.to_owned(), text });
+    fn raise(&mut self, alarm: Alarm, text: String) {
+        self.0.push(DelayAlarm::of(alarm, text));
     }
 
     /// What the test for a delay that varies found.
     fn over_time(&mut self, found: &DelayOverTime, is_known: bool) {
-        if found.kind.varies() {
-            leap_seconds(&found.terms).into_iter().for_each(|text| self.raise(Gravity::Red, "leap-second", text));
-            self.raise(Gravity::Red, &format!("delay-{}", found.kind.word().replace(' ', "-")), found.words.clone());
+        if let Some(change) = of_change(found.kind) {
+            leap_seconds(&found.terms).into_iter().for_each(|text| self.raise(Alarm::LeapSecond, text));
+            self.raise(change, found.words.clone());
         }
         if let Some(note) = &found.constancy.note {
-            self.raise(Gravity::Grey, "delay-differs-between-parts", note.clone());
+            self.raise(Alarm::DelayDiffersBetweenParts, note.clone());
         }
         if let Some([a, b]) = found.two_delays_fit.filter(|_| is_known) {
-            self.raise(Gravity::Red, "two-delays-fit", format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
+            self.raise(Alarm::TwoDelaysFit, format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
         }
         if let Some(jitter) = &found.jitters {
             let text = format!(
@@ -66,33 +67,33 @@ impl Alarms {
                 1e3 * jitter.standard_deviation_s,
                 jitter.remains_m
             );
-            self.raise(Gravity::Amber, "delay-jitters", text);
+            self.raise(Alarm::DelayJitters, text);
         }
         if !found.late_fixes.is_empty() {
             let text = format!("{} lie far behind the others", counted(found.late_fixes.len(), "fix"));
-            self.raise(Gravity::Amber, "late-fixes", text);
+            self.raise(Alarm::LateFixes, text);
         }
         if !found.bursts.is_empty() {
             let bursts = counted(found.bursts.len(), "burst");
-            self.raise(Gravity::Amber, "bursts", format!("{bursts} of fixes after a pause: they waited in a queue"));
+            self.raise(Alarm::Bursts, format!("{bursts} of fixes after a pause: they waited in a queue"));
         }
-        found.remarks.iter().for_each(|remark| self.raise(Gravity::Grey, "delay-remark", remark.clone()));
+        found.remarks.iter().for_each(|remark| self.raise(Alarm::DelayRemark, remark.clone()));
     }
 
     /// Pairs that contradict each other.
     fn network(&mut self, out: &FlightLateness, network: Option<&DelayNetwork>) {
         match (network, out.verdict) {
             (Some(n), Some(NetworkVerdict::Undecided | NetworkVerdict::Scattered)) => {
-                self.raise(Gravity::Amber, "pairs-disagree", n.verdict_words.clone());
+                self.raise(Alarm::PairsDisagree, n.verdict_words.clone());
             }
             (Some(n), Some(NetworkVerdict::Named)) => {
-                self.raise(Gravity::Amber, "channel-lies", n.verdict_words.clone());
+                self.raise(Alarm::ChannelLies, n.verdict_words.clone());
             }
             _ => {}
         }
         if out.datum == NetworkDatum::Refused {
             let text = network.map(|n| n.datum_words.clone()).unwrap_or_default();
-            self.raise(Gravity::Amber, "datum-refused", text);
+            self.raise(Alarm::DatumRefused, text);
         }
     }
 
@@ -101,12 +102,12 @@ impl Alarms {
         if let Some(rival) = fit.rival_s {
             let delay_ms = 1e3 * fit.delay_s.value;
             let text = format!("{delay_ms:.0} and {:.0} ms explain it almost equally well", 1e3 * rival);
-            self.raise(Gravity::Red, "two-delays-fit", text);
+            self.raise(Alarm::TwoDelaysFit, text);
         }
         let outliers = (fit.downweighted_share - HELD_BACK_BY_CHANCE) / (1.0 - HELD_BACK_BY_CHANCE);
         if outliers > MANY_OUTLIERS {
             let text = format!("about {:.0} % of the samples are outliers", 100.0 * outliers);
-            self.raise(Gravity::Amber, "outliers", text);
+            self.raise(Alarm::Outliers, text);
         }
         if let Some(h) = fit.homogeneity.filter(|h| !varies && h.scatters()) {
             let text = format!(
@@ -114,12 +115,27 @@ impl Alarms {
                  and no step, drift or queue explains it. U includes that scatter",
                 h.chi2, h.degrees_of_freedom
             );
-            self.raise(Gravity::Grey, "delay-windows-scatter", text);
+            self.raise(Alarm::DelayWindowsScatter, text);
         }
         let name = |channel: &Option<String>| channel.clone().unwrap_or_default();
         let compared = format!("{} against {}", name(&out.position), name(&out.velocity));
         for text in &fit.alarms {
-            self.raise(Gravity::Amber, "delay-doubtful", format!("{compared}: {text}"));
+            self.raise(Alarm::DelayDoubtful, format!("{compared}: {text}"));
+        }
+    }
+}
+
+/// The alarm of a delay that varies.
+fn of_change(kind: DelayKind) -> Option<Alarm> {
+    match kind {
+        DelayKind::Steps => Some(Alarm::DelaySteps),
+        DelayKind::Switches => Some(Alarm::DelaySwitches),
+        DelayKind::Drifts => Some(Alarm::DelayDrifts),
+        DelayKind::Queues => Some(Alarm::DelayQueues),
+        DelayKind::BuildsUp => Some(Alarm::DelayBuildsUp),
+        DelayKind::Wanders => Some(Alarm::DelayWanders),
+        DelayKind::CannotTell | DelayKind::NotTested | DelayKind::OnTime | DelayKind::Constant | DelayKind::Early => {
+            None
         }
     }
 }

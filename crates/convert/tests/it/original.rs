@@ -118,7 +118,7 @@ fn all_seeds_are_read_as_they_were(of: impl Fn(Container) -> bool) {
         let (differences, lost) = recovered(&log, &folder.path().join("recovered.mcap"));
         // What the missing index says of a bag is said of no MCAP.
         let no_index = seed.name == "bag-unindexed";
-        let told = if no_index { vec!["no-end"] } else { vec![] };
+        let told = if no_index { vec!["incomplete-file"] } else { vec![] };
         let kinds: Vec<&str> = differences.iter().filter_map(|d| d.split(' ').next()).collect();
         assert_eq!((kinds, lost), (told, no_index), "{}: {differences:#?}", seed.name);
     }
@@ -286,7 +286,7 @@ fn a_log_that_says_more_of_itself_than_any_log_is_cut_short_and_that_is_told() {
     assert_eq!((loaded.health.extras.len(), loaded.health.about.texts.len()), (1001, 1000));
     assert!(loaded.health.format.len() < 300);
     let count = |code: &str| loaded.flight.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
-    assert_eq!((count("c"), count("original-cut")), (1000, 3000));
+    assert_eq!((count("c"), count("original-unreadable")), (1000, 3000));
     assert!(!loaded.flight.notices.any_loss());
 }
 

@@ -15,7 +15,7 @@ use crate::format::Reading;
 use crate::format::unpacker::{MOST_PLACES, Unpacker};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use logscan::LogFile;
 use logscan::{Fate, Ledger};
 use std::collections::BTreeMap;
@@ -100,10 +100,10 @@ fn read_file(
         (at, tried, bags) = (walk.at, tried + 1, bags + u64::from(found_any));
         if suspect > 0 {
             let text = "zero bytes behind messages: their lengths may be wrong, and messages swallowed by them";
-            notices.push(Severity::Loss, "suspect-length", name.as_str(), suspect, text);
+            notices.push(Code::Corrupt, name.as_str(), suspect, text);
         }
         if padding > 0 {
-            notices.push(Severity::Info, "padding", name.as_str(), padding, "zero bytes between records");
+            notices.push(Code::ExtraBytes, name.as_str(), padding, "zero bytes between records");
         }
         // What stands before the first bag is damage, and nothing else.
         if found_any || at == size {
@@ -232,22 +232,22 @@ impl Index {
         match self {
             Index::None => {
                 let text = "the bag has no index: its recorder was stopped before it could close it";
-                notices.push(Severity::Loss, "no-end", file, 1, text);
+                notices.push(Code::IncompleteFile, file, 1, text);
             }
             Index::CutOff => {
-                notices.push(Severity::Loss, "no-end", file, 1, "the bag was cut before the end of its index");
+                notices.push(Code::IncompleteFile, file, 1, "the bag was cut before the end of its index");
             }
             Index::Unreadable => {
                 let text = "the index cannot be read, so nothing says whether messages are missing";
-                notices.push(Severity::Loss, "bad-index", file, 1, text);
+                notices.push(Code::IndexDiffers.at(Severity::Loss), file, 1, text);
             }
             Index::Counts(stated) if *stated > found => {
                 let text = format!("messages are missing: the index counts {stated}, {found} were found");
-                notices.push(Severity::Loss, "missing-messages", file, stated - found, text);
+                notices.push(Code::MissingMessages, file, stated - found, text);
             }
             Index::Counts(stated) if *stated < found => {
                 let text = format!("messages more than the index counts ({stated})");
-                notices.push(Severity::Warning, "miscounted-messages", file, found - stated, text);
+                notices.push(Code::IndexDiffers, file, found - stated, text);
             }
             Index::Counts(_) => {}
         }
@@ -322,12 +322,12 @@ impl<'t, 'w> Connections<'t, 'w> {
     fn conclude(&self, file: &str, notices: &mut Notices) {
         if self.unplaced.count > 0 {
             let text = format!("messages that belong to no known topic; the first: {}", self.unplaced.first);
-            notices.push(Severity::Loss, "unknown-channel", file, self.unplaced.count, text);
+            notices.push(Code::UnknownChannel, file, self.unplaced.count, text);
         }
         if self.redefined.count > 0 {
             let text =
                 format!("connections were replaced by others of the same number; the first: {}", self.redefined.first);
-            notices.push(Severity::Warning, "redefined", file, self.redefined.count, text);
+            notices.push(Code::Redefined, file, self.redefined.count, text);
         }
     }
 }

@@ -225,7 +225,7 @@ fn the_columns_of_the_readers_own_are_the_same_whatever_else_is_wanted() {
             let values: Vec<f64> = (0..40).filter_map(|row| column.number(row)).collect();
             assert!(values.iter().any(|value| *value != values[0]) || *path != "fix_ok", "{path}: {values:?}");
         }
-        assert_eq!(all.notices.iter().filter(|n| n.code == "status-unknown").count(), 0);
+        assert_eq!(all.notices.iter().filter(|n| n.code == "unknown-word").count(), 0);
     }
 }
 
@@ -304,7 +304,7 @@ fn a_column_that_was_wanted_as_a_number_says_where_it_is_none() {
     let log = read_limited(text, &Selection::Fields(fields), Limits::default()).unwrap();
     assert_eq!(numbers(&log, "x"), [None, Some(2.0), None, None, None]);
     let of = |code: &str| log.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
-    assert_eq!((of("bad-number"), of("not-finite")), (2, 2));
+    assert_eq!((of("bad-number"), of("bad-number")), (2, 2));
 }
 
 #[test]
@@ -492,7 +492,7 @@ fn several_files_are_topics_of_one_log_and_a_stray_one_among_them_is_no_end() {
     let topics: Vec<(&str, u64)> = log.health.topics.iter().map(|t| (t.name.as_str(), t.messages)).collect();
     assert_eq!(topics, [("f-a", 2), ("f-b", 1)]);
     assert_eq!((log.health.bytes.size, log.health.bytes.skipped), (26, 6));
-    assert!(log.notices.iter().any(|n| n.code == "not-a-table" && n.place == "f-note.csv"));
+    assert!(log.notices.iter().any(|n| n.code == "no-rows" && n.place == "f-note.csv"));
 }
 
 #[test]
@@ -556,7 +556,7 @@ fn real_garmin_file_that_ends_inside_a_row_loses_that_row_only() {
 fn a_header_that_stands_again_between_the_rows_is_no_row() {
     let log = read("t,x\n1,2\nt,x\n3,4\n\nt,x\n5,6\n");
     assert_eq!(numbers(&log, "t"), [Some(1.0), Some(3.0), Some(5.0)]);
-    let notice = log.notices.iter().find(|n| n.code == "header-repeated").unwrap();
+    let notice = log.notices.iter().find(|n| n.code == "header-changed").unwrap();
     assert_eq!((notice.count, log.health.messages), (2, 3));
 }
 
@@ -665,7 +665,7 @@ fn rows_of_another_table_before_the_header_are_a_loss_and_remarks_are_none() {
     let rows = |columns: usize, rows: usize| format!("1{}\n", ",2".repeat(columns - 1)).repeat(rows);
     let log = read(&format!("t,x,y\n{}t,x,y,z\n{}", rows(3, 6), rows(4, 20)));
     assert_eq!(log.health.messages, 20);
-    let loss = log.notices.iter().find(|n| n.code == "other-table").unwrap();
+    let loss = log.notices.iter().find(|n| n.code == "header-changed").unwrap();
     assert_eq!((loss.severity, loss.count), (Severity::Loss, 6));
     assert!(loss.text.contains("from line 2 on"), "{}", loss.text);
     let remarks = "Logger,3.0\nSerial,77\nRate,10\nRange,4\nGain,1,2,a,b\n";
@@ -831,7 +831,7 @@ fn rows_whose_first_cell_begins_as_a_remark_does_are_rows_where_that_column_has_
     // A row of numbers that somebody took out stays out, and is told.
     let log = read("t,b\n1,2\n#3,4\n# a remark, of words\n5,6\n");
     assert_eq!(log.tables[0].rows, 2);
-    assert!(log.notices.iter().any(|n| n.code == "marked-rows" && n.count == 1), "{:?}", log.notices);
+    assert!(log.notices.iter().any(|n| n.code == "doubtful-rows" && n.count == 1), "{:?}", log.notices);
     // Remarks of a spreadsheet, and rows that were taken out of a table that begins with words.
     for remark in ["# second part,,", "#second part,,", "# total,1,2", "#2024-01-01 12:00:20,777,9", "// note,1,2"] {
         let log = read(&format!("name,x,y\na,1,2\nb,3,4\n{remark}\nc,5,6\n"));
@@ -843,7 +843,7 @@ fn rows_whose_first_cell_begins_as_a_remark_does_are_rows_where_that_column_has_
 fn a_table_behind_another_of_as_many_columns_is_told() {
     let rows = "1,2,3\n4,5,6\n".repeat(20);
     let log = read(&format!("t,a,b\n{rows}\nx,y,z\n{rows}"));
-    let told = log.notices.iter().find(|n| n.code == "like-header").unwrap();
+    let told = log.notices.iter().find(|n| n.code == "doubtful-rows").unwrap();
     assert_eq!((told.severity, told.count, told.place.as_str()), (Severity::Warning, 1, "t.csv, line 43"));
 }
 

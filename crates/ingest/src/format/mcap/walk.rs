@@ -18,7 +18,7 @@ use crate::error::IngestError;
 use crate::format::unpacker::Unpacker;
 use crate::format::wrong_start;
 use crate::reader::ReadContext;
-use flight::{Notices, Severity};
+use flight::{Code, Graded, Notices, Severity};
 use logscan::LogFile;
 use logscan::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS};
 use logscan::{Fate, Ledger};
@@ -463,7 +463,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if stated != 0 && !self.damaged && !is_right {
             let place = format!("{}, bytes {} to {}", self.file.name(), self.start, self.at);
             let text = "the checksum over the data section is wrong: some of its bytes are not what was written";
-            self.notices.push(Severity::Loss, "data-checksum", place, self.at - self.start, text);
+            self.notices.push(Code::Corrupt, place, self.at - self.start, text);
         }
     }
 
@@ -709,9 +709,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         let is_whole = self.footer_seen && self.data_ended && !self.damaged && self.summary.shift.is_none();
         let agreement = std::mem::take(&mut self.agreement);
         let differences = if is_whole { agreement.conclude(self.file)? } else { Tally::default() };
-        let mut raise = |severity, code: &str, count, text: &str| {
+        let mut raise = |what: Graded, count, text: &str| {
             if count > 0 {
-                self.notices.push(severity, code, file.as_str(), count, text);
+                self.notices.push(what, file.as_str(), count, text);
             }
         };
         // What stands before the first log is damage, and nothing else.
@@ -720,16 +720,16 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         }
         if !self.footer_seen {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
-            raise(Severity::Loss, "no-end", 1, text);
+            raise(Code::IncompleteFile.into(), 1, text);
         } else if !self.data_ended && !self.damaged {
             let text = "the record that ends the data is missing: it was swallowed by another, or never written";
-            raise(Severity::Warning, "no-data-end", 1, text);
+            raise(Code::IncompleteFile.at(Severity::Warning), 1, text);
         } else if !self.ended && !self.damaged {
-            raise(Severity::Loss, "no-end", 1, "the file was cut just behind its footer");
+            raise(Code::IncompleteFile.into(), 1, "the file was cut just behind its footer");
         }
         if self.summary.trust == Trust::Bad {
             let text = "the summary at the end does not have the checksum that it states; it was not used";
-            raise(Severity::Loss, "summary-checksum", 1, text);
+            raise(Code::Corrupt.into(), 1, text);
         }
         if let Some(shift) = self.summary.shift {
             let text = match shift {
@@ -738,26 +738,25 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
                 }
                 _ => "bytes were put into the file: its summary stands so many behind the place that the footer says",
             };
-            raise(Severity::Loss, "shifted", shift.unsigned_abs(), text);
+            raise(Code::IndexDiffers.at(Severity::Loss), shift.unsigned_abs(), text);
         }
         let text = format!("records of unknown types, passed over; the first: {}", self.unknown.first);
-        raise(Severity::Warning, "unknown-record", self.unknown.count, &text);
+        raise(Code::UnknownRecord.into(), self.unknown.count, &text);
         let text = format!("records of an application's own types, passed over; the first: {}", self.private.first);
-        raise(Severity::Info, "private-record", self.private.count, &text);
+        raise(Code::UnknownRecord.at(Severity::Info), self.private.count, &text);
         raise(
-            Severity::Info,
-            "no-chunk-checksum",
+            Code::NoChecksum.at(Severity::Info),
             self.without_crc,
             "chunks carry no checksum: their content cannot be verified",
         );
         let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
                     which knows neither their size nor when they were published";
-        raise(Severity::Info, "closed-chunks", self.not_opened, text);
+        raise(Code::ClosedChunks.into(), self.not_opened, text);
         let text = format!(
             "what the index or the header of a chunk says differs from the data, which are followed; the first: {}",
             differences.first
         );
-        raise(Severity::Warning, "index-differs", differences.count, &text);
+        raise(Code::IndexDiffers.into(), differences.count, &text);
         Ok(())
     }
 }
