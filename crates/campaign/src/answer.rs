@@ -131,7 +131,7 @@ fn measured_with(
     }
 }
 
-fn unknown(key: &str) -> FlightLateness {
+pub(crate) fn unknown(key: &str) -> FlightLateness {
     FlightLateness {
         key: key.to_owned(),
         failed: None,

@@ -256,7 +256,7 @@ fn carded(
             Some(SensorCard { magnetometer: card_magnetometer(&magnetic), ..combined.card })
         }
         Some(Err(why)) => {
-            notices.push(Code::NoCard, "", 1, why.to_string());
+            notices.push(Code::LeftOffCard, "", 1, why.to_string());
             None
         }
         None => None,

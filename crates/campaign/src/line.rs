@@ -199,12 +199,7 @@ impl DelayLine {
 }
 
 fn alarm(alarm: &DelayAlarm) -> LineAlarm {
-    let gravity = match alarm.gravity {
-        record::Gravity::Red => "red",
-        record::Gravity::Amber => "amber",
-        record::Gravity::Grey => "grey",
-    };
-    LineAlarm { gravity: gravity.to_owned(), code: alarm.code.clone(), text: alarm.text.clone() }
+    LineAlarm { gravity: alarm.gravity.word().to_owned(), code: alarm.code.clone(), text: alarm.text.clone() }
 }
 
 impl LineSetting {

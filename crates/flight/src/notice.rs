@@ -23,6 +23,18 @@ pub enum Severity {
     Loss,
 }
 
+impl Severity {
+    /// As it is serialised and shown.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Severity::Info => "info",
+            Severity::Warning => "warning",
+            Severity::Loss => "loss",
+        }
+    }
+}
+
 /// One thing that happened to the data, with its place and how often it happened.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]

@@ -1,7 +1,7 @@
 //! What went wrong with a log, and what to do about it: said alike by all commands that read one.
 
 use crate::show::{Table, visible};
-use flight::{Code, LogHealth, Notice, Notices, Severity};
+use flight::{Code, LogHealth, Notice, Notices};
 use std::path::Path;
 
 /// The ranges that could not be read.
@@ -23,12 +23,12 @@ pub(crate) fn notices(notices: &Notices) -> String {
     sorted.sort_by_key(|n| std::cmp::Reverse(n.severity));
     let mut table = Table::new(&["notice", "where", "count|", "what"]);
     for notice in sorted {
-        let severity = match notice.severity {
-            Severity::Info => "info",
-            Severity::Warning => "warning",
-            Severity::Loss => "loss",
-        };
-        table.row(vec![severity.to_owned(), notice.place.clone(), notice.count.to_string(), notice.text.clone()]);
+        table.row(vec![
+            notice.severity.word().to_owned(),
+            notice.place.clone(),
+            notice.count.to_string(),
+            notice.text.clone(),
+        ]);
     }
     section("notices", &table)
 }

@@ -164,6 +164,18 @@ mod tests {
     }
 
     #[test]
+    fn damaged_ranges_are_losses_and_those_beyond_the_list_are_counted() {
+        let (mut ledger, mut health, mut notices) = (Ledger::new(100, 2), LogHealth::default(), Notices::new());
+        ledger.count(Fate::Decoded, 97);
+        (0..3).for_each(|at| ledger.damaged("a.bin", 10 * at, 1, "a checksum is wrong"));
+        ledger.finish(&mut health, &mut notices);
+        let said: Vec<_> = notices.iter().map(|n| (n.code.as_str(), n.place.as_str(), n.count)).collect();
+        let listed = [("damaged", "a.bin, bytes 0 to 1", 1), ("damaged", "a.bin, bytes 10 to 11", 1)];
+        assert_eq!(said, [&listed[..], &[("damaged", "", 1)]].concat());
+        assert!(notices.iter().all(|n| n.severity == flight::Severity::Loss));
+    }
+
+    #[test]
     fn a_thousandth_of_the_log_is_more_than_a_tail_unless_it_is_one_row_of_a_short_table() {
         let is_tail = |size: u64, length: u64| {
             let (health, notices) = cut(size, length);

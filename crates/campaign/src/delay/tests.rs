@@ -321,3 +321,49 @@ fn the_pair_that_is_replayed_is_found_by_its_kind_and_both_names() {
     assert_eq!(found.found().map(|m| m.delay_s.value), Some(0.4));
     assert!(measured_pair(&delays, "position.ekf", "velocity.ekf").found().is_none());
 }
+
+/// What is decided for the usual flight, whose pair shows 0.4 s and may have an alarm.
+fn decided_with(source: DelaySource, contradicted: Option<&str>, alarm: Option<&str>) -> Decided {
+    let flown = usual();
+    let pick = |name: &'static str| (name, &flown.flight.channels[name]);
+    let (position, velocity) = (pick("position.gps"), pick("velocity.ins"));
+    let case = Case { flight: &flown.flight, binding: &flown.binding, position, velocity };
+    let measured = match of_pair("position-against-velocity", position.0, velocity.0, 0.4).delay {
+        Finding::Found(measured) => Finding::Found(MeasuredDelay { alarm: alarm.map(str::to_owned), ..measured }),
+        Finding::CannotTell(why) => panic!("{why}"),
+    };
+    let fixed = FixedDelay {
+        delay: Delay::from_seconds(0.4).unwrap(),
+        standard_uncertainty_s: None,
+        source: "pipeline".into(),
+    };
+    let rule = DelayRule { from: source, fixed: Some(fixed), cards: vec![] };
+    let decision = Decision {
+        asked: source,
+        row: 1,
+        used: Some(source),
+        delay_s: Some(0.4),
+        standard_uncertainty_s: None,
+        circular: false,
+        words: String::new(),
+        contradicted: contradicted.map(str::to_owned),
+    };
+    let lateness = crate::answer::unknown("f");
+    let known = Known { decision: &decision, lateness: &lateness, measured: &measured };
+    rule.chosen(&case, &known, || panic!("no sweep was asked for")).unwrap()
+}
+
+#[test]
+fn a_delay_that_the_flight_contradicts_is_removed_and_warned_of() {
+    assert_eq!(codes(&decided_with(DelaySource::Fixed, None, None).found), []);
+    let found = decided_with(DelaySource::Fixed, Some("the flight shows 0.1 s"), None).found;
+    assert_eq!(codes(&found), [(Severity::Warning, "delay-contradicted")]);
+    assert_eq!(found.delay.seconds(), 0.4);
+}
+
+#[test]
+fn a_delay_that_changes_in_the_flight_it_is_measured_in_is_warned_of() {
+    assert_eq!(codes(&decided_with(DelaySource::Flight, None, None).found), []);
+    let found = decided_with(DelaySource::Flight, None, Some("the delay steps")).found;
+    assert_eq!(codes(&found), [(Severity::Warning, "flight-delay-changes")]);
+}

@@ -58,7 +58,7 @@ pub(super) const FORMER: &[(Code, &str)] = &[
         Code::NoOutput,
         "velocity-before-first-fix velocity-after-last-fix compensator-refused-samples compensator-without-output",
     ),
-    (Code::LeftOffCard, "record-left-out channel-missing outlier"),
+    (Code::LeftOffCard, "record-left-out channel-missing outlier no-card"),
     (Code::CardRate, "rates-differ"),
     (Code::RigContradicted, "card-rig-contradicted"),
     (Code::CardDayUnknown, "card-without-day"),
@@ -88,8 +88,8 @@ catalogue! {
                 "The file ends inside its last record, as after power-off. This is not a loss.",
                 "Nothing, unless the log should be longer: then copy it again.";
             MinorLoss, "minor-loss", [Warning],
-                "All losses of the log are minor: less than 0.1 % of it, and no channel that is used has a hole of more than 0.5 s, \
-                 or no channel uses the topic. They are listed as warnings.",
+                "All losses of the log are minor and are listed as warnings. They are less than 0.1 % of the log. No channel that is \
+                 used has a hole of more than 0.5 s for it, or no channel uses the topic.",
                 "Nothing. The losses are listed on the page of the flight.";
             IncompleteFile, "incomplete-file", [Loss, Warning],
                 "The file lacks its beginning or its end, or is empty: no footer, index, directory, first definition or table of \
@@ -150,10 +150,10 @@ catalogue! {
                 "Check the topic that the text names. One recording should have one definition of each type.";
             TooMuchData, "too-much-data", [Loss, Warning],
                 "Rows, columns or attachments were left out: they need more memory or more columns than a log of this size may take.",
-                "Select fewer topics with `--topics`, or split the log.";
+                "Split the log, or leave out topics that you do not need when you record.";
             NotListed, "not-listed", [Info, Warning, Loss],
                 "There are more names, texts, changes or notices than are listed. The others are counted.",
-                "Nothing. `flightlag export` writes all of them.";
+                "Nothing. They are in the log.";
             NotDecoded, "not-decoded", [Warning],
                 "A wanted topic cannot be decoded. The text gives the reason.",
                 "Put the message definitions that the log lacks into the folder given with `--maps`.";
@@ -230,16 +230,16 @@ catalogue! {
                  week off. The nearest possible week is used.",
                 "Compare the date with the day of the flight. Update the firmware of an old receiver.";
             DateInferred, "date-inferred", [Info, Warning],
-                "Dates or zones are not stated in full and were inferred: the order of day and month, a missing zone as UTC, the date \
-                 after midnight, dates by a counter, a large boot time as UTC.",
+                "Dates or zones are not stated in full and were inferred. Examples are the order of day and month, a missing zone read \
+                 as UTC, the date after midnight, and dates by a counter.",
                 "Check date and hour of the first row. State the format in your channel map.";
             StampOutOfRange, "stamp-out-of-range", [Warning],
                 "Timestamps are outside of what can be written: after the year 2262, or before 1970 in a recovered log. They were set to \
                  the limit.",
                 "Set the clock of the logger.";
             ClockSuspect, "clock-suspect", [Warning],
-                "Two timestamps of the same rows or channels differ by an amount that looks like an error: leap seconds, GPS time as UTC, \
-                 TAI, hours of a zone, or more than a day.",
+                "Two clocks differ by an amount that looks like an error. Examples are leap seconds, GPS time as UTC, TAI, hours of a \
+                 zone, and more than a day.",
                 "Check the time scale of both clocks. A delay between them may be wrong by that amount.";
             ClockRestart, "clock-restart", [Warning],
                 "The boot clock restarts within the log. Each session is dated by itself, or follows the one before at a distance that the \
@@ -275,8 +275,8 @@ catalogue! {
                 "The channel repeats held values. The repeats are not measurements and are not used.",
                 "Nothing.";
             Substitute, "substitute", [Info],
-                "A part of a channel is not logged as such: a missing component counts as zero, a field that is always zero is replaced by \
-                 another, height above mean sea level is used as ellipsoidal height, a true track is computed.",
+                "A part of a channel is not logged as such, and something else is used. The text says what: zero, another field, the \
+                 height above mean sea level, or a magnetic track.",
                 "Nothing, unless the substitute does not hold for your log.";
             NoUsableRow, "no-usable-row", [Warning, Info],
                 "A channel has no usable row, or its rows do not form a time series. The reasons are listed.",
@@ -325,11 +325,9 @@ catalogue! {
                 "Log the onboard output with the timestamps of the position, or remove it from the pipeline.";
         }
         "Sensor card" {
-            NoCard, "no-card", [Warning],
-                "No card was written. The text gives the reason.",
-                "Correct what the text names and run `bench` again.";
             LeftOffCard, "left-off-card", [Warning],
-                "A record, or a channel of a record, is not part of the card: it could not be measured, is missing, or is an outlier.",
+                "A record, or a channel of a record, is not part of the card: it could not be measured, is missing, or is an outlier. If \
+                 nothing is left, no card is written.",
                 "Look at the page of that record. Measure again if too few are left.";
             NotComparable, "not-comparable", [Warning],
                 "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity.",
@@ -359,8 +357,8 @@ catalogue! {
         }
         "Bench" {
             ClockNotTied, "clock-not-tied", [Warning],
-                "Nothing ties the clock of a channel to the encoder: no usable pulse, too few pairs of device time and arrival, or no \
-                 timestamps of the kind that the rig file asks for. The channel may be left out.",
+                "Nothing ties the clock of a channel to the encoder. The text says what is missing: a usable pulse, pairs of device time \
+                 and arrival, or the timestamps that the rig file asks for. The channel may be left out.",
                 "Check pulse, timestamps and the clock settings of the rig file.";
             AlignmentAmbiguous, "alignment-ambiguous", [Warning],
                 "The swing is too regular to align the clocks with certainty.",
@@ -389,11 +387,11 @@ catalogue! {
         "Export and recover" {
             FieldsLeftOut, "fields-left-out", [Warning],
                 "Fields have no column: variable-length arrays, or more than 64 elements.",
-                "Export as MCAP to keep them.";
+                "Use `flightlag recover`: it copies the messages of MCAP files and ROS bags whole.";
             CellsReplaced, "cells-replaced", [Info, Warning],
                 "Cells cannot be written as they are. A placeholder is written for a value that the log lacks, with `_given` false. In CSV, \
                  U+2400 replaces zero bytes.",
-                "Use `_given` to filter. Export as Parquet to keep zero bytes.";
+                "Use the `_given` fields to tell placeholders from values. Export as Parquet to keep zero bytes.";
             LogTime, "log-time", [Info, Warning],
                 "The log has no log time for these rows. The text says which time is used, or that a neighbour's is.",
                 "Nothing. Use the timestamps in the fields where the order matters.";

@@ -20,6 +20,18 @@ pub enum Gravity {
     Grey,
 }
 
+impl Gravity {
+    /// As it is serialised and shown.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Gravity::Red => "red",
+            Gravity::Amber => "amber",
+            Gravity::Grey => "grey",
+        }
+    }
+}
+
 /// What the catalogue says about a code of a notice.
 #[derive(Debug, Clone, Copy)]
 pub struct CodeEntry {

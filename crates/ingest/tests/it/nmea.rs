@@ -740,7 +740,7 @@ fn a_differential_fix_is_a_fix() {
 #[test]
 fn heights_without_that_of_the_sea_are_read_and_said_to_be_above_it() {
     let height = |loaded: &ingest::Loaded| loaded.flight.channels["position.gps"].series.component(2)[0];
-    let above_sea = |loaded: &ingest::Loaded| loaded.flight.notices.iter().any(|n| n.code == "substitute");
+    let above_sea = |loaded: &ingest::Loaded| count_saying(loaded, "substitute", "above mean sea level") > 0;
     let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "", "A")).collect::<Vec<_>>());
     assert_eq!((height(&loaded), above_sea(&loaded)), (545.4, true));
     // Where a sentence here and there lacks it, the others have the height above the ellipsoid.
@@ -880,8 +880,9 @@ fn assert_vtg(loaded: &ingest::Loaded, used: usize, refused: u64) {
         let at = rmc.timeline().stamps().binary_search(stamp).unwrap();
         assert_eq!([0, 1].map(|i| vtg.component(i)[row]), [0, 1].map(|i| rmc.component(i)[at]), "{row}");
     }
-    let told = |code: &str| loaded.flight.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
-    assert_eq!((told("read-leniently"), told("undated")), (used as u64, refused), "{:?}", loaded.flight.notices);
+    let moved = count_saying(loaded, "read-leniently", "stands in front of the other sentences");
+    let told = count_saying(loaded, "undated", "not used");
+    assert_eq!((moved, told), (used as u64, refused), "{:?}", loaded.flight.notices);
 }
 
 #[test]
