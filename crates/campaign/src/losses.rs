@@ -151,4 +151,14 @@ mod tests {
         let said: Vec<String> = weighed.iter().map(|n| n.text.clone()).collect();
         assert!(said.iter().any(|text| text.ends_with("touches no result: no result uses camera")), "{said:?}");
     }
+
+    #[test]
+    fn a_loss_that_is_not_minor_is_a_red_alarm_with_its_place() {
+        let mut notices = Notices::new();
+        assert_eq!(alarm(&notices, &LogHealth::default()), None);
+        notices.push(Code::Undecodable, "topic gps", 3, "messages that cannot be decoded");
+        let said = alarm(&notices, &LogHealth::default()).unwrap();
+        assert_eq!((said.gravity, said.code.as_str()), (record::Gravity::Red, "log-damaged"));
+        assert_eq!(said.text, "topic gps: messages that cannot be decoded");
+    }
 }

@@ -124,17 +124,28 @@ fn body<'s>(source: &'s str, test: &str) -> Option<&'s str> {
     is_test.then(|| &from[test.len()..end])
 }
 
+/// That this test is there and names this code, as text or as a variant.
+fn is_named(code: &str, variant: &str, file: &str, test: &str) {
+    let source = fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+    let body = body(&source, test).unwrap_or_else(|| panic!("{file} has no test {test}"));
+    assert!(body.contains(&format!("\"{code}\"")) || body.contains(variant), "{file}: {test} does not name {code}");
+}
+
 /// Of each code one test in which it fires. A code that no input can fire is to be removed.
 #[test]
 fn every_code_is_fired_by_a_test() {
     let codes: Vec<Code> = FIRED.iter().map(|(code, ..)| *code).collect();
     assert_eq!(codes, Code::ALL, "FIRED names a test for each code, in the order of the catalogue");
-    for (code, file, test) in FIRED {
-        let source = fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
-        let body = body(&source, test).unwrap_or_else(|| panic!("{file} has no test {test}"));
-        let names = [format!("\"{code}\""), format!("Code::{code:?}")];
-        assert!(names.iter().any(|name| body.contains(name)), "{file}: {test} does not name {code}");
-    }
+    FIRED.iter().for_each(|(code, file, test)| is_named(code.name(), &format!("Code::{code:?}"), file, test));
+}
+
+#[test]
+fn every_alarm_is_fired_by_a_test() {
+    let alarms: Vec<Alarm> = FIRED_ALARMS.iter().map(|(alarm, ..)| *alarm).collect();
+    assert_eq!(alarms, Alarm::ALL, "FIRED_ALARMS names a test for each alarm, in the order of the catalogue");
+    FIRED_ALARMS
+        .iter()
+        .for_each(|(alarm, file, test)| is_named(alarm.name(), &format!("Alarm::{alarm:?}"), file, test));
 }
 
 /// Code, file, test.
@@ -468,4 +479,71 @@ const FIRED: &[(Code, &str, &str)] = &[
         "a_table_that_no_map_binds_is_dated_by_a_stamp_that_one_knows_if_it_is_a_date",
     ),
     (Code::NotWritten, "crates/convert/src/recover.rs", "messages_that_were_found_and_not_written_are_a_loss"),
+];
+
+/// Alarm, file, test.
+const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
+    (Alarm::DelaySteps, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelaySwitches, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayDrifts, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayQueues, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayBuildsUp, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayWanders, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::TwoDelaysFit, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (
+        Alarm::LeapSecond,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::OtherTimeScale,
+        "crates/campaign/src/answer/alarms.rs",
+        "pairs_that_contradict_each_other_are_an_amber_alarm",
+    ),
+    (Alarm::LogDamaged, "crates/campaign/src/losses.rs", "a_loss_that_is_not_minor_is_a_red_alarm_with_its_place"),
+    (
+        Alarm::PairsDisagree,
+        "crates/campaign/src/answer/alarms.rs",
+        "pairs_that_contradict_each_other_are_an_amber_alarm",
+    ),
+    (Alarm::ChannelLies, "crates/campaign/src/answer/alarms.rs", "pairs_that_contradict_each_other_are_an_amber_alarm"),
+    (
+        Alarm::DatumRefused,
+        "crates/campaign/src/answer/alarms.rs",
+        "pairs_that_contradict_each_other_are_an_amber_alarm",
+    ),
+    (
+        Alarm::DelayJitters,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::LateFixes,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::Bursts,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason"),
+    (
+        Alarm::DelayDiffersBetweenParts,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (Alarm::DelayWindowsScatter, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (
+        Alarm::DelayRemark,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::Companion,
+        "crates/campaign/src/answer/tests.rs",
+        "a_file_that_goes_with_a_flight_is_said_to_be_one_and_raises_no_alarm_of_a_delay",
+    ),
 ];

@@ -171,6 +171,7 @@ fn other_time_scale(apart_s: f64) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn a_step_of_a_whole_second_is_one_of_a_clock() {
@@ -192,5 +193,122 @@ mod tests {
         assert!(other_time_scale(18.2).is_some_and(|text| text.starts_with("position and velocity are 18.2 s apart")));
         assert!(other_time_scale(-17.8).is_some());
         assert_eq!(other_time_scale(11.9), None, "a queue of twelve seconds is a delay");
+    }
+
+    /// A delay over time of this kind, with nothing else to say.
+    fn over_time(kind: DelayKind) -> DelayOverTime {
+        let level = json!({ "value": 0.4, "standard_uncertainty": 0.01 });
+        let quiet = json!({
+            "kind": "constant", "words": "it varies", "level_s": level, "level_widening_s": 0.0,
+            "constancy": { "tested": true, "varies": false, "windows": 9, "window_s": 30.0, "limit_s": 0.1, "window_delays": [] },
+            "late_fixes": [], "odd_fixes": 0, "bursts": [], "curve": [], "terms": [], "span_s": 0.0, "remarks": [],
+            "search_s": [-1.0, 1.0], "edge_hit": false, "advice": "", "fixes_used": 1, "fixes_given": 1,
+        });
+        DelayOverTime { kind, ..serde_json::from_value(quiet).unwrap() }
+    }
+
+    fn codes(alarms: &[DelayAlarm]) -> Vec<&str> {
+        alarms.iter().map(|alarm| alarm.code.as_str()).collect()
+    }
+
+    fn of_over_time(found: &DelayOverTime) -> Vec<DelayAlarm> {
+        of(&crate::answer::unknown("f"), None, None, Some(found))
+    }
+
+    #[test]
+    fn each_kind_of_change_has_a_red_alarm_of_its_own() {
+        let kinds = [
+            (DelayKind::Steps, "delay-steps"),
+            (DelayKind::Switches, "delay-switches"),
+            (DelayKind::Drifts, "delay-drifts"),
+            (DelayKind::Queues, "delay-queues"),
+            (DelayKind::BuildsUp, "delay-builds-up"),
+            (DelayKind::Wanders, "delay-wanders"),
+        ];
+        for (kind, code) in kinds {
+            let said = of_over_time(&over_time(kind));
+            assert_eq!((codes(&said), said[0].gravity), (vec![code], record::Gravity::Red));
+        }
+        for kind in
+            [DelayKind::Constant, DelayKind::Early, DelayKind::OnTime, DelayKind::NotTested, DelayKind::CannotTell]
+        {
+            assert_eq!(of_over_time(&over_time(kind)), []);
+        }
+    }
+
+    #[test]
+    fn what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity() {
+        let mut found = over_time(DelayKind::Steps);
+        found.terms = vec![DelayTerm {
+            kind: DelayTermKind::Step,
+            at_s: 100.0,
+            at_interval_s: None,
+            size: 1.0,
+            standard_uncertainty: 0.004,
+        }];
+        found.constancy.note = Some("the parts differ".into());
+        found.jitters = Some(record::DelayJitter { standard_deviation_s: 0.1, remains_m: 2.0, half_width_95_s: 0.2 });
+        found.late_fixes = vec![record::LateFix { t_s: 5.0, late_s: 1.0 }];
+        found.bursts = vec![serde_json::from_value(json!({ "start_s": 5.0, "fixes": 4, "hold_s": 1.0 })).unwrap()];
+        found.remarks = vec!["the lever arm is unknown".into()];
+        let red = ["delay-steps", "leap-second"];
+        let amber = ["bursts", "delay-jitters", "late-fixes"];
+        let grey = ["delay-differs-between-parts", "delay-remark"];
+        assert_eq!(codes(&of_over_time(&found)), [&red[..], &amber, &grey].concat());
+
+        let two = DelayOverTime { two_delays_fit: Some([0.1, 0.5]), ..over_time(DelayKind::Constant) };
+        assert_eq!(of_over_time(&two), [], "where no delay is known none is doubted");
+    }
+
+    #[test]
+    fn pairs_that_contradict_each_other_are_an_amber_alarm() {
+        let network = DelayNetwork {
+            datum_words: "a fix is earlier than the IMU".into(),
+            verdict_words: "the pairs disagree".into(),
+            ..serde_json::from_value(json!({
+                "channels": [], "covariance_s2": [], "datum": "none", "datum_words": "", "verdict": "unchecked",
+                "verdict_words": "", "named": [], "undecided_between": [], "chi2": 0.0, "degrees_of_freedom": 0, "p": null,
+                "birge": 1.0, "loops": [], "effects": [], "used_pairs": [], "unused_pairs": [], "suggestions": [], "judged": [],
+            }))
+            .unwrap()
+        };
+        let said = |verdict, datum| {
+            let out = FlightLateness { verdict: Some(verdict), datum, ..crate::answer::unknown("f") };
+            of(&out, Some(&network), None, None)
+        };
+        let none = NetworkDatum::None;
+        assert_eq!(codes(&said(NetworkVerdict::Undecided, none)), ["pairs-disagree"]);
+        assert_eq!(codes(&said(NetworkVerdict::Scattered, none)), ["pairs-disagree"]);
+        assert_eq!(codes(&said(NetworkVerdict::Named, none)), ["channel-lies"]);
+        assert_eq!(codes(&said(NetworkVerdict::Unchecked, NetworkDatum::Refused)), ["datum-refused"]);
+        assert_eq!(said(NetworkVerdict::Unchecked, none), []);
+        let apart = record::Estimate { value: 18.0, standard_uncertainty: None };
+        let out = FlightLateness { position_minus_velocity_s: Some(apart), ..crate::answer::unknown("f") };
+        assert_eq!(codes(&of(&out, None, None, None)), ["other-time-scale"]);
+    }
+
+    #[test]
+    fn what_a_fit_says_against_itself_is_an_alarm() {
+        let fit: MeasuredDelay = serde_json::from_value(json!({
+            "delay_s": { "value": 0.4, "standard_uncertainty": 0.001 }, "interval_95_s": [0.398, 0.402], "hessian_s": 0.001,
+            "hac_s": 0.001, "crlb_s": 0.001, "smallest_detectable_s": 0.003, "samples": 100, "downweighted_share": 0.179,
+            "rival_s": null, "pieces": [], "over_time": [], "homogeneity": null, "alarm": null, "splits": [], "injections": [],
+        }))
+        .unwrap();
+        let said = |fit: &MeasuredDelay| of(&crate::answer::unknown("f"), None, Some(fit), None);
+        assert_eq!(said(&fit), [], "as many are held back by chance");
+        let estimate = json!({ "value": 0.1, "standard_uncertainty": 0.01 });
+        let homogeneity = json!({
+            "chi2": 40.0, "degrees_of_freedom": 9, "p": 1e-5,
+            "largest_step": { "at_s": 50.0, "before_s": estimate, "after_s": estimate, "p": 1e-5 },
+        });
+        let doubtful = MeasuredDelay {
+            rival_s: Some(0.9),
+            downweighted_share: 0.25,
+            homogeneity: serde_json::from_value(homogeneity).unwrap(),
+            alarms: vec!["the noise is not white".into()],
+            ..fit
+        };
+        assert_eq!(codes(&said(&doubtful)), ["two-delays-fit", "delay-doubtful", "outliers", "delay-windows-scatter"]);
     }
 }
