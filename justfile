@@ -87,6 +87,10 @@ slurm-test:
 s3-test *parts:
     @tests/s3/run "$@"
 
+# Change the source in N places, one at a time, and count what the tests of a crate notice (cargo-mutants): just mutants CRATE N [SEED]
+mutants +sample:
+    @tests/mutants/run "$@"
+
 # What CI checks
 check:
     bash .ci/run

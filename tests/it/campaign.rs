@@ -101,11 +101,12 @@ fn records_are_small_and_the_points_of_figures_are_kept_once() {
     assert!(bytes.len() <= 64_000, "{} bytes", bytes.len());
     let record: FlightRecord = serde_json::from_slice(&bytes).unwrap();
     assert!(record.replay.unwrap().axes.iter().all(|axis| axis.position_m.iter().all(|c| c.t_s.is_empty())));
-    // The figures have their points all the same.
+    // The figures have their points all the same: of the raw position both ends of each step, north and east.
     let mut figures = zip::ZipArchive::new(fs::File::open(page.with_file_name("figures.zip")).unwrap()).unwrap();
     let mut curves = String::new();
     figures.by_name("fig-7.csv").unwrap().read_to_string(&mut curves).unwrap();
-    assert!(curves.lines().count() > 1_000, "{curves:.200}");
+    let of_raw = curves.lines().filter(|line| line.contains("\"raw, newest fix held\"")).count();
+    assert!(of_raw >= 2 * 2 * 5 * 19, "{of_raw} points: {curves:.200}");
 }
 
 #[test]

@@ -132,6 +132,16 @@ fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
     latency_and_trend(&nights.path("out/history"), &nights.path("trend"));
 }
 
+/// What a page links to beside itself. All of it has to be there.
+fn files_linked(page: &Path) -> Vec<String> {
+    let text = fs::read_to_string(page).unwrap();
+    let links = text.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next());
+    let files: Vec<String> = links.filter(|link| !link.starts_with('#')).map(str::to_owned).collect();
+    let lost: Vec<&String> = files.iter().filter(|file| !page.parent().unwrap().join(file).exists()).collect();
+    assert!(lost.is_empty(), "{}: {lost:?}", page.display());
+    files
+}
+
 /// The fleet file says who flew: the logs do not.
 fn latency_and_trend(history: &Path, out: &Path) {
     let table = text(&run(["history".as_ref(), history.as_os_str(), "--latency".as_ref()], 0).stdout);
@@ -143,6 +153,7 @@ fn latency_and_trend(history: &Path, out: &Path) {
     assert!(serial["points"].as_array().unwrap().len() >= 3, "{serial}");
     assert!(serial["changes"].as_array().unwrap().is_empty());
     assert!(fs::read_to_string(out.join("index.html")).unwrap().contains("serial D9-0412: no change"));
+    assert!(files_linked(&out.join("index.html")).contains(&"figures.zip".to_owned()));
     assert!(fs::read_to_string(out.join("trend.csv")).unwrap().lines().count() > 3);
 }
 
@@ -189,6 +200,7 @@ fn two_pipelines_over_the_same_flights_differ_by_their_settings_alone() {
     assert!(!moved.iter().any(|of| of["quantity"] == "lateness"), "the lateness of the log is the same: {moved:?}");
     let page = fs::read_to_string(folder.path().join("diff/index.html")).unwrap();
     assert!(page.contains("href=\"second/flights/flight-0001.mcap/index.html\""), "{page}");
+    files_linked(&folder.path().join("diff/index.html"));
     // The two reports by themselves, as text; and a folder that is no report.
     let (first, second) = (path("diff/first"), path("diff/second"));
     let said = text(&run(["diff", &first, &second], 0).stdout);

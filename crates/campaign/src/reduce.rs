@@ -153,7 +153,7 @@ pub(crate) fn reduce_locked(
     let is_usable = old.is_some();
     let mut before = before.map(|before| before.record);
     let usable = before.as_mut().filter(|_| is_usable).map(|record| std::mem::take(&mut record.flights));
-    let rows = usable.into_iter().flatten().map(|row| (row.flight.clone(), row)).collect();
+    let rows = usable.into_iter().flatten().map(|row| (row.flight.clone(), Box::new(row))).collect();
     let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
     let test_cards = TestCards::of_files(&manifest.test_cards)?;
     let rows = Mutex::new(rows);
@@ -290,7 +290,7 @@ struct Reducer<'a> {
     /// What the folder holds of an earlier run, without the rows that may be used again.
     before: Option<CampaignRecord>,
     /// Rows of that run that may be used again. They are taken, for many thousands would need much memory twice.
-    rows: Mutex<BTreeMap<String, FlightRow>>,
+    rows: Mutex<BTreeMap<String, Box<FlightRow>>>,
 }
 
 /// Files of results, by key.
@@ -298,13 +298,13 @@ type Results = BTreeMap<String, Files>;
 
 /// A line that is done.
 struct Reduced {
-    row: FlightRow,
+    row: Box<FlightRow>,
     /// Whether that is the row of the run before.
     same_row: bool,
-    page: PageState,
+    /// If it was made now.
+    page: Option<PageState>,
     /// Files of the result that the page was made from, if it was made now.
     files: Option<Files>,
-    fresh: bool,
 }
 
 /// How far a reduction is. It is written down from time to time, so that one that is stopped goes on from there.
@@ -329,12 +329,7 @@ impl Progress<'_> {
 
 impl Reducer<'_> {
     fn reduce(&self, lines: &[Line<'_>], made_from: String, state: &mut State) -> Result<Reduction, CampaignError> {
-        let standing = |line: &Line<'_>| {
-            let page = state.pages.get(&line.slug).filter(|page| page.made_from == line.made_from)?;
-            Some((line.slug.clone(), page.clone()))
-        };
-        let standing: BTreeMap<String, PageState> = lines.iter().filter_map(standing).collect();
-        self.withdraw(&standing, state)?;
+        let standing = self.withdraw(lines, state)?;
         let reduced = self.each_line(lines, &standing, state)?;
         let damaged: Vec<String> =
             lines.iter().zip(&reduced).filter(|(_, r)| r.is_none()).map(|(l, _)| l.planned.flight.clone()).collect();
@@ -342,33 +337,36 @@ impl Reducer<'_> {
             return Ok(Reduction::Damaged(damaged));
         }
         let reduced: Vec<Reduced> = reduced.into_iter().flatten().collect();
-        let pages = reduced.iter().filter(|r| r.fresh).count();
+        let pages = reduced.iter().filter(|r| r.page.is_some()).count();
         self.desk.tell(Event::Reduced { pages, kept: reduced.len() - pages });
         self.finish(lines, reduced, made_from, state)
     }
 
-    /// From here on, only what stays is claimed to stand: a kill must not leave a claim that is wrong.
-    fn withdraw(&self, standing: &BTreeMap<String, PageState>, state: &mut State) -> Result<(), CampaignError> {
-        state.pages.clone_from(standing);
+    /// From here on, only what stays is claimed to stand: a kill must not leave a claim that is wrong. The pages that stay, by
+    /// the folder's name, and whether the campaign's record has their rows.
+    fn withdraw(&self, lines: &[Line<'_>], state: &mut State) -> Result<BTreeMap<String, bool>, CampaignError> {
+        let made_from: BTreeMap<&str, &str> = lines.iter().map(|l| (l.slug.as_str(), l.made_from.as_str())).collect();
+        state.pages.retain(|slug, page| made_from.get(slug.as_str()) == Some(&page.made_from.as_str()));
         state.whole = None;
-        state.save(self.store)
+        state.save(self.store)?;
+        Ok(state.pages.iter().map(|(slug, page)| (slug.clone(), page.has_row)).collect())
     }
 
     fn each_line(
         &self,
         lines: &[Line<'_>],
-        standing: &BTreeMap<String, PageState>,
+        standing: &BTreeMap<String, bool>,
         state: &mut State,
     ) -> Result<Vec<Option<Reduced>>, CampaignError> {
         let progress = Mutex::new(Progress { state, saved: Instant::now() });
         let one = |(): &mut (), line: &Line<'_>| {
             let reduced = match standing.get(&line.slug) {
-                Some(page) => self.kept(line, page)?,
+                Some(has_row) => self.kept(line, *has_row)?,
                 None => self.made(line)?,
             };
-            if let Some(reduced) = reduced.as_ref().filter(|r| r.fresh) {
+            if let Some(page) = reduced.as_ref().and_then(|r: &Reduced| r.page.as_ref()) {
                 let mut progress = progress.lock().unwrap_or_else(|e| e.into_inner());
-                progress.done(&line.slug, &reduced.page, self.store)?;
+                progress.done(&line.slug, page, self.store)?;
             }
             Ok(reduced)
         };
@@ -381,19 +379,19 @@ impl Reducer<'_> {
     }
 
     /// A line whose page stands. Its row does too, or is made from the record.
-    fn kept(&self, line: &Line<'_>, page: &PageState) -> Result<Option<Reduced>, CampaignError> {
+    fn kept(&self, line: &Line<'_>, has_row: bool) -> Result<Option<Reduced>, CampaignError> {
         let mut rows = self.rows.lock().unwrap_or_else(|e| e.into_inner());
-        let row = if page.has_row { rows.remove(&line.planned.flight) } else { None };
+        let row = if has_row { rows.remove(&line.planned.flight) } else { None };
         drop(rows);
         let same_row = row.is_some();
         let row = match row {
             Some(row) => row,
             None => match self.record_of(line)? {
-                Some((record, _)) => row_of(line, &record),
+                Some((record, _)) => Box::new(row_of(line, &record)),
                 None => return Ok(None),
             },
         };
-        Ok(Some(Reduced { row, same_row, page: page.clone(), files: None, fresh: false }))
+        Ok(Some(Reduced { row, same_row, page: None, files: None }))
     }
 
     /// Files of measurement and result of each line: those of this run, else those that are known, else those on the disk.
@@ -434,10 +432,10 @@ impl Reducer<'_> {
     fn made(&self, line: &Line<'_>) -> Result<Option<Reduced>, CampaignError> {
         let Some((record, list)) = self.record_of(line)? else { return Ok(None) };
         let Ok(files) = self.write_page(line, &record, list.as_ref())? else { return Ok(None) };
-        let row = row_of(line, &record);
+        let row = Box::new(row_of(line, &record));
         let page = PageState { made_from: line.made_from.clone(), files, has_row: true };
         let files = list.map(|list| list.kept(self.store));
-        Ok(Some(Reduced { row, same_row: false, page, files, fresh: true }))
+        Ok(Some(Reduced { row, same_row: false, page: Some(page), files }))
     }
 
     fn write_page(
@@ -501,15 +499,16 @@ impl Reducer<'_> {
         made_from: String,
         state: &mut State,
     ) -> Result<Reduction, CampaignError> {
-        let (mut rows, mut same) = (vec![], BTreeSet::new());
+        let (mut rows, mut same) = (Vec::with_capacity(lines.len()), BTreeSet::new());
         state.results = self.files_of(lines, &mut reduced, std::mem::take(&mut state.results));
-        state.pages.clear();
+        let mut standing = std::mem::take(&mut state.pages);
         for (line, done) in lines.iter().zip(reduced) {
             if done.same_row {
                 same.insert(line.planned.flight.as_str());
             }
-            rows.push(done.row);
-            state.pages.insert(line.slug.clone(), PageState { has_row: true, ..done.page });
+            rows.push(*done.row);
+            let page = done.page.or_else(|| standing.remove(&line.slug));
+            state.pages.extend(page.map(|page| (line.slug.clone(), PageState { has_row: true, ..page })));
         }
         let record = self.campaign_record(rows);
         let excerpts = match self.excerpts(&record)? {
@@ -563,7 +562,7 @@ impl Reducer<'_> {
         let planned: BTreeMap<&str, &Planned> = lines.iter().map(|l| (l.planned.flight.as_str(), l.planned)).collect();
         let causes = |flight: &str| planned.get(flight).map(|p| state.causes(p, self.manifest)).unwrap_or_default();
         let rows = self.rows.lock().unwrap_or_else(|e| e.into_inner());
-        let others = self.before.iter().flat_map(|before| &before.flights).chain(rows.values());
+        let others = self.before.iter().flat_map(|before| &before.flights).chain(rows.values().map(Box::as_ref));
         let found = changes(self.before.as_ref().map(|before| (before, others.collect())), record, same, &causes);
         let kept = self.store.read(CHANGES).ok().flatten().and_then(|bytes| serde_json::from_slice(&bytes).ok());
         kept.filter(|_| found.is_empty()).unwrap_or(found)

@@ -29,7 +29,7 @@ pub(crate) fn packed(record: &CampaignRecord) -> Vec<u8> {
 /// A record from its JSON and its packed rows.
 pub(crate) fn unpacked(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, String> {
     let mut record = CampaignRecord::from_json(text).map_err(|e| e.to_string())?;
-    record.flights = each_row(rows).map_err(|e| format!("{ROWS}, {e}"))?;
+    record.flights = each_row(rows, record.totals.flights).map_err(|e| format!("{ROWS}, {e}"))?;
     match record.totals.flights == record.flights.len() as u64 {
         true => Ok(record),
         false => Err(format!("it counts {} flights, {ROWS} holds {}", record.totals.flights, record.flights.len())),
@@ -37,9 +37,11 @@ pub(crate) fn unpacked(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, Strin
 }
 
 /// The rows one by one, for their text is many times as large as they are packed.
-fn each_row(packed: &[u8]) -> Result<Vec<FlightRow>, String> {
+fn each_row(packed: &[u8], expected: u64) -> Result<Vec<FlightRow>, String> {
+    /// A count that is wrong must not take memory.
+    const MOST_AHEAD: u64 = 1 << 17;
     let mut lines = BufReader::new(MultiGzDecoder::new(packed));
-    let (mut rows, mut line) = (vec![], vec![]);
+    let (mut rows, mut line) = (Vec::with_capacity(expected.min(MOST_AHEAD) as usize), vec![]);
     loop {
         line.clear();
         let at = |what: String| format!("line {}: {what}", rows.len() + 1);

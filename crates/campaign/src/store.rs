@@ -302,23 +302,14 @@ impl Store {
 
     /// Writes a note of our own with its hash in it.
     pub(crate) fn write_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
-        let sealed = self.sealed(name, note)?;
-        self.write_with(name, Keep::Synced, |file| write_note(file, &sealed)).map(drop)
+        self.write_with(name, Keep::Synced, |file| write_note(file, note)).map(drop)
     }
 
     /// The same for a note that this store has read before, and that nobody else may have written since.
     pub(crate) fn rewrite_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
-        let sealed = self.sealed(name, note)?;
-        let kept = self.put(name, Keep::Synced, Only::IfAsRead, |file| write_note(file, &sealed))?;
+        let kept = self.put(name, Keep::Synced, Only::IfAsRead, |file| write_note(file, note))?;
         let taken = || io::Error::new(io::ErrorKind::ResourceBusy, "another flightlag wrote it meanwhile");
         kept.map(drop).ok_or_else(|| failed(&self.root.join(name), "write", taken()))
-    }
-
-    /// A note with its hash, in pieces: that of a large campaign has many megabytes.
-    fn sealed(&self, name: &str, note: &impl Serialize) -> Result<[String; 2], StoreError> {
-        let path = self.path(name)?;
-        let text = serde_json::to_string(note).map_err(|e| failed(&path, "write", e.into()))?;
-        Ok([format!("{SEAL}{}{CONTENT}", blake3::hash(text.as_bytes()).to_hex()), text])
     }
 
     /// A note that [`Store::write_sealed`] wrote; `None` if it is not there, or not as it was written.
@@ -400,9 +391,15 @@ fn failed(path: &Path, doing: &'static str, source: io::Error) -> StoreError {
     StoreError { path: path.to_owned(), doing, source }
 }
 
-/// What [`Store::read_sealed`] reads.
-fn write_note(file: &mut impl Write, [head, text]: &[String; 2]) -> io::Result<()> {
-    [head.as_str(), text, "}\n"].into_iter().try_for_each(|part| file.write_all(part.as_bytes()))
+/// What [`Store::read_sealed`] reads. The note is made twice, for its hash and for the file: that of a large campaign has many
+/// megabytes, which are never in memory as a whole.
+fn write_note(file: &mut impl Write, note: &impl Serialize) -> io::Result<()> {
+    let mut hasher = BufWriter::new(blake3::Hasher::new());
+    serde_json::to_writer(&mut hasher, note)?;
+    let hash = hasher.into_inner()?.finalize().to_hex();
+    write!(file, "{SEAL}{hash}{CONTENT}")?;
+    serde_json::to_writer(&mut *file, note)?;
+    file.write_all(b"}\n")
 }
 
 /// A file on its way, and the hash of what was written to it so far.
