@@ -81,14 +81,7 @@ fn play(flight: &Flight, settings: &Settings, extent: Extent) -> Result<Replay, 
     let onboard = is_whole.then(|| score::onboard(flight, settings, &input, &rows, &estimates, &mut notices)).flatten();
     let Curves { axes, zoom, track, lead } = draw(&input, settings, &rows, &estimates);
     let record = ReplayRecord {
-        settings: ReplaySettings {
-            delay: settings.delay,
-            delay_uncertainty_s: settings.delay_uncertainty_s,
-            delay_source: settings.delay_source.clone(),
-            card: settings.card.clone(),
-            start: settings.start,
-            bridge_s,
-        },
+        settings: as_used(settings, bridge_s),
         pair: input.names.clone(),
         origin_ns: input.origin.0,
         clock: input.clock,
@@ -109,6 +102,17 @@ fn play(flight: &Flight, settings: &Settings, extent: Extent) -> Result<Replay, 
     let track = if is_whole { table(&input, &rows, &estimates) } else { Track::default() };
     let explorer = explorer_rows(&input, &rows, &estimates);
     Ok(Replay { record, track, explorer, notices })
+}
+
+fn as_used(settings: &Settings, bridge_s: f64) -> ReplaySettings {
+    ReplaySettings {
+        delay: settings.delay,
+        delay_uncertainty_s: settings.delay_uncertainty_s,
+        delay_source: settings.delay_source.clone(),
+        card: settings.card.clone(),
+        start: settings.start,
+        bridge_s,
+    }
 }
 
 /// Median and percentiles of the ground speed; refuses a flight that does not move.

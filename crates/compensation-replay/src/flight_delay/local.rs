@@ -2,7 +2,7 @@
 
 use super::pairs::{Pair, Second};
 use crate::input::Horizontal;
-use flight::{Channel, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
+use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
 use nalgebra::Vector3;
 use record::DelayOrigin;
 
@@ -63,22 +63,8 @@ pub(crate) fn prepare(
     let mut stamps_s = 0_f64;
     for name in std::iter::once(&pair.first).chain(names.iter().copied()) {
         let channel = channel(name)?;
+        check(channel, name, &pair.first, clock)?;
         stamps_s = stamps_s.hypot(channel.series.timeline().shared_step_s() / 3_f64.sqrt());
-        if channel.series.timeline().clock() != clock {
-            let other = channel.series.timeline().clock();
-            return Err(format!(
-                "{} is stamped by the clock {clock}, {name} by {other}: nobody has related them; log both with one clock",
-                pair.first
-            ));
-        }
-        let rows = channel.update_rows().len();
-        if rows < LEAST_SAMPLES {
-            let what = counted(channel.quantity, rows);
-            return Err(format!("{name} has {rows} {what}; at least {LEAST_SAMPLES} are needed: log a longer flight"));
-        }
-        if channel.quantity != Quantity::Attitude && channel.present.iter().take(2).any(|present| !present) {
-            return Err(format!("{name} lacks one of its first two components"));
-        }
     }
     let stamp = |c: &Channel| c.series.timeline().first().unwrap_or(Stamp(0));
     let origin = stamp(first).min(stamp(second));
@@ -113,6 +99,25 @@ pub(crate) fn prepare(
         one_in,
         stamps_s,
     })
+}
+
+/// Refuses a channel of another clock than that of the first one, a short one, and one without its first two components.
+fn check(channel: &Channel, name: &str, first: &str, clock: Clock) -> Result<(), String> {
+    let other = channel.series.timeline().clock();
+    if other != clock {
+        return Err(format!(
+            "{first} is stamped by the clock {clock}, {name} by {other}: nobody has related them; log both with one clock"
+        ));
+    }
+    let rows = channel.update_rows().len();
+    if rows < LEAST_SAMPLES {
+        let what = counted(channel.quantity, rows);
+        return Err(format!("{name} has {rows} {what}; at least {LEAST_SAMPLES} are needed: log a longer flight"));
+    }
+    if channel.quantity != Quantity::Attitude && channel.present.iter().take(2).any(|present| !present) {
+        return Err(format!("{name} lacks one of its first two components"));
+    }
+    Ok(())
 }
 
 /// The fix whose latitude is the median: a real one, wherever the others went.

@@ -9,7 +9,7 @@ use super::pieces::{self, Names, Piece, Stretch};
 use super::{FlightDelaySettings, doubt, injection, over_time, skew, split, varies};
 use crate::input::Horizontal;
 use flight::{Flight, Notices};
-use record::{DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
+use record::{DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
 use signal::{ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, OtherMinimum};
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
@@ -152,14 +152,21 @@ fn delay_of(
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
     if let Some(reason) = gate::refuse_fit(&fit, &offer, &motion, settings, [names.first, names.second]) {
-        let why = finding.varies.as_ref().filter(|v| v.kind.varies()).map(|v| v.words.clone());
-        return Err(why.map_or_else(|| reason.clone(), |why| format!("{why} ({reason})")).into());
+        return Err(refusal(reason, finding.varies.as_ref()).into());
     }
     let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
     let wanted = |(p, v): &(String, String)| finding.first == *p && finding.second == *v;
     let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
     doubt::doubt(&mut measured, &view, finding.varies.as_ref(), (pair.kind, skew.as_ref()));
     Ok(if pair.reversed { turned_round(measured) } else { measured })
+}
+
+/// A delay that is seen to change is the better reason.
+fn refusal(reason: String, varies: Option<&DelayOverTime>) -> String {
+    match varies.filter(|varies| varies.kind.varies()) {
+        Some(varies) => format!("{} ({reason})", varies.words),
+        None => reason,
+    }
 }
 
 /// Half the width of the delays that the fit looks at about the coarse delay, s.

@@ -60,12 +60,9 @@ impl TrackFitter {
         let settings = FlightDelaySettings { search_s, ..FlightDelaySettings::default() };
         self.prepared.first = track;
         let prepared = &self.prepared;
-        if prepared.first.t.len() < super::local::LEAST_SAMPLES {
-            return Err(format!(
-                "only {} fixes; at least {} are needed",
-                prepared.first.t.len(),
-                super::local::LEAST_SAMPLES
-            ));
+        let fixes = prepared.first.t.len();
+        if fixes < super::local::LEAST_SAMPLES {
+            return Err(format!("only {fixes} fixes; at least {} are needed", super::local::LEAST_SAMPLES));
         }
         let names = Names { first: "the output", second: "the velocity" };
         let step_s = pieces::usual_step_s(&prepared.second.t);
@@ -83,15 +80,10 @@ impl TrackFitter {
             return Err(reason);
         }
         let components = components(&prepared.first, &cut);
+        let reference = |c: &Component| &*stretches[c.stretch][c.axis];
         let measurements: Vec<Measurement> = components
             .iter()
-            .map(|c| Measurement {
-                t: &c.t,
-                y: &c.y,
-                reference: &*stretches[c.stretch][c.axis],
-                gain: Gain::Fixed(1.0),
-                drift: true,
-            })
+            .map(|c| Measurement { t: &c.t, y: &c.y, reference: reference(c), gain: Gain::Fixed(1.0), drift: true })
             .collect();
         let delay_settings = DelaySettings {
             search_s,

@@ -34,6 +34,28 @@ pub(crate) struct Played<'a> {
 
 type Fit = Result<TrackFit, String>;
 
+const NO_REFERENCE: &str = "the log holds no independent position";
+
+/// How much later than the velocity a track should be, s: a right compensation leaves Tp − Td − Tv (delay network, section 1).
+fn apart_s(track: &Positions, settings: &Settings) -> f64 {
+    let td = settings.delay.seconds();
+    let raw_s = settings.position_minus_velocity_s.map_or(td, |e| e.value);
+    if track.is_raw() { raw_s } else { raw_s - td }
+}
+
+/// The same, with what the compensator itself leaves.
+fn expected(track: &Positions, settings: &Settings, ground: &Ground<'_>, updates: &Updates) -> Estimate {
+    let apart = settings.position_minus_velocity_s;
+    if track.is_raw() {
+        let set = Estimate { value: settings.delay.seconds(), standard_uncertainty: settings.delay_uncertainty_s };
+        return apart.unwrap_or(set);
+    }
+    let u = apart.and_then(|e| e.standard_uncertainty).unwrap_or(0.0);
+    let truncation = ground.truncation_delay_s(track);
+    let value = apart_s(track, settings) + truncation + updates.unknown_age_s(track);
+    Estimate { value, standard_uncertainty: Some(u.hypot(0.5 * truncation)) }
+}
+
 /// Everything of [`ReplayScores`].
 pub(crate) fn scores(played: &Played) -> ReplayScores {
     let Played { input, settings, segments, rows, tracks, .. } = *played;
@@ -45,32 +67,25 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
     let passes = Passes::of(&updates, raw);
     let motion = Motion::of(&input.velocity, segments, td);
     let valid: Vec<usize> = rows.valid().collect();
-    let reference = input.reference.as_ref().map(|r| Reference::at(r, rows, &valid));
-    let judge = reference.as_ref().map(|r| Judge::of(r, rows, &input.velocity));
-    let no_reference = "the log holds no independent position";
-    let mean_age = rows.mean_age_s();
-    let against_reference: Vec<_> = tracks
-        .iter()
-        .map(|track| match &judge {
-            Some(judge) => judge.score(track, if track.is_raw() { td + mean_age } else { 0.0 }),
-            None => Finding::CannotTell(no_reference.to_owned()),
-        })
-        .collect();
-    let exact = tracks.iter().position(|t| t.name == EXACT_ASYNC);
-    let velocity_delay_s = match exact {
+    let at_rows = input.reference.as_ref().map(|r| Reference::at(r, rows, &valid));
+    let judge = at_rows.as_ref().map(|r| Judge::of(r, rows, &input.velocity));
+    let against = |track: &Positions| match &judge {
+        Some(judge) => judge.score(track, if track.is_raw() { td + rows.mean_age_s() } else { 0.0 }),
+        None => Finding::CannotTell(NO_REFERENCE.to_owned()),
+    };
+    let against_reference: Vec<_> = tracks.iter().map(against).collect();
+    let velocity_delay_s = match tracks.iter().position(|t| t.name == EXACT_ASYNC) {
         Some(k) => velocity_delay(&fits[k], &against_reference[k]),
-        None => Finding::CannotTell(no_reference.to_owned()),
+        None => Finding::CannotTell(NO_REFERENCE.to_owned()),
     };
     let late = late(residual(&fits[0]), &velocity_delay_s, settings);
     let left_s = late.position_s.map(|e| Estimate { value: e.value - td, ..e });
-    let band_delay = band_delays(left_s, &late.velocity_s);
-    let age2 = valid.iter().map(|&r| rows.age[r].powi(2)).sum::<f64>() / valid.len().max(1) as f64;
-    let speed2 = valid.iter().map(|&r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum::<f64>()).sum::<f64>();
+    let mean = |of: &dyn Fn(usize) -> f64| valid.iter().map(|&r| of(r)).sum::<f64>() / valid.len().max(1) as f64;
     let ground = Ground {
-        speed_mps: (speed2 / valid.len().max(1) as f64).sqrt(),
+        speed_mps: mean(&|r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum()).sqrt(),
         delay_s: td,
         delay_u_s: settings.delay_uncertainty_s,
-        age_s: (mean_age, age2),
+        age_s: (rows.mean_age_s(), mean(&|r| rows.age[r].powi(2))),
         way_m: played.way_m,
         raw_fit: fits[0].as_ref().map_err(String::as_str),
         motion: motion.as_ref().map_err(String::as_str),
@@ -78,39 +93,22 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         velocity_delay_s: &late.velocity_s,
         row_step_s: median_step(&rows.t),
     };
-    // Both are compared with the velocity: a right compensation leaves Tp − Td − Tv (delay network, section 1).
-    let apart = settings.position_minus_velocity_s;
-    let apart_s = |track: &Positions| {
-        let raw_s = apart.map_or(td, |e| e.value);
-        if track.is_raw() { raw_s } else { raw_s - td }
-    };
-    let expected = |track: &Positions| {
-        if track.is_raw() {
-            return apart.unwrap_or(Estimate { value: td, standard_uncertainty: settings.delay_uncertainty_s });
-        }
-        let u = apart.and_then(|e| e.standard_uncertainty).unwrap_or(0.0);
-        let truncation = ground.truncation_delay_s(track);
-        let value = apart_s(track) + truncation + updates.unknown_age_s(track);
-        Estimate { value, standard_uncertainty: Some(u.hypot(0.5 * truncation)) }
-    };
     let score = |(k, track): (usize, &Positions)| CompensatorScore {
         name: track.name.clone(),
-        residual_delay: residual_finding(&fits[k], expected(track)),
+        residual_delay: residual_finding(&fits[k], expected(track, settings, &ground, &updates)),
         lead_s: truthless::lead(&updates, raw, track),
         expected_lead_s: track.delay.seconds(),
         step_correlation: truthless::step_correlation(played.innovations, track),
-        hysteresis: passes.hysteresis(&updates, track, apart_s(track)),
+        hysteresis: passes.hysteresis(&updates, track, apart_s(track, settings)),
         raw_minus_this_axes_rms_m: differences(raw, track, &valid),
         straight: legs.score(&updates, raw, track),
         budget: ground.budget(track, against_reference[k].found().map(|score| score.rms_m)),
         reference: against_reference[k].clone(),
-        band: band(track, band_delay, &motion),
+        band: band(track, band_delays(left_s, &late.velocity_s), &motion),
     };
     ReplayScores {
         compensators: tracks.iter().enumerate().map(score).collect(),
-        predicted_axes_rms_m: AXES.map(|k| {
-            (valid.iter().map(|&r| rows.predicted[k][r].powi(2)).sum::<f64>() / valid.len().max(1) as f64).sqrt()
-        }),
+        predicted_axes_rms_m: AXES.map(|k| mean(&|r| rows.predicted[k][r].powi(2)).sqrt()),
         straight_legs: legs.finding(),
         opposite_passes: passes.finding(),
         velocity_delay_s,

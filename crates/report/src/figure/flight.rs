@@ -276,20 +276,7 @@ fn lead_over_time(replay: &ReplayRecord, lead: &LeadCurves, late: Option<&Late>)
     };
     let (in_m, mut in_ms) = (of(|lead| &lead.over_time_m), of(|lead| &lead.over_time_ms));
     let time = Axis::time(TIME, extent(&in_m, |p| p.0)?, 10);
-    let band = late.and_then(|late| {
-        let Estimate { value, standard_uncertainty } = late.lateness_s;
-        let half = COVERAGE_FACTOR * standard_uncertainty? * 1e3;
-        let (low, high) = (value * 1e3 - half, value * 1e3 + half);
-        (low.is_finite() && high.is_finite()).then(|| outline((time.low, low), (time.high, high)))
-    });
-    in_ms.extend(band.map(|band| Line {
-        name: match late.and_then(|late| late.than) {
-            None => "measured lateness ± U (k = 2)".to_owned(),
-            Some(than) => format!("measured, later than {}, ± U (k = 2)", short_label(than)),
-        },
-        pen: Pen::Uncertainty,
-        pieces: vec![band],
-    }));
+    in_ms.extend(late.and_then(|late| measured_band(late, &time)));
     let panel = |label: &str, lines: Vec<Line>| {
         let (low, high) = extent(&lines, |p| p.1)?;
         Some(Panel::of(time.clone(), Axis::linear(label, (low.min(0.0), high.max(0.0)), 5), lines))
@@ -301,21 +288,7 @@ fn lead_over_time(replay: &ReplayRecord, lead: &LeadCurves, late: Option<&Late>)
     if let Some(zoom) = &replay.zoom {
         panels.iter_mut().take(1).for_each(|panel| panel.spans.extend(span(zoom, panel, "hardest turn")));
     }
-    let words = |lead: &Lead| match lead.median_ms {
-        Some(ms) => {
-            format!("{}\u{a0}m ({}\u{a0}ms)", number::significant(lead.median_m, 3), number::significant(ms, 3))
-        }
-        None => format!("{}\u{a0}m", number::significant(lead.median_m, 3)),
-    };
-    let first = lead.of.first()?;
-    let title = match lead.of.get(1) {
-        Some(reference) => format!(
-            "Compensation moves the position ahead by {}, the reference is {} ahead",
-            words(first),
-            words(reference)
-        ),
-        None => format!("Compensation moves the position ahead by {}", words(first)),
-    };
+    let title = lead_title(lead)?;
     let caption = format!(
         "Lead over raw along the track at each fix, without its age, medians in the title; in ms where the ground speed is \
          {}\u{a0}m/s and more.",
@@ -333,6 +306,30 @@ fn lead_over_time(replay: &ReplayRecord, lead: &LeadCurves, late: Option<&Late>)
         panel_size: (860, 150),
         fine: true,
     })
+}
+
+/// The measured lateness with its uncertainty, in ms, over the whole time.
+fn measured_band(late: &Late, time: &Axis) -> Option<Line> {
+    let Estimate { value, standard_uncertainty } = late.lateness_s;
+    let half = COVERAGE_FACTOR * standard_uncertainty? * 1e3;
+    let (low, high) = (value * 1e3 - half, value * 1e3 + half);
+    let name = match late.than {
+        None => "measured lateness ± U (k = 2)".to_owned(),
+        Some(than) => format!("measured, later than {}, ± U (k = 2)", short_label(than)),
+    };
+    let band = || outline((time.low, low), (time.high, high));
+    (low.is_finite() && high.is_finite()).then(|| Line { name, pen: Pen::Uncertainty, pieces: vec![band()] })
+}
+
+fn lead_title(lead: &LeadCurves) -> Option<String> {
+    let words = |lead: &Lead| {
+        let metres = number::significant(lead.median_m, 3);
+        let millis = lead.median_ms.map(|ms| format!(" ({}\u{a0}ms)", number::significant(ms, 3)));
+        format!("{metres}\u{a0}m{}", millis.unwrap_or_default())
+    };
+    let moved = format!("Compensation moves the position ahead by {}", words(lead.of.first()?));
+    let reference = lead.of.get(1).map(|reference| format!(", the reference is {} ahead", words(reference)));
+    Some(moved + &reference.unwrap_or_default())
 }
 
 fn span(zoom: &Zoom, panel: &Panel, name: &str) -> Option<Span> {

@@ -24,24 +24,10 @@ pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
     timed.sort_by_key(|(c, _)| !used(&c.name));
     let seconds = |ns: i64| ns.saturating_sub(origin_ns) as f64 * 1e-9;
     let (mut covered, mut gaps) = (vec![], vec![]);
-    let mut listed = 0;
     for (row, (_, stamps)) in timed.iter().take(MOST_ROWS).enumerate() {
-        let (middle, first) = (row as f64, seconds(stamps.first_ns));
-        let mut sorted: Vec<(f64, f64)> =
-            stamps.gaps.iter().map(|g| (first + g.start_s, first + g.start_s + g.length_s)).collect();
-        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-        listed += sorted.len() as u64;
-        let mut from = first;
-        for (start, end) in sorted.iter().copied().chain([(seconds(stamps.last_ns), f64::INFINITY)]) {
-            if [from, start].into_iter().all(is_drawable) && start > from {
-                covered.push(vec![(from, middle - 0.28), (start, middle + 0.28)]);
-            }
-            from = end;
-        }
-        gaps.extend(
-            sorted.iter().filter(|g| is_drawable(g.0)).map(|g| vec![(g.0, middle - 0.42), (g.0, middle + 0.42)]),
-        );
+        draw_row(row as f64, stamps, &seconds, &mut covered, &mut gaps);
     }
+    let listed = timed.iter().take(MOST_ROWS).map(|(_, stamps)| stamps.gaps.len() as u64).sum::<u64>();
     let rows = timed.len().min(MOST_ROWS);
     let all = timed.iter().take(MOST_ROWS).fold(0_u64, |all, (_, s)| all.saturating_add(s.gap_count));
     let mut names: Vec<String> = timed.iter().take(MOST_ROWS).map(|(c, _)| short_label(&c.name)).collect();
@@ -59,14 +45,8 @@ pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
     let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() });
     // The first channel on top.
     let y = Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks.collect()) };
-    let title = match all {
-        0 => format!("No gap in {}", number::counted(rows as u64, "channel", "channels")),
-        _ => format!(
-            "{} in {}",
-            number::counted(all, "gap", "gaps"),
-            number::counted(rows as u64, "channel", "channels")
-        ),
-    };
+    let gaps = if all == 0 { "No gap".to_owned() } else { number::counted(all, "gap", "gaps") };
+    let title = format!("{gaps} in {}", number::counted(rows as u64, "channel", "channels"));
     let mut caption = "Rows of each channel over time; a gap is a step of more than 2.5 median steps.".to_owned();
     if listed < all {
         caption += &format!(" Marked are the {} longest of each channel, {} in all.", 10, number::count(listed));
@@ -88,6 +68,29 @@ pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
         panel_size: (860, 30 + 24 * names.len() as u32),
         fine: false,
     })
+}
+
+/// The bars of a channel and the marks of its gaps.
+fn draw_row(
+    middle: f64,
+    stamps: &StampHealth,
+    seconds: &dyn Fn(i64) -> f64,
+    covered: &mut Vec<Vec<(f64, f64)>>,
+    gaps: &mut Vec<Vec<(f64, f64)>>,
+) {
+    let first = seconds(stamps.first_ns);
+    let mut sorted: Vec<(f64, f64)> =
+        stamps.gaps.iter().map(|g| (first + g.start_s, first + g.start_s + g.length_s)).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut from = first;
+    for (start, end) in sorted.iter().copied().chain([(seconds(stamps.last_ns), f64::INFINITY)]) {
+        if [from, start].into_iter().all(is_drawable) && start > from {
+            covered.push(vec![(from, middle - 0.28), (start, middle + 0.28)]);
+        }
+        from = end;
+    }
+    let drawable = sorted.iter().filter(|g| is_drawable(g.0));
+    gaps.extend(drawable.map(|g| vec![(g.0, middle - 0.42), (g.0, middle + 0.42)]));
 }
 
 /// Clock and stamp of time zero: that of the replay, else of the first stamp of any channel.

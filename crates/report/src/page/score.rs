@@ -1,6 +1,6 @@
 //! What the compensators are worth, with and without a reference; their error budget; the aircraft's own answer.
 
-use super::Head::{Number, Text};
+use super::Head::{self, Number, Text};
 use super::{badge, estimate, finding, maybe, no_number, plain, rows, table, table_of};
 use crate::figure::{Figure, bands_figure, budget_figure};
 use crate::number::{self, COVERAGE_FACTOR};
@@ -192,25 +192,26 @@ fn passes_and_legs(scores: &ReplayScores) -> Markup {
 
 // With a reference
 
+const REFERENCE_HEAD: [Head; 14] = [
+    Text("Compensator"),
+    Number("2‑D rms"),
+    Number("50 % below"),
+    Number("68 %"),
+    Number("95 %"),
+    Number("99 %"),
+    Number("Largest"),
+    Number("Along, mean"),
+    Number("Along, rms"),
+    Number("Across, mean"),
+    Number("Across, rms"),
+    Number("North, rms"),
+    Number("East, rms"),
+    Number("Delay left ± U (ms)"),
+];
+
 fn with_reference(scores: &ReplayScores) -> Markup {
     let scored: Vec<(&str, &ReferenceScore)> =
         scores.compensators.iter().filter_map(|c| Some((c.name.as_str(), c.reference.found()?))).collect();
-    let head = [
-        Text("Compensator"),
-        Number("2‑D rms"),
-        Number("50 % below"),
-        Number("68 %"),
-        Number("95 %"),
-        Number("99 %"),
-        Number("Largest"),
-        Number("Along, mean"),
-        Number("Along, rms"),
-        Number("Across, mean"),
-        Number("Across, rms"),
-        Number("North, rms"),
-        Number("East, rms"),
-        Number("Delay left ± U (ms)"),
-    ];
     let row = |(name, s): &(&str, &ReferenceScore)| {
         html! {
             tr {
@@ -236,8 +237,8 @@ fn with_reference(scores: &ReplayScores) -> Markup {
     html! {
         h3 { "Against the reference" }
         @if !scored.is_empty() {
-            (table("Error against the reference, m; ± is U with k = 2; ahead and to the right are positive", &head,
-                rows(&scored, MOST, head.len(), row)))
+            (table("Error against the reference, m; ± is U with k = 2; ahead and to the right are positive", &REFERENCE_HEAD,
+                rows(&scored, MOST, REFERENCE_HEAD.len(), row)))
             (split("Error by ground speed, 2‑D rms, m", "Ground speed (m/s)", &scores.speeds_mps, &scored,
                 |s, bin| s.by_speed.get(bin).copied().flatten()))
             (split("Error by frequency, 2‑D rms, m", "Frequency (Hz)", &scores.bands_hz, &scored, |s, bin| {
