@@ -1,6 +1,8 @@
 //! What a format tells the scan of its frames.
 
+use crate::error::ScanError;
 use crate::ledger::Fate;
+use crate::source::Source;
 use std::borrow::Cow;
 
 /// How far a frame proves itself.
@@ -21,15 +23,29 @@ pub enum Trust {
 pub enum Parsed {
     /// A frame of this many bytes, at least one.
     Frame(usize, Trust),
+    /// A frame of this many bytes, of which only the head has to be in memory: the format fetches its content. What is in it is
+    /// not looked into before it is believed.
+    Long(u64, Trust),
     /// A frame that is longer than the bytes that are left of the file.
     Cut,
     /// Not a frame; how many bytes were looked at to find out.
     Not(usize),
 }
 
+/// What became of a frame whose content the format fetched.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Fetched {
+    /// It is intact.
+    Taken(Fate),
+    /// It is damaged, and what is intact in it was taken. The next frame begins where it ends.
+    Damaged(Cow<'static, str>),
+    /// It is so damaged that its length may be wrong too. Frames are searched for in it.
+    Refuted(Cow<'static, str>),
+}
+
 /// A format's frames, and where their content goes.
 pub trait Framing {
-    /// Bytes of the longest frame.
+    /// Bytes of the longest frame that is parsed in memory, and of the longest head of any other.
     fn longest(&self) -> usize;
 
     /// What these bytes begin with. As many are given as the longest frame has, or all up to the end of the file.
@@ -48,7 +64,7 @@ pub trait Framing {
     }
 
     /// Whether the content of a frame that was searched for, or found within another, agrees with the log, as a time near the
-    /// last one does.
+    /// last one does. Of a long frame the head is given.
     fn is_likely(&self, _frame: &[u8]) -> bool {
         true
     }
@@ -58,6 +74,14 @@ pub trait Framing {
     /// # Errors
     /// What is wrong with its content, if it is damaged after all.
     fn take(&mut self, frame: &[u8], after: &[u8], at: u64) -> Result<Fate, Cow<'static, str>>;
+
+    /// Takes a long frame that is believed: `length` bytes at a place of the source, which has them all.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    fn fetch<S: Source>(&mut self, _source: &mut S, _at: u64, _length: u64) -> Result<Fetched, ScanError> {
+        Ok(Fetched::Refuted("a frame of a format that has no long ones".into()))
+    }
 
     /// What is wrong where no frame was believed.
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str>;
@@ -78,4 +102,7 @@ pub trait Framing {
 
     /// Whether a file may end in zeros or ones that are not damage, as a preallocated one does.
     const PADDED: bool = false;
+
+    /// Whether a log says where it ends, so that one that ends inside a frame is damaged and not merely cut.
+    const STATES_ITS_END: bool = false;
 }

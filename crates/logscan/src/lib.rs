@@ -1,7 +1,8 @@
 //! Frames out of files, damaged or not. Knows no format.
 //!
 //! A format says what a frame is ([`Framing`]); [`scan`] walks from frame to frame, searches for the next one after damage,
-//! and gives every byte a fate in the [`Ledger`].
+//! and gives every byte a fate in the [`Ledger`]. It walks over a file, or over bytes in memory as those of a decompressed chunk
+//! ([`Source`]). Frames may be longer than memory: of such ones it looks at the head, and the format fetches the rest.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
@@ -16,9 +17,9 @@ mod source;
 
 pub use bytes::{is_plain, is_zero};
 pub use error::ScanError;
-pub use frame::{Framing, Parsed, Trust};
+pub use frame::{Fetched, Framing, Parsed, Trust};
 pub use ledger::{Fate, Ledger, LogTime};
 pub use limits::{FIRST_BLOCK, Limits, MOST_IN_VAIN, MOST_ZEROS, ReadContext};
 pub use platform::read_at;
 pub use scan::{Scanned, scan};
-pub use source::{LogFile, read_exactly};
+pub use source::{LogFile, Source, read_exactly};

@@ -5,11 +5,12 @@
 
 use crate::bytes::is_zero;
 use crate::error::ScanError;
-use crate::frame::{Framing, Parsed, Trust};
+use crate::frame::{Fetched, Framing, Parsed, Trust};
 use crate::ledger::{Fate, Ledger};
 use crate::limits::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, ReadContext};
-use crate::source::LogFile;
+use crate::source::Source;
 use memchr::memmem;
+use std::borrow::Cow;
 
 /// Bytes walked over in one go.
 const BLOCK: usize = 256 << 10;
@@ -31,55 +32,62 @@ pub struct Scanned {
     pub padding: u64,
 }
 
-/// Walks over a file from its first byte to its last. Every byte gets a fate in the ledger.
+/// Walks over a file, or over bytes in memory, from the first byte to the last. Every byte gets a fate in the ledger.
 ///
 /// # Errors
 /// If the file cannot be read, or the user stops.
-pub fn scan<F: Framing>(
-    file: &mut LogFile,
+pub fn scan<S: Source, F: Framing>(
+    source: &mut S,
     ledger: &mut Ledger,
     context: &ReadContext<'_>,
     framing: &mut F,
 ) -> Result<Scanned, ScanError> {
-    let name = file.name().to_owned();
-    let size = file.size();
-    let mut scan = Scan { name, file, ledger, context, framing, at: 0, size, in_vain: 0, padding_from: None };
+    let name = source.file().map(|file| file.name().to_owned()).unwrap_or_default();
+    let size = source.size();
+    let (reach, padding_from) = (BLOCK, None);
+    let mut scan = Scan { name, source, ledger, context, framing, at: 0, size, reach, in_vain: 0, padding_from };
     let mut scanned = Scanned::default();
     while scan.at < size {
         scan.block()?;
-        scan.file.progress(scan.at, context)?;
-        let parsed = if scan.at < size { scan.step()? } else { None };
-        let Some(parsed) = parsed else { continue };
+        scan.source.progress(scan.at, context)?;
+        let lost = if scan.at < size { scan.step()? } else { None };
+        let Some(lost) = lost else { continue };
         if F::PADDED && scan.is_padding(scan.at)? {
             scanned.padding = size - scan.at;
             scan.pass(Fate::Structure, size);
         } else {
-            scanned.preamble += scan.lost(parsed)?;
+            scanned.preamble += scan.lost(lost)?;
         }
     }
-    scan.file.progress(size, context)?;
+    scan.source.progress(size, context)?;
     Ok(scanned)
 }
 
-struct Scan<'s, 'c, F> {
+/// Where no frame was believed: what it was taken for, and why it is none if its content showed that.
+type Lost = (Parsed, Option<Cow<'static, str>>);
+
+struct Scan<'s, 'c, S, F> {
     name: String,
-    file: &'s mut LogFile,
+    source: &'s mut S,
     ledger: &'s mut Ledger,
     context: &'s ReadContext<'c>,
     framing: &'s mut F,
     at: u64,
     size: u64,
+    /// Bytes that are read in one go: few after a long frame, of which more may follow.
+    reach: usize,
     /// Bytes looked at for false starts.
     in_vain: u64,
     /// Where the zeros or ones begin that the file ends in, once it was asked; the size if it ends in neither.
     padding_from: Option<u64>,
 }
 
-impl<F: Framing> Scan<'_, '_, F> {
+impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
     /// The frames of a block that nothing is wrong with, as nearly all are.
     fn block(&mut self) -> Result<(), ScanError> {
         let need = self.framing.longest() + LOOK;
-        let bytes = self.file.ahead(self.at, need, BLOCK + need)?;
+        let bytes = self.source.ahead(self.at, need, self.reach + need)?;
+        self.reach = BLOCK.min(4 * self.reach);
         let is_last = self.at + bytes.len() as u64 == self.size;
         let stop = if is_last { bytes.len() } else { bytes.len().saturating_sub(need) };
         let (mut place, mut start) = (0, None);
@@ -114,15 +122,21 @@ impl<F: Framing> Scan<'_, '_, F> {
     }
 
     /// One frame that has to be looked at more closely. It is taken if it is believed; else what it was is returned.
-    fn step(&mut self) -> Result<Option<Parsed>, ScanError> {
+    fn step(&mut self) -> Result<Option<Lost>, ScanError> {
         let parsed = self.parse(self.at)?;
-        let Parsed::Frame(length, trust) = parsed else { return Ok(Some(parsed)) };
-        if !self.stands(self.at, length, trust)? {
-            return Ok(Some(parsed));
+        let (Parsed::Frame(_, trust) | Parsed::Long(_, trust)) = parsed else { return Ok(Some((parsed, None))) };
+        if !self.stands(self.at, parsed, trust)? {
+            return Ok(Some((parsed, None)));
         }
-        let (at, longest) = (self.at, self.framing.longest());
-        let Some((frame, after)) = self.file.up_to(at, longest)?.split_at_checked(length) else {
-            return Ok(Some(parsed));
+        let at = self.at;
+        let length = match parsed {
+            Parsed::Long(length, _) => return self.long(length, parsed),
+            Parsed::Frame(length, _) => length,
+            Parsed::Cut | Parsed::Not(_) => 0,
+        };
+        let longest = self.framing.longest();
+        let Some((frame, after)) = self.source.up_to(at, longest)?.split_at_checked(length) else {
+            return Ok(Some((parsed, None)));
         };
         match self.framing.take(frame, after, at) {
             Ok(fate) => self.ledger.count(fate, length as u64),
@@ -132,13 +146,43 @@ impl<F: Framing> Scan<'_, '_, F> {
         Ok(None)
     }
 
+    /// A long frame that is believed.
+    fn long(&mut self, length: u64, parsed: Parsed) -> Result<Option<Lost>, ScanError> {
+        self.reach = FIRST_BLOCK;
+        match self.framing.fetch(self.source, self.at, length)? {
+            Fetched::Taken(fate) => self.ledger.count(fate, length),
+            Fetched::Damaged(reason) => {
+                self.ledger.damaged(&self.name, self.at, length, reason);
+                self.framing.breaks();
+            }
+            Fetched::Refuted(reason) => {
+                self.in_vain += length;
+                return Ok(Some((parsed, Some(reason))));
+            }
+        }
+        self.at += length;
+        Ok(None)
+    }
+
     /// What begins at a place.
     fn parse(&mut self, at: u64) -> Result<Parsed, ScanError> {
         let longest = self.framing.longest();
-        Ok(self.framing.parse(self.file.up_to(at, longest)?))
+        Ok(match self.framing.parse(self.source.up_to(at, longest)?) {
+            Parsed::Long(length, _) if length > self.size - at => Parsed::Cut,
+            parsed => parsed,
+        })
     }
 
-    fn stands(&mut self, at: u64, length: usize, trust: Trust) -> Result<bool, ScanError> {
+    fn stands(&mut self, at: u64, parsed: Parsed, trust: Trust) -> Result<bool, ScanError> {
+        let length = match parsed {
+            Parsed::Frame(length, _) => length,
+            Parsed::Long(length, _) => {
+                let end = at + length;
+                let follows = trust > Trust::Weak && self.may_begin(end)?;
+                return Ok(trust == Trust::Proven || follows || self.leads(end)?);
+            }
+            Parsed::Cut | Parsed::Not(_) => return Ok(false),
+        };
         let end = at + length as u64;
         if !F::START.is_empty() && self.holds_a_start(at, length)? {
             return Ok(false);
@@ -152,7 +196,7 @@ impl<F: Framing> Scan<'_, '_, F> {
     }
 
     fn holds(&mut self, at: u64, length: usize, trust: Trust) -> Result<bool, ScanError> {
-        let frame = self.file.bytes(at, length)?.unwrap_or_default();
+        let frame = self.source.bytes(at, length)?.unwrap_or_default();
         Ok(holds_others(self.framing, frame, trust))
     }
 
@@ -160,8 +204,10 @@ impl<F: Framing> Scan<'_, '_, F> {
     fn holds_a_start(&mut self, at: u64, length: usize) -> Result<bool, ScanError> {
         let mut from = 1;
         while from < length {
-            let start = start_in::<F>(self.file.bytes(at, length)?.unwrap_or_default(), from);
-            if start < length && matches!(self.parse(at + start as u64)?, Parsed::Frame(_, Trust::Proven)) {
+            // As far as a log that begins with the last byte.
+            let start = start_in::<F>(self.source.up_to(at, length + F::START.len() - 1)?, from);
+            let is_one = |parsed| matches!(parsed, Parsed::Frame(_, Trust::Proven) | Parsed::Long(_, Trust::Proven));
+            if start < length && is_one(self.parse(at + start as u64)?) {
                 return Ok(true);
             }
             from = start.saturating_add(1);
@@ -170,13 +216,15 @@ impl<F: Framing> Scan<'_, '_, F> {
     }
 
     fn is_likely(&mut self, at: u64, length: usize) -> Result<bool, ScanError> {
-        let frame = self.file.bytes(at, length)?.unwrap_or_default();
+        let frame = self.source.bytes(at, length)?.unwrap_or_default();
         Ok(self.framing.is_likely(frame))
     }
 
     /// Whether a frame, the padding or the end of the file may be here.
     fn may_begin(&mut self, at: u64) -> Result<bool, ScanError> {
-        Ok(at == self.size || self.framing.begins(self.file.up_to(at, LOOK)?) || (F::PADDED && self.is_padding(at)?))
+        Ok(at == self.size
+            || self.framing.begins(self.source.up_to(at, LOOK)?)
+            || (F::PADDED && self.is_padding(at)?))
     }
 
     /// Whether the next few frames lead to one that is more than weak, or to the end of the file.
@@ -184,8 +232,9 @@ impl<F: Framing> Scan<'_, '_, F> {
         for _ in 0..HOPS {
             match self.parse(at)? {
                 Parsed::Frame(length, Trust::Weak) => at += length as u64,
-                Parsed::Frame(..) => return Ok(true),
-                Parsed::Cut => return Ok(at == self.size || self.framing.begins(self.file.up_to(at, LOOK)?)),
+                Parsed::Long(length, Trust::Weak) => at += length,
+                Parsed::Frame(..) | Parsed::Long(..) => return Ok(true),
+                Parsed::Cut => return Ok(at == self.size || self.framing.begins(self.source.up_to(at, LOOK)?)),
                 Parsed::Not(_) => return Ok(at == self.size),
             }
         }
@@ -200,12 +249,19 @@ impl<F: Framing> Scan<'_, '_, F> {
             self.in_vain += match parsed {
                 Parsed::Frame(looked, Trust::Shape) | Parsed::Not(looked) => looked as u64,
                 // Little of it was looked at.
-                Parsed::Frame(_, Trust::Weak) => LOOK as u64,
+                Parsed::Frame(_, Trust::Weak) | Parsed::Long(..) => LOOK as u64,
                 Parsed::Frame(..) | Parsed::Cut => 1,
             };
             match parsed {
-                Parsed::Frame(_, Trust::Proven) => return Ok(true),
-                Parsed::Frame(_, Trust::Weak) if hop == 0 => return Ok(false),
+                Parsed::Frame(_, Trust::Proven) | Parsed::Long(_, Trust::Proven) => return Ok(true),
+                Parsed::Frame(_, Trust::Weak) | Parsed::Long(_, Trust::Weak) if hop == 0 => return Ok(false),
+                Parsed::Long(length, _) => {
+                    let longest = self.framing.longest();
+                    if self.framing.is_likely(self.source.up_to(place, longest)?) {
+                        return self.may_begin(place + length);
+                    }
+                    place += length;
+                }
                 Parsed::Frame(length, trust) => {
                     if trust == Trust::Shape && self.holds(place, length, trust)? {
                         return Ok(false);
@@ -223,19 +279,22 @@ impl<F: Framing> Scan<'_, '_, F> {
     }
 
     /// No frame is believed here: goes on where the next one begins. How many bytes were text before the first frame.
-    fn lost(&mut self, parsed: Parsed) -> Result<u64, ScanError> {
+    fn lost(&mut self, (parsed, reason): Lost) -> Result<u64, ScanError> {
         if let Parsed::Not(looked) | Parsed::Frame(looked, Trust::Weak | Trust::Shape) = parsed {
             self.in_vain += looked as u64;
         }
         let longest = self.framing.longest();
-        let reason = self.framing.fault(self.file.up_to(self.at, longest)?);
+        let reason = match reason {
+            Some(reason) => reason,
+            None => self.framing.fault(self.source.up_to(self.at, longest)?),
+        };
         let next = self.search(self.at + 1)?;
         if self.at == 0 && next < self.size.min(LONGEST_PREAMBLE) && self.is_preamble(next as usize)? {
             self.pass(Fate::Skipped, next);
             return Ok(next);
         }
         let length = next - self.at;
-        if parsed == Parsed::Cut && next == self.size {
+        if parsed == Parsed::Cut && next == self.size && !F::STATES_ITS_END {
             self.ledger.cut(&self.name, self.at, length, "the log ends inside a frame");
         } else {
             self.ledger.damaged(&self.name, self.at, length, reason);
@@ -250,7 +309,7 @@ impl<F: Framing> Scan<'_, '_, F> {
         let (mut at, mut most, mut zeros) = (from, FIRST_BLOCK, 0);
         while at < self.size && zeros <= MOST_ZEROS && self.in_vain < self.patience() {
             let longest = self.framing.longest();
-            let block = self.file.up_to(at, most + longest)?;
+            let block = self.source.up_to(at, most + longest)?;
             let head = block.get(..most).unwrap_or(block);
             zeros = if is_zero(head) { zeros + head.len() as u64 } else { 0 };
             let step = head.len();
@@ -267,7 +326,7 @@ impl<F: Framing> Scan<'_, '_, F> {
                     most = BLOCK.min(2 * most);
                 }
             }
-            self.file.progress(at.min(self.size), self.context)?;
+            self.source.progress(at.min(self.size), self.context)?;
         }
         // Less filling than a frame is long may be the rest of one that was cut.
         let filling = F::PADDED && self.is_padding(self.size - 1)?;
@@ -280,7 +339,7 @@ impl<F: Framing> Scan<'_, '_, F> {
     }
 
     fn is_preamble(&mut self, length: usize) -> Result<bool, ScanError> {
-        let bytes = self.file.bytes(0, length)?.unwrap_or_default();
+        let bytes = self.source.bytes(0, length)?.unwrap_or_default();
         Ok(self.framing.is_preamble(bytes))
     }
 
@@ -288,7 +347,7 @@ impl<F: Framing> Scan<'_, '_, F> {
     fn is_padding(&mut self, at: u64) -> Result<bool, ScanError> {
         let from = match self.padding_from {
             Some(from) => from,
-            None => padding_from(self.file)?,
+            None => padding_from(self.source)?,
         };
         self.padding_from = Some(from);
         Ok((from..self.size).contains(&at))
@@ -327,13 +386,13 @@ fn holds_others<F: Framing>(framing: &F, frame: &[u8], trust: Trust) -> bool {
 
 /// Where the zeros or ones begin that a file ends in: a preallocated file has the first, flash memory the second. More than
 /// the reader looks back for are a sparse file, which has none.
-fn padding_from(file: &mut LogFile) -> Result<u64, ScanError> {
-    let size = file.size();
+fn padding_from(source: &mut impl Source) -> Result<u64, ScanError> {
+    let size = source.size();
     let mut end = size;
     let mut filling = None;
     while end > 0 && size - end <= MOST_ZEROS {
         let start = end.saturating_sub(BLOCK as u64);
-        let block = file.up_to(start, (end - start) as usize)?;
+        let block = source.up_to(start, (end - start) as usize)?;
         let filling = *filling.get_or_insert(block.last().copied().unwrap_or_default());
         if !matches!(filling, 0 | 0xff) {
             return Ok(size);

@@ -22,6 +22,103 @@ const KEPT_BEHIND: u64 = 4 << 10;
 /// Progress is reported, and a wish to stop is heard, this often, bytes.
 const PROGRESS_STEP: u64 = 1 << 20;
 
+/// What is walked over: a file, or bytes in memory.
+pub trait Source {
+    /// Bytes in all.
+    fn size(&self) -> u64;
+
+    /// `length` bytes at `offset`; `None` if the source ends before.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError>;
+
+    /// What is held from `offset` on, `least` bytes or all up to the end; if fewer are held, `most` are fetched.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    fn ahead(&mut self, offset: u64, least: usize, most: usize) -> Result<&[u8], ScanError>;
+
+    /// As many as there are, up to `most`.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    fn up_to(&mut self, offset: u64, most: usize) -> Result<&[u8], ScanError> {
+        let there = self.size().saturating_sub(offset).min(most as u64) as usize;
+        Ok(self.bytes(offset, there)?.unwrap_or_default())
+    }
+
+    /// A look at the next few bytes from far away, which leaves what is held as it is; at the end of the source there are fewer.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    fn look<'s, const N: usize>(&mut self, offset: u64, space: &'s mut [u8; N]) -> Result<&'s [u8], ScanError> {
+        let bytes = self.up_to(offset, N)?;
+        let space = space.get_mut(..bytes.len()).unwrap_or_default();
+        space.copy_from_slice(bytes);
+        Ok(space)
+    }
+
+    /// Tells the surroundings that the walk has come to `offset`.
+    ///
+    /// # Errors
+    /// If the user wants to stop.
+    fn progress(&mut self, _offset: u64, _context: &ReadContext<'_>) -> Result<(), ScanError> {
+        Ok(())
+    }
+
+    /// The file, if this is one.
+    fn file(&mut self) -> Option<&mut LogFile> {
+        None
+    }
+}
+
+impl Source for LogFile {
+    fn size(&self) -> u64 {
+        LogFile::size(self)
+    }
+
+    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError> {
+        LogFile::bytes(self, offset, length)
+    }
+
+    fn ahead(&mut self, offset: u64, least: usize, most: usize) -> Result<&[u8], ScanError> {
+        LogFile::ahead(self, offset, least, most)
+    }
+
+    fn look<'s, const N: usize>(&mut self, offset: u64, space: &'s mut [u8; N]) -> Result<&'s [u8], ScanError> {
+        let there = self.size.saturating_sub(offset).min(N as u64) as usize;
+        match self.peek::<N>(offset)? {
+            Some(bytes) => *space = bytes,
+            None => self.read(space.get_mut(..there).unwrap_or_default(), offset)?,
+        }
+        Ok(space.get(..there).unwrap_or_default())
+    }
+
+    fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), ScanError> {
+        LogFile::progress(self, offset, context)
+    }
+
+    fn file(&mut self) -> Option<&mut LogFile> {
+        Some(self)
+    }
+}
+
+impl Source for &[u8] {
+    fn size(&self) -> u64 {
+        self.len() as u64
+    }
+
+    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError> {
+        let start = usize::try_from(offset).ok();
+        Ok(start.and_then(|start| self.get(start..start.checked_add(length)?)))
+    }
+
+    fn ahead(&mut self, offset: u64, _least: usize, _most: usize) -> Result<&[u8], ScanError> {
+        Ok(usize::try_from(offset).ok().and_then(|start| self.get(start..)).unwrap_or_default())
+    }
+}
+
 /// An open log file, its size fixed at the time of opening.
 #[derive(Debug)]
 pub struct LogFile {

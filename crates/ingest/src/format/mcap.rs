@@ -1,24 +1,23 @@
 //! MCAP (<https://mcap.dev/spec>), streamed: memory for one chunk, every checksum checked.
 //!
-//! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`walk`), for the
+//! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`records`), for the
 //! crate's own readers trust lengths that a damaged file states.
 
-mod agreement;
 mod original;
 mod plain;
 mod record;
+mod records;
 mod summary;
 mod visit;
-mod walk;
 
 pub use self::original::{OriginalLog, OriginalTopic};
 pub use self::plain::{mcap_indexed_records, mcap_records};
 
 use self::original::Originals;
 use self::record::{AttachmentHead, WRONG_START};
+use self::records::Records;
 use self::summary::{Summary, Trust};
 use self::visit::Visit;
-use self::walk::{Walk, Walked};
 use crate::bytes::Bytes;
 use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics, Vouch};
 use crate::error::IngestError;
@@ -28,7 +27,7 @@ use crate::format::inflate::{Inflater, is_packed};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
-use logscan::Fate;
+use logscan::{Fate, scan};
 use mcap::records::{MessageIndex, Record, op};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -37,8 +36,6 @@ use std::path::PathBuf;
 const MOST_DEFINITIONS: usize = 64 << 20;
 /// Definitions and channels of one file that may take the place of others.
 const MOST_REDEFINED: u64 = 1000;
-/// Logs one behind another in one file.
-const MOST_LOGS: u64 = 1000;
 /// Attachments and metadata that are listed by name.
 const MOST_EXTRAS: usize = 100;
 /// Channel, sequence and two times: the part of a message before its payload.
@@ -77,25 +74,13 @@ impl LogReader for McapReader {
             } else if super::is_foreign_part(refused, size, &mut ledger, &mut notices)? {
                 continue;
             }
-            let (mut start, mut tried, mut logs) = (0, 0, 0);
-            while tried == 0 || start < size && tried < MOST_LOGS {
-                let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
-                // What ends the file may be of any log in it: only the first one looks whether it is its own.
-                let summary = match start {
-                    0 => Summary::read(file, 0..size, context.limits.record_bytes, &mut channels)?,
-                    _ => Summary::default(),
-                };
-                let walk = Walk::new(file, context, &mut ledger, &mut notices, &mut channels, start, summary);
-                let Walked { summary, end, found_any } = walk.run()?;
-                channels.conclude(file.name(), &summary, &mut notices);
-                log.health.undecodable += channels.unplaced.count + channels.broken.count;
-                headers.push(std::mem::take(&mut channels.header));
-                (start, tried, logs) = (end, tried + 1, logs + u64::from(found_any));
-            }
-            if start < size {
-                ledger.damaged(file.name(), start, size - start, "more logs in one file than are read");
-            }
-            super::tell_logs(file.name(), logs, &mut notices);
+            let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
+            let summary = Summary::read(file, 0..size, context.limits.record_bytes, &mut channels)?;
+            let mut records = Records::new(file, context, &mut notices, &mut channels, summary);
+            scan(file, &mut ledger, context, &mut records)?;
+            records.finish(file)?;
+            log.health.undecodable += channels.undecodable;
+            headers.append(&mut channels.headers);
         }
         log.health.format = format_name(&headers);
         log.health.extras = extras.finish();
@@ -201,7 +186,7 @@ enum Stamped {
     AsPublished(usize),
 }
 
-/// Channels and schemas of one file; gives messages to the topics.
+/// Channels and schemas of the logs of one file, one after the other; gives messages to the topics.
 struct Channels<'t, 'w> {
     topics: &'t mut Topics<'w>,
     extras: &'t mut Extras,
@@ -225,6 +210,9 @@ struct Channels<'t, 'w> {
     /// Attachments that are wanted and longer than a record may be.
     too_long: Tally,
     late_stamps: u64,
+    /// Of the logs that have ended: what their headers say, and messages that could not be placed or unpacked.
+    headers: Vec<String>,
+    undecodable: u64,
 }
 
 impl<'t, 'w> Channels<'t, 'w> {
@@ -252,6 +240,8 @@ impl<'t, 'w> Channels<'t, 'w> {
             redefined: Tally::default(),
             too_long: Tally::default(),
             late_stamps: 0,
+            headers: vec![],
+            undecodable: 0,
         }
     }
 
@@ -535,6 +525,23 @@ impl Visit for Channels<'_, '_> {
 
     fn index(&mut self, body: &[u8]) -> Result<Fate, String> {
         self.other(op::MESSAGE_INDEX, body)
+    }
+
+    fn end_log(&mut self, file: &str, summary: &Summary, notices: &mut Notices) {
+        self.conclude(file, summary, notices);
+        self.undecodable += self.unplaced.count + self.broken.count;
+        self.headers.push(std::mem::take(&mut self.header));
+    }
+
+    fn forget(&mut self) {
+        self.schemas.clear();
+        self.channels.clear();
+        self.ways.clear();
+        self.header.clear();
+        (self.definition_bytes, self.found, self.late_stamps, self.refusal) = (0, 0, 0, None);
+        for tally in [&mut self.unplaced, &mut self.broken, &mut self.redefined, &mut self.too_long] {
+            *tally = Tally::default();
+        }
     }
 }
 

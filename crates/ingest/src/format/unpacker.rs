@@ -3,10 +3,9 @@
 //! What lies ready changes nothing in what is read: the walk looks at every record itself, and takes what was made early
 //! only if it was made of the very bytes that it would decompress.
 
-use crate::error::IngestError;
 use crate::format::crew::{Crew, Order, Outcome};
 use crate::format::inflate::{Codec, Inflater};
-use logscan::LogFile;
+use logscan::{LogFile, ScanError};
 use std::collections::VecDeque;
 use std::iter::Peekable;
 use std::ops::Range;
@@ -34,7 +33,7 @@ pub(crate) struct Packed {
 }
 
 /// Finds the chunk of a record at a place in the file, if there is one.
-pub(crate) type Look = fn(&mut LogFile, u64) -> Result<Option<Packed>, IngestError>;
+pub(crate) type Look = fn(&mut LogFile, u64) -> Result<Option<Packed>, ScanError>;
 
 /// What came out of a chunk, and what went wrong if it is not all that was declared.
 #[derive(Debug)]
@@ -96,7 +95,7 @@ impl Unpacker {
         &'u mut self,
         packed: &Packed,
         file: &'u mut LogFile,
-    ) -> Result<Option<Unpacked<'u>>, IngestError> {
+    ) -> Result<Option<Unpacked<'u>>, ScanError> {
         let Some(data) = file.bytes(packed.data.start, (packed.data.end - packed.data.start) as usize)? else {
             return Ok(None);
         };
@@ -236,7 +235,7 @@ mod tests {
     const LENGTH: usize = 2000;
 
     /// Chunks of as many bytes, uncompressed, one behind the other.
-    fn look(_: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
+    fn look(_: &mut LogFile, at: u64) -> Result<Option<Packed>, ScanError> {
         let (place, declared) = (at..at + LENGTH as u64, LENGTH as u64);
         Ok(Some(Packed { fetched: place.clone(), data: place, codec: Codec::None, declared, summed: true }))
     }

@@ -57,7 +57,7 @@ fn finds_in_channel_maps_stay_fixed() {
 fn a_length_that_swallows_two_messages_and_two_lines_in_one_are_told() {
     let mut lab = Lab::new();
     for (find, kind, code) in [
-        ("bag/length-that-swallows-two-messages.bag", LogKind::Bag, "corrupt"),
+        ("bag/length-that-swallows-two-messages.bag", LogKind::Bag, "damaged"),
         ("dataflash/two-lines-in-one.log", LogKind::DataFlash, "damaged"),
     ] {
         let bytes = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regress").join(find)).unwrap();

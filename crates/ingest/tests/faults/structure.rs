@@ -265,7 +265,7 @@ fn a_log_behind_foreign_bytes_is_read_whole() {
 }
 
 #[test]
-fn an_unchunked_mcap_that_lost_bytes_or_got_more_is_read_by_the_channels_of_its_summary() {
+fn an_unchunked_mcap_without_its_beginning_is_read_by_the_channels_of_its_summary() {
     let mut lab = Lab::new();
     let seed = &seeds("mcap-cdr-unchunked")[0];
     let (subject, intact) = lab.intact(seed, 0);
@@ -275,7 +275,6 @@ fn an_unchunked_mcap_that_lost_bytes_or_got_more_is_read_by_the_channels_of_its_
         .collect();
     let first = messages[0];
     for (case, hurt, expected) in [
-        ("the beginning is gone", bytes[first - 10..].to_vec(), 24),
         ("the beginning is zero", [&vec![0; first], &bytes[first..]].concat(), 24),
         ("junk behind the magic", [MAGIC, &[9; 777], &bytes[8..]].concat(), 24),
         ("a hole", [&bytes[..first + 40], &bytes[first + 1000..]].concat(), 1),

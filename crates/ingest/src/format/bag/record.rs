@@ -1,9 +1,6 @@
 //! The records of a ROS 1 bag: a header of `name=value` fields, then data.
 
 use crate::bytes::Bytes;
-use crate::error::IngestError;
-use crate::reader::ReadContext;
-use logscan::LogFile;
 
 /// Record types.
 const MESSAGE: u8 = 2;
@@ -13,55 +10,8 @@ const CHUNK: u8 = 5;
 const CHUNK_INFO: u8 = 6;
 const CONNECTION: u8 = 7;
 
-/// Longest header that is taken for one.
-pub(super) const LONGEST_HEADER: u32 = 64 << 10;
-
-/// Where records are read from: the file, or a decompressed chunk.
-pub(super) trait Source {
-    fn size(&self) -> u64;
-
-    /// `None` if the source ends before.
-    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError>;
-
-    /// The file, if this is one.
-    fn file(&mut self) -> Option<&mut LogFile> {
-        None
-    }
-
-    /// Tells the surroundings how far the walk has come.
-    fn progress(&mut self, _offset: u64, _context: &ReadContext<'_>) -> Result<(), IngestError> {
-        Ok(())
-    }
-}
-
-impl Source for &mut LogFile {
-    fn size(&self) -> u64 {
-        LogFile::size(self)
-    }
-
-    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
-        Ok(LogFile::bytes(self, offset, length)?)
-    }
-
-    fn file(&mut self) -> Option<&mut LogFile> {
-        Some(self)
-    }
-
-    fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), IngestError> {
-        Ok(LogFile::progress(self, offset, context)?)
-    }
-}
-
-impl Source for &[u8] {
-    fn size(&self) -> u64 {
-        self.len() as u64
-    }
-
-    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
-        let start = usize::try_from(offset).ok();
-        Ok(start.and_then(|start| self.get(start..start.checked_add(length)?)))
-    }
-}
+/// Longest header that is taken for one, bytes.
+pub(super) const LONGEST_HEADER: u32 = 4 << 10;
 
 /// The fields of a header. Later ones of the same name do not count.
 #[derive(Debug, Clone, Copy)]
@@ -112,19 +62,19 @@ fn time_ns(value: &[u8]) -> Option<i64> {
 }
 
 /// What kind of record it is, with the part of the header that its kind needs.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Kind {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind<'h> {
     Message { connection: u32, logged_ns: i64 },
-    BagHeader { index_at: u64, chunks: Option<u32>, encryptor: Option<String> },
+    BagHeader { index_at: u64, chunks: Option<u32>, encryptor: &'h [u8] },
     Index { count: Option<u32> },
-    Chunk { compression: Vec<u8>, size: u32 },
+    Chunk { compression: &'h [u8], size: u32 },
     ChunkInfo { chunk_at: u64, count: Option<u32> },
-    Connection { connection: u32, topic: String },
+    Connection { connection: u32, topic: &'h [u8] },
 }
 
-impl Kind {
+impl<'h> Kind<'h> {
     /// Of a message with the three fields that every recorder writes, in any order; `None` leaves it to [`Kind::of`].
-    fn usual_message(header: &[u8]) -> Option<Kind> {
+    fn usual_message(header: &[u8]) -> Option<Kind<'h>> {
         let (mut is_message, mut connection, mut time) = (false, None, None);
         let mut rest = Bytes(header);
         for _ in 0..3 {
@@ -139,7 +89,7 @@ impl Kind {
         whole.then_some(Kind::Message { connection: connection?, logged_ns: time? })
     }
 
-    pub(super) fn of(fields: &Fields<'_>) -> Option<Kind> {
+    pub(super) fn of(fields: &Fields<'h>) -> Option<Kind<'h>> {
         let [op] = *fields.get("op")? else { return None };
         Some(match op {
             MESSAGE => Kind::Message { connection: fields.u32("conn")?, logged_ns: fields.time_ns("time")? },
@@ -147,60 +97,55 @@ impl Kind {
                 index_at: fields.u64("index_pos")?,
                 chunks: fields.u32("chunk_count"),
                 encryptor: fields
-                    .text("encryptor")
-                    .filter(|plugin| !["", "rosbag/NoEncryptor"].contains(&plugin.as_str())),
+                    .get("encryptor")
+                    .filter(|plugin| *plugin != b"rosbag/NoEncryptor")
+                    .unwrap_or_default(),
             },
             INDEX => fields.u32("conn").map(|_| Kind::Index { count: fields.u32("count") })?,
-            CHUNK => Kind::Chunk { compression: fields.get("compression")?.to_vec(), size: fields.u32("size")? },
+            CHUNK => Kind::Chunk { compression: fields.get("compression")?, size: fields.u32("size")? },
             CHUNK_INFO => Kind::ChunkInfo { chunk_at: fields.u64("chunk_pos")?, count: fields.u32("count") },
-            CONNECTION => Kind::Connection { connection: fields.u32("conn")?, topic: fields.text("topic")? },
+            CONNECTION => Kind::Connection { connection: fields.u32("conn")?, topic: fields.get("topic")? },
             _ => return None,
         })
     }
 }
 
 /// A record whose header is intact.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Record {
-    pub(super) kind: Kind,
-    pub(super) start: u64,
-    /// Where the data begin.
-    pub(super) data_at: u64,
-    /// Their length as stated: they may reach past the end.
-    pub(super) data_length: u32,
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Record<'h> {
+    pub(super) kind: Kind<'h>,
+    /// Bytes in front of the data.
+    pub(super) head: usize,
+    /// Those of the data as stated: they may reach past the end.
+    data: u32,
 }
 
-impl Record {
-    pub(super) fn end(&self) -> u64 {
-        self.data_at + u64::from(self.data_length)
-    }
-
-    /// Whether its length is that of the entries which it says it has: of times and offsets, or of connections and counts.
-    pub(super) fn fits_its_count(&self) -> bool {
-        let (count, entry) = match self.kind {
-            Kind::Index { count } => (count, 12),
-            Kind::ChunkInfo { count, .. } => (count, 8),
-            _ => return true,
-        };
-        count.is_none_or(|count| u64::from(count) * entry == u64::from(self.data_length))
-    }
-
-    /// The record at `start`; `None` if none is there or its header is cut.
-    pub(super) fn read(source: &mut impl Source, start: u64) -> Result<Option<Record>, IngestError> {
-        let Some(length) = source.bytes(start, 4)?.and_then(|b| Bytes(b).u32()) else { return Ok(None) };
-        if length > LONGEST_HEADER {
-            return Ok(None);
-        }
-        let whole = source.bytes(start + 4, length as usize + 4)?;
-        Ok(whole.and_then(|bytes| Record::parse(bytes, start, length)))
-    }
-
-    /// From a header of `length` bytes and the length of the data behind it.
-    pub(super) fn parse(bytes: &[u8], start: u64, length: u32) -> Option<Record> {
-        let (header, mut rest) = bytes.split_at_checked(length as usize).map(|(h, r)| (h, Bytes(r)))?;
+impl<'h> Record<'h> {
+    /// The record that the bytes begin with; `None` if none does, or its header is cut.
+    #[inline]
+    pub(super) fn of(bytes: &'h [u8]) -> Option<Record<'h>> {
+        let mut rest = Bytes(bytes);
+        let length = rest.u32().filter(|length| *length <= LONGEST_HEADER)? as usize;
+        let header = rest.take(length)?;
+        let data = rest.u32()?;
         let kind = Kind::usual_message(header).or_else(|| Kind::of(&Fields::parse(header)?))?;
-        let data_length = rest.u32()?;
-        Some(Record { kind, start, data_at: start + 8 + u64::from(length), data_length })
+        Some(Record { kind, head: length + 8, data })
+    }
+
+    /// Bytes of all of it.
+    pub(super) fn length(&self) -> u64 {
+        self.head as u64 + u64::from(self.data)
+    }
+
+    /// Whether its length is that of the entries which it says it has, of times and offsets or of connections and counts;
+    /// `None` if it says nothing of entries.
+    pub(super) fn fits_its_count(&self) -> Option<bool> {
+        let (count, entry) = match self.kind {
+            Kind::Index { count } => (count?, 12),
+            Kind::ChunkInfo { count, .. } => (count?, 8),
+            _ => return None,
+        };
+        Some(u64::from(count) * entry == u64::from(self.data))
     }
 }
 

@@ -1,14 +1,13 @@
-//! The records of a file one by one, by the same walk as the reader's. For conformance tests.
+//! The records of a file one by one, by the same scan as the reader's. For conformance tests.
 
 use super::record;
+use super::records::Records;
 use super::summary::Summary;
 use super::visit::Visit;
-use super::walk::Walk;
 use crate::error::IngestError;
 use crate::reader::{Limits, ReadContext};
-use flight::Notices;
-use logscan::LogFile;
-use logscan::{Fate, Ledger};
+use flight::{LogHealth, Notices};
+use logscan::{Fate, Ledger, LogFile, scan};
 use mcap::records::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -35,16 +34,17 @@ fn walked(path: &Path, by_index: bool) -> Result<Vec<Record<'static>>, IngestErr
     let mut file = LogFile::open(path)?;
     let cancel = AtomicBool::new(false);
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
-    let mut ledger = Ledger::new(file.size(), 100);
-    let mut notices = Notices::new();
-    let mut all = Collect(vec![]);
+    let (mut ledger, mut health) = (Ledger::new(file.size(), 100), LogHealth::default());
+    let (mut notices, mut all) = (Notices::new(), Collect(vec![]));
     let whole = 0..file.size();
     let summary = Summary::read(&mut file, whole, context.limits.record_bytes, &mut Collect(vec![]))?;
-    let walk = Walk::new(&mut file, &context, &mut ledger, &mut notices, &mut all, 0, summary);
+    let mut records = Records::new(&mut file, &context, &mut notices, &mut all, summary);
     if by_index {
-        walk.run_by_index()?
+        records.fetch_chunks(&mut file)?;
     } else {
-        walk.run().map(|_| ())?
+        scan(&mut file, &mut ledger, &context, &mut records)?;
+        records.finish(&mut file)?;
+        ledger.finish(&mut health, &mut notices);
     }
     match notices.iter().find(|n| n.severity == flight::Severity::Loss) {
         Some(loss) => Err(IngestError::Unusable { file: file.name().to_owned(), what: loss.text.clone() }),

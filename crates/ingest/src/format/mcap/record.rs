@@ -1,10 +1,9 @@
 //! The frames of MCAP records, as far as they must be understood before a record is taken.
 
 use crate::bytes::Bytes;
-use crate::error::IngestError;
 use crate::format::inflate::Codec;
 use crate::format::unpacker::Packed;
-use logscan::LogFile;
+use logscan::{LogFile, ScanError};
 use mcap::records::{Record, op};
 use std::ops::Range;
 
@@ -15,9 +14,13 @@ pub(super) const WRONG_START: &str = "the eight bytes that begin the file are wr
 /// Opcode and length.
 pub(super) const HEAD_BYTES: u64 = 9;
 /// Largest head of a chunk record: the frame, the fixed fields and the name of the compression.
-pub(super) const CHUNK_HEAD_BYTES: usize = 128;
-/// An attachment has its own header within this many bytes.
-pub(super) const MOST_ATTACHMENT_HEAD: u64 = 4096;
+const CHUNK_HEAD_BYTES: usize = 128;
+/// Records up to this length are taken as they lie in memory, and attachments have their own header within it, bytes.
+pub(super) const LONGEST: usize = 4 << 10;
+/// Bytes read together with a chunk, for a look at what follows.
+const AHEAD: u64 = LONGEST as u64 + 64;
+/// No record is as long as this, bytes.
+const LONGEST_RECORD: u64 = 1 << 40;
 /// Writers may add fields that we do not know to a record; more than this is taken for damage.
 const MOST_ADDED: u64 = 256;
 
@@ -33,47 +36,53 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// `None` if the file ends before the head does. The record may still reach past the end.
-    pub(super) fn read(file: &mut LogFile, start: u64) -> Result<Option<Head>, IngestError> {
-        let Some([opcode, length @ ..]) = file.peek::<{ HEAD_BYTES as usize }>(start)? else { return Ok(None) };
-        let length = u64::from_le_bytes(length);
+    /// Of the record that the bytes at `start` begin with; `None` if they end before the head does. The record may reach past
+    /// them.
+    #[inline]
+    pub(super) fn of(bytes: &[u8], start: u64) -> Option<Head> {
+        let mut rest = Bytes(bytes);
+        let (opcode, length) = (rest.u8()?, rest.u64()?);
         let end = (start + HEAD_BYTES).saturating_add(length);
-        Ok(Some(Head { opcode, start, length, end }))
+        Some(Head { opcode, start, length, end })
     }
 
-    /// The same record, of another length.
-    pub(super) fn until(self, end: u64) -> Head {
-        Head { length: end.saturating_sub(self.start + HEAD_BYTES), end, ..self }
+    /// `None` if the file ends before the head does. The record may still reach past the end.
+    pub(super) fn read(file: &mut LogFile, start: u64) -> Result<Option<Head>, ScanError> {
+        Ok(file.peek::<{ HEAD_BYTES as usize }>(start)?.and_then(|bytes| Head::of(&bytes, start)))
     }
 
-    /// Where the record ends by what it holds, if it tells and that is not where its length leads. `None` too if less was
-    /// written than it holds.
-    pub(super) fn own_end(&self, file: &mut LogFile) -> Result<Option<u64>, IngestError> {
-        let content = self.start + HEAD_BYTES;
-        let end = match self.opcode {
-            op::CHUNK => match ChunkHead::stated(file, self)? {
-                Some(Ok(chunk)) => Some((self.start + chunk.data_at).saturating_add(chunk.compressed)),
-                _ => None,
-            },
-            op::ATTACHMENT => {
-                let start = file.up_to(content, self.length.min(MOST_ATTACHMENT_HEAD) as usize)?;
-                AttachmentHead::parse(start, self.length).map(|head| content + head.data.end + 4)
-            }
-            opcode => {
-                let mut at = content;
-                for part in parts_of(opcode) {
-                    at += match part {
-                        Part::Bytes(count) => *count as u64,
-                        Part::Text | Part::TextMap | Part::Offsets => match file.peek::<4>(at)? {
-                            Some(length) => 4 + u64::from(u32::from_le_bytes(length)),
-                            None => return Ok(None),
-                        },
-                    };
+    /// Whether a record may have this type and length.
+    #[inline]
+    pub(super) fn may_be(&self) -> bool {
+        self.opcode != 0 && self.length < LONGEST_RECORD
+    }
+
+    /// Whether the length is that of what the record holds, as far as `body` has the first bytes of it. A writer may have added
+    /// a few.
+    pub(super) fn fits_its_content(&self, body: &[u8]) -> bool {
+        let mut own = 0_u64;
+        for part in parts_of(self.opcode) {
+            own += match part {
+                Part::Bytes(count) => *count as u64,
+                Part::Text | Part::TextMap | Part::Offsets => {
+                    let length = body.get(own as usize..).and_then(|rest| Bytes(rest).u32());
+                    let Some(length) = length else { return own + 4 <= self.length && self.length > body.len() as u64 };
+                    4 + u64::from(length)
                 }
-                Some(at).filter(|&at| at > content)
-            }
-        };
-        Ok(end.filter(|&end| end < self.end))
+            };
+        }
+        let added = body.get(own as usize..self.length as usize);
+        own <= self.length && !Head::is_too_long(self.length - own) && !added.is_some_and(Head::are_records)
+    }
+
+    /// Whether bytes behind what a record holds are whole records, which a wrong length of it leads over.
+    pub(super) fn are_records(mut bytes: &[u8]) -> bool {
+        let is_empty = bytes.is_empty();
+        while let Some(head) = Head::of(bytes, 0).filter(|head| is_defined(head.opcode) && head.fits_its_type()) {
+            let Some(rest) = usize::try_from(head.end).ok().and_then(|end| bytes.get(end..)) else { return false };
+            bytes = rest;
+        }
+        !is_empty && bytes.is_empty()
     }
 
     /// Whether so many bytes behind what a record holds are more than a writer may have added to it.
@@ -187,30 +196,24 @@ pub(super) struct ChunkHead {
     pub(super) codec: Codec,
     pub(super) uncompressed: u64,
     pub(super) crc: u32,
-    /// First and last log time of its messages, as it says, ns.
-    pub(super) times: (u64, u64),
     /// Offset of the compressed bytes from the start of the record.
     pub(super) data_at: u64,
     pub(super) compressed: u64,
 }
 
 impl ChunkHead {
-    /// Reads and checks the head; what is wrong is for people.
-    pub(super) fn read(file: &mut LogFile, head: &Head) -> Result<Result<ChunkHead, String>, IngestError> {
-        let parsed = ChunkHead::stated(file, head)?.ok_or_else(|| "the chunk's own header is cut".to_owned());
-        Ok(parsed.and_then(|inner| inner).and_then(|chunk| chunk.fits_in(head)))
-    }
-
-    /// The head as it stands there.
-    fn stated(file: &mut LogFile, head: &Head) -> Result<Option<Result<ChunkHead, String>>, IngestError> {
+    /// Of a chunk record that the bytes begin with, if it fits; what is wrong is for people.
+    pub(super) fn of(bytes: &[u8], head: &Head) -> Result<ChunkHead, String> {
         let most = head.length.saturating_add(HEAD_BYTES).min(CHUNK_HEAD_BYTES as u64) as usize;
-        Ok(ChunkHead::parse(file.up_to(head.start, most)?))
+        let parsed = ChunkHead::parse(bytes.get(..most).unwrap_or(bytes));
+        parsed.ok_or_else(|| "the chunk's own header is cut".to_owned())?.and_then(|chunk| chunk.fits_in(head))
     }
 
     fn parse(bytes: &[u8]) -> Option<Result<ChunkHead, String>> {
         let mut rest = Bytes(bytes);
         rest.take(HEAD_BYTES as usize)?;
-        let times = (rest.u64()?, rest.u64()?);
+        // First and last log time of its messages: the messages tell.
+        rest.take(16)?;
         let uncompressed = rest.u64()?;
         let crc = rest.u32()?;
         let Some(compression) = rest.prefixed() else { return Some(Err("compression of unknown name".to_owned())) };
@@ -222,14 +225,14 @@ impl ChunkHead {
         };
         let compressed = rest.u64()?;
         let data_at = (bytes.len() - rest.0.len()) as u64;
-        Some(Ok(ChunkHead { codec, uncompressed, crc, times, data_at, compressed }))
+        Some(Ok(ChunkHead { codec, uncompressed, crc, data_at, compressed }))
     }
 
-    /// As the file has it.
-    pub(super) fn packed(&self, head: &Head) -> Packed {
+    /// As a file of `size` bytes has it.
+    pub(super) fn packed(&self, head: &Head, size: u64) -> Packed {
         let data_at = head.start + self.data_at;
         Packed {
-            fetched: head.start..head.end,
+            fetched: head.start..head.end.saturating_add(AHEAD).min(size),
             data: data_at..data_at + self.compressed,
             codec: self.codec,
             declared: self.uncompressed,
@@ -238,12 +241,13 @@ impl ChunkHead {
     }
 
     /// The chunk of the record at `at`, if it is one.
-    pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
-        let Some(head) = Head::read(file, at)?.filter(|head| head.opcode == op::CHUNK && head.end <= file.size())
-        else {
+    pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, ScanError> {
+        let size = file.size();
+        let bytes = file.up_to(at, CHUNK_HEAD_BYTES)?;
+        let Some(head) = Head::of(bytes, at).filter(|head| head.opcode == op::CHUNK && head.end <= size) else {
             return Ok(None);
         };
-        Ok(ChunkHead::read(file, &head)?.ok().map(|chunk| chunk.packed(&head)))
+        Ok(ChunkHead::of(bytes, &head).ok().map(|chunk| chunk.packed(&head, size)))
     }
 
     fn fits_in(self, head: &Head) -> Result<ChunkHead, String> {

@@ -3,10 +3,8 @@
 use super::record::{self, HEAD_BYTES, Head, MAGIC};
 use super::visit::Visit;
 use crate::bytes::Bytes;
-use crate::error::IngestError;
-use logscan::LogFile;
+use logscan::{LogFile, ScanError};
 use mcap::records::{Record, op};
-use memchr::memmem;
 use std::ops::Range;
 
 /// Content of the footer.
@@ -17,9 +15,6 @@ const DATA_END_BYTES: u64 = 4;
 const MOST_CHUNKS: usize = 1 << 20;
 /// Chunks are left closed if they make up at least one in so many bytes.
 const WORTH_CLOSING: u128 = 10;
-/// A summary that is not where it should be is looked for so far in front of the footer, bytes, and at so many places.
-const LOOK_BACK: u64 = 64 << 20;
-const MOST_TRIED: usize = 16;
 /// Bytes of the summary that are summed in one go.
 const BLOCK: usize = 256 << 10;
 
@@ -52,9 +47,7 @@ pub(super) struct Summary {
     /// Where the log begins in the file: its places count from there.
     start: u64,
     pub(super) trust: Trust,
-    /// Where the record that ends the data section should be.
-    pub(super) data_end: Option<u64>,
-    /// Its checksum: 0 means that there is none to check.
+    /// Checksum of the data section: 0 means that there is none to check.
     pub(super) data_crc: Option<u32>,
     /// Chunks, by offset.
     pub(super) chunks: Vec<IndexedChunk>,
@@ -62,8 +55,6 @@ pub(super) struct Summary {
     pub(super) has_chunks: bool,
     /// Messages in the file, from the statistics.
     pub(super) messages: Option<u64>,
-    /// How far behind the place that the footer says the summary stands, if it stands elsewhere.
-    pub(super) shift: Option<i64>,
 }
 
 impl Summary {
@@ -74,50 +65,20 @@ impl Summary {
         log: Range<u64>,
         most: u64,
         visit: &mut V,
-    ) -> Result<Summary, IngestError> {
+    ) -> Result<Summary, ScanError> {
         let Some(place) = Place::find(file, &log)? else { return Ok(Summary::default()) };
         let mut summary = Summary { start: log.start, ..Summary::default() };
         let data_end = place.start.unwrap_or(place.footer).checked_sub(HEAD_BYTES + DATA_END_BYTES);
-        summary.data_end = data_end;
         summary.data_crc = match data_end {
             Some(at) => data_crc(file, at)?,
             None => None,
         };
         let Some(start) = place.start else { return Ok(summary) };
         summary.trust = place.check(file, start)?;
-        if summary.trust == Trust::Bad {
-            return Summary::elsewhere(file, &log, &place, most, visit);
-        }
-        if summary.read_records(file, start..place.footer, most, visit)?.is_none() {
+        let is_bad = summary.trust == Trust::Bad;
+        if is_bad || summary.read_records(file, start..place.footer, most, visit)?.is_none() {
             return Ok(Summary { trust: Trust::Bad, ..Summary::default() });
         }
-        Ok(summary)
-    }
-
-    /// A summary that is not where the footer says, because bytes before it are missing or are too many: its channels and
-    /// counts hold, places do not.
-    fn elsewhere<V: Visit>(
-        file: &mut LogFile,
-        log: &Range<u64>,
-        place: &Place,
-        most: u64,
-        visit: &mut V,
-    ) -> Result<Summary, IngestError> {
-        let bad = Summary { trust: Trust::Bad, ..Summary::default() };
-        let (Some(stated), Some(start)) = (place.start, place.look_back(file, log)?) else { return Ok(bad) };
-        let shift = start as i64 - stated as i64;
-        // Then it is that of another log, which begins later in the file.
-        let other = log.start.checked_add_signed(shift).filter(|_| shift > 0);
-        if let Some(other) = other
-            && file.peek::<8>(other)?.as_ref() == Some(MAGIC)
-        {
-            return Ok(Summary::default());
-        }
-        let mut summary = Summary { trust: Trust::Good, shift: Some(shift), ..Summary::default() };
-        if summary.read_records(file, start..place.footer, most, visit)?.is_none() {
-            return Ok(bad);
-        }
-        summary.chunks.clear();
         Ok(summary)
     }
 
@@ -128,7 +89,7 @@ impl Summary {
         place: Range<u64>,
         most: u64,
         visit: &mut V,
-    ) -> Result<Option<()>, IngestError> {
+    ) -> Result<Option<()>, ScanError> {
         let good = self.trust == Trust::Good;
         let channels = each_record(file, place.clone(), most, |opcode, body| {
             if good && matches!(opcode, op::SCHEMA | op::CHANNEL) {
@@ -186,12 +147,6 @@ impl Summary {
         let found = self.chunks.binary_search_by_key(&offset, |c| c.offset).ok()?;
         self.chunks.get(found).copied()
     }
-
-    /// Where chunks should begin from `offset` on.
-    pub(super) fn chunks_from(&self, offset: u64) -> &[IndexedChunk] {
-        let first = self.chunks.partition_point(|c| c.offset < offset);
-        self.chunks.get(first..).unwrap_or_default()
-    }
 }
 
 /// Calls `visit` for all records in `place`; `None` as soon as one is broken or longer than `most`.
@@ -200,7 +155,7 @@ fn each_record(
     place: Range<u64>,
     most: u64,
     mut visit: impl FnMut(u8, &[u8]) -> Option<()>,
-) -> Result<Option<()>, IngestError> {
+) -> Result<Option<()>, ScanError> {
     let mut at = place.start;
     while at < place.end {
         let Some(head) = Head::read(file, at)?.filter(|head| head.end <= place.end && head.length <= most) else {
@@ -215,7 +170,7 @@ fn each_record(
     Ok(Some(()))
 }
 
-fn data_crc(file: &mut LogFile, at: u64) -> Result<Option<u32>, IngestError> {
+fn data_crc(file: &mut LogFile, at: u64) -> Result<Option<u32>, ScanError> {
     let Some(head) = Head::read(file, at)? else { return Ok(None) };
     if head.opcode != op::DATA_END || head.length != DATA_END_BYTES {
         return Ok(None);
@@ -232,7 +187,7 @@ struct Place {
 
 impl Place {
     /// `None` if the log does not end as one should.
-    fn find(file: &mut LogFile, log: &Range<u64>) -> Result<Option<Place>, IngestError> {
+    fn find(file: &mut LogFile, log: &Range<u64>) -> Result<Option<Place>, ScanError> {
         let tail = HEAD_BYTES + FOOTER_BYTES + MAGIC.len() as u64;
         let Some(footer) = log.end.checked_sub(tail).filter(|&at| at >= log.start) else { return Ok(None) };
         let Some(bytes) = file.bytes(footer, tail as usize)? else { return Ok(None) };
@@ -249,32 +204,8 @@ impl Place {
         whole.then_some(Place { footer, start, crc })
     }
 
-    /// Where a summary begins that has the checksum: right behind the record that ends the data.
-    fn look_back(&self, file: &mut LogFile, log: &Range<u64>) -> Result<Option<u64>, IngestError> {
-        let ends_data = [&[op::DATA_END][..], &DATA_END_BYTES.to_le_bytes()].concat();
-        let first = self.footer.saturating_sub(LOOK_BACK).max(log.start);
-        let (mut end, mut tried) = (self.footer, 0);
-        while self.crc != 0 && end > first {
-            let at = end.saturating_sub(BLOCK as u64).max(first);
-            let block = file.up_to(at, (end - at) as usize)?;
-            let found: Vec<u64> = memmem::find_iter(block, &ends_data).map(|place| at + place as u64).collect();
-            for start in found.into_iter().rev().map(|place| place + HEAD_BYTES + DATA_END_BYTES) {
-                tried += 1;
-                if tried > MOST_TRIED {
-                    return Ok(None);
-                }
-                if self.check(file, start)? == Trust::Good {
-                    return Ok(Some(start));
-                }
-            }
-            // One that straddles two blocks is found in the second.
-            end = if at == first { first } else { at + HEAD_BYTES - 1 };
-        }
-        Ok(None)
-    }
-
     /// The checksum covers the summary and the footer up to the checksum itself.
-    fn check(&self, file: &mut LogFile, start: u64) -> Result<Trust, IngestError> {
+    fn check(&self, file: &mut LogFile, start: u64) -> Result<Trust, ScanError> {
         if start > self.footer {
             return Ok(Trust::Bad);
         }

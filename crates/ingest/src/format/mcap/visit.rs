@@ -1,6 +1,8 @@
 //! Who looks at the records while a file, or its summary, is walked through.
 
+use super::summary::Summary;
 use crate::decode::Vouch;
+use flight::Notices;
 use logscan::Fate;
 
 /// Who is shown the records.
@@ -28,4 +30,10 @@ pub(super) trait Visit {
 
     /// A message index of a chunk that was left closed: what it lists is shown by nothing else.
     fn index(&mut self, body: &[u8]) -> Result<Fate, String>;
+
+    /// A log has ended, and this is what it said of itself. What is odd is said.
+    fn end_log(&mut self, _file: &str, _summary: &Summary, _notices: &mut Notices) {}
+
+    /// Another log begins, with definitions of its own.
+    fn forget(&mut self) {}
 }

@@ -1,0 +1,111 @@
+//! The index at the end of a bag: its connections, the places of its chunks, and how many messages they hold.
+
+use super::MAGIC;
+use super::connections::Connections;
+use super::record::{Kind, Record};
+use super::records::LONGEST;
+use crate::bytes::Bytes;
+use crate::format::unpacker::MOST_PLACES;
+use flight::{Code, Notices, Severity};
+use logscan::{LogFile, ScanError};
+use std::ops::Range;
+
+/// What the end of the bag says of the rest.
+#[derive(Debug, Default)]
+pub(super) enum Index {
+    /// The bag header says that there is none: the recorder did not close the bag.
+    None,
+    /// It should reach beyond the end of the file.
+    CutOff,
+    /// It is there but cannot be read, or the bag header cannot.
+    #[default]
+    Unreadable,
+    /// Messages in all chunks.
+    Counts(u64),
+}
+
+/// An index while it is read.
+pub(super) struct IndexReader<'i, 'b, 't> {
+    pub(super) file: &'i mut LogFile,
+    pub(super) connections: &'i mut Connections<'b, 't>,
+    /// Bytes that may be read, and then as many fewer.
+    pub(super) left: &'i mut u64,
+    /// The longest record.
+    pub(super) most: u64,
+    /// Where the chunks should be that it lists.
+    pub(super) places: Vec<u64>,
+}
+
+impl IndexReader<'_, '_, '_> {
+    /// The index of a bag that begins and whose index begins so in the file; its header says how many chunks it has.
+    pub(super) fn read(&mut self, log: Range<u64>, chunks: Option<u32>) -> Result<Index, ScanError> {
+        let (mut at, mut messages, mut seen) = (log.end, 0_u64, 0_u64);
+        while at < self.file.size() {
+            let head = self.file.up_to(at, LONGEST)?;
+            // Another bag may follow.
+            if head.starts_with(MAGIC) {
+                break;
+            }
+            let intact = |record: &Record<'_>| record.fits_its_count() != Some(false);
+            let length = Record::of(head).filter(intact).map(|record| record.length());
+            let left = length.and_then(|length| self.left.checked_sub(length));
+            let Some((length, left)) = length.filter(|length| *length <= self.most).zip(left) else {
+                return Ok(Index::Unreadable);
+            };
+            *self.left = left;
+            let Some(bytes) = self.file.bytes(at, length as usize)? else { return Ok(Index::Unreadable) };
+            let Some(record) = Record::of(bytes) else { return Ok(Index::Unreadable) };
+            let data = bytes.get(record.head..).unwrap_or_default();
+            match record.kind {
+                // What is wrong with a connection is said when the scan comes by.
+                Kind::Connection { connection, topic } => drop(self.connections.announce(connection, topic, data)),
+                Kind::ChunkInfo { chunk_at, .. } => {
+                    self.places.extend(log.start.checked_add(chunk_at).filter(|_| seen < MOST_PLACES as u64));
+                    seen += 1;
+                    messages = messages.saturating_add(counts(data));
+                }
+                _ => return Ok(Index::Unreadable),
+            }
+            at += length;
+        }
+        let whole = chunks.is_none_or(|chunks| seen >= u64::from(chunks));
+        Ok(if whole { Index::Counts(messages) } else { Index::CutOff })
+    }
+}
+
+impl Index {
+    pub(super) fn conclude(&self, file: &str, found: u64, notices: &mut Notices) {
+        match self {
+            Index::None => {
+                let text = "the bag has no index: its recorder was stopped before it could close it";
+                notices.push(Code::IncompleteFile, file, 1, text);
+            }
+            Index::CutOff => {
+                notices.push(Code::IncompleteFile, file, 1, "the bag was cut before the end of its index");
+            }
+            Index::Unreadable => {
+                let text = "the index cannot be read, so nothing says whether messages are missing";
+                notices.push(Code::IndexDiffers.at(Severity::Loss), file, 1, text);
+            }
+            Index::Counts(stated) if *stated > found => {
+                let text = format!("messages are missing: the index counts {stated}, {found} were found");
+                notices.push(Code::MissingMessages, file, stated - found, text);
+            }
+            Index::Counts(stated) if *stated < found => {
+                let text = format!("messages more than the index counts ({stated})");
+                notices.push(Code::IndexDiffers, file, found - stated, text);
+            }
+            Index::Counts(_) => {}
+        }
+    }
+}
+
+/// Messages that a chunk info lists: pairs of connection and count.
+fn counts(data: &[u8]) -> u64 {
+    let mut rest = Bytes(data);
+    let mut sum = 0;
+    while let (Some(_connection), Some(count)) = (rest.u32(), rest.u32()) {
+        sum += u64::from(count);
+    }
+    sum
+}
