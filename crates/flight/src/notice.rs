@@ -41,7 +41,7 @@ impl Severity {
 pub struct Notice {
     /// How much it matters.
     pub severity: Severity,
-    /// A stable name for machines, such as `duplicate-stamp`: that of a [`Code`], or of one of another release.
+    /// A stable name for machines, such as `duplicate-stamp`.
     pub code: String,
     /// File, topic, line or byte, as precise as is known; empty for the whole flight.
     pub place: String,
