@@ -95,9 +95,10 @@ mutants +sample:
 check:
     bash .ci/run
 
-# Accept changed generated files (JSON schemas) after reading the diff
+# Accept changed generated files (JSON schemas, the page of notices) after reading the diff
 bless:
     FLIGHTLAG_BLESS=1 cargo test -p whole the_published_schemas
+    FLIGHTLAG_BLESS=1 cargo test -p flightlag-flight --test catalogue the_page_of_notices
     git diff --stat
 
 # Print a page of a report as PDF, A4, by Chromium: just pdf PAGE.html|FOLDER [OUT.pdf]

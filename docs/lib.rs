@@ -1,7 +1,4 @@
-//! Pages of the book and JSON schemas that the command prints: one text for readers of the book and of the terminal.
-
-/// Every code of a notice or an alarm, in tables by part: `flightlag explain` prints its rows.
-pub const NOTICES: &str = include_str!("src/notices.md");
+//! JSON schemas that the command prints.
 
 /// JSON schema of the `record.json` of a flight.
 pub const RECORD_SCHEMA: &str = include_str!("record.schema.json");

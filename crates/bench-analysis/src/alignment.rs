@@ -12,7 +12,7 @@ mod zero;
 use crate::motion::Motion;
 use crate::rig::Rig;
 use crate::surroundings::Surroundings;
-use flight::{Flight, Notices, Severity};
+use flight::{Code, Flight, Notices};
 use record::Estimate;
 use std::collections::BTreeMap;
 
@@ -60,7 +60,7 @@ pub fn align(motion: &Motion, sensor: &Flight, rig: &Rig, around: &Surroundings)
     let (azimuth_rad, azimuth_source) = azimuth::azimuth(&azimuths, rig);
     if azimuth_rad.is_none() && clues.iter().any(Clue::needs_azimuth) {
         let text = "the azimuth of the swing cannot be told: north and east are not compared";
-        notices.push(Severity::Warning, "azimuth-unknown", "", 1, text);
+        notices.push(Code::NoReference, "", 1, text);
     }
     Alignment {
         sign,

@@ -17,7 +17,7 @@ use crate::rig::Rig;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent};
 use crate::surroundings::{Surroundings, place_of};
 use flight::with_minus;
-use flight::{Clock, Flight, Notices, Quantity, Severity, Stamp};
+use flight::{Clock, Code, Flight, Notices, Quantity, Stamp};
 use jiff::civil::Date;
 use record::{
     BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, RigGeometry, RigPart, TimeBasis,
@@ -242,7 +242,7 @@ impl Timing {
                  the middle of the record",
                 with_minus(&format!("{:.1} ± {:.1}", value * 1e6, 2e6 * u))
             );
-            notices.push(Severity::Warning, "clock-drift", "", 1, text);
+            notices.push(Code::ClockDrift, "", 1, text);
         }
     }
 

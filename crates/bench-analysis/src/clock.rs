@@ -7,7 +7,7 @@
 use crate::rig::{Rig, StampChoice};
 use crate::verdict::millis;
 use flight::{
-    Channel, Clock, Distribution, Flight, Notices, Quantity, RejectCount, Series, Severity, Stamp, StampKind, Timeline,
+    Channel, Clock, Code, Distribution, Flight, Notices, Quantity, RejectCount, Series, Stamp, StampKind, Timeline,
 };
 use record::{Finding, HullFinding, LatencyHistogram, PpsFinding, TimeBasis};
 use signal::{CoarseLag, HullLine, PiecewiseClock, coarse_lag, lower_hull, percentile_of_sorted};
@@ -135,7 +135,7 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
     for (name, channel) in sensed(sensor) {
         let Some(stamps) = asked_for(channel, rig) else {
             let text = format!("channel {name} has no stamps of the kind that the rig asks for; it is left out");
-            notices.push(Severity::Warning, "no-such-stamp", name, channel.series.len() as u64, text);
+            notices.push(Code::ClockNotTied, name, channel.series.len() as u64, text);
             continue;
         };
         let hull = hulls.get(&clock_key(stamps.clock));
@@ -158,7 +158,7 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
                     "channel {name}: nothing ties its clock ({}) to the encoder's ({}); it is left out",
                     stamps.clock, encoder.clock
                 );
-                notices.push(Severity::Warning, "clock-not-tied", name, channel.series.len() as u64, text);
+                notices.push(Code::ClockNotTied, name, channel.series.len() as u64, text);
                 None
             }
         };
@@ -234,7 +234,7 @@ fn pulse_clock<'a>(
     match PiecewiseClock::from_pulses(&logger_s, first_second) {
         Ok(clock) => Some((name, clock)),
         Err(error) => {
-            notices.push(Severity::Warning, "pulse-unusable", name, logger_s.len() as u64, error.to_string());
+            notices.push(Code::ClockNotTied, name, logger_s.len() as u64, error.to_string());
             None
         }
     }
@@ -295,7 +295,7 @@ fn hulls(sensor: &Flight, arrival_clock: Clock, notices: &mut Notices) -> BTreeM
             }
             None => {
                 let text = format!("{} pairs of device time and arrival are too few for a hull", pairs.len());
-                notices.push(Severity::Warning, "no-hull", name, pairs.len() as u64, text);
+                notices.push(Code::ClockNotTied, name, pairs.len() as u64, text);
             }
         }
     }
@@ -394,7 +394,7 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
     for (other, channel) in sensed(sensor) {
         let Some(own) = asked_for(channel, rig).filter(|s| s.clock == stamps.clock) else {
             let text = format!("channel {other} is not stamped by the clock of the anchor {name}; it is left out");
-            notices.push(Severity::Warning, "clock-not-tied", other, channel.series.len() as u64, text);
+            notices.push(Code::ClockNotTied, other, channel.series.len() as u64, text);
             continue;
         };
         times.insert(other.clone(), ChannelTime { kind: own.kind, clock: own.clock, latency: latency(channel, hull) });
@@ -442,7 +442,7 @@ fn warn_of_rival(name: &str, lag: &CoarseLag, notices: &mut Notices) {
             lag.runner_up,
             millis(lag.runner_up_s - lag.shift_s)
         );
-        notices.push(Severity::Warning, "alignment-ambiguous", name, 1, text);
+        notices.push(Code::AlignmentAmbiguous, name, 1, text);
     }
 }
 
@@ -467,7 +467,7 @@ fn retimed(
     let dropped = stamps.stamps.len() - rows.len();
     if dropped > 0 {
         let text = format!("channel {name}: {} stamps that do not rise; these rows are left out", stamps.kind);
-        notices.push(Severity::Warning, "stamp-not-rising", name, dropped as u64, text);
+        notices.push(Code::RejectedRow, name, dropped as u64, text);
     }
     let columns = channel.series.components().iter().map(|c| rows.iter().map(|&r| c[r]).collect()).collect();
     let series = Timeline::new(stamps.kind, clock, mapped).and_then(|timeline| Series::new(timeline, columns));
@@ -482,7 +482,7 @@ fn retimed(
         }),
         // Stamps were made to rise and values were finite; should they ever not fit, say so.
         Err(error) => {
-            notices.push(Severity::Warning, "not-a-series", name, rows.len() as u64, error.to_string());
+            notices.push(Code::NoUsableRow, name, rows.len() as u64, error.to_string());
             None
         }
     }

@@ -1,7 +1,7 @@
 //! The encoder's channel as an angle: counts per revolution, turns unwrapped, glitches left out.
 
 use crate::rig::Rig;
-use flight::{Channel, Flight, Notices, Quantity, RejectCount, Severity, Stamp};
+use flight::{Channel, Code, Flight, Notices, Quantity, RejectCount, Severity, Stamp};
 use std::f64::consts::TAU;
 
 /// No hand turns a bar faster, rad/s: a step beyond it is a count that turned over, or a glitch.
@@ -123,7 +123,7 @@ impl EncoderSeries {
         let mut rejected = vec![];
         if left_out > 0 {
             let text = format!("{left_out} single samples leap away and back faster than any bar turns: left out");
-            notices.push(Severity::Warning, "encoder-spikes", name, left_out as u64, text);
+            notices.push(Code::EncoderRepaired, name, left_out as u64, text);
             let first = (0..rows).find(|row| kept.binary_search(row).is_err()).unwrap_or(0);
             rejected.push(RejectCount {
                 reason: "leaps away and back".to_owned(),
@@ -194,7 +194,7 @@ fn tell_of_other_steps(name: &str, stated: f64, raw: &[f64], notices: &mut Notic
     let Some(seen) = lattice_counts(raw) else { return };
     if (seen / stated - 1.0).abs() > 0.01 {
         let text = format!("the angle moves in steps of {seen:.0} per revolution where the rig says {stated:.0}");
-        notices.push(Severity::Warning, "counts-per-rev-differ", name, 1, text);
+        notices.push(Code::RigDiffers, name, 1, text);
     }
 }
 
@@ -312,7 +312,7 @@ fn unwrap_turns(
     let best = candidates.map(|(modulus, name)| (explained(*modulus), *modulus, name)).max_by_key(|c| c.0);
     let Some((count @ 1.., modulus, what)) = best else { return angle.to_vec() };
     let text = format!("the encoder turned over {count} times at {what}: unwrapped");
-    notices.push(Severity::Info, "encoder-unwrapped", name, count as u64, text);
+    notices.push(Code::EncoderRepaired.at(Severity::Info), name, count as u64, text);
     let mut turns = 0.0;
     let mut unwrapped = Vec::with_capacity(angle.len());
     for (k, value) in angle.iter().enumerate() {

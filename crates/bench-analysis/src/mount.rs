@@ -7,9 +7,9 @@ mod gyro;
 use crate::alignment::{Alignment, Clue, estimate};
 use crate::kinematics::wrapped;
 use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
-use crate::rig::Rig;
+use crate::rig::{Rig, SIDE};
 use crate::surroundings::Surroundings;
-use flight::{Notices, Quantity, Severity};
+use flight::{Code, Notices, Quantity};
 use record::{Estimate, Finding, MountCheck, MountFinding};
 
 /// Angles of zero and azimuth agree within this on top of their uncertainties (1°).
@@ -123,13 +123,13 @@ fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notice
     let names: Vec<&str> = wrong.map(|c| c.name.as_str()).collect();
     if !names.is_empty() {
         let text = format!("record and rig file do not agree on {}", names.join(", "));
-        notices.push(Severity::Warning, "mount-differs", "", names.len() as u64, text);
+        notices.push(Code::RigDiffers, "mount", names.len() as u64, text);
     }
     let upright_side = detected.filter(|s| s.upside_down == Some(false));
     let hangs = rig.bar.mount == crate::rig::MountKind::Hanging;
     if let Some(side) = upright_side.filter(|s| rig.bar.mount != crate::rig::MountKind::Custom && s.below != hangs) {
         let text = format!("the record shows a bar that is {}, the rig says {}", side.in_words(), rig.bar.mount);
-        notices.push(Severity::Warning, "mount-side-differs", "", 1, text);
+        notices.push(Code::RigDiffers, SIDE, 1, text);
     }
     notices
 }

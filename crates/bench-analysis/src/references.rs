@@ -7,7 +7,7 @@ use crate::pattern::{Pattern, fit_at};
 use crate::rig::Rig;
 use crate::sensor_rows::{SensorRows, sensor_rows, update_samples};
 use crate::surroundings::Surroundings;
-use flight::{Channel, Flight, Notices, Quantity, Severity};
+use flight::{Channel, Code, Flight, Notices, Quantity};
 use signal::CubicSpline;
 
 /// References stand on a grid of at least this rate, and of no more than the other, Hz.
@@ -111,7 +111,7 @@ impl<'a> Maker<'a> {
         let rows = sensor_rows(name, channel, self.rig).filter(|_| !channel.series.is_empty());
         let Some(mut rows) = rows else {
             let text = "the log does not hold all components that the mount turns into each other: no reference";
-            notices.push(Severity::Warning, "channel-incomplete", name, channel.series.len() as u64, text);
+            notices.push(Code::NoReference, name, channel.series.len() as u64, text);
             return None;
         };
         let t_s = channel.series.timeline().seconds_since(self.motion.origin());
@@ -144,7 +144,7 @@ impl<'a> Maker<'a> {
         judge_excitation(channel.quantity, &mut components);
         if components.is_empty() {
             let text = "nothing of this channel can be compared with the bar's motion";
-            notices.push(Severity::Warning, "channel-without-reference", name, t_s.len() as u64, text);
+            notices.push(Code::NoReference, name, t_s.len() as u64, text);
             return None;
         }
         Some(ChannelReference { name: name.to_owned(), quantity: channel.quantity, t_s, components })

@@ -14,19 +14,15 @@ use compensation_replay::{
     pick_pair,
 };
 use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
-use flight::{Binding, Delay, Flight, LogHealth, Notices};
+use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
     DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredFlight,
     NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock, ReferenceFile,
 };
 
-/// Code of the alarm of a log that goes with a flight and is none.
-pub(crate) const COMPANION: &str = "companion";
-/// Code of the alarm of a flight whose reference file was asked for and cannot be used.
-pub(crate) const REFERENCE_NOT_USED: &str = "reference-not-used";
 /// Codes of notices of a log that are alarms of its flight: columns bound by guess, and stated units that are not known.
-const ASSUMED: [&str; 2] = [ingest::BOUND_BY_GUESS, "unit-unknown"];
+const ASSUMED: [Code; 2] = [Code::BoundByGuess, Code::UnitUnknown];
 /// A delay whose 90 % interval lies within this is none, s.
 const ON_TIME_S: f64 = 0.020;
 
@@ -38,7 +34,7 @@ pub(crate) fn failed(key: &str, reason: String) -> MeasuredFlight {
 
 /// A measurement of a log that goes with a flight and is none.
 pub(crate) fn companion(key: &str, what: String) -> MeasuredFlight {
-    let alarm = DelayAlarm { gravity: Gravity::Grey, code: COMPANION.to_owned(), text: what.clone() };
+    let alarm = DelayAlarm::of(Alarm::Companion, what.clone());
     measured_with(FlightLateness { words: what, alarms: vec![alarm], ..unknown(key) }, None, None, Notices::new())
 }
 
@@ -100,7 +96,7 @@ pub(crate) fn measure(
 
 /// What was assumed of a table is said with the answer.
 fn assumed(flight: &Flight) -> impl Iterator<Item = DelayAlarm> {
-    let notices = flight.notices.iter().filter(|n| ASSUMED.contains(&n.code.as_str()));
+    let notices = flight.notices.iter().filter(|n| ASSUMED.iter().any(|assumed| n.code == *assumed));
     notices.map(|n| DelayAlarm {
         gravity: Gravity::Amber,
         code: n.code.clone(),
@@ -114,7 +110,7 @@ fn assumed(flight: &Flight) -> impl Iterator<Item = DelayAlarm> {
 /// An alarm where a reference file was asked for and cannot be used.
 fn unused_reference(reference: &ReferenceFile) -> Option<DelayAlarm> {
     let text = reference.words.clone();
-    let alarm = DelayAlarm { gravity: Gravity::Amber, code: REFERENCE_NOT_USED.to_owned(), text };
+    let alarm = DelayAlarm::of(Alarm::ReferenceNotUsed, text);
     reference.channels.is_empty().then_some(alarm)
 }
 
@@ -135,7 +131,7 @@ fn measured_with(
     }
 }
 
-fn unknown(key: &str) -> FlightLateness {
+pub(crate) fn unknown(key: &str) -> FlightLateness {
     FlightLateness {
         key: key.to_owned(),
         failed: None,

@@ -23,7 +23,7 @@ use crate::store::{Keep, Store};
 use crate::task::caught;
 use crate::work::Workers;
 use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combine, identity_conflict};
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use logs::ReadLog;
 use pair::Swing;
 use record::{BenchOutcome, BenchRecord, CardChannel, SensorCard};
@@ -256,7 +256,7 @@ fn carded(
             Some(SensorCard { magnetometer: card_magnetometer(&magnetic), ..combined.card })
         }
         Some(Err(why)) => {
-            notices.push(Severity::Warning, "no-card", "", 1, why.to_string());
+            notices.push(Code::LeftOffCard, "", 1, why.to_string());
             None
         }
         None => None,

@@ -7,7 +7,7 @@ mod over_flights;
 pub(crate) use over_flights::campaign_delay;
 
 use crate::cards::UsedCard;
-use flight::{Binding, Channel, Delay, Flight, Notices, Severity};
+use flight::{Binding, Channel, Code, Delay, Flight, Notices};
 use record::{
     CardDelay, CardUse, Decision, DelayCandidate, DelayChoice, DelayPairKind, DelaySource, Estimate, Finding,
     FlightDelays, FlightLateness, MeasuredDelay, SweepMethod, SweepOptimum,
@@ -130,7 +130,7 @@ impl DelayRule {
             (found.delay, found.standard_uncertainty_s) = (delay, decision.standard_uncertainty_s);
         }
         if let Some(contradicted) = &decision.contradicted {
-            found.notices.push(Severity::Warning, "delay-contradicted", case.position.0, 1, contradicted.clone());
+            found.notices.push(Code::DelayContradicted, case.position.0, 1, contradicted.clone());
         }
         candidates.swap(0, used);
         let choice = DelayChoice {
@@ -230,7 +230,7 @@ fn of_flight(case: &Case<'_>, measured: &Finding<MeasuredDelay>) -> Result<Found
         format!("measured in this flight: {position} against {velocity}, {} ms (k = 2)", shown(&measured.delay_s));
     let mut found = late(case, measured.delay_s, source)?;
     if let Some(alarm) = &measured.alarm {
-        found.notices.push(Severity::Warning, "flight-delay-changes", position, 1, alarm.clone());
+        found.notices.push(Code::FlightDelayChanges, position, 1, alarm.clone());
     }
     Ok(found)
 }

@@ -16,11 +16,9 @@ use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
-use flight::{Flight, Notices};
+use flight::{Code, Flight, Notices};
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
-use record::{
-    Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness, MINOR_LOSS,
-};
+use record::{Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -117,7 +115,7 @@ impl DelayReport {
         let any = |of: &dyn Fn(&DelayLine) -> bool| self.flights.iter().any(of);
         if any(&|l| l.effect == "harmed") {
             Exit::CriterionFailed
-        } else if self.flights.len() == 1 && any(&|l| l.alarms.iter().any(|a| a.code == ingest::MAP_LACKS)) {
+        } else if self.flights.len() == 1 && any(&|l| l.alarms.iter().any(|a| a.code == Code::MapLacks)) {
             Exit::Wrong
         } else if self.flights.len() == 1 && any(&|l| l.data == "failed") {
             Exit::Failed
@@ -318,7 +316,7 @@ impl Reader<'_> {
         };
         let joined = reference.as_ref().map(|reference| reference.join(&mut loaded.flight, &self.order.pipeline));
         let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
-        let minor_loss = loaded.flight.notices.iter().any(|notice| notice.code == MINOR_LOSS);
+        let minor_loss = loaded.flight.notices.iter().any(|notice| notice.code == Code::MinorLoss);
         let pipeline = &self.order.pipeline;
         let (mut measured, filter_values) = match &loaded.binding {
             _ if loaded.companion.is_some() => {
@@ -366,7 +364,7 @@ impl Reader<'_> {
 
 /// An alarm where a channel map of the user does not fit.
 fn wrong_map(notices: &Notices) -> Option<DelayAlarm> {
-    let notice = notices.iter().find(|notice| notice.code == ingest::MAP_LACKS)?;
+    let notice = notices.iter().find(|notice| notice.code == Code::MapLacks)?;
     Some(DelayAlarm { gravity: Gravity::Red, code: notice.code.clone(), text: notice.text.clone() })
 }
 

@@ -141,7 +141,7 @@ impl DelayLine {
                 Some(_) => "failed",
                 None if parts.pending.is_some() => "pending",
                 None if parts.damaged => "damaged",
-                None if lateness.is_some_and(|l| l.alarms.iter().any(|a| a.code == crate::answer::COMPANION)) => {
+                None if lateness.is_some_and(|l| l.alarms.iter().any(|a| a.code == flight::Alarm::Companion)) => {
                     "companion"
                 }
                 None if parts.minor_loss => "minor-loss",
@@ -185,7 +185,7 @@ impl DelayLine {
     /// Whether a reference file was asked for and could not be used.
     #[must_use]
     pub fn lacks_reference(&self) -> bool {
-        self.alarms.iter().any(|alarm| alarm.code == crate::answer::REFERENCE_NOT_USED)
+        self.alarms.iter().any(|alarm| alarm.code == flight::Alarm::ReferenceNotUsed)
     }
 
     /// Whether the delay was seen to change.
@@ -199,12 +199,7 @@ impl DelayLine {
 }
 
 fn alarm(alarm: &DelayAlarm) -> LineAlarm {
-    let gravity = match alarm.gravity {
-        record::Gravity::Red => "red",
-        record::Gravity::Amber => "amber",
-        record::Gravity::Grey => "grey",
-    };
-    LineAlarm { gravity: gravity.to_owned(), code: alarm.code.clone(), text: alarm.text.clone() }
+    LineAlarm { gravity: alarm.gravity.word().to_owned(), code: alarm.code.clone(), text: alarm.text.clone() }
 }
 
 impl LineSetting {

@@ -4,8 +4,8 @@
 //! minor if less than a thousandth of the log is lost, and what is lost is of topics that no channel is bound from, or leaves
 //! no hole in any channel that is bound that the analysis does not bridge.
 
-use flight::{Binding, ByteLedger, ChannelHealth, LogHealth, Notice, Notices, Severity};
-use record::{DelayAlarm, Gravity, MINOR_LOSS};
+use flight::{Alarm, Binding, ByteLedger, ChannelHealth, Code, LogHealth, Notice, Notices, Severity};
+use record::DelayAlarm;
 use std::collections::BTreeSet;
 
 /// A step between timestamps that is longer than so many usual ones is a hole: one row is missing.
@@ -21,7 +21,7 @@ pub(crate) fn weigh(notices: &mut Notices, health: &LogHealth, binding: &Binding
     }
     let elsewhere: BTreeSet<&str> = losses().filter_map(|loss| unused_topic(loss, health, binding)).collect();
     let harmless = |loss: &Notice| {
-        unused_topic(loss, health, binding).is_some() || loss.code == "damaged" && is_without_hole(binding)
+        unused_topic(loss, health, binding).is_some() || loss.code == Code::Damaged && is_without_hole(binding)
     };
     if !losses().all(harmless) {
         return;
@@ -34,7 +34,7 @@ pub(crate) fn weigh(notices: &mut Notices, health: &LogHealth, binding: &Binding
     let count = losses().count() as u64;
     notices.lower_losses();
     let text = format!("less than 0.1 % of the log could not be read, and that touches no result: {why}");
-    notices.push(Severity::Warning, MINOR_LOSS, "", count, text);
+    notices.push(Code::MinorLoss, "", count, text);
 }
 
 /// Whether less than a thousandth of the bytes and of the messages is lost.
@@ -64,13 +64,13 @@ pub(crate) fn alarm(notices: &Notices, health: &LogHealth) -> Option<DelayAlarm>
             range.map_or(String::new(), |r| format!(", the first in {} at byte {}: {}", r.file, r.offset, r.reason));
         format!("{} of {} bytes could not be read{at}", health.bytes.damaged, health.bytes.size)
     });
-    let other = losses().find(|loss| loss.code != "damaged").or(Some(first).filter(|_| bytes.is_none()));
+    let other = losses().find(|loss| loss.code != Code::Damaged).or(Some(first).filter(|_| bytes.is_none()));
     let other = other.map(|loss| match loss.place.is_empty() {
         true => loss.text.clone(),
         false => format!("{}: {}", loss.place, loss.text),
     });
     let text = bytes.into_iter().chain(other).collect::<Vec<_>>().join("; ");
-    Some(DelayAlarm { gravity: Gravity::Red, code: "log-damaged".to_owned(), text })
+    Some(DelayAlarm::of(Alarm::LogDamaged, text))
 }
 
 fn is_without_hole(binding: &Binding) -> bool {
@@ -89,7 +89,7 @@ mod tests {
     const WHOLE: u64 = 1_000_000;
 
     /// Notices after weighing losses of a log with the topics `gps`, which a channel is bound from, and `camera`.
-    fn weighed(losses: &[(&str, &str)], damaged: u64, longest_step_s: f64) -> Notices {
+    fn weighed(losses: &[(Code, &str)], damaged: u64, longest_step_s: f64) -> Notices {
         let topic = |name: &str| {
             json!({ "name": name, "type_name": "", "encoding": "csv", "messages": 100, "payload_bytes": 0, "stamps": [],
                     "decoded": true, "reason": "" })
@@ -113,14 +113,14 @@ mod tests {
         });
         let binding = json!({ "map": "m", "why": "", "others": [], "channels": [channel] });
         let mut notices = Notices::new();
-        losses.iter().for_each(|(code, place)| notices.push(Severity::Loss, code, *place, 1, "lost"));
+        losses.iter().for_each(|(code, place)| notices.push(code.at(Severity::Loss), *place, 1, "lost"));
         weigh(&mut notices, &health, &serde_json::from_value(binding).unwrap());
         notices
     }
 
-    fn is_minor(losses: &[(&str, &str)], damaged: u64, longest_step_s: f64) -> bool {
+    fn is_minor(losses: &[(Code, &str)], damaged: u64, longest_step_s: f64) -> bool {
         let notices = weighed(losses, damaged, longest_step_s);
-        let says_so = notices.iter().any(|notice| notice.code == MINOR_LOSS);
+        let says_so = notices.iter().any(|notice| notice.code == Code::MinorLoss);
         assert_eq!(says_so, !notices.any_loss(), "{notices:?}");
         assert_eq!(notices.len(), losses.len() + usize::from(says_so), "nothing is dropped in silence");
         says_so
@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_few_bytes_are_minor_where_no_bound_channel_has_a_hole() {
-        let bytes = [("damaged", "a.bin, bytes 10 to 20")];
+        let bytes = [(Code::Damaged, "a.bin, bytes 10 to 20")];
         assert!(is_minor(&bytes, 999, 0.5), "two rows are missing, which every comparison bridges");
         assert!(!is_minor(&bytes, 999, 0.51), "more rows are missing");
         assert!(!is_minor(&bytes, 1000, 0.2), "a thousandth of the log");
@@ -136,13 +136,29 @@ mod tests {
 
     #[test]
     fn a_loss_in_a_topic_that_nothing_uses_is_minor_and_named() {
-        let (camera, gps) = (("undecodable", "topic camera"), ("undecodable", "topic gps"));
+        let (camera, gps) = ((Code::Undecodable, "topic camera"), (Code::Undecodable, "topic gps"));
         assert!(is_minor(&[camera], 0, 9.0));
-        assert!(is_minor(&[("bad-number", "camera.csv, line 4"), ("damaged", "camera.csv, bytes 0 to 9")], 9, 9.0));
+        assert!(is_minor(
+            &[(Code::BadNumber, "camera.csv, line 4"), (Code::Damaged, "camera.csv, bytes 0 to 9")],
+            9,
+            9.0
+        ));
         assert!(!is_minor(&[gps], 0, 0.2) && !is_minor(&[camera, gps], 0, 0.2));
         assert!(!is_minor(&[camera], WHOLE / 2, 0.2), "half of the log");
-        assert!(!is_minor(&[("missing-messages", "a.bag")], 0, 0.2), "of which topic they were is not known");
-        let said: Vec<String> = weighed(&[camera], 0, 0.2).iter().map(|n| n.text.clone()).collect();
+        assert!(!is_minor(&[(Code::MissingMessages, "a.bag")], 0, 0.2), "of which topic they were is not known");
+        let weighed = weighed(&[camera], 0, 0.2);
+        assert!(weighed.iter().any(|n| n.code == "minor-loss" && n.severity == Severity::Warning), "{weighed:?}");
+        let said: Vec<String> = weighed.iter().map(|n| n.text.clone()).collect();
         assert!(said.iter().any(|text| text.ends_with("touches no result: no result uses camera")), "{said:?}");
+    }
+
+    #[test]
+    fn a_loss_that_is_not_minor_is_a_red_alarm_with_its_place() {
+        let mut notices = Notices::new();
+        assert_eq!(alarm(&notices, &LogHealth::default()), None);
+        notices.push(Code::Undecodable, "topic gps", 3, "messages that cannot be decoded");
+        let said = alarm(&notices, &LogHealth::default()).unwrap();
+        assert_eq!((said.gravity, said.code.as_str()), (record::Gravity::Red, "log-damaged"));
+        assert_eq!(said.text, "topic gps: messages that cannot be decoded");
     }
 }

@@ -28,11 +28,11 @@ use crate::table;
 use crate::task::caught;
 use crate::test_cards::{TestCards, row_cards};
 use crate::work::Workers;
-use flight::{Notice, Severity};
+use flight::{Code, Notice, Severity};
 use record::{
     CampaignChanges, CampaignCriteria, CampaignDelay, CampaignRecord, CampaignTotals, CompensatorResult,
-    CriterionVerdict, DelaySource, EffectVerdict, Estimate, FlightRecord, FlightRow, Gravity, GroupLateness,
-    MINOR_LOSS, Outcome, RECORD_VERSION, flight_alarms,
+    CriterionVerdict, DelaySource, EffectVerdict, Estimate, FlightRecord, FlightRow, Gravity, GroupLateness, Outcome,
+    RECORD_VERSION, flight_alarms,
 };
 use report::{FlightPage, REPORT_VERSION, Site, TrackExcerpt};
 use std::collections::{BTreeMap, BTreeSet};
@@ -780,14 +780,12 @@ fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
 }
 
 /// Warnings that make the numbers of a flight doubtful.
-const GRAVE: [&str; 7] = [
-    "delay-fallback",
-    "velocity-contradicts-position",
-    "stamps-coarser-than-delay",
-    "card-expired",
-    "card-not-yet-valid",
-    "card-stamp-kind",
-    "card-relative",
+const GRAVE: [Code; 5] = [
+    Code::VelocityContradictsPosition,
+    Code::StampsCoarserThanDelay,
+    Code::CardNotValid,
+    Code::CardStampKind,
+    Code::CardRelative,
 ];
 /// Below this share of time with output, a flight wants a look.
 const FEW_VALID: f64 = 0.95;
@@ -800,11 +798,11 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     let mut reasons: Vec<String> = harmed.map(|e| e.words.clone()).into_iter().collect();
     reasons.extend(alarms.into_iter().filter(|a| a.gravity != Gravity::Grey).map(|a| a.text));
     let grave: Vec<String> =
-        record.notices.iter().filter(|n| GRAVE.contains(&n.code.as_str())).map(|n| n.text.clone()).collect();
+        record.notices.iter().filter(|n| GRAVE.iter().any(|grave| n.code == *grave)).map(|n| n.text.clone()).collect();
     reasons.extend(grave);
     let findings = record.criteria.iter().flat_map(|c| &c.findings);
     reasons.extend(findings.filter(|f| f.verdict == CriterionVerdict::Fail).map(report::criterion_sentence));
-    reasons.extend(record.notices.iter().find(|n| n.code == MINOR_LOSS).map(told));
+    reasons.extend(record.notices.iter().find(|n| n.code == Code::MinorLoss).map(told));
     let damage = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0 && record.has_loss());
     if let Some(damage) = damage {
         reasons.push(format!("{damage} bytes of the log are damaged"));

@@ -4,7 +4,7 @@ use crate::config::Pipeline;
 use crate::error::CampaignError;
 use crate::logs::Library;
 use compensation_replay::{ClockRule, Likeness, join_reference, likeness, relate_clocks};
-use flight::{Flight, Severity};
+use flight::{Flight, Notice, Severity};
 use ingest::{FlightUnit, IngestError, ReadContext};
 use record::{ChannelLateness, DelayNetwork, ReferenceClock, ReferenceFile};
 use serde::{Serialize, Serializer};
@@ -288,7 +288,7 @@ impl ReferenceLog {
         let channels = join_reference(flight, reference, wanted, &clock);
         for n in reference.notices.iter().filter(|n| n.severity != Severity::Info && said.is_none()) {
             let place = format!("{OF_REFERENCE_FILE}, {}", n.place);
-            flight.notices.push(n.severity, &n.code, place, n.count, n.text.clone());
+            flight.notices.add(Notice { place, ..n.clone() });
         }
         let words = words(&self.files, &clock) + said.as_deref().unwrap_or_default();
         ReferenceFile { files: self.files.clone(), channels, clock, words }

@@ -1,7 +1,7 @@
 //! The flight as the compensators see it: seconds and metres from one origin.
 
 use crate::settings::Settings;
-use flight::{Channel, Clock, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp, StampKind};
+use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Stamp, StampKind};
 
 /// Why a flight cannot be replayed. Each says what would help.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -215,7 +215,7 @@ impl Input {
              these stamps cannot show whether it is right",
             settings.delay.seconds()
         );
-        notices.push(Severity::Warning, "stamps-coarser-than-delay", which, found.len() as u64, text);
+        notices.push(Code::StampsCoarserThanDelay, which, found.len() as u64, text);
     }
 
     fn check_overlap(&self) -> Result<(), Refusal> {

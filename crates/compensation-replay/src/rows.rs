@@ -3,7 +3,7 @@
 use crate::input::{AXES, Input, Refusal};
 use crate::settings::Settings;
 use crate::track::RowState;
-use flight::{Notices, RejectCount, Severity};
+use flight::{Code, Notices, RejectCount};
 use record::{Coverage, StartRule};
 use std::ops::Range;
 
@@ -147,21 +147,14 @@ fn note_outside(samples: &[f64], first: f64, last: f64, notices: &mut Notices) {
     let after = samples.iter().filter(|t| **t > last).count() as u64;
     if before > 0 {
         notices.push(
-            Severity::Info,
-            "velocity-before-first-fix",
+            Code::NoOutput,
             "",
             before,
             "velocity samples before the first position fix: no row is made of them",
         );
     }
     if after > 0 {
-        notices.push(
-            Severity::Info,
-            "velocity-after-last-fix",
-            "",
-            after,
-            "velocity samples after the last position fix: no row is made of them",
-        );
+        notices.push(Code::NoOutput, "", after, "velocity samples after the last position fix: no row is made of them");
     }
 }
 

@@ -19,7 +19,7 @@ use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
 use crate::input::{AXES, Horizontal, Input};
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use record::{CompensatorResult, Estimate};
 use std::ops::Range;
 
@@ -73,8 +73,7 @@ pub(crate) fn resets(innovations: &Innovations, notices: &mut Notices) -> u64 {
     if let Some(&first) = jumps.first() {
         let size = innovations.exact[0][first].hypot(innovations.exact[1][first]);
         notices.push(
-            Severity::Warning,
-            "position-reset",
+            Code::PositionReset,
             format!("t = {:.3} s", innovations.t[first]),
             jumps.len() as u64,
             format!("fixes jump by more than five sigma against the integrated velocity, the first by {size:.2} m; they are passed on as they are"),
@@ -128,7 +127,7 @@ pub(crate) fn warn_of_contradiction(
             input.names.position,
             input.names.velocity
         );
-        notices.push(Severity::Warning, "velocity-contradicts-position", "", pairs, text);
+        notices.push(Code::VelocityContradictsPosition, "", pairs, text);
     }
 }
 

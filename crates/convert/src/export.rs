@@ -14,7 +14,7 @@ use crate::output::Output;
 use crate::recording::{Entry, Recording};
 use crate::row_time::{self, LogTime, LogTimes, RowTime};
 use crate::sheet::{Cells, Sheet, SheetColumn, with_zero_bytes, write_csv, write_parquet_about};
-use flight::{Binding, Channel, Clock, Flight, LogHealth, Notices, Severity, UtcTie};
+use flight::{Binding, Channel, Clock, Code, Flight, LogHealth, Notices, Severity, UtcTie};
 use ingest::{
     Column, ColumnData, Extra, FlightUnit, IngestError, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo, load,
 };
@@ -190,14 +190,14 @@ fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, Co
 /// Says which fields are in no column; of very many topics the first, and the number of the others.
 fn note_left_out(log: &mut Log) {
     const LISTED: usize = 200;
-    const CODE: &str = "fields-left-out";
+    const CODE: Code = Code::FieldsLeftOut;
     for LeftOut { topic, fields, names } in log.left_out.iter().take(LISTED) {
         let text = format!("fields without a column, for their length is not fixed or too great: {names}");
-        log.notices.push(Severity::Warning, CODE, format!("topic {topic}"), *fields, text);
+        log.notices.push(CODE, format!("topic {topic}"), *fields, text);
     }
     let others = log.left_out.len().saturating_sub(LISTED) as u64;
     if others > 0 {
-        log.notices.push(Severity::Warning, CODE, "", others, "more topics have fields without a column");
+        log.notices.push(CODE, "", others, "more topics have fields without a column");
     }
 }
 
@@ -208,7 +208,7 @@ fn note_empty(log: &mut Log) {
     if let Some(listed) = empty.get(..empty.len().min(LISTED)).filter(|listed| !listed.is_empty()) {
         let more = if empty.len() > LISTED { ", ..." } else { "" };
         let text = format!("topics without a message have no table: {}{more}", listed.join(", "));
-        log.notices.push(Severity::Info, "no-rows", "", empty.len() as u64, text);
+        log.notices.push(Code::NoRows, "", empty.len() as u64, text);
     }
 }
 
@@ -217,7 +217,7 @@ fn note_zero_bytes(source: &Source, notices: &mut Notices) {
     let texts = with_zero_bytes(&source.sheet);
     if texts > 0 {
         let text = "texts hold zero bytes, which no CSV may: \u{2400} stands for each";
-        notices.push(Severity::Warning, "zero-bytes", format!("topic {}", source.name), texts, text);
+        notices.push(Code::CellsReplaced.at(Severity::Warning), format!("topic {}", source.name), texts, text);
     }
 }
 

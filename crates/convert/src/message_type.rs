@@ -1,6 +1,6 @@
 //! A table as messages of ROS 2: a definition (`ros2msg`), and each row as CDR.
 
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use ingest::{Column, ColumnData, PAYLOAD_HEX, Table, TopicInfo};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -68,7 +68,7 @@ impl<'t> MessageType<'t> {
             let text = "values that the log does not have were written as NaN, 0 or empty text; fields that end in _given \
                         say which";
             let place = format!("topic {}", self.table.topic.name);
-            notices.push(Severity::Info, "absent-values", place, absent, text);
+            notices.push(Code::CellsReplaced, place, absent, text);
         }
     }
 

@@ -1,7 +1,7 @@
 //! An MCAP that is written message by message, and what was put into it.
 
 use crate::error::ConvertError;
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use ingest::{Extra, OriginalTopic, TopicInfo};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
@@ -244,7 +244,7 @@ impl Recording {
     pub(crate) fn note_before_epoch(&self, notices: &mut Notices) {
         if self.before_epoch > 0 {
             let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
-            notices.push(Severity::Warning, "before-1970", "", self.before_epoch, text);
+            notices.push(Code::StampOutOfRange, "", self.before_epoch, text);
         }
     }
 

@@ -7,7 +7,7 @@ use crate::guard::{Unchanged, may_write};
 use crate::output::Output;
 use crate::recording::{Content, Entry, Recording, Tally};
 use crate::row_time::{self, LogTime, RowTime};
-use flight::{LogHealth, Notices, Severity};
+use flight::{Code, LogHealth, Notices, Severity};
 use ingest::{
     Extra, FlightUnit, LogKind, LogReader, MapLibrary, McapReader, MessageSink, OriginalLog, RawMessage, ReadContext,
     Select, Selection, TopicInfo,
@@ -275,7 +275,7 @@ fn topics(health: &LogHealth, content: &Content, notices: &mut Notices) -> Vec<R
         let written = content.topics.get(name).map_or(0, |t| t.count);
         if written < found {
             let text = "messages that were found and could not be written";
-            notices.push(Severity::Loss, "not-written", format!("topic {name}"), found - written, text);
+            notices.push(Code::NotWritten, format!("topic {name}"), found - written, text);
         }
         RecoveredTopic { name: name.to_owned(), found, written }
     };
@@ -294,6 +294,37 @@ fn note_rest(recording: &Recording, notices: &mut Notices) {
             "topics whose publishers say different things of themselves (name, latching, quality of service): \
              what the first one says was kept; the first: {first}"
         );
-        notices.push(Severity::Warning, "several-publishers", "", recording.several.len() as u64, text);
+        notices.push(Code::SeveralSources.at(Severity::Warning), "", recording.several.len() as u64, text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_that_were_found_and_not_written_are_a_loss() {
+        let topic = |name: &str, messages: u64| flight::TopicHealth {
+            name: name.to_owned(),
+            type_name: String::new(),
+            encoding: String::new(),
+            messages,
+            vouched: 0,
+            payload_bytes: 0,
+            stamps: vec![],
+            decoded: true,
+            reason: String::new(),
+        };
+        let health = LogHealth { topics: vec![topic("/fix", 2), topic("/imu", 3)], ..LogHealth::default() };
+        let mut content = Content::default();
+        for (name, messages) in [("/fix", 2), ("/imu", 1)] {
+            (0..messages).for_each(|at| content.message(name, at, b"payload"));
+        }
+        let mut notices = Notices::new();
+        let topics = topics(&health, &content, &mut notices);
+        assert_eq!(topics.iter().map(|t| (t.found, t.written)).collect::<Vec<_>>(), [(2, 2), (3, 1)]);
+        let said: Vec<_> = notices.iter().map(|n| (n.code.as_str(), n.place.as_str(), n.count)).collect();
+        assert_eq!(said, [("not-written", "topic /imu", 2)]);
+        assert!(notices.any_loss());
     }
 }

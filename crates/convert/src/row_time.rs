@@ -1,7 +1,7 @@
 //! When each row of a log was: by the container's stamps, by fields of the row, or by its place alone.
 
 use crate::error::ConvertError;
-use flight::{Clock, NANOS_PER_SECOND, Notices, Severity, Stamp, StampKind, UtcTie};
+use flight::{Clock, Code, NANOS_PER_SECOND, Notices, Severity, Stamp, StampKind, UtcTie};
 use ingest::{Log, MapLibrary, RowTimes, Table, TableTimes, row_times};
 use std::collections::{BTreeMap, HashMap};
 
@@ -82,7 +82,7 @@ impl LogTimes {
         if self.run_on > 0 {
             let text =
                 "rows stand behind the place where the log's count of 32 bits began anew; their log_time runs on";
-            notices.push(Severity::Info, "stamp-wrap", "", self.run_on, text);
+            notices.push(Code::StampWrap.at(Severity::Info), "", self.run_on, text);
         }
     }
 }
@@ -244,10 +244,10 @@ pub(crate) fn tell<'t>(
         let severity = if by_order { Severity::Warning } else { Severity::Info };
         let text = format!("the log does not say when it took these rows; log_time is {how}");
         let of_topics = topics.get(how).map_or(&[][..], Vec::as_slice);
-        notices.push(severity, "log-time", place(of_topics), rows, text);
+        notices.push(Code::LogTime.at(severity), place(of_topics), rows, text);
         if lent > 0 {
             let text = "rows without a time of their own have that of the row before, the first ones of the row behind";
-            notices.push(Severity::Info, "log-time-lent", place(of_topics), lent, text);
+            notices.push(Code::LogTime, place(of_topics), lent, text);
         }
     }
     topics

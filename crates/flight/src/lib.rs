@@ -38,7 +38,7 @@ pub use leap::{
     GPS_EPOCH_UNIX_S, LEAPS_KNOWN_UNTIL, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s, gps_of_unix, leaps_are_known_at,
     unix_of_gps,
 };
-pub use notice::{Notice, Notices, Severity};
+pub use notice::{Alarm, AlarmEntry, Code, CodeEntry, Graded, Gravity, Notice, Notices, Severity};
 pub use number::{fixed, with_minus};
 pub use series::{Series, SeriesError, Timeline};
 pub use time::{Clock, Delay, NANOS_PER_SECOND, Stamp, StampKind, UtcTie};

@@ -1,5 +1,11 @@
 //! What a person must hear: nothing is dropped in silence.
 
+mod catalogue;
+mod code;
+
+pub use catalogue::{Alarm, Code};
+pub use code::{AlarmEntry, CodeEntry, Graded, Gravity};
+
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,6 +21,18 @@ pub enum Severity {
     Warning,
     /// Data that the logger wrote could not be read: bytes damaged, cut or failing their checksum.
     Loss,
+}
+
+impl Severity {
+    /// As it is serialised and shown.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Severity::Info => "info",
+            Severity::Warning => "warning",
+            Severity::Loss => "loss",
+        }
+    }
 }
 
 /// One thing that happened to the data, with its place and how often it happened.
@@ -46,16 +64,16 @@ impl Notices {
         Notices::default()
     }
 
-    /// Raises one.
-    pub fn push(
-        &mut self,
-        severity: Severity,
-        code: &str,
-        place: impl Into<String>,
-        count: u64,
-        text: impl Into<String>,
-    ) {
-        self.0.push(Notice { severity, code: code.to_owned(), place: place.into(), count, text: text.into() });
+    /// Raises one: a [`Code`], which has its usual severity, or [`Code::at`] another.
+    pub fn push(&mut self, what: impl Into<Graded>, place: impl Into<String>, count: u64, text: impl Into<String>) {
+        let Graded { code, severity } = what.into();
+        let code = code.name().to_owned();
+        self.add(Notice { severity, code, place: place.into(), count, text: text.into() });
+    }
+
+    /// Passes on one that was raised elsewhere.
+    pub fn add(&mut self, notice: Notice) {
+        self.0.push(notice);
     }
 
     /// Takes over the notices of a part.
@@ -110,7 +128,7 @@ mod tests {
     fn what_is_said_already_is_not_said_again() {
         let gap = |count| {
             let mut notices = Notices::new();
-            notices.push(Severity::Warning, "gap-split", "velocity.gps", count, "the record is cut there");
+            notices.push(Code::RecordSplit, "velocity.gps", count, "the record is cut there");
             notices
         };
         let mut notices = gap(2);
@@ -122,9 +140,9 @@ mod tests {
     #[test]
     fn only_a_loss_marks_a_flight_as_lossy() {
         let mut notices = Notices::new();
-        notices.push(Severity::Warning, "held-rows", "gps", 3, "3 rows repeat the one before");
+        notices.push(Code::HeldRows, "gps", 3, "3 rows repeat the one before");
         assert!(!notices.any_loss());
-        notices.push(Severity::Loss, "truncated", "a.bag, byte 10", 1, "the file ends inside a record");
+        notices.push(Code::IncompleteFile, "a.bag, byte 10", 1, "the file ends inside a record");
         assert!(notices.any_loss());
     }
 }

@@ -102,7 +102,7 @@ fn one_flight(line: &DelayLine) -> String {
 
 /// Whether an alarm is about the reference file: its reason is the first line.
 fn is_reference(alarm: &LineAlarm) -> bool {
-    alarm.code == "reference-not-used"
+    alarm.code == flight::Alarm::ReferenceNotUsed
 }
 
 /// Empty for a log that is whole.

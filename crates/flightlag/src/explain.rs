@@ -1,75 +1,80 @@
-//! `flightlag explain`: what a code of a notice or an alarm means. The texts are those of the book's page of notices.
+//! `flightlag explain`: what a code of a notice or an alarm means. The texts are those of the catalogue.
 
 use crate::arguments::ExplainArguments;
 use crate::failure::{End, Failure};
 use crate::show::visible;
 use campaign::Exit;
+use flight::{Alarm, Code, Severity};
 use std::io::Write;
 
-/// A row of the page: a code, how grave it is, what it means, and the part of flightlag that raises it.
-struct Code<'a> {
-    part: &'a str,
-    name: &'a str,
-    severity: &'a str,
-    meaning: &'a str,
-}
+/// Where alarms stand in the list.
+const ALARMS: &str = "Alarms of a delay";
 
 pub(crate) fn run(arguments: &ExplainArguments) -> Result<End, Failure> {
-    let all = codes(docs::NOTICES);
     let mut out = std::io::stdout().lock();
     match &arguments.code {
-        None => write!(out, "{}", listed(&all))?,
+        None => write!(out, "{}", listed())?,
         Some(code) => {
-            let text = explained(&all, code).map_err(|why| Failure::new(Exit::Wrong, why))?;
+            let text = explained(code).map_err(|why| Failure::new(Exit::Wrong, why))?;
             write!(out, "{text}")?;
         }
     }
     Ok(Exit::Well.into())
 }
 
-/// The rows of all tables whose first cell is a code.
-fn codes(page: &str) -> Vec<Code<'_>> {
-    let mut part = "";
-    let mut all = vec![];
-    for line in page.lines() {
-        if let Some(heading) = line.strip_prefix("## ") {
-            part = heading;
-        }
-        let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
-        let code = cells.first().and_then(|cell| cell.strip_prefix('`')?.strip_suffix('`'));
-        if let (true, Some(name), [_, severity, meaning]) = (line.starts_with('|'), code, cells.as_slice()) {
-            all.push(Code { part, name, severity, meaning });
-        }
+/// The entry of a code; of a code of an older release that of the one that has taken its place.
+fn explained(wanted: &str) -> Result<String, String> {
+    if let Some(code) = Code::of_name(wanted) {
+        return Ok(notice(code));
     }
-    all
+    if let Some(alarm) = Alarm::ALL.iter().find(|alarm| alarm.name() == wanted) {
+        let entry = alarm.entry();
+        let head = format!("{alarm}: {} alarm\n{ALARMS}", entry.gravity.word());
+        return Ok(shown(&head, entry.happened, entry.advice));
+    }
+    if let Some(code) = Code::of_former(wanted) {
+        return Ok(format!("{wanted} is called {code} in this release.\n\n{}", notice(code)));
+    }
+    let names = Code::ALL.iter().map(|code| code.name()).chain(Alarm::ALL.iter().map(|alarm| alarm.name()));
+    let near = settings::nearest_few(wanted, names, 5).join(", ");
+    let near = if near.is_empty() { String::new() } else { format!("; nearest: {near}") };
+    Err(format!("no notice or alarm has the code {}{near}. `flightlag explain` lists all", visible(wanted)))
 }
 
-/// Every row of this code: several parts may raise it. An unknown code is an error with the nearest ones.
-fn explained(all: &[Code<'_>], wanted: &str) -> Result<String, String> {
-    let rows: Vec<&Code<'_>> = all.iter().filter(|code| code.name == wanted).collect();
-    if rows.is_empty() {
-        let near = settings::nearest_few(wanted, all.iter().map(|code| code.name), 5).join(", ");
-        let near = if near.is_empty() { String::new() } else { format!("; nearest: {near}") };
-        return Err(format!(
-            "no notice or alarm has the code {}{near}. `flightlag explain` lists all",
-            visible(wanted)
-        ));
-    }
-    let row = |code: &&Code<'_>| {
-        format!("{} ({}), {}\n  {}\n", code.name, code.severity, code.part, code.meaning.replace('`', ""))
+fn notice(code: Code) -> String {
+    let entry = code.entry();
+    let exit = match entry.severities {
+        [Severity::Loss] => "exit code 3; `delay`, `campaign` and `bench`: 0 if all losses are minor",
+        severities if severities.contains(&Severity::Loss) => {
+            "exit code 3 for a loss; `delay`, `campaign` and `bench`: 0 if all losses are minor"
+        }
+        _ => "exit code 0",
     };
-    Ok(rows.iter().map(row).collect())
+    let head = format!("{code}: {} ({exit})\n{}", severities(code), entry.section);
+    shown(&head, entry.happened, entry.advice)
 }
 
-fn listed(all: &[Code<'_>]) -> String {
+fn shown(head: &str, happened: &str, advice: &str) -> String {
+    format!("{head}\n\nWhat happened: {happened}\nWhat to do: {advice}\n").replace('`', "")
+}
+
+fn severities(code: Code) -> String {
+    code.entry().severities.iter().map(|severity| severity.word()).collect::<Vec<_>>().join(", ")
+}
+
+fn listed() -> String {
     let mut text = "Codes of notices and alarms. `flightlag explain CODE` tells what one means.\n".to_owned();
-    let mut part = "";
-    for code in all {
-        if code.part != part {
-            part = code.part;
-            text += &format!("\n{part}\n");
+    let mut section = "";
+    for code in Code::ALL {
+        if code.entry().section != section {
+            section = code.entry().section;
+            text += &format!("\n{section}\n");
         }
-        text += &format!("  {:34} {}\n", code.name, code.severity);
+        text += &format!("  {:30} {}\n", code.name(), severities(*code));
+    }
+    text += &format!("\n{ALARMS}\n");
+    for alarm in Alarm::ALL {
+        text += &format!("  {:30} {}\n", alarm.name(), alarm.gravity().word());
     }
     text
 }
@@ -79,20 +84,47 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_code_is_explained_in_the_words_of_the_book() {
-        let all = codes(docs::NOTICES);
-        assert!(all.len() > 100, "{}", all.len());
-        let text = explained(&all, "tail-cut").unwrap();
+    fn a_code_is_explained_in_the_words_of_the_catalogue() {
         assert_eq!(
-            text,
-            "tail-cut (info), Bytes and damage\n  The file ends inside its last record, as after power-off. Not a loss.\n"
+            explained("tail-cut").unwrap(),
+            "tail-cut: info (exit code 0)\nBytes and damage\n\n\
+             What happened: The file ends inside its last record, as after power-off. This is not a loss.\n\
+             What to do: Nothing, unless the log should be longer: then copy it again.\n"
         );
-        assert!(explained(&all, "delay-steps").unwrap().starts_with("delay-steps (red), Alarms of a delay\n"));
+        let damaged = explained("damaged").unwrap();
+        assert!(
+            damaged.starts_with("damaged: loss (exit code 3; delay, campaign and bench: 0 if all losses are minor)\n"),
+            "{damaged}"
+        );
+        assert!(explained("delay-steps").unwrap().starts_with("delay-steps: red alarm\nAlarms of a delay\n\n"));
+    }
+
+    #[test]
+    fn a_code_of_an_older_release_leads_to_the_one_of_today() {
+        let text = explained("no-end").unwrap();
+        assert!(
+            text.starts_with("no-end is called incomplete-file in this release.\n\nincomplete-file: loss"),
+            "{text}"
+        );
     }
 
     #[test]
     fn an_unknown_code_is_answered_with_the_nearest() {
-        let why = explained(&codes(docs::NOTICES), "tail-cutt").unwrap_err();
+        let why = explained("tail-cutt").unwrap_err();
         assert!(why.contains("nearest: tail-cut"), "{why}");
+    }
+
+    #[test]
+    fn every_code_is_listed_once_and_can_be_explained() {
+        let listed = listed();
+        let names = Code::ALL.iter().map(|code| code.name()).chain(Alarm::ALL.iter().map(|alarm| alarm.name()));
+        for name in names {
+            assert_eq!(
+                listed.lines().filter(|line| line.trim_start().split(' ').next() == Some(name)).count(),
+                1,
+                "{name}"
+            );
+            assert!(explained(name).is_ok(), "{name}");
+        }
     }
 }

@@ -1,11 +1,8 @@
 //! What went wrong with a log, and what to do about it: said alike by all commands that read one.
 
 use crate::show::{Table, visible};
-use flight::{LogHealth, Notice, Notices, Severity};
+use flight::{Code, LogHealth, Notice, Notices};
 use std::path::Path;
-
-/// Notices of what stands in the table of damage.
-const DAMAGED: &str = "damaged";
 
 /// The ranges that could not be read.
 pub(crate) fn damage(health: &LogHealth) -> String {
@@ -22,16 +19,16 @@ pub(crate) fn damage(health: &LogHealth) -> String {
 
 /// Notices but for those of the damage, losses first.
 pub(crate) fn notices(notices: &Notices) -> String {
-    let mut sorted: Vec<&Notice> = notices.iter().filter(|n| n.code != DAMAGED).collect();
+    let mut sorted: Vec<&Notice> = notices.iter().filter(|n| n.code != Code::Damaged).collect();
     sorted.sort_by_key(|n| std::cmp::Reverse(n.severity));
     let mut table = Table::new(&["notice", "where", "count|", "what"]);
     for notice in sorted {
-        let severity = match notice.severity {
-            Severity::Info => "info",
-            Severity::Warning => "warning",
-            Severity::Loss => "loss",
-        };
-        table.row(vec![severity.to_owned(), notice.place.clone(), notice.count.to_string(), notice.text.clone()]);
+        table.row(vec![
+            notice.severity.word().to_owned(),
+            notice.place.clone(),
+            notice.count.to_string(),
+            notice.text.clone(),
+        ]);
     }
     section("notices", &table)
 }
@@ -64,9 +61,9 @@ mod tests {
     #[test]
     fn losses_come_first_and_damage_is_not_told_twice() {
         let mut all = Notices::new();
-        all.push(Severity::Info, "held", "gps", 3, "held rows");
-        all.push(Severity::Loss, DAMAGED, "a, bytes 0 to 9", 9, "cut");
-        all.push(Severity::Loss, "no-end", "a", 1, "no footer");
+        all.push(Code::HeldRows, "gps", 3, "held rows");
+        all.push(Code::Damaged, "a, bytes 0 to 9", 9, "cut");
+        all.push(Code::IncompleteFile, "a", 1, "no footer");
         let text = notices(&all);
         assert!(text.find("no footer") < text.find("held rows") && !text.contains("cut"), "{text}");
     }

@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Fail
 /// A map that does not fit is a wrong map, and no damage.
 fn exit(loaded: &Loaded) -> Exit {
     let notices = &loaded.flight.notices;
-    if notices.iter().any(|notice| notice.code == ingest::MAP_LACKS) {
+    if notices.iter().any(|notice| notice.code == flight::Code::MapLacks) {
         Exit::Wrong
     } else if notices.any_loss() {
         Exit::Incomplete

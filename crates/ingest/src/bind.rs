@@ -34,7 +34,7 @@ use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, TimeSource};
 use crate::reader::Log;
 use crate::table::Table;
 use crate::time::set_back_for;
-use flight::{Binding, ChannelHealth, Clock, Flight, MapCandidate, Notices, Quantity, Severity, StampKind};
+use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices, Quantity, Severity, StampKind};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -117,7 +117,7 @@ fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
     let mut notices = log.notices.clone();
     for (name, said) in &best.unknown {
         let text = format!("channel {name} is not bound: the log says {said}, which the channel map does not know");
-        notices.push(Severity::Warning, "unknown-remark", "", 1, text);
+        notices.push(Code::UnknownWord, "", 1, text);
     }
     told::note_stamps(&best.plans, &mut notices);
     notices
@@ -181,13 +181,13 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
         tie.pairs,
         tie.spread_s.p99 - tie.spread_s.p01
     );
-    notices.push(Severity::Info, "utc-tie", "", tie.pairs, text);
+    notices.push(Code::UtcTie, "", tie.pairs, text);
     for repair in &tied.repairs {
-        notices.push(repair.severity, repair.code, &tie.source, repair.count, &*repair.text);
+        notices.push(repair.what, &tie.source, repair.count, &*repair.text);
     }
     if tie.outliers > 0 {
         let text = "messages that date the clock are more than a second off the others and are not used";
-        notices.push(Severity::Warning, "utc-outlier", &tie.source, tie.outliers, text);
+        notices.push(Code::UtcOutlier, &tie.source, tie.outliers, text);
     }
 }
 
@@ -207,7 +207,7 @@ fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notice
         format!(", at most by {:.3} s{why}", longest.length_s)
     });
     let text = format!("{which}: stamps go back{longest}; the rows were sorted by stamp");
-    notices.push(Severity::Warning, "back-jump", place, back.iter().copied().map(jumps).sum(), text);
+    notices.push(Code::BackJump, place, back.iter().copied().map(jumps).sum(), text);
 }
 
 /// A driver fills in what its sensor does not have, say with zeros: a channel of a bench without one usable row is no reason
@@ -216,7 +216,7 @@ fn no_rows(health: &ChannelHealth, notices: &mut Notices) {
     let reasons: Vec<String> = health.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
     let text = format!("channel {} has no usable row: {}", health.name, reasons.join(", "));
     let severity = if BENCH_ALONE.contains(&health.quantity) { Severity::Info } else { Severity::Warning };
-    notices.push(severity, "no-usable-row", &health.source.topic, health.rows, text);
+    notices.push(Code::NoUsableRow.at(severity), &health.source.topic, health.rows, text);
 }
 
 fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {

@@ -37,7 +37,7 @@ pub use format::{
 };
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
-pub use load::{BOUND_BY_GUESS, Loaded, MAP_LACKS, load, load_ways, open, suggest};
+pub use load::{Loaded, load, load_ways, open, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
 #[cfg(feature = "schema")]
 pub use map_schema::channel_map_schema;

@@ -14,15 +14,9 @@ use crate::platform::{FileIdentity, identity};
 use crate::reader::{Log, LogReader, ReadContext, Selection, TableHead};
 use crate::sniff::LogKind;
 use crate::table::TopicInfo;
-use flight::{Binding, Flight, LogHealth, Quantity, Severity};
+use flight::{Binding, Code, Flight, LogHealth, Quantity};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
-
-/// Code of the notice that says which columns of a table were bound by guess.
-pub const BOUND_BY_GUESS: &str = "bound-by-guess";
-
-/// Code of the notice that says that a channel map of the user does not fit a log.
-pub const MAP_LACKS: &str = "map-lacks";
 
 /// A log that was read, and the flight in it.
 #[derive(Debug)]
@@ -102,7 +96,7 @@ pub fn load(
         Err(IngestError::MapLacks(reason)) => {
             let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
             let text = "no channel is bound: your channel map does not fit this log";
-            flight.notices.push(Severity::Warning, MAP_LACKS, "", 1, text);
+            flight.notices.push(Code::MapLacks, "", 1, text);
             (flight, Err(reason))
         }
         Err(IngestError::Map(mut reason)) => {
@@ -176,7 +170,7 @@ fn by_guess(log: &mut Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bi
          with --maps",
         guess.said
     );
-    flight.notices.push(Severity::Warning, BOUND_BY_GUESS, "", guess.channels, text);
+    flight.notices.push(Code::BoundByGuess, "", guess.channels, text);
     Ok((flight, Binding { why: "no map fits; columns bound by guess".into(), ..binding }))
 }
 

@@ -1,6 +1,6 @@
 //! Where every byte went. One type for all readers, so that tests can assert the sum.
 
-use flight::{ByteLedger, DamagedRange, LogHealth, Notices, Severity};
+use flight::{ByteLedger, Code, DamagedRange, LogHealth, Notices};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -115,11 +115,11 @@ impl Ledger {
     pub fn finish(self, health: &mut LogHealth, notices: &mut Notices) {
         debug_assert_eq!(self.open(), 0, "bytes without a fate: {:?}", self.bytes);
         for d in &self.damage {
-            notices.push(Severity::Loss, "damaged", place_of(d), d.length, &d.reason);
+            notices.push(Code::Damaged, place_of(d), d.length, &d.reason);
         }
         let unlisted = self.damage_count - self.damage.len() as u64;
         if unlisted > 0 {
-            notices.push(Severity::Loss, "damaged", "", unlisted, "more damaged ranges, counted and not listed");
+            notices.push(Code::Damaged, "", unlisted, "more damaged ranges, counted and not listed");
         }
         for tail in &self.tails {
             let text = format!(
@@ -127,7 +127,7 @@ impl Ledger {
                  log does not say",
                 tail.reason
             );
-            notices.push(Severity::Info, "tail-cut", place_of(tail), tail.length, text);
+            notices.push(Code::TailCut, place_of(tail), tail.length, text);
         }
         health.bytes = self.bytes;
         health.damage = self.damage;
@@ -161,6 +161,18 @@ mod tests {
         assert_eq!((told.len(), told[0].code.as_str(), told[0].count), (1, "tail-cut", 999));
         assert_eq!(told[0].place, "a.bin, bytes 999001 to 1000000");
         assert!(!notices.any_loss(), "{told:?}");
+    }
+
+    #[test]
+    fn damaged_ranges_are_losses_and_those_beyond_the_list_are_counted() {
+        let (mut ledger, mut health, mut notices) = (Ledger::new(100, 2), LogHealth::default(), Notices::new());
+        ledger.count(Fate::Decoded, 97);
+        (0..3).for_each(|at| ledger.damaged("a.bin", 10 * at, 1, "a checksum is wrong"));
+        ledger.finish(&mut health, &mut notices);
+        let said: Vec<_> = notices.iter().map(|n| (n.code.as_str(), n.place.as_str(), n.count)).collect();
+        let listed = [("damaged", "a.bin, bytes 0 to 1", 1), ("damaged", "a.bin, bytes 10 to 11", 1)];
+        assert_eq!(said, [&listed[..], &[("damaged", "", 1)]].concat());
+        assert!(notices.iter().all(|n| n.severity == flight::Severity::Loss));
     }
 
     #[test]

@@ -139,9 +139,6 @@ pub struct FlightRecord {
     pub notices: Notices,
 }
 
-/// Code of the notice that says that what was lost touches no result.
-pub const MINOR_LOSS: &str = "minor-loss";
-
 impl FlightRecord {
     /// Whether bytes or messages that the logger wrote were lost, and that touches a result or is much.
     #[must_use]
@@ -169,6 +166,6 @@ impl FlightRecord {
     /// Whether a little was lost that touches no result.
     #[must_use]
     pub fn has_minor_loss(&self) -> bool {
-        self.notices.iter().any(|notice| notice.code == MINOR_LOSS)
+        self.notices.iter().any(|notice| notice.code == ::flight::Code::MinorLoss)
     }
 }

@@ -5,7 +5,8 @@ use crate::delay_over_time::DelayKind;
 use crate::group::{FlightContent, ReceiverGroup};
 use crate::replay::Estimate;
 use crate::{CampaignDelay, CardUse, DelaySource, Finding, FlightDelays, ReferenceFile};
-use flight::Notices;
+pub use flight::Gravity;
+use flight::{Alarm, Code, Notices};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -107,19 +108,6 @@ pub struct CardDelay {
     pub notices: Notices,
 }
 
-/// How grave an alarm is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum Gravity {
-    /// The number must not be used as it is.
-    Red,
-    /// The number is doubtful, its interval is wider for it.
-    Amber,
-    /// Good to know.
-    Grey,
-}
-
 /// Something that a reader must know of a flight's delay.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
@@ -132,12 +120,20 @@ pub struct DelayAlarm {
     pub text: String,
 }
 
+impl DelayAlarm {
+    /// An alarm of the catalogue.
+    #[must_use]
+    pub fn of(alarm: Alarm, text: String) -> DelayAlarm {
+        DelayAlarm { gravity: alarm.gravity(), code: alarm.name().to_owned(), text }
+    }
+}
+
 /// All alarms of a flight, the gravest first: those of its delay, and that of the delay that is removed.
 #[must_use]
 pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decision>) -> Vec<DelayAlarm> {
     let contradicted = decision.and_then(|d| d.contradicted.clone()).map(|text| DelayAlarm {
         gravity: Gravity::Amber,
-        code: "delay-contradicted".to_owned(),
+        code: Code::DelayContradicted.name().to_owned(),
         text,
     });
     let mut all: Vec<DelayAlarm> = lateness.iter().flat_map(|l| l.alarms.clone()).chain(contradicted).collect();

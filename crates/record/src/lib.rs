@@ -61,7 +61,7 @@ pub use crate::delay_over_time::{
 };
 pub use crate::ekf::{EkfChannel, EkfValue, EkfValueKind, EkfValues};
 pub use crate::explorer::{ExplorerColumn, ExplorerRows};
-pub use crate::flight::{FlightRecord, InputFile, MINOR_LOSS, Outcome, PipelineUse};
+pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
 pub use crate::flight_delay::{
     DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit,
     DelayStep, FlightDelays, FlightInjection, MeasuredDelay, PairDelay, WindowDelay, is_filter_output,

@@ -2,8 +2,8 @@
 
 use super::clue::Clue;
 use super::force::ForceFit;
-use crate::rig::Rig;
-use flight::{Notices, Quantity, Severity};
+use crate::rig::{Rig, SIGN};
+use flight::{Code, Notices, Quantity};
 
 /// A coefficient must be this many standard uncertainties away from zero to have a sign.
 const CLEAR: f64 = 5.0;
@@ -20,13 +20,13 @@ pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, St
     if let Some(stated) = rig.encoder.sign {
         if let Some((found, how)) = seen.filter(|(s, _)| *s != stated) {
             let text = format!("the rig says encoder.sign = {stated}, but {how} says {found}; the rig's is used");
-            notices.push(Severity::Warning, "encoder-sign-differs", "", 1, text);
+            notices.push(Code::RigDiffers, SIGN, 1, text);
         }
         return (stated, "rig file".to_owned());
     }
     seen.map(|(sign, how)| (sign, format!("fitted: {how}"))).unwrap_or_else(|| {
         let text = "no gyro, accelerometer or attitude shows which way the encoder counts: +1 is assumed";
-        notices.push(Severity::Warning, "encoder-sign-assumed", "", 1, text);
+        notices.push(Code::RigAssumed, "", 1, text);
         (1.0, "assumed: no gyro, accelerometer or attitude shows it".to_owned())
     })
 }

@@ -6,7 +6,7 @@ use super::force::ForceFit;
 use crate::kinematics::wrapped;
 use crate::motion::Motion;
 use crate::rig::{MountKind, Rig};
-use flight::{Notices, Quantity, Severity};
+use flight::{Code, Notices, Quantity};
 use record::Estimate;
 
 /// Axes of a calibrated MEMS accelerometer are true to about this (0.1°).
@@ -61,7 +61,7 @@ pub(super) fn zero(
     }
     let zero = from_the_middle(motion, sign);
     let text = "no channel shows the bar's angle at encoder zero: the swing is assumed to be even about the vertical";
-    notices.push(Severity::Warning, "encoder-zero-assumed", "", 1, text);
+    notices.push(Code::RigAssumed, "", 1, text);
     (zero, "assumed: the swing is even about the vertical".to_owned())
 }
 

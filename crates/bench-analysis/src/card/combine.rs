@@ -2,8 +2,9 @@
 
 use super::identity::identity_conflict;
 use super::{CardError, sensor_name};
+use crate::rig::{SIDE, SIGN};
 use crate::verdict::Evidence;
-use flight::{Notices, Quantity, Severity, StampKind};
+use flight::{Code, Notices, Quantity, StampKind};
 use jiff::ToSpan;
 use jiff::civil::Date;
 use record::{
@@ -102,7 +103,7 @@ fn method(records: usize, notices: &Notices) -> String {
         text += " ";
         text += METHOD_OF_SEVERAL;
     }
-    for notice in notices.iter().filter(|n| n.code == "not-comparable") {
+    for notice in notices.iter().filter(|n| n.code == Code::NotComparable) {
         text += &format!(" {}: {}.", notice.place, notice.text);
     }
     text
@@ -139,13 +140,13 @@ fn is_usable((name, record): &(String, BenchRecord), notices: &mut Notices) -> b
         BenchOutcome::Measured => return true,
         BenchOutcome::NotMeasurable { reason } | BenchOutcome::Failed { reason } => reason,
     };
-    notices.push(Severity::Warning, "record-left-out", name, 1, format!("not on the card: {reason}"));
+    notices.push(Code::LeftOffCard, name, 1, format!("not on the card: {reason}"));
     false
 }
 
 /// A channel of a record that is no part of the mean, and why.
 struct LeftOut<'a> {
-    code: &'static str,
+    code: Code,
     record: &'a str,
     channel: &'a str,
     why: String,
@@ -153,27 +154,29 @@ struct LeftOut<'a> {
 
 /// One notice for all channels that a record lacks for one reason.
 fn tell(left_out: &[LeftOut<'_>], notices: &mut Notices) {
-    let mut told: Vec<(&str, &str, &str)> = vec![];
+    let mut told: Vec<(Code, &str, &str)> = vec![];
     for LeftOut { code, record, why, .. } in left_out {
         if told.contains(&(*code, *record, why)) {
             continue;
         }
-        told.push((code, record, why));
+        told.push((*code, record, why));
         let alike = left_out.iter().filter(|l| (l.code, l.record, &l.why) == (*code, *record, why));
         let channels: Vec<&str> = alike.map(|l| l.channel).collect();
         let text = format!("{}: {why}", channels.join(", "));
-        notices.push(Severity::Warning, code, *record, channels.len() as u64, text);
+        notices.push(*code, *record, channels.len() as u64, text);
     }
 }
 
 /// On what the data of a record contradict its rig file. Every reference is made with the rig, so that no channel of such a
 /// record can be trusted.
 fn contradictions(record: &BenchRecord) -> Vec<String> {
-    let told = |code: &str, what: &str| record.notices.iter().any(|n| n.code == code).then(|| what.to_owned());
+    let differs = |part: &str| {
+        record.notices.iter().any(|n| n.code == Code::RigDiffers && n.place == part).then(|| part.to_owned())
+    };
     let checks = record.findings.iter().flat_map(|f| &f.mount.checks);
     let wrong = checks.filter(|c| c.of_rig && c.agrees == Some(false)).map(|c| c.name.clone());
-    let sign = told("encoder-sign-differs", "encoder sign");
-    let side = told("mount-side-differs", "side of the pivot");
+    let sign = differs(SIGN);
+    let side = differs(SIDE);
     sign.into_iter().chain(side).chain(wrong).collect()
 }
 
@@ -186,7 +189,7 @@ fn tell_of_rigs(records: &[&(String, BenchRecord)], notices: &mut Notices) {
                  measure again",
                 wrong.join(", ")
             );
-            notices.push(Severity::Warning, "rig-contradicted", name, wrong.len() as u64, text);
+            notices.push(Code::RigContradicted, name, wrong.len() as u64, text);
         }
     }
 }
@@ -198,7 +201,7 @@ fn validity(days: &[&str], terms: &CardTerms<'_>, notices: &mut Notices) -> [Opt
     let until = newest.zip(terms.valid_days).and_then(|(day, n)| day.checked_add(i64::from(n).days()).ok());
     if newest.is_none() && terms.valid_days.is_some() {
         let text = "no record says on which day it was made: the card has no days of validity";
-        notices.push(Severity::Warning, "card-without-day", "", 1, text);
+        notices.push(Code::CardDayUnknown, "", 1, text);
     }
     let text = |day: Option<&Date>| day.map(ToString::to_string);
     [text(newest), until.and(text(oldest)), text(until.as_ref())]
@@ -276,7 +279,7 @@ impl<'a> Several<'a> {
         for (record, found) in records {
             match run(record, channels(found).iter().find(|c| c.name == name)) {
                 Ok(run) => runs.push(run),
-                Err(why) => left_out.push(LeftOut { code: "channel-missing", record, channel: name, why }),
+                Err(why) => left_out.push(LeftOut { code: Code::LeftOffCard, record, channel: name, why }),
             }
         }
         let runs = comparable(name, runs, left_out);
@@ -288,7 +291,7 @@ impl<'a> Several<'a> {
         for run in &left {
             let delay_s = run.delay.delay.seconds();
             let why = format!("{delay_s:.4} s does not belong to the other records and is left out of the mean");
-            left_out.push(LeftOut { code: "outlier", record: run.record, channel: name, why });
+            left_out.push(LeftOut { code: Code::LeftOffCard, record: run.record, channel: name, why });
         }
         let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();
         let behind = records.iter().filter(|(record, _)| kept.iter().any(|run| run.record == record));
@@ -386,7 +389,7 @@ impl<'a> Several<'a> {
         let differ = rates.iter().any(|rate| (rate / middle - 1.0).abs() > RATE_TOLERANCE);
         if differ {
             let text = format!("{}: the records differ in their update rate; the card gives {middle:.3} Hz", self.name);
-            notices.push(Severity::Warning, "rates-differ", self.name, 1, text);
+            notices.push(Code::CardRate, self.name, 1, text);
         }
         Some(middle)
     }
@@ -429,7 +432,7 @@ fn comparable<'a>(name: &'a str, runs: Vec<Run<'a>>, left_out: &mut Vec<LeftOut<
         let own = Kind::of(run.channel);
         let what = if own.quantity == best.quantity { own.words() } else { format!("{:?}", own.quantity) };
         let why = format!("{what}: not comparable with the others ({}) and left out", best.words());
-        left_out.push(LeftOut { code: "not-comparable", record: run.record, channel: name, why });
+        left_out.push(LeftOut { code: Code::NotComparable, record: run.record, channel: name, why });
     }
     kept
 }

@@ -7,7 +7,7 @@ use crate::motion::Motion;
 use crate::rig::Rig;
 use crate::sensor_rows::{sensor_rows, update_samples};
 use crate::surroundings::Surroundings;
-use flight::{Channel, Flight, Notices, Quantity, Series, Severity, Timeline};
+use flight::{Channel, Code, Flight, Notices, Quantity, Series, Timeline};
 use signal::static_segments;
 
 /// Fewer rows of a swing show nothing.
@@ -34,7 +34,7 @@ pub(crate) fn magnetic_swings(
     let parts = parts(sensor, motion, rig, around);
     let turned = parts.windows(2).any(|pair| differ(pair[0].azimuth, pair[1].azimuth));
     let swings = if turned {
-        notices.push(Severity::Warning, "bench-turned", "", parts.len() as u64, in_words(&parts));
+        notices.push(Code::BenchTurned, "", parts.len() as u64, in_words(&parts));
         parts.iter().filter_map(|p| first_swing(&p.sensor, motion, rig, &p.alignment)).collect()
     } else {
         first_swing(sensor, motion, rig, alignment).into_iter().collect()

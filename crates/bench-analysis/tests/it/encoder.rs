@@ -81,7 +81,7 @@ fn stated_counts_that_the_angle_contradicts_are_told() {
     let encoder = channel(Quantity::EncoderAngle, &t, vec![angle]);
     let series = EncoderSeries::of("encoder.bar", &encoder, &rig("", "", "")).unwrap();
     let told: Vec<&str> = series.notices.iter().map(|n| n.code.as_str()).collect();
-    assert_eq!(told, ["counts-per-rev-differ"]);
+    assert_eq!(told, ["rig-differs"]);
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn a_counter_that_turns_over_is_unwrapped_and_told() {
         let encoder = with_values(&plain, |_, v| wrap(v));
         let series = EncoderSeries::of("encoder.bar", &encoder, &rig("", "", "")).unwrap();
         let told: Vec<&flight::Notice> = series.notices.iter().collect();
-        assert!(told.len() == 1 && told[0].code == "encoder-unwrapped" && told[0].text.contains(what), "{told:?}");
+        assert!(told.len() == 1 && told[0].code == "encoder-repaired" && told[0].text.contains(what), "{told:?}");
         let shift = series.angle_rad[0] - truth.angle_rad[0];
         let back: Vec<f64> = series.angle_rad.iter().map(|a| a - shift).collect();
         close(&truth.angle_rad, &back, 1e-6);
@@ -131,7 +131,7 @@ fn single_glitches_are_left_out_counted_and_told() {
     let glitched = with_values(&plain, |k, v| if bad.contains(&k) { v + 700.0 } else { v });
     let series = EncoderSeries::of("encoder.bar", &glitched, &rig("", "", "")).unwrap();
     assert_eq!(series.rejected.iter().map(|r| r.count).sum::<u64>(), bad.len() as u64);
-    let told = series.notices.iter().find(|n| n.code == "encoder-spikes").unwrap();
+    let told = series.notices.iter().find(|n| n.code == "encoder-repaired").unwrap();
     assert_eq!(told.count, bad.len() as u64);
     assert_eq!(series.t_s.len(), 4000 - bad.len());
     let truth = EncoderSeries::of("encoder.bar", &plain, &rig("", "", "")).unwrap();

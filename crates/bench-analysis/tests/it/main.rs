@@ -1,6 +1,7 @@
 //! Tests of the bench from outside.
 
 mod alignment;
+mod clocks;
 mod dynamics;
 mod encoder;
 mod iron;

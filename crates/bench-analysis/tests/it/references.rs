@@ -179,7 +179,11 @@ fn without_an_azimuth_only_the_vertical_is_compared() {
     // One component of three: the log holds no north and east.
     let mut channel = sensed(&swing, &Sensor::upright(0.5), Quantity::VelocityNed, 50.0, 0.1, 0.05);
     channel.present = vec![false, false, true];
-    let (found, _) = references(&swing, &flight_of(vec![("velocity.gps", channel)]), &rig("", "sign = -1", ""));
+    let (sensor, rig) = (flight_of(vec![("velocity.gps", channel)]), rig("", "sign = -1", ""));
+    let (found, motion) = references(&swing, &sensor, &rig);
+    let (around, _) = Surroundings::of(&rig, None, None);
+    let said = align(&motion, &sensor, &rig, &around).notices;
+    assert!(said.iter().any(|n| n.code == "no-reference" && n.text.contains("azimuth")), "{said:?}");
     let velocity = of(&found, "velocity.gps");
     assert_eq!(velocity.components.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["down"]);
 }

@@ -1,8 +1,9 @@
 //! Alarms of one flight.
 
 use super::counted;
+use flight::Alarm;
 use record::{
-    DelayAlarm, DelayNetwork, DelayOverTime, DelayTerm, DelayTermKind, FlightLateness, Gravity, MeasuredDelay,
+    DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayTerm, DelayTermKind, FlightLateness, MeasuredDelay,
     NetworkDatum, NetworkVerdict,
 };
 use std::collections::BTreeSet;
@@ -25,7 +26,7 @@ pub(super) fn of(
 ) -> Vec<DelayAlarm> {
     let mut alarms = Alarms::default();
     if let Some(text) = out.position_minus_velocity_s.and_then(|apart| other_time_scale(apart.value)) {
-        alarms.raise(Gravity::Red, "other-time-scale", text);
+        alarms.raise(Alarm::OtherTimeScale, text);
     }
     if let Some(over_time) = over_time {
         alarms.over_time(over_time, out.lateness.is_some());
@@ -44,21 +45,21 @@ pub(super) fn of(
 struct Alarms(Vec<DelayAlarm>);
 
 impl Alarms {
-    fn raise(&mut self, gravity: Gravity, code: &str, text: String) {
-        self.0.push(DelayAlarm { gravity, code: code.to_owned(), text });
+    fn raise(&mut self, alarm: Alarm, text: String) {
+        self.0.push(DelayAlarm::of(alarm, text));
     }
 
     /// What the test for a delay that varies found.
     fn over_time(&mut self, found: &DelayOverTime, is_known: bool) {
-        if found.kind.varies() {
-            leap_seconds(&found.terms).into_iter().for_each(|text| self.raise(Gravity::Red, "leap-second", text));
-            self.raise(Gravity::Red, &format!("delay-{}", found.kind.word().replace(' ', "-")), found.words.clone());
+        if let Some(change) = of_change(found.kind) {
+            leap_seconds(&found.terms).into_iter().for_each(|text| self.raise(Alarm::LeapSecond, text));
+            self.raise(change, found.words.clone());
         }
         if let Some(note) = &found.constancy.note {
-            self.raise(Gravity::Grey, "delay-differs-between-parts", note.clone());
+            self.raise(Alarm::DelayDiffersBetweenParts, note.clone());
         }
         if let Some([a, b]) = found.two_delays_fit.filter(|_| is_known) {
-            self.raise(Gravity::Red, "two-delays-fit", format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
+            self.raise(Alarm::TwoDelaysFit, format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
         }
         if let Some(jitter) = &found.jitters {
             let text = format!(
@@ -66,33 +67,33 @@ impl Alarms {
                 1e3 * jitter.standard_deviation_s,
                 jitter.remains_m
             );
-            self.raise(Gravity::Amber, "delay-jitters", text);
+            self.raise(Alarm::DelayJitters, text);
         }
         if !found.late_fixes.is_empty() {
             let text = format!("{} lie far behind the others", counted(found.late_fixes.len(), "fix"));
-            self.raise(Gravity::Amber, "late-fixes", text);
+            self.raise(Alarm::LateFixes, text);
         }
         if !found.bursts.is_empty() {
             let bursts = counted(found.bursts.len(), "burst");
-            self.raise(Gravity::Amber, "bursts", format!("{bursts} of fixes after a pause: they waited in a queue"));
+            self.raise(Alarm::Bursts, format!("{bursts} of fixes after a pause: they waited in a queue"));
         }
-        found.remarks.iter().for_each(|remark| self.raise(Gravity::Grey, "delay-remark", remark.clone()));
+        found.remarks.iter().for_each(|remark| self.raise(Alarm::DelayRemark, remark.clone()));
     }
 
     /// Pairs that contradict each other.
     fn network(&mut self, out: &FlightLateness, network: Option<&DelayNetwork>) {
         match (network, out.verdict) {
             (Some(n), Some(NetworkVerdict::Undecided | NetworkVerdict::Scattered)) => {
-                self.raise(Gravity::Amber, "pairs-disagree", n.verdict_words.clone());
+                self.raise(Alarm::PairsDisagree, n.verdict_words.clone());
             }
             (Some(n), Some(NetworkVerdict::Named)) => {
-                self.raise(Gravity::Amber, "channel-lies", n.verdict_words.clone());
+                self.raise(Alarm::ChannelLies, n.verdict_words.clone());
             }
             _ => {}
         }
         if out.datum == NetworkDatum::Refused {
             let text = network.map(|n| n.datum_words.clone()).unwrap_or_default();
-            self.raise(Gravity::Amber, "datum-refused", text);
+            self.raise(Alarm::DatumRefused, text);
         }
     }
 
@@ -101,12 +102,12 @@ impl Alarms {
         if let Some(rival) = fit.rival_s {
             let delay_ms = 1e3 * fit.delay_s.value;
             let text = format!("{delay_ms:.0} and {:.0} ms explain it almost equally well", 1e3 * rival);
-            self.raise(Gravity::Red, "two-delays-fit", text);
+            self.raise(Alarm::TwoDelaysFit, text);
         }
         let outliers = (fit.downweighted_share - HELD_BACK_BY_CHANCE) / (1.0 - HELD_BACK_BY_CHANCE);
         if outliers > MANY_OUTLIERS {
             let text = format!("about {:.0} % of the samples are outliers", 100.0 * outliers);
-            self.raise(Gravity::Amber, "outliers", text);
+            self.raise(Alarm::Outliers, text);
         }
         if let Some(h) = fit.homogeneity.filter(|h| !varies && h.scatters()) {
             let text = format!(
@@ -114,12 +115,27 @@ impl Alarms {
                  and no step, drift or queue explains it. U includes that scatter",
                 h.chi2, h.degrees_of_freedom
             );
-            self.raise(Gravity::Grey, "delay-windows-scatter", text);
+            self.raise(Alarm::DelayWindowsScatter, text);
         }
         let name = |channel: &Option<String>| channel.clone().unwrap_or_default();
         let compared = format!("{} against {}", name(&out.position), name(&out.velocity));
         for text in &fit.alarms {
-            self.raise(Gravity::Amber, "delay-doubtful", format!("{compared}: {text}"));
+            self.raise(Alarm::DelayDoubtful, format!("{compared}: {text}"));
+        }
+    }
+}
+
+/// The alarm of a delay that varies.
+fn of_change(kind: DelayKind) -> Option<Alarm> {
+    match kind {
+        DelayKind::Steps => Some(Alarm::DelaySteps),
+        DelayKind::Switches => Some(Alarm::DelaySwitches),
+        DelayKind::Drifts => Some(Alarm::DelayDrifts),
+        DelayKind::Queues => Some(Alarm::DelayQueues),
+        DelayKind::BuildsUp => Some(Alarm::DelayBuildsUp),
+        DelayKind::Wanders => Some(Alarm::DelayWanders),
+        DelayKind::CannotTell | DelayKind::NotTested | DelayKind::OnTime | DelayKind::Constant | DelayKind::Early => {
+            None
         }
     }
 }
@@ -155,6 +171,7 @@ fn other_time_scale(apart_s: f64) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn a_step_of_a_whole_second_is_one_of_a_clock() {
@@ -176,5 +193,122 @@ mod tests {
         assert!(other_time_scale(18.2).is_some_and(|text| text.starts_with("position and velocity are 18.2 s apart")));
         assert!(other_time_scale(-17.8).is_some());
         assert_eq!(other_time_scale(11.9), None, "a queue of twelve seconds is a delay");
+    }
+
+    /// A delay over time of this kind, with nothing else to say.
+    fn over_time(kind: DelayKind) -> DelayOverTime {
+        let level = json!({ "value": 0.4, "standard_uncertainty": 0.01 });
+        let quiet = json!({
+            "kind": "constant", "words": "it varies", "level_s": level, "level_widening_s": 0.0,
+            "constancy": { "tested": true, "varies": false, "windows": 9, "window_s": 30.0, "limit_s": 0.1, "window_delays": [] },
+            "late_fixes": [], "odd_fixes": 0, "bursts": [], "curve": [], "terms": [], "span_s": 0.0, "remarks": [],
+            "search_s": [-1.0, 1.0], "edge_hit": false, "advice": "", "fixes_used": 1, "fixes_given": 1,
+        });
+        DelayOverTime { kind, ..serde_json::from_value(quiet).unwrap() }
+    }
+
+    fn codes(alarms: &[DelayAlarm]) -> Vec<&str> {
+        alarms.iter().map(|alarm| alarm.code.as_str()).collect()
+    }
+
+    fn of_over_time(found: &DelayOverTime) -> Vec<DelayAlarm> {
+        of(&crate::answer::unknown("f"), None, None, Some(found))
+    }
+
+    #[test]
+    fn each_kind_of_change_has_a_red_alarm_of_its_own() {
+        let kinds = [
+            (DelayKind::Steps, "delay-steps"),
+            (DelayKind::Switches, "delay-switches"),
+            (DelayKind::Drifts, "delay-drifts"),
+            (DelayKind::Queues, "delay-queues"),
+            (DelayKind::BuildsUp, "delay-builds-up"),
+            (DelayKind::Wanders, "delay-wanders"),
+        ];
+        for (kind, code) in kinds {
+            let said = of_over_time(&over_time(kind));
+            assert_eq!((codes(&said), said[0].gravity), (vec![code], record::Gravity::Red));
+        }
+        for kind in
+            [DelayKind::Constant, DelayKind::Early, DelayKind::OnTime, DelayKind::NotTested, DelayKind::CannotTell]
+        {
+            assert_eq!(of_over_time(&over_time(kind)), []);
+        }
+    }
+
+    #[test]
+    fn what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity() {
+        let mut found = over_time(DelayKind::Steps);
+        found.terms = vec![DelayTerm {
+            kind: DelayTermKind::Step,
+            at_s: 100.0,
+            at_interval_s: None,
+            size: 1.0,
+            standard_uncertainty: 0.004,
+        }];
+        found.constancy.note = Some("the parts differ".into());
+        found.jitters = Some(record::DelayJitter { standard_deviation_s: 0.1, remains_m: 2.0, half_width_95_s: 0.2 });
+        found.late_fixes = vec![record::LateFix { t_s: 5.0, late_s: 1.0 }];
+        found.bursts = vec![serde_json::from_value(json!({ "start_s": 5.0, "fixes": 4, "hold_s": 1.0 })).unwrap()];
+        found.remarks = vec!["the lever arm is unknown".into()];
+        let red = ["delay-steps", "leap-second"];
+        let amber = ["bursts", "delay-jitters", "late-fixes"];
+        let grey = ["delay-differs-between-parts", "delay-remark"];
+        assert_eq!(codes(&of_over_time(&found)), [&red[..], &amber, &grey].concat());
+
+        let two = DelayOverTime { two_delays_fit: Some([0.1, 0.5]), ..over_time(DelayKind::Constant) };
+        assert_eq!(of_over_time(&two), [], "where no delay is known none is doubted");
+    }
+
+    #[test]
+    fn pairs_that_contradict_each_other_are_an_amber_alarm() {
+        let network = DelayNetwork {
+            datum_words: "a fix is earlier than the IMU".into(),
+            verdict_words: "the pairs disagree".into(),
+            ..serde_json::from_value(json!({
+                "channels": [], "covariance_s2": [], "datum": "none", "datum_words": "", "verdict": "unchecked",
+                "verdict_words": "", "named": [], "undecided_between": [], "chi2": 0.0, "degrees_of_freedom": 0, "p": null,
+                "birge": 1.0, "loops": [], "effects": [], "used_pairs": [], "unused_pairs": [], "suggestions": [], "judged": [],
+            }))
+            .unwrap()
+        };
+        let said = |verdict, datum| {
+            let out = FlightLateness { verdict: Some(verdict), datum, ..crate::answer::unknown("f") };
+            of(&out, Some(&network), None, None)
+        };
+        let none = NetworkDatum::None;
+        assert_eq!(codes(&said(NetworkVerdict::Undecided, none)), ["pairs-disagree"]);
+        assert_eq!(codes(&said(NetworkVerdict::Scattered, none)), ["pairs-disagree"]);
+        assert_eq!(codes(&said(NetworkVerdict::Named, none)), ["channel-lies"]);
+        assert_eq!(codes(&said(NetworkVerdict::Unchecked, NetworkDatum::Refused)), ["datum-refused"]);
+        assert_eq!(said(NetworkVerdict::Unchecked, none), []);
+        let apart = record::Estimate { value: 18.0, standard_uncertainty: None };
+        let out = FlightLateness { position_minus_velocity_s: Some(apart), ..crate::answer::unknown("f") };
+        assert_eq!(codes(&of(&out, None, None, None)), ["other-time-scale"]);
+    }
+
+    #[test]
+    fn what_a_fit_says_against_itself_is_an_alarm() {
+        let fit: MeasuredDelay = serde_json::from_value(json!({
+            "delay_s": { "value": 0.4, "standard_uncertainty": 0.001 }, "interval_95_s": [0.398, 0.402], "hessian_s": 0.001,
+            "hac_s": 0.001, "crlb_s": 0.001, "smallest_detectable_s": 0.003, "samples": 100, "downweighted_share": 0.179,
+            "rival_s": null, "pieces": [], "over_time": [], "homogeneity": null, "alarm": null, "splits": [], "injections": [],
+        }))
+        .unwrap();
+        let said = |fit: &MeasuredDelay| of(&crate::answer::unknown("f"), None, Some(fit), None);
+        assert_eq!(said(&fit), [], "as many are held back by chance");
+        let estimate = json!({ "value": 0.1, "standard_uncertainty": 0.01 });
+        let homogeneity = json!({
+            "chi2": 40.0, "degrees_of_freedom": 9, "p": 1e-5,
+            "largest_step": { "at_s": 50.0, "before_s": estimate, "after_s": estimate, "p": 1e-5 },
+        });
+        let doubtful = MeasuredDelay {
+            rival_s: Some(0.9),
+            downweighted_share: 0.25,
+            homogeneity: serde_json::from_value(homogeneity).unwrap(),
+            alarms: vec!["the noise is not white".into()],
+            ..fit
+        };
+        assert_eq!(codes(&said(&doubtful)), ["two-delays-fit", "delay-doubtful", "outliers", "delay-windows-scatter"]);
     }
 }

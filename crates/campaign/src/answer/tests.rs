@@ -130,3 +130,10 @@ fn numbers_against_two_velocities_have_no_common_mean() {
     assert!(said[0].0.contains("later than velocity.ekf (2 of 2 flights)") && said[0].1 == 2, "{said:?}");
     assert!(said[1].0.contains("earlier than velocity.gps (1 of 1 flight)") && said[1].1 == 1, "{said:?}");
 }
+
+#[test]
+fn a_file_that_goes_with_a_flight_is_said_to_be_one_and_raises_no_alarm_of_a_delay() {
+    let said = super::companion("k", "a log of the ground station".into()).lateness.alarms;
+    let said: Vec<(Gravity, &str, &str)> = said.iter().map(|a| (a.gravity, a.code.as_str(), a.text.as_str())).collect();
+    assert_eq!(said, [(Gravity::Grey, "companion", "a log of the ground station")]);
+}

@@ -4,7 +4,7 @@ use super::{Case, FoundDelay, milliseconds};
 use crate::cards::UsedCard;
 use crate::rate::rate_of;
 use bench_analysis::sensor_name;
-use flight::{Channel, Clock, Delay, Notices, Severity, Stamp, UtcTie};
+use flight::{Channel, Clock, Code, Delay, Graded, Notices, Severity, Stamp, UtcTie};
 use jiff::civil::Date;
 use jiff::tz::TimeZone;
 use record::{CardChannel, CardUse, Estimate, SensorCard, TimeBasis, Verdict};
@@ -130,8 +130,8 @@ impl<'a> Reading<'a> {
         })
     }
 
-    fn tell(&mut self, severity: Severity, code: &str, text: String) {
-        self.notices.push(severity, code, self.used.name(), 1, text);
+    fn tell(&mut self, what: impl Into<Graded>, text: String) {
+        self.notices.push(what, self.used.name(), 1, text);
     }
 
     /// The card's word on the position that is replayed.
@@ -164,7 +164,7 @@ impl<'a> Reading<'a> {
             "{name} is {shown} ms late itself: the lateness of the position is removed all the same, and an error of \
              acceleration times both delays is left"
         );
-        self.tell(Severity::Info, "card-velocity", text);
+        self.tell(Code::CardResidual.at(Severity::Info), text);
     }
 
     /// A lag that is removed as a delay is right for the bench's swing: slower motion is later.
@@ -183,7 +183,7 @@ impl<'a> Reading<'a> {
             on_card.model,
             1e3 * on_card.delay_s
         );
-        self.tell(Severity::Warning, "card-lag", text);
+        self.tell(Code::CardResidual, text);
     }
 
     fn warn_of_rig(&mut self, on_card: &CardChannel) {
@@ -194,7 +194,7 @@ impl<'a> Reading<'a> {
                 on_card.name,
                 on_card.contradicted.join(", ")
             );
-            self.tell(Severity::Warning, "card-rig-contradicted", text);
+            self.tell(Code::RigContradicted, text);
         }
     }
 
@@ -206,7 +206,7 @@ impl<'a> Reading<'a> {
                  is missing in it",
                 position.name
             );
-            self.tell(Severity::Warning, "card-relative", text);
+            self.tell(Code::CardRelative, text);
         }
     }
 
@@ -215,12 +215,12 @@ impl<'a> Reading<'a> {
         let (kind, bench) = (channel.series.timeline().kind(), on_card.stamp_kind);
         if kind != bench {
             let text = format!("{name}: this flight has {kind} stamps, the bench measured the delay of {bench} ones");
-            self.tell(Severity::Warning, "card-stamp-kind", text);
+            self.tell(Code::CardStampKind, text);
         }
         let rates = rate_of(&self.case.binding.channels, name).zip(on_card.update_rate_hz);
         if let Some((rate, bench)) = rates.filter(|(rate, bench)| (rate / bench - 1.0).abs() > RATE_TOLERANCE) {
             let text = format!("{name}: updated at {rate:.2} Hz in this flight, at {bench:.2} Hz on the bench");
-            self.tell(Severity::Warning, "card-rate", text);
+            self.tell(Code::CardRate, text);
         }
     }
 
@@ -232,18 +232,18 @@ impl<'a> Reading<'a> {
             Validity::Valid | Validity::Unlimited => String::new(),
             Validity::DayUnknown => {
                 let text = "no stamp of this flight tells the day: whether the card is valid is not known";
-                self.tell(Severity::Warning, "card-day-unknown", text.to_owned());
+                self.tell(Code::CardDayUnknown, text.to_owned());
                 "; the day of the flight is not known".to_owned()
             }
             Validity::Expired(until) => {
                 let text = format!("flown on {flown}, but the card expired on {until}: its delay is used all the same");
-                self.tell(Severity::Warning, "card-expired", text);
+                self.tell(Code::CardNotValid, text);
                 format!("; EXPIRED on {until}")
             }
             Validity::NotYet(from) => {
                 let text =
                     format!("flown on {flown}, before the card begins on {from}: its delay is used all the same");
-                self.tell(Severity::Warning, "card-not-yet-valid", text);
+                self.tell(Code::CardNotValid, text);
                 format!("; NOT YET VALID, from {from} on")
             }
         }

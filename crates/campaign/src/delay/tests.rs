@@ -1,6 +1,6 @@
 use super::*;
 use crate::cards::CardFile;
-use flight::{ChannelHealth, ChannelSource, Clock, Held, Quantity, Series, Stamp, StampKind, Timeline};
+use flight::{ChannelHealth, ChannelSource, Clock, Held, Quantity, Series, Severity, Stamp, StampKind, Timeline};
 use record::{CARD_VERSION, CardChannel, CardSource, SensorCard, SensorIdentity, TimeBasis, Verdict};
 
 const DAY_NS: i64 = 86_400 * flight::NANOS_PER_SECOND;
@@ -151,7 +151,7 @@ fn a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told() {
         card.channels[1] = CardChannel { verdict, delay_s: late_s, ..card.channels[1].clone() };
         let found = usual().with(&card).unwrap();
         assert_eq!((found.delay.seconds(), found.standard_uncertainty_s), (0.4, Some(0.003)));
-        assert_eq!(codes(&found), [(Severity::Info, "card-velocity")]);
+        assert_eq!(codes(&found), [(Severity::Info, "card-residual")]);
     }
 }
 
@@ -160,7 +160,7 @@ fn a_lag_that_is_removed_as_a_delay_is_warned_of_with_the_lateness_of_slow_motio
     let mut card = card("1", "2026-02-03");
     let told = |card: &SensorCard| {
         let found = usual().with(card).unwrap();
-        assert_eq!(codes(&found), [(Severity::Warning, "card-lag")]);
+        assert_eq!(codes(&found), [(Severity::Warning, "card-residual")]);
         found.notices.iter().map(|n| n.text.clone()).collect::<String>()
     };
     let position = card.channels[0].clone();
@@ -180,7 +180,7 @@ fn a_card_from_a_rig_that_the_data_contradict_is_warned_of() {
     let mut card = card("1", "2026-02-03");
     card.channels[0].contradicted = vec!["swing-1: encoder sign".into()];
     let found = usual().with(&card).unwrap();
-    assert_eq!(codes(&found), [(Severity::Warning, "card-rig-contradicted")]);
+    assert_eq!(codes(&found), [(Severity::Warning, "rig-contradicted")]);
     assert!(found.notices.iter().any(|n| n.text.contains("swing-1: encoder sign")));
 }
 
@@ -216,13 +216,13 @@ fn an_expired_card_is_used_and_said_loudly() {
     card.valid_until = Some("2026-05-03".into());
     let found = usual().with(&card).unwrap();
     assert_eq!(found.delay.seconds(), 0.4);
-    assert_eq!(codes(&found), [(Severity::Warning, "card-expired")]);
+    assert_eq!(codes(&found), [(Severity::Warning, "card-not-valid")]);
     assert!(found.source.ends_with("; EXPIRED on 2026-05-03"), "{}", found.source);
     card.valid_until = Some("2026-05-04".into());
     assert_eq!(codes(&usual().with(&card).unwrap()), [], "the last day counts");
     card.valid_from = Some("2026-05-05".into());
     card.valid_until = None;
-    assert_eq!(codes(&usual().with(&card).unwrap()), [(Severity::Warning, "card-not-yet-valid")]);
+    assert_eq!(codes(&usual().with(&card).unwrap()), [(Severity::Warning, "card-not-valid")]);
 }
 
 #[test]
@@ -232,21 +232,21 @@ fn the_day_comes_from_any_clock_that_counts_days_and_else_is_said_to_be_unknown(
     let mut card = card("1", "2026-02-03");
     card.valid_until = Some("2026-05-03".into());
     let found = Flown::at(gps, Clock::Gps, StampKind::Measured).with(&card).unwrap();
-    assert_eq!(codes(&found), [(Severity::Warning, "card-expired")]);
+    assert_eq!(codes(&found), [(Severity::Warning, "card-not-valid")]);
     let boot = Flown::at(0, Clock::Boot, StampKind::Measured);
     assert_eq!(codes(&boot.with(&card).unwrap()), [(Severity::Warning, "card-day-unknown")]);
     let mut tied = Flown::at(0, Clock::Boot, StampKind::Measured);
     let spread_s = flight::Distribution { min: 0.0, p01: 0.0, median: 0.0, p99: 0.0, max: 0.0 };
     let (clock, source) = (Clock::Boot, "gps".to_owned());
     tied.flight.utc = Some(flight::UtcTie { clock, source, offset_ns: NOON, spread_s, pairs: 1, outliers: 0 });
-    assert_eq!(codes(&tied.with(&card).unwrap()), [(Severity::Warning, "card-expired")], "the log ties the clock");
+    assert_eq!(codes(&tied.with(&card).unwrap()), [(Severity::Warning, "card-not-valid")], "the log ties the clock");
     let mut other = Flown::at(0, Clock::Boot, StampKind::Measured);
     let stamps = (0..1000).map(|i| Stamp(NOON + i)).collect();
     let velocity = other.flight.channels.get_mut("velocity.ins").unwrap();
     velocity.other_stamps = vec![(StampKind::Logged, Clock::Unix, stamps)];
     assert_eq!(
         codes(&other.with(&card).unwrap()),
-        [(Severity::Warning, "card-expired")],
+        [(Severity::Warning, "card-not-valid")],
         "another channel knows the day"
     );
     (card.valid_from, card.valid_until) = (None, None);
@@ -320,4 +320,50 @@ fn the_pair_that_is_replayed_is_found_by_its_kind_and_both_names() {
     let found = measured_pair(&delays, "position.gps", "velocity.ins");
     assert_eq!(found.found().map(|m| m.delay_s.value), Some(0.4));
     assert!(measured_pair(&delays, "position.ekf", "velocity.ekf").found().is_none());
+}
+
+/// What is decided for the usual flight, whose pair shows 0.4 s and may have an alarm.
+fn decided_with(source: DelaySource, contradicted: Option<&str>, alarm: Option<&str>) -> Decided {
+    let flown = usual();
+    let pick = |name: &'static str| (name, &flown.flight.channels[name]);
+    let (position, velocity) = (pick("position.gps"), pick("velocity.ins"));
+    let case = Case { flight: &flown.flight, binding: &flown.binding, position, velocity };
+    let measured = match of_pair("position-against-velocity", position.0, velocity.0, 0.4).delay {
+        Finding::Found(measured) => Finding::Found(MeasuredDelay { alarm: alarm.map(str::to_owned), ..measured }),
+        Finding::CannotTell(why) => panic!("{why}"),
+    };
+    let fixed = FixedDelay {
+        delay: Delay::from_seconds(0.4).unwrap(),
+        standard_uncertainty_s: None,
+        source: "pipeline".into(),
+    };
+    let rule = DelayRule { from: source, fixed: Some(fixed), cards: vec![] };
+    let decision = Decision {
+        asked: source,
+        row: 1,
+        used: Some(source),
+        delay_s: Some(0.4),
+        standard_uncertainty_s: None,
+        circular: false,
+        words: String::new(),
+        contradicted: contradicted.map(str::to_owned),
+    };
+    let lateness = crate::answer::unknown("f");
+    let known = Known { decision: &decision, lateness: &lateness, measured: &measured };
+    rule.chosen(&case, &known, || panic!("no sweep was asked for")).unwrap()
+}
+
+#[test]
+fn a_delay_that_the_flight_contradicts_is_removed_and_warned_of() {
+    assert_eq!(codes(&decided_with(DelaySource::Fixed, None, None).found), []);
+    let found = decided_with(DelaySource::Fixed, Some("the flight shows 0.1 s"), None).found;
+    assert_eq!(codes(&found), [(Severity::Warning, "delay-contradicted")]);
+    assert_eq!(found.delay.seconds(), 0.4);
+}
+
+#[test]
+fn a_delay_that_changes_in_the_flight_it_is_measured_in_is_warned_of() {
+    assert_eq!(codes(&decided_with(DelaySource::Flight, None, None).found), []);
+    let found = decided_with(DelaySource::Flight, None, Some("the delay steps")).found;
+    assert_eq!(codes(&found), [(Severity::Warning, "flight-delay-changes")]);
 }

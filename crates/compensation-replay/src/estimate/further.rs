@@ -7,7 +7,7 @@ use crate::estimate::Positions;
 use crate::input::{AXES, Input};
 use crate::rows::{Rows, bridge, median_step};
 use crate::settings::Settings;
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use std::ops::Range;
 
 /// Velocity samples that the noise of a flight is fitted to at most: ten minutes at 100 Hz.
@@ -72,7 +72,7 @@ fn fit_noise(input: &Input, segments: &[Range<usize>], options: &mut Compensator
         "velocity samples that the noise for the Kalman filter and the smoother is fitted to: jerk density {jerk:.3e} m²/s⁵, position {p:.3e} m, velocity {v:.3e} m/s"
     );
     let at = format!("t = {:.3} s", input.velocity.t[part.start]);
-    notices.push(Severity::Info, "kalman-noise-fitted", at, part.len() as u64, text);
+    notices.push(Code::KalmanNoiseFitted, at, part.len() as u64, text);
 }
 
 /// A part of the velocity with the positions from its start to one delay after its end. (Causal compensators are never
@@ -171,14 +171,14 @@ impl Bench<'_> {
         let why = trouble.first.as_ref().map(|first| format!(" ({first})")).unwrap_or_default();
         if trouble.refused > 0 {
             let text = format!("samples, counted per axis, that {kind} refused{why}");
-            notices.push(Severity::Warning, "compensator-refused-samples", "", trouble.refused, text);
+            notices.push(Code::NoOutput.at(Severity::Warning), "", trouble.refused, text);
         }
         let missing = |row: &usize| silent[*row] && self.rows.has_output(*row);
         let rows = (0..silent.len()).filter(missing);
         if let Some(first) = rows.clone().next() {
             let at = format!("t = {:.3} s", self.rows.t[first]);
             let text = format!("rows at which {kind} has no output: not shown and not scored{why}");
-            notices.push(Severity::Info, "compensator-without-output", at, rows.count() as u64, text);
+            notices.push(Code::NoOutput, at, rows.count() as u64, text);
         }
     }
 }

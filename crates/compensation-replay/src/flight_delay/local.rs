@@ -2,7 +2,7 @@
 
 use super::pairs::{Pair, Second};
 use crate::input::Horizontal;
-use flight::{Channel, Clock, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
+use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
 use nalgebra::Vector3;
 use record::DelayOrigin;
 
@@ -161,7 +161,7 @@ fn track(
     }
     if far > 0 {
         let text = format!("{far} fix(es) more than {:.0} km from the median fix left out", FARTHEST_M / 1e3);
-        notices.push(Severity::Warning, "fix-far-away", name, far, text);
+        notices.push(Code::SamplesLeftOut, name, far, text);
     }
     out
 }
@@ -267,7 +267,7 @@ fn thinned(all: Horizontal, (most, most_hz): (usize, f64), name: &str, notices: 
     }
     let text =
         format!("{name}: one sample in {every} is used for the delay, {} of {}", all.t.len() / every, all.t.len());
-    notices.push(Severity::Info, "delay-samples-thinned", name, (all.t.len() - all.t.len() / every) as u64, text);
+    notices.push(Code::SamplesLeftOut.at(Severity::Info), name, (all.t.len() - all.t.len() / every) as u64, text);
     let thin = |x: &[f64]| x.iter().step_by(every).copied().collect();
     (Horizontal { t: thin(&all.t), axes: [thin(&all.axes[0]), thin(&all.axes[1])] }, every)
 }

@@ -5,7 +5,7 @@ use super::disturbance::disturbances;
 use super::local::{BodyAxes, Prepared};
 use super::reference::{Integral, Interpolated};
 use crate::input::{AXES, Horizontal};
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use signal::Reference;
 use std::ops::Range;
 
@@ -74,7 +74,7 @@ pub(crate) fn without_spikes(
         return None;
     }
     let text = format!("{name}: {count} sample(s) that jump away and back by more than {HARDEST} m/s² left out");
-    notices.push(Severity::Warning, "velocity-spike", name, count as u64, text);
+    notices.push(Code::SamplesLeftOut, name, count as u64, text);
     let keep = |x: &[f64]| x.iter().zip(&spike).filter(|(_, s)| !**s).map(|(x, _)| *x).collect();
     body.iter_mut().flatten().flatten().for_each(|column| *column = keep(column));
     Some(Horizontal { t: keep(&rate.t), axes: [keep(&rate.axes[0]), keep(&rate.axes[1])] })
@@ -160,7 +160,7 @@ pub(crate) fn pieces(
         home.iter_mut().zip(&first.t).filter(|(h, t)| h.is_some() && at_rest(**t)).map(|(h, _)| *h = None).count();
     if rest > 0 {
         let text = format!("{}: {rest} sample(s) at rest before or after the motion take no part", names.first);
-        notices.push(Severity::Info, "rest-left-out", names.first, rest as u64, text);
+        notices.push(Code::SamplesLeftOut.at(Severity::Info), names.first, rest as u64, text);
     }
     let mut out: Vec<Piece> = vec![];
     let (mut glitches, mut resets, mut wild) = (0_u64, 0_u64, 0_u64);
@@ -202,7 +202,7 @@ pub(crate) fn pieces(
     }
     if glitches > 0 {
         let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
-        notices.push(Severity::Warning, "glitch-masked", names.first, glitches, text);
+        notices.push(Code::SamplesLeftOut, names.first, glitches, text);
     }
     if wild > 0 {
         let text = format!(
@@ -210,11 +210,11 @@ pub(crate) fn pieces(
              settled: left out",
             names.first, names.second
         );
-        notices.push(Severity::Warning, "disturbed-stretch", names.first, wild, text);
+        notices.push(Code::SamplesLeftOut, names.first, wild, text);
     }
     if resets > 0 {
         let text = format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
-        notices.push(Severity::Warning, "reset-split", names.first, resets, text);
+        notices.push(Code::RecordSplit, names.first, resets, text);
     }
     if stretches.len() > 1 {
         let cuts = stretches.len() as u64 - 1;
@@ -222,7 +222,7 @@ pub(crate) fn pieces(
             "{}: {cuts} gap(s) or clock jump(s): the record is cut there, each part has its own offset",
             names.second
         );
-        notices.push(Severity::Warning, "gap-split", names.second, cuts, text);
+        notices.push(Code::RecordSplit, names.second, cuts, text);
     }
     keep_the_best(out, first, names, notices)
 }
@@ -313,7 +313,7 @@ fn keep_the_best(mut all: Vec<Piece>, first: &Horizontal, names: &Names, notices
             names.first,
             before.0 - all.len()
         );
-        notices.push(Severity::Info, "short-pieces", names.first, lost, text);
+        notices.push(Code::SamplesLeftOut.at(Severity::Info), names.first, lost, text);
     }
     all
 }

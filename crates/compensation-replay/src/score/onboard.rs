@@ -7,7 +7,7 @@ use crate::estimate::Positions;
 use crate::input::{AXES, Horizontal, Input, local};
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
-use flight::{Channel, Flight, Notices, Quantity, Severity, WGS84_A};
+use flight::{Channel, Code, Flight, Notices, Quantity, WGS84_A};
 use record::{Finding, OnboardAgainst, OnboardComparison};
 
 /// Delays after which a filter of first order has forgotten its start to 10⁻⁶ and better: e^(−2·8).
@@ -32,7 +32,7 @@ pub(crate) fn onboard(
     let finding = compare(name, channel, settings, input, rows, tracks);
     Some(finding.map_or_else(
         |why| {
-            notices.push(Severity::Warning, "onboard-not-compared", name, channel.series.len() as u64, why.clone());
+            notices.push(Code::OnboardNotCompared, name, channel.series.len() as u64, why.clone());
             Finding::CannotTell(why)
         },
         Finding::Found,

@@ -326,7 +326,7 @@ fn what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end() {
     let east = numbers(&found.track, "offline_shift_east_m");
     let silent = east.iter().rev().take_while(|x| x.is_none()).count();
     assert!((7..=9).contains(&silent), "{silent}");
-    let notice = found.notices.iter().find(|n| n.code == "compensator-without-output").unwrap();
+    let notice = found.notices.iter().find(|n| n.code == "no-output").unwrap();
     assert_eq!((notice.count, notice.severity), (silent as u64, Severity::Info));
     assert!(notice.text.contains("offline-shift"), "{notice:?}");
     assert!(found.notices.iter().any(|n| n.code == "kalman-noise-fitted"));

@@ -358,6 +358,18 @@ fn the_replay_reproduces_what_the_aircraft_computed() {
 }
 
 #[test]
+fn an_onboard_position_that_is_none_is_not_compared_and_the_reason_is_given() {
+    let settings_of_flight = FlightSettings { onboard_delay_s: Some(TD), ..receiver(1, 10.0, 0.02) };
+    let flight = simulate(&settings_of_flight).unwrap().to_flight().unwrap();
+    let velocity = flight.channels.iter().find(|(_, channel)| channel.quantity == Quantity::VelocityNed).unwrap().0;
+    let found = replay(&flight, &Settings { onboard: vec![velocity.clone()], ..settings() }).unwrap();
+    let said: Vec<_> = found.notices.iter().filter(|n| n.code == "onboard-not-compared").collect();
+    assert!(said.len() == 1 && said[0].place == *velocity, "{said:?}");
+    assert_eq!(said[0].text, format!("{velocity} holds VelocityNed, which is no position"));
+    assert!(found.record.onboard.unwrap().found().is_none());
+}
+
+#[test]
 fn an_aircraft_with_another_delay_is_not_reproduced_and_the_difference_is_told() {
     let settings_of_flight = FlightSettings { onboard_delay_s: Some(0.35), ..receiver(1, 10.0, 0.02) };
     let flight = simulate(&settings_of_flight).unwrap().to_flight().unwrap();

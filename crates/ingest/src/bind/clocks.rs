@@ -3,7 +3,7 @@
 use crate::stamps::distribution;
 use crate::time::suspicion;
 use flight::{
-    Channel, Clock, Distribution, Flight, LEAPS_KNOWN_UNTIL, Notices, Quantity, Severity, Stamp, StampKind,
+    Channel, Clock, Code, Distribution, Flight, LEAPS_KNOWN_UNTIL, Notices, Quantity, Stamp, StampKind,
     leaps_are_known_at,
 };
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ pub(super) fn compare(flight: &mut Flight) {
         let clock = line.channel.series.timeline().clock();
         let text = format!("channel {}, the log's stamps and the clock {clock} by UTC: {what}", line.name);
         let (place, rows) = (&line.channel.source.topic, line.channel.series.len() as u64);
-        notices.push(Severity::Warning, "clock-suspect", place, rows, text);
+        notices.push(Code::ClockSuspect, place, rows, text);
     }
     let pairs = lines.iter().enumerate().flat_map(|(i, a)| lines.iter().skip(i + 1).map(move |b| (a, b)));
     let mut told: Vec<(String, u64)> = vec![];
@@ -48,7 +48,7 @@ pub(super) fn compare(flight: &mut Flight) {
         }
     }
     for (text, pairs) in told {
-        notices.push(Severity::Warning, "clock-suspect", "", pairs, format!("channels {text}"));
+        notices.push(Code::ClockSuspect, "", pairs, format!("channels {text}"));
     }
     no_common_time(flight, &mut notices);
     flight.notices.extend(notices);
@@ -120,7 +120,7 @@ fn no_common_time(flight: &Flight, notices: &mut Notices) {
                     a.clock()
                 );
                 let place = format!("{}, {}", p.source.topic, v.source.topic);
-                notices.push(Severity::Warning, "no-common-time", place, p.series.len() as u64, text);
+                notices.push(Code::NoCommonTime, place, p.series.len() as u64, text);
             }
         }
     }
@@ -140,5 +140,5 @@ pub(super) fn note_unknown_leaps(flight: &mut Flight, tied_by_gps: bool) {
     }
     let text =
         format!("GPS time is turned to UTC with the leap seconds known until {LEAPS_KNOWN_UNTIL}; the flight is later");
-    flight.notices.push(Severity::Warning, "leap-seconds", "", 1, text);
+    flight.notices.push(Code::LeapSeconds, "", 1, text);
 }

@@ -5,7 +5,7 @@ use super::repair::Repair;
 use crate::map::TimeSource;
 use crate::table::{Table, numbers};
 use crate::time::unwrap;
-use flight::Severity;
+use flight::{Code, Severity};
 
 const COUNTED: &str = "rows without a date, or with one more than a day off those of most rows, are dated by the device's \
                        counter from the nearest row that has one";
@@ -25,7 +25,7 @@ pub(super) fn date_by_counter(
     unwrap(&mut counts, tick.nanos() << 32);
     let count = date_rows(dates, &counts);
     if count > 0 {
-        repairs.push(Repair { severity: Severity::Warning, code: "counter-dated", count, text: COUNTED.into() });
+        repairs.push(Repair { what: Code::DateInferred.at(Severity::Warning), count, text: COUNTED.into() });
     }
 }
 

@@ -7,7 +7,7 @@ use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};
 use crate::texts::Text;
 use crate::time::redate_days;
-use flight::{GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity};
+use flight::{Code, GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity};
 use jiff::civil::Date;
 use std::borrow::Cow;
 
@@ -91,17 +91,12 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
     // A date with points and a year of four digits is told by nobody otherwise.
     if let Some((order, Some(shows))) = order.filter(|(_, shows)| !shows.as_deref().is_some_and(is_plain)) {
         let text = format!("the dates are read with the {} first, as {shows} shows", order.word());
-        repairs.push(Repair {
-            severity: Severity::Info,
-            code: "date-order",
-            count: table.rows as u64,
-            text: text.into(),
-        });
+        repairs.push(Repair { what: Code::DateInferred.into(), count: table.rows as u64, text: text.into() });
     }
     let stale = redate_days(&mut stamps, &days);
     if stale > 0 {
-        let severity = Severity::Warning;
-        repairs.push(Repair { severity, code: "stale-date", count: stale, text: STALE.into() });
+        let what = Code::DateInferred.at(Severity::Warning);
+        repairs.push(Repair { what, count: stale, text: STALE.into() });
     }
     if matches!(source, TimeSource::Civil { is_gps: true, .. }) {
         let gps = |unix_ns: &mut Option<i64>| {

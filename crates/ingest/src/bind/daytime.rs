@@ -4,7 +4,7 @@ use super::repair::Repair;
 use crate::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, year_begin_unix_ns};
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::{TOLERATED, unwrap};
-use flight::{Clock, NANOS_PER_SECOND, Severity};
+use flight::{Clock, Code, NANOS_PER_SECOND};
 
 pub(super) const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
 
@@ -99,6 +99,6 @@ pub(super) fn days_of_year(
 
 fn note_wraps(count: u64, text: &'static str, repairs: &mut Vec<Repair>) {
     if count > 0 {
-        repairs.push(Repair { severity: Severity::Warning, code: "stamp-wrap", count, text: text.into() });
+        repairs.push(Repair { what: Code::StampWrap.into(), count, text: text.into() });
     }
 }

@@ -10,7 +10,7 @@ use crate::map::{TieRule, TimeSource};
 use crate::reader::Log;
 use crate::stamps::distribution;
 use crate::table::Table;
-use flight::{Clock, NANOS_PER_SECOND, Severity, StampKind};
+use flight::{Clock, Code, NANOS_PER_SECOND, StampKind};
 use std::rc::Rc;
 
 /// Farther from a message that states its time, none is placed, ns. The two clocks run apart by less between two such
@@ -48,8 +48,7 @@ pub(super) fn placed(kind: StampKind, rules: &[TieRule], log: &Log, table: &Tabl
         widths.median,
         widths.max
     );
-    let repairs =
-        vec![Repair { severity: Severity::Info, code: "placed-stamps", count: wide.len() as u64, text: text.into() }];
+    let repairs = vec![Repair { what: Code::StampKind.into(), count: wide.len() as u64, text: text.into() }];
     let nanos = rows.into_iter().map(|row| row.map(|(boot, _)| boot)).collect::<Vec<_>>();
     let label = TimeSource::LoggedOnBoot.label();
     Some(Stamps { kind, clock: Clock::Boot, label, nanos: nanos.into(), repairs, counts: vec![], turn: None })

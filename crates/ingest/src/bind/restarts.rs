@@ -10,7 +10,7 @@ use crate::map::{TieRule, TimeSource};
 use crate::reader::{Log, Restart};
 use crate::table::Table;
 use crate::time::tie;
-use flight::{Clock, NANOS_PER_SECOND, Notices, Severity, UtcTie};
+use flight::{Clock, Code, NANOS_PER_SECOND, Notices, UtcTie};
 use std::collections::BTreeMap;
 
 /// Dates of two sessions that differ by less are one, ns.
@@ -96,7 +96,7 @@ impl Joined {
         if let Some(source) = &self.axis.source {
             let text =
                 "the clock since boot began anew; each session is dated by itself and put on the clock of the first";
-            notices.push(Severity::Warning, "restart-dated", source, sessions - 1, text);
+            notices.push(Code::ClockRestart, source, sessions - 1, text);
         }
         // A session without a row has nothing to lose.
         let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, rows)| shift.is_none() && **rows > 0);
@@ -105,7 +105,7 @@ impl Joined {
                 "the clock since boot began anew, and nothing dates {} of {sessions} sessions: their rows are not used",
                 lost().count()
             );
-            notices.push(Severity::Loss, "restart-undated", "", lost().map(|(_, rows)| rows).sum(), text);
+            notices.push(Code::RestartUndated, "", lost().map(|(_, rows)| rows).sum(), text);
         }
     }
 }
@@ -292,7 +292,7 @@ mod tests {
         };
         assert_eq!(told([5, 0, 0]), []);
         let lost = told([5, 7, 0]);
-        assert_eq!((lost.len(), lost[0].0, lost[0].1), (1, Severity::Loss, 7));
+        assert_eq!((lost.len(), lost[0].0, lost[0].1), (1, flight::Severity::Loss, 7));
         assert!(lost[0].2.contains("nothing dates 1 of 3 sessions"), "{}", lost[0].2);
     }
 }

@@ -11,8 +11,8 @@ use crate::map_schema::HeightAbove;
 use crate::stamps::{StampStats, distribution};
 use crate::time::suspicion;
 use flight::{
-    Channel, ChannelHealth, ChannelSource, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount, Series, Severity,
-    Stamp, StampHealth, StampKind, StampOffset, Timeline,
+    Channel, ChannelHealth, ChannelSource, Code, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount, Series,
+    Severity, Stamp, StampHealth, StampKind, StampOffset, Timeline,
 };
 use std::collections::HashMap;
 
@@ -94,7 +94,7 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
             "channel {} repeats held values: updates every {:.3} s, most often {} rows each; the repeats are no measurements",
             plan.rule.name, health.update_interval_s, health.modal_run
         );
-        notices.push(Severity::Info, "held-rows", &plan.table.topic.name, health.repeats, text);
+        notices.push(Code::HeldRows, &plan.table.topic.name, health.repeats, text);
     }
     let mut health = health_of(plan, &columns, rejects, samples.len());
     health.stamps = stamps;
@@ -149,7 +149,7 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
                     "channel {}: most rows have no {}; it is left out and counts as zero",
                     plan.rule.name, found.column.path
                 );
-                notices.push(Severity::Info, "absent-component", &plan.table.topic.name, whole as u64, text);
+                notices.push(Code::Substitute, &plan.table.topic.name, whole as u64, text);
             }
             (!thin).then_some(found)
         })
@@ -303,10 +303,10 @@ fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, n
             _ if lost => Severity::Loss,
             _ => Severity::Warning,
         };
-        let code = if duplicate { "duplicate-stamp" } else { "rejected-row" };
+        let code = if duplicate { Code::DuplicateStamp } else { Code::RejectedRow };
         let place = format!("{}, {}", plan.table.topic.name, reject.first);
         let text = format!("channel {}: rows not used, {}", plan.rule.name, reject.reason);
-        notices.push(severity, code, place, reject.count, text);
+        notices.push(code.at(severity), place, reject.count, text);
     }
 }
 
@@ -316,19 +316,19 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     let name = &plan.rule.name;
     let rows = plan.table.rows as u64;
     if let Some(note) = &plan.rule.note {
-        notices.push(Severity::Warning, "assumption", topic, rows, format!("channel {name}: {note}"));
+        notices.push(Code::Assumption, topic, rows, format!("channel {name}: {note}"));
     }
     for (found, column) in columns.iter().flatten().filter_map(|found| Some((found, found.passed_over?))) {
         let text = format!("{} is zero in every row, and {} is read in its place", column.path, found.column.path);
-        notices.push(Severity::Info, "zero-field", topic, rows, format!("channel {name}: {text}"));
+        notices.push(Code::Substitute, topic, rows, format!("channel {name}: {text}"));
     }
     if columns.iter().flatten().any(|found| found.above == Some(HeightAbove::MeanSeaLevel)) {
         let text = "the height above mean sea level is taken as the height above the ellipsoid";
-        notices.push(Severity::Info, "height-datum", topic, rows, format!("channel {name}: {text}"));
+        notices.push(Code::Substitute, topic, rows, format!("channel {name}: {text}"));
     }
     if plan.rule.combine == Combine::MagneticPolar {
         let text = "the track is magnetic; true track = track + variation";
-        notices.push(Severity::Info, "magnetic-track", topic, rows, format!("channel {name}: {text}"));
+        notices.push(Code::Substitute, topic, rows, format!("channel {name}: {text}"));
     }
     // A column that was left out has its own notice.
     let absent = if columns.iter().flatten().count() == plan.columns.iter().flatten().count() {
@@ -338,7 +338,7 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     };
     for absent in absent {
         let text = format!("channel {name}: the log has no {absent}; it counts as zero");
-        notices.push(Severity::Info, "absent-component", topic, rows, text);
+        notices.push(Code::Substitute, topic, rows, text);
     }
 }
 
@@ -394,7 +394,7 @@ fn offsets(plan: &Plan<'_>, samples: &Samples, notices: &mut Notices) -> (Vec<St
     for o in &offsets {
         if let Some(what) = first_unix(plan, samples).and_then(|at| suspicion(&o.offset_s, at)) {
             let text = format!("channel {}, {} and {} stamps: {what}", plan.rule.name, o.of, o.against);
-            notices.push(Severity::Warning, "clock-suspect", &plan.table.topic.name, samples.len() as u64, text);
+            notices.push(Code::ClockSuspect, &plan.table.topic.name, samples.len() as u64, text);
         }
     }
     let far_s = FAR_NS as f64 / NANOS_PER_SECOND as f64;
@@ -503,7 +503,7 @@ fn channel_of(
         // The rows were sorted and checked above; should they ever not fit, say so.
         Err(error) => {
             let text = format!("channel {}: {error}", plan.rule.name);
-            notices.push(Severity::Warning, "not-a-series", &plan.table.topic.name, rows as u64, text);
+            notices.push(Code::NoUsableRow, &plan.table.topic.name, rows as u64, text);
             None
         }
     }
@@ -526,7 +526,7 @@ fn other_stamps(
                     "channel {}: some rows have no {} stamp; that kind is left out",
                     plan.rule.name, stamps.kind
                 );
-                notices.push(Severity::Info, "stamp-kind", &plan.table.topic.name, samples.len() as u64, text);
+                notices.push(Code::StampKind, &plan.table.topic.name, samples.len() as u64, text);
             }
         }
     }

@@ -9,7 +9,7 @@ use crate::map::{TieRule, TimeSource, USUAL_BITS};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
-use flight::{Clock, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
+use flight::{Clock, Code, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -96,7 +96,7 @@ pub(super) fn read_stamps(
             let logged = written_at().and_then(|unix| Some(gps_of_unix(Stamp(unix))?.0 / (WEEK_S * NANOS_PER_SECOND)));
             let (mut stamps, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
             let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
-            note(&mut repairs, "week-rollover", ten_bit, rule);
+            note(&mut repairs, Code::GpsWeek, ten_bit, rule);
             if let Some(nanos) = nanos.as_ref().and_then(|nanos| numbers(table, nanos)) {
                 add(nanos, &mut stamps);
             }
@@ -107,7 +107,7 @@ pub(super) fn read_stamps(
     date_by_counter(source, table, &mut nanos, &mut repairs);
     let mut counts = counts_of(source);
     let mut turn = repair(source, &counts, &mut nanos, &mut repairs);
-    if matches!(source, TimeSource::TimeOfDay { .. }) && repairs.iter().any(|r| r.code == "stamp-wrap") {
+    if matches!(source, TimeSource::TimeOfDay { .. }) && repairs.iter().any(|r| r.what.code() == Code::StampWrap) {
         turn = counts.first().copied();
     }
     if is_wide(source, table) {
@@ -117,11 +117,10 @@ pub(super) fn read_stamps(
     let clock = clock_of(source, table, &nanos);
     let silent = if any && clock == Clock::Unix { without_zone(source, table) } else { 0 };
     if silent > 0 {
-        let severity = Severity::Info;
-        repairs.push(Repair { severity, code: "no-zone", count: silent, text: NO_ZONE.into() });
+        repairs.push(Repair { what: Code::DateInferred.into(), count: silent, text: NO_ZONE.into() });
     }
     if clock != source.clock() && source.clock() == Clock::Boot {
-        note(&mut repairs, "unix-stamps", nanos.iter().flatten().count() as u64, UNIX_STAMPS);
+        note(&mut repairs, Code::DateInferred, nanos.iter().flatten().count() as u64, UNIX_STAMPS);
     }
     any.then(|| Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
 }
@@ -159,9 +158,9 @@ const NEAREST_TO_LOG: &str =
 const NEAREST_TO_RELEASE: &str =
     "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to this release";
 
-fn note(repairs: &mut Vec<Repair>, code: &'static str, count: u64, text: &'static str) {
+fn note(repairs: &mut Vec<Repair>, code: Code, count: u64, text: &'static str) {
     if count > 0 {
-        repairs.push(Repair { severity: Severity::Warning, code, count, text: text.into() });
+        repairs.push(Repair { what: code.at(Severity::Warning), count, text: text.into() });
     }
 }
 
@@ -194,12 +193,12 @@ fn repair(
 ) -> Option<Count> {
     let TimeSource::Number { clock, bits, .. } = source else {
         if matches!(source, TimeSource::GpsWeek { .. }) {
-            note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
+            note(repairs, Code::GpsWeek, redate_weeks(nanos), WEEK_OFF);
         }
         return None;
     };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
-        note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
+        note(repairs, Code::GpsWeek, redate_weeks(nanos), WEEK_OFF);
         return None;
     }
     let days = if *clock == Clock::Elapsed { 2 } else { 0 };
@@ -212,7 +211,7 @@ fn repair(
             let text = format!(
                 "{what} began anew and the stamps run on; a restart shortly before its end would look the same"
             );
-            repairs.push(Repair { severity: Severity::Warning, code: "stamp-wrap", count: times, text: text.into() });
+            repairs.push(Repair { what: Code::StampWrap.into(), count: times, text: text.into() });
         }
     }
     turn

@@ -5,7 +5,7 @@ use super::trial::{Found, Plan};
 use crate::map::{ChannelRule, TimeSource};
 use crate::reader::{StatedUnit, TableHead};
 use crate::written_unit::{Written, in_brackets, read};
-use flight::{Dimension, Notices, Severity, Unit};
+use flight::{Code, Dimension, Graded, Notices, Severity, Unit};
 
 /// The column in the unit that its table states. A decimal fraction of that unit is the map's own affair, for tables state
 /// `deg` of integers of 1e-7 deg.
@@ -72,19 +72,19 @@ pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Noti
     for found in plan.columns.iter().flatten() {
         let Some((text, map)) = found.said else { continue };
         let (name, path) = (&plan.rule.name, &found.column.path);
-        let (severity, code, text) = if found.unit == map {
+        let (what, text) = if found.unit == map {
             let text = format!(
                 "channel {name}: the table states {path} in {text:?}, which flightlag does not know; {map} is used"
             );
-            (Severity::Warning, "unit-unknown", text)
+            (Graded::from(Code::UnitUnknown), text)
         } else {
             let text = format!(
                 "channel {name}: the table states {path} in {}, and it is converted from that; the channel map says {map}",
                 found.unit
             );
-            (Severity::Info, "unit-converted", text)
+            (Code::UnitDiffers.at(Severity::Info), text)
         };
-        notices.push(severity, code, &plan.table.topic.name, plan.table.rows as u64, text);
+        notices.push(what, &plan.table.topic.name, plan.table.rows as u64, text);
     }
     for found in plan.columns.iter().flatten().filter(|f| f.unit.dimension() != Dimension::None) {
         let of_field = |s: &&StatedUnit| s.type_name == plan.table.topic.type_name && s.path == found.column.path;
@@ -96,7 +96,7 @@ pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Noti
                 "channel {}: the log states {} in {}, and the channel map takes it for {}; the map is followed",
                 plan.rule.name, found.column.path, stated.text, found.unit
             );
-            notices.push(Severity::Warning, "unit-differs", &plan.table.topic.name, plan.table.rows as u64, text);
+            notices.push(Code::UnitDiffers, &plan.table.topic.name, plan.table.rows as u64, text);
         }
     }
 }

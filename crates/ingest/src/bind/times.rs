@@ -93,7 +93,7 @@ fn repairs(log: &Log, said: &[Option<Stamps>]) -> Notices {
             // Aligned first with the channels and then with all tables, stamps may have it twice.
             let mut told = Notices::new();
             let text = format!("stamps in {}: {}", stamps.label, repair.text);
-            told.push(repair.severity, repair.code, table.topic.name.as_str(), repair.count, text);
+            told.push(repair.what, table.topic.name.as_str(), repair.count, text);
             notices.extend_unsaid(told);
         }
     }

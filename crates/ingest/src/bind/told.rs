@@ -2,12 +2,11 @@
 
 use super::order::SHARED;
 use super::trial::Plan;
-use flight::{ChannelHealth, Notices, Severity, StampOffset};
+use flight::{ChannelHealth, Code, Graded, Notices, Severity, StampOffset};
 
 /// One thing that is said, and the channels that it is about.
 struct Told<'p> {
-    severity: Severity,
-    code: &'static str,
+    what: Graded,
     topic: &'p str,
     count: u64,
     text: String,
@@ -20,7 +19,7 @@ pub(super) fn note_stamps(plans: &[Plan<'_>], notices: &mut Notices) {
     let mut told: Vec<Told<'_>> = vec![];
     for said in plans.iter().flat_map(of_plan) {
         let same =
-            |known: &&mut Told<'_>| (known.code, known.topic, &known.text) == (said.code, said.topic, &said.text);
+            |known: &&mut Told<'_>| (known.what, known.topic, &known.text) == (said.what, said.topic, &said.text);
         match told.iter_mut().find(same) {
             Some(known) => known.channels += 1,
             None => told.push(said),
@@ -28,21 +27,21 @@ pub(super) fn note_stamps(plans: &[Plan<'_>], notices: &mut Notices) {
     }
     for told in told {
         let text = format!("{}: {}", which(told.first, told.channels), told.text);
-        notices.push(told.severity, told.code, told.topic, told.count, text);
+        notices.push(told.what, told.topic, told.count, text);
     }
 }
 
 fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<Told<'p>> {
-    let said = |severity, code, count, text| {
+    let said = |what, count, text| {
         let (topic, first) = (plan.table.topic.name.as_str(), plan.rule.name.as_str());
-        Told { severity, code, topic, count, text, first, channels: 1 }
+        Told { what, topic, count, text, first, channels: 1 }
     };
     let rows = plan.table.rows as u64;
-    let remarks = plan.remarks.iter().map(|remark| said(Severity::Warning, "stamp-kind", rows, remark.clone()));
+    let remarks = plan.remarks.iter().map(|remark| said(Code::StampKind.at(Severity::Warning), rows, remark.clone()));
     let repairs = plan.stamps.iter().flat_map(|stamps| {
         stamps.repairs.iter().map(move |repair| {
             let text = format!("{} stamps in {}: {}", stamps.kind, stamps.label, repair.text);
-            said(repair.severity, repair.code, repair.count, text)
+            said(repair.what, repair.count, text)
         })
     });
     remarks.chain(repairs).collect()
@@ -69,7 +68,7 @@ pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut N
             o.against
         );
         let rows = same().map(|(health, _)| health.used).sum();
-        notices.push(Severity::Warning, "clock-differs", &health.source.topic, rows, text);
+        notices.push(Code::ClockSuspect, &health.source.topic, rows, text);
     }
 }
 
@@ -91,7 +90,7 @@ pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices
             which(&health.name, coarse.iter().filter(same).count()),
             count + health.used
         );
-        notices.push(Severity::Warning, "coarse-stamps", &health.source.topic, count, text);
+        notices.push(Code::CoarseStamps, &health.source.topic, count, text);
     }
 }
 

@@ -3,7 +3,7 @@
 use super::repair::Repair;
 use super::stamps::{Count, Stamps};
 use crate::time::TOLERATED;
-use flight::{Clock, Severity};
+use flight::{Clock, Code};
 use std::rc::Rc;
 
 /// A topic belongs where so much of it lies within the time of the others, of a hundred.
@@ -80,16 +80,16 @@ fn put_into_turn(stamps: &mut Stamps, range: i64, all: Span) {
     // Before the first of these turns the stamps end before the others begin; beyond the last they begin behind their end.
     let (first, last) = ((all.first - own.last).div_euclid(wide).max(0), (all.last - own.first).div_euclid(wide));
     let mut fitting = (first..=last).filter(|turns| own.behind(*turns, wide).is_within(all));
-    let (code, text) = match (fitting.next(), fitting.next()) {
+    let text = match (fitting.next(), fitting.next()) {
         (None, _) | (Some(0), None) => return,
         (Some(turns), None) => {
             let behind = |stamp: i64| i64::try_from(i128::from(stamp) + turns * wide).ok();
             let counted =
                 Rc::make_mut(&mut stamps.nanos).iter_mut().filter(|stamp| stamp.is_some_and(|stamp| counts(&stamp)));
             counted.for_each(|stamp| *stamp = stamp.and_then(behind));
-            ("stamp-wrap", SHIFTED)
+            SHIFTED
         }
-        (Some(_), Some(_)) => ("turn-unclear", UNCLEAR),
+        (Some(_), Some(_)) => UNCLEAR,
     };
-    stamps.repairs.push(Repair { severity: Severity::Warning, code, count: count as u64, text: text.into() });
+    stamps.repairs.push(Repair { what: Code::StampWrap.into(), count: count as u64, text: text.into() });
 }

@@ -20,7 +20,7 @@ pub(crate) use named::{NAMED, leave_out_placeholders};
 use crate::reader::{Extra, Log, RawMessage, Select, Selection};
 use crate::stamps::StampStats;
 use crate::table::{Table, TopicInfo};
-use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
+use flight::{Clock, Code, Graded, Notices, Severity, StampHealth, StampKind, TopicHealth};
 use logscan::{Fate, LogTime};
 use rows::Rows;
 use schema::{Dialect, Schema};
@@ -406,19 +406,19 @@ impl<'w> Topics<'w> {
         self.topics.sort_by(|a, b| a.info.cmp(&b.info));
         let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
         let mut notices = Notices::new();
-        let mut say_lent = |whose: &str, code: &str, what: &str| {
+        let mut say_lent = |whose: &str, what: &str| {
             let topics = self.topics.iter().filter(|topic| topic.lent == Some(whose)).count() as u64;
             if topics > 0 {
                 let text = format!("topics whose type this log does not define were read by {what}");
-                notices.push(Severity::Info, code, "", topics, text);
+                notices.push(Code::DefinitionSupplied, "", topics, text);
             }
         };
-        say_lent(COMMON, "common-definition", "the common definition of that name");
-        say_lent(GIVEN, "given-definition", "the definition of that name in the folder of maps");
+        say_lent(COMMON, "the common definition of that name");
+        say_lent(GIVEN, "the definition of that name in the folder of maps");
         let completed = "built-in definitions of the types that their own lack (the MD5 sums agree)";
-        say_lent(COMPLETED, "completed-definition", completed);
+        say_lent(COMPLETED, completed);
         let completed = "definitions in the folder of maps of the types that their own lack (the MD5 sums agree)";
-        say_lent(COMPLETED_AS_GIVEN, "completed-definition", completed);
+        say_lent(COMPLETED_AS_GIVEN, completed);
         for mut topic in self.topics {
             topic.deliver();
             if let Some(refusal) = &topic.refusal {
@@ -429,7 +429,7 @@ impl<'w> Topics<'w> {
         }
         for (refusal, (topics, first)) in refused {
             let text = format!("wanted topics cannot be decoded: {refusal}; the first: {first}");
-            notices.push(Severity::Warning, "not-decoded", "", topics, text);
+            notices.push(Code::NotDecoded, "", topics, text);
         }
         list(notices, &mut log.notices);
     }
@@ -561,30 +561,29 @@ impl Topic {
 
     fn raise(&self, notices: &mut Notices) {
         let place = format!("topic {}", self.info.name);
-        let mut raise = |severity, code: &str, count, text: String| {
+        let mut raise = |what: Graded, count, text: String| {
             if count > 0 {
-                notices.push(severity, code, place.as_str(), count, text);
+                notices.push(what, place.as_str(), count, text);
             }
         };
         let bad = &self.undecodable;
         raise(
-            Severity::Loss,
-            "undecodable",
+            Code::Undecodable.into(),
             bad.count,
             format!("messages that cannot be decoded; the first: {}", bad.first),
         );
         let long = &self.too_long;
         let text = format!("messages are longer than their definition; the first: {}", long.first);
-        raise(Severity::Warning, "longer-than-defined", long.count, text);
+        raise(Code::ReadLeniently.into(), long.count, text);
         let text = "rows left out: the values of this log take more memory than a log of its size may".to_owned();
-        raise(Severity::Loss, "too-many-values", self.beyond_memory, text);
+        raise(Code::TooMuchData.into(), self.beyond_memory, text);
         let (misfits, field) = self.rows.misfits().unwrap_or_default();
-        raise(Severity::Warning, "type-change", misfits, format!("values left out: {field} changes its type"));
+        raise(Code::Redefined.into(), misfits, format!("values left out: {field} changes its type"));
         let text = "fields or values left out: there are too many columns".to_owned();
-        raise(Severity::Warning, "too-many-columns", self.rows.turned_away(), text);
+        raise(Code::TooMuchData.at(Severity::Warning), self.rows.turned_away(), text);
         if self.decoders.len() > 1 {
             let text = "definitions of the same type in one log; each message is read by its own".to_owned();
-            raise(Severity::Warning, "several-definitions", self.decoders.len() as u64, text);
+            raise(Code::Redefined.into(), self.decoders.len() as u64, text);
         }
     }
 
@@ -667,13 +666,13 @@ fn list(notices: Notices, to: &mut Notices) {
     let mut unlisted: BTreeMap<Severity, u64> = BTreeMap::new();
     for (index, notice) in notices.iter().enumerate() {
         if index < MOST_NOTICES {
-            to.push(notice.severity, &notice.code, notice.place.clone(), notice.count, notice.text.clone());
+            to.add(notice.clone());
         } else {
             *unlisted.entry(notice.severity).or_default() += 1;
         }
     }
     for (severity, count) in unlisted {
-        to.push(severity, "more-topics", "", count, "more notices about topics, counted and not listed");
+        to.push(Code::NotListed.at(severity), "", count, "more notices about topics, counted and not listed");
     }
 }
 
@@ -734,7 +733,7 @@ mod tests {
         topics.finish(&mut log);
         let rows = log.tables[0].rows as u64;
         assert!((64..=66).contains(&rows), "{rows}");
-        let loss = log.notices.iter().find(|n| n.code == "too-many-values").unwrap();
+        let loss = log.notices.iter().find(|n| n.code == "too-much-data").unwrap();
         assert_eq!((loss.severity, loss.count, log.health.messages), (Severity::Loss, 100 - rows, 100));
     }
 
@@ -802,6 +801,9 @@ mod tests {
         topics.finish(&mut log);
         assert_eq!(log.notices.len(), MOST_NOTICES + 1);
         let last = log.notices.iter().last().unwrap();
-        assert_eq!((last.severity, last.count), (Severity::Loss, 5000 - MOST_NOTICES as u64));
+        assert_eq!(
+            (last.code.as_str(), last.severity, last.count),
+            ("not-listed", Severity::Loss, 5000 - MOST_NOTICES as u64)
+        );
     }
 }

@@ -4,7 +4,7 @@
 use super::yaml::{self, ELEMENT};
 use crate::error::IngestError;
 use crate::reader::Log;
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -95,7 +95,7 @@ impl Metadata {
         let is_there = |name: &&String| read.contains(&inner(name));
         if let Some(why) = &self.broken {
             let text = format!("it can be read no further than this: {why:.200}");
-            log.notices.push(Severity::Warning, "metadata", NAME, 1, text);
+            log.notices.push(Code::IndexDiffers, NAME, 1, text);
         }
         let mut found: BTreeMap<&str, u64> = BTreeMap::new();
         for topic in &log.health.topics {
@@ -117,15 +117,15 @@ impl Metadata {
                 let text = "is not there by this name; what was read has every message that the recorder counted";
                 (Severity::Warning, format!("{name:.200} {text}"))
             };
-            log.notices.push(severity, "missing-file", NAME, 1, text);
+            log.notices.push(Code::MissingFile.at(severity), NAME, 1, text);
         }
         if fewer > 0 {
             let text = format!("messages are missing that the recorder counted; the first topic: {first}");
-            log.notices.push(Severity::Loss, "missing-messages", NAME, fewer, text);
+            log.notices.push(Code::MissingMessages, NAME, fewer, text);
         }
         if more > 0 {
             let text = format!("messages more than the recorder counted; the first topic: {first}");
-            log.notices.push(Severity::Warning, "miscounted-messages", NAME, more, text);
+            log.notices.push(Code::IndexDiffers, NAME, more, text);
         }
     }
 }
@@ -160,7 +160,7 @@ pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
         for (number, name) in recording {
             if *number > expected {
                 let text = "files of this recording are not there, by the numbers in the names of the others";
-                notices.push(severity, "missing-file", format!("before {name}"), *number - expected, text);
+                notices.push(Code::MissingFile.at(severity), format!("before {name}"), *number - expected, text);
             }
             (severity, expected) = (Severity::Loss, number.saturating_add(1));
         }
@@ -199,7 +199,11 @@ mod tests {
         assert_eq!(metadata.topics, BTreeMap::from([("/imu".to_owned(), 4)]));
         let mut log = Log::default();
         metadata.compare(&[PathBuf::from("bag_0.db3"), PathBuf::from("bag_1.db3")], &mut log);
-        assert!(log.notices.iter().any(|n| n.code == "metadata" && n.text.contains("line 15")), "{:?}", log.notices);
+        assert!(
+            log.notices.iter().any(|n| n.code == "index-differs" && n.text.contains("line 15")),
+            "{:?}",
+            log.notices
+        );
     }
 
     #[test]
@@ -212,7 +216,7 @@ mod tests {
             let mut log = Log::default();
             metadata.unwrap().compare(&rest, &mut log);
             let told: Vec<&str> = log.notices.iter().map(|n| n.code.as_str()).collect();
-            assert_eq!(told, ["metadata"], "{:?}", log.notices);
+            assert_eq!(told, ["index-differs"], "{:?}", log.notices);
         }
     }
 

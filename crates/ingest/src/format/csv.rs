@@ -27,7 +27,7 @@ use crate::format::crew::Crew;
 use crate::format::identity::{GARMIN, of_table_head};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
 use crate::table::{Table, TopicInfo};
-use flight::{LogHealth, Notices, Severity};
+use flight::{Code, LogHealth, Notices, Severity};
 use logscan::{Fate, Ledger};
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
@@ -202,7 +202,7 @@ impl Reading<'_> {
                 if held < size {
                     self.books.ledger.damaged(&name, held, size - held, SHORTER);
                 }
-                self.books.notices.push(Severity::Warning, "not-a-table", name, 1, what);
+                self.books.notices.push(Code::NoRows.at(Severity::Warning), name, 1, what);
                 return Ok(self.context.advance(size)?);
             }
         };
@@ -227,11 +227,11 @@ impl Reading<'_> {
         if layout.header_line.is_none() {
             let severity = if layout.bare { Severity::Info } else { Severity::Warning };
             let text = "no header row: columns are called column_1, column_2, ...";
-            self.books.notices.push(severity, "no-header", open.name, 1, text);
+            self.books.notices.push(Code::ColumnRenamed.at(severity), open.name, 1, text);
         }
         if layout.renamed > 0 && layout.header_line.is_some() {
             let text = "columns without a name of their own were given one";
-            self.books.notices.push(Severity::Info, "column-renamed", open.name, layout.renamed as u64, text);
+            self.books.notices.push(Code::ColumnRenamed, open.name, layout.renamed as u64, text);
         }
         let topic = self.topic_of(open, layout, stem);
         let crew = if open.size > LEAST_SHARED && topic.may_be_parted() { Crew::at_hand() } else { None };
@@ -250,7 +250,7 @@ impl Reading<'_> {
         let selection = self.want.select(&info);
         let mut meaning = Meaning::of(&layout.names);
         if let Some(text) = meaning.told.take() {
-            self.books.notices.push(Severity::Info, "several-devices", open.name, 1, text);
+            self.books.notices.push(Code::SeveralSources, open.name, 1, text);
         }
         let names = std::mem::take(&mut meaning.names);
         let mut topic = Topic::new(info, names, &meaning.sources(&selection));
@@ -390,7 +390,7 @@ impl Reading<'_> {
         }
         if others > 0 {
             let text = "lines that are no NovAtel messages are not read";
-            self.books.notices.push(Severity::Info, "preamble", open.name, others, text);
+            self.books.notices.push(Code::ExtraBytes, open.name, others, text);
         }
         self.report(first, open.name);
         Ok(())

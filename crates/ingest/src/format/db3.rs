@@ -30,7 +30,7 @@ use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use logscan::LogFile;
 use logscan::{Fate, Ledger};
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -127,7 +127,7 @@ impl Source {
         if self.write_ahead && !is_there && !described {
             let text = "the recorder kept a write-ahead log (-wal), and none, or an empty one, stands beside the bag: unless the recorder closed \
                         it, its last messages are missing, which the file itself cannot show";
-            notices.push(Severity::Warning, "no-write-ahead-log", self.file.name(), 1, text);
+            notices.push(Code::WriteAheadLog.at(Severity::Warning), self.file.name(), 1, text);
         }
     }
 
@@ -167,7 +167,7 @@ impl Source {
         let (pages, sound) = Pages::open(open(&self.path, &name)?, name.clone(), size, wal)?;
         if !sound {
             let text = "the head of the database is damaged; what pages could be found by their look were read";
-            notices.push(Severity::Loss, "damaged-head", name, 1, text);
+            notices.push(Code::Corrupt, name, 1, text);
         }
         read_database(pages, sound, tail, ledger, notices, topics, context)
     }
@@ -179,11 +179,11 @@ fn open(path: &Path, name: &str) -> Result<File, IngestError> {
 
 fn raise_wal(wal: &Wal, notices: &mut Notices) {
     let text = "the recorder did not close this bag: its newest pages were read from the write-ahead log beside it";
-    notices.push(Severity::Info, "write-ahead-log", wal.name.as_str(), 1, text);
+    notices.push(Code::WriteAheadLog, wal.name.as_str(), 1, text);
     if wal.unfinished > 0 {
         let text = "pages at the end of the write-ahead log belong to a transaction that was never finished, or are \
                     damaged; they were not used";
-        notices.push(Severity::Loss, "write-ahead-log-cut", wal.name.as_str(), wal.unfinished, text);
+        notices.push(Code::WriteAheadLog.at(Severity::Loss), wal.name.as_str(), wal.unfinished, text);
     }
 }
 
@@ -197,7 +197,7 @@ fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
     });
     if hot {
         let text = "a journal beside the database shows that its last transaction did not end: it was read as it is";
-        notices.push(Severity::Warning, "unfinished-transaction", name, 1, text);
+        notices.push(Code::WriteAheadLog.at(Severity::Warning), name, 1, text);
     }
 }
 
@@ -282,32 +282,32 @@ fn read_database(
     if tail.1 > 0 {
         ledger.damaged(&name, tail.0, tail.1, "the file ends inside a page");
     }
-    let mut raise = |severity, code: &str, count, text: &str| {
+    let mut raise = |code: Code, count, text: &str| {
         if count > 0 {
-            notices.push(severity, code, name.as_str(), count, text);
+            notices.push(code, name.as_str(), count, text);
         }
     };
     let text = "the file was cut: the database has more pages than there are in it";
-    raise(Severity::Loss, "missing-pages", lost.missing_pages, text);
+    raise(Code::Corrupt, lost.missing_pages, text);
     let text =
         "the database leads to pages that are nowhere: what was on them is missing, unless it was found elsewhere";
-    raise(Severity::Loss, "missing-pages", if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
-    raise(Severity::Loss, "bad-rows", lost.bad_rows, "rows that cannot be read");
+    raise(Code::Corrupt, if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
+    raise(Code::Corrupt, lost.bad_rows, "rows that cannot be read");
     let text =
         "pages hold rows that belong elsewhere: what belongs there is missing, unless it was found on other pages";
-    raise(Severity::Loss, "misplaced-pages", lost.misplaced_pages, text);
+    raise(Code::Corrupt, lost.misplaced_pages, text);
     let text = format!("messages that belong to no known topic; the first: {}", unplaced.first);
-    raise(Severity::Loss, "unknown-topic", unplaced.count, &text);
+    raise(Code::UnknownChannel, unplaced.count, &text);
     let text = format!("messages whose compression is broken; the first: {}", packed.first);
-    raise(Severity::Loss, "undecodable", packed.count, &text);
+    raise(Code::Undecodable, packed.count, &text);
     let text = "pages of messages that nothing leads to any more were found by their look, and read";
-    raise(Severity::Warning, "found-pages", lost.found_pages, text);
+    raise(Code::ReadLeniently, lost.found_pages, text);
     let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
-    raise(Severity::Warning, "copied-rows", lost.copies, text);
+    raise(Code::ReadLeniently, lost.copies, text);
     let text = "rows whose numbers do not follow each other were read as they stand";
-    raise(Severity::Warning, "row-numbers", lost.misnumbered, text);
+    raise(Code::ReadLeniently, lost.misnumbered, text);
     let text = "the database does not know which of its pages are unused; those in use were read";
-    raise(Severity::Warning, "unused-pages", contested.max(lost.spare_pages.into()), text);
+    raise(Code::ReadLeniently, contested.max(lost.spare_pages.into()), text);
     if found == 0 && tables.columns.is_none() {
         let text = match write_ahead {
             true => {
@@ -315,7 +315,7 @@ fn read_database(
             }
             false => "there is no table of messages: is this a ROS 2 bag?",
         };
-        raise(Severity::Loss, "no-messages", 1, text);
+        raise(Code::IncompleteFile, 1, text);
     }
     Ok(unplaced.count + packed.count)
 }

@@ -26,7 +26,7 @@ use crate::format::bag_folder::{self, Metadata};
 use crate::format::inflate::{Inflater, is_packed};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use logscan::{Fate, scan};
 use mcap::records::{MessageIndex, Record, op};
 use std::collections::HashMap;
@@ -462,28 +462,28 @@ impl<'t, 'w> Channels<'t, 'w> {
         for id in ids {
             self.route(id);
         }
-        let mut raise = |severity, code: &str, count, text: String| {
+        let mut raise = |code: Code, count, text: String| {
             if count > 0 {
-                notices.push(severity, code, file, count, text);
+                notices.push(code, file, count, text);
             }
         };
         let stated = summary.messages.filter(|_| summary.trust != Trust::Bad).unwrap_or(self.found);
         let text = format!("messages are missing: the summary counts {stated}, {} were found", self.found);
-        raise(Severity::Loss, "missing-messages", stated.saturating_sub(self.found), text);
+        raise(Code::MissingMessages, stated.saturating_sub(self.found), text);
         let text = format!("messages more than the summary counts ({stated})");
-        raise(Severity::Warning, "miscounted-messages", self.found.saturating_sub(stated), text);
+        raise(Code::IndexDiffers, self.found.saturating_sub(stated), text);
         let text = format!("messages that belong to no known topic; the first: {}", self.unplaced.first);
-        raise(Severity::Loss, "unknown-channel", self.unplaced.count, text);
+        raise(Code::UnknownChannel, self.unplaced.count, text);
         let text = format!("messages whose compression is broken; the first: {}", self.broken.first);
-        raise(Severity::Loss, "undecodable", self.broken.count, text);
+        raise(Code::Undecodable, self.broken.count, text);
         let text =
             format!("definitions were replaced by others of the same number; the first: {}", self.redefined.first);
-        raise(Severity::Warning, "redefined", self.redefined.count, text);
+        raise(Code::Redefined, self.redefined.count, text);
         let text =
             format!("attachments longer than a record may be were not taken; the first: {}", self.too_long.first);
-        raise(Severity::Loss, "long-attachment", self.too_long.count, text);
+        raise(Code::TooMuchData, self.too_long.count, text);
         let text = "stamps beyond the year 2262 were set to the last instant before".to_owned();
-        raise(Severity::Warning, "stamp-out-of-range", self.late_stamps, text);
+        raise(Code::StampOutOfRange, self.late_stamps, text);
     }
 }
 

@@ -39,7 +39,7 @@ use crate::bytes::is_zero;
 use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::reader::{Limits, Log, ReadContext, Select};
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use logscan::{Ledger, LogFile, MOST_ZEROS};
 use std::path::PathBuf;
 
@@ -47,7 +47,7 @@ use std::path::PathBuf;
 fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
     if logs > 1 {
         let text = "logs stand one behind another in this file; all were read";
-        notices.push(Severity::Warning, "several-logs", file, logs, text);
+        notices.push(Code::SeveralLogs, file, logs, text);
     }
 }
 
@@ -75,7 +75,7 @@ fn is_foreign_part(
     if size > 0 {
         ledger.damaged(&file, 0, size, what);
     } else {
-        notices.push(Severity::Loss, "empty-file", file, 1, "a part of this recording is empty");
+        notices.push(Code::IncompleteFile, file, 1, "a part of this recording is empty");
     }
     Ok(true)
 }
@@ -140,15 +140,14 @@ fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c>
 
 fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(Severity::Info, "padding", file, bytes, "filling bytes after the last record");
+        notices.push(Code::ExtraBytes, file, bytes, "filling bytes after the last record");
     }
 }
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
         notices.push(
-            Severity::Info,
-            "preamble",
+            Code::ExtraBytes,
             "",
             bytes,
             "bytes of text stand before the first frame, or between frames as whole lines",

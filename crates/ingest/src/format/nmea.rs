@@ -28,7 +28,7 @@ use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, ReadContext, Select};
-use flight::{Notices, Severity};
+use flight::{Code, Graded, Notices, Severity};
 use logscan::LogFile;
 use logscan::{Fate, Ledger};
 use memchr::{memchr, memchr_iter, memchr2, memchr3};
@@ -427,28 +427,21 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     }
 
     fn tell(&self, notices: &mut Notices) {
-        let mut say = |severity, code: &str, count, text: &str| {
+        let mut say = |what: Graded, count, text: &str| {
             if count > 0 {
-                notices.push(severity, code, self.name.as_str(), count, text);
+                notices.push(what, self.name.as_str(), count, text);
             }
         };
         let Counts { unchecked, prefixes, preamble, headless, .. } = self.counts;
+        say(Code::NoChecksum.into(), unchecked, "sentences have no checksum: nothing shows whether they are intact");
+        say(Code::ReadLeniently.at(Severity::Info), headless, "sentences begin without `$`; their checksums are right");
         say(
-            Severity::Warning,
-            "unchecked",
-            unchecked,
-            "sentences have no checksum: nothing shows whether they are intact",
-        );
-        say(Severity::Info, "no-dollar", headless, "sentences begin without `$`; their checksums are right");
-        say(
-            Severity::Info,
-            "prefix",
+            Code::ExtraBytes.into(),
             prefixes,
             "sentences stand behind text that is no Unix time and no date with time and zone; it was not read",
         );
         say(
-            Severity::Info,
-            "preamble",
+            Code::ExtraBytes.into(),
             preamble,
             "bytes of text that is no sentence: comments, what stands before the first or behind one, and whole lines between",
         );

@@ -37,7 +37,7 @@ use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::table::{PAYLOAD_HEX, TopicInfo};
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use logscan::{Fate, Framing, LogFile, MOST_IN_VAIN, MOST_ZEROS, Parsed, Trust, scan};
 use memchr::{memchr, memchr2_iter, memchr3, memmem};
 use std::borrow::Cow;
@@ -335,7 +335,7 @@ impl<'b, 't> Content<'b, 't> {
     fn finish(mut self, log: &mut Log, notices: &mut Notices) -> (Weeks, EarlyMarks, Dates) {
         if self.unplaced.count > 0 {
             let text = format!("messages found no topic, for there are too many; the first: {}", self.unplaced.first);
-            notices.push(Severity::Loss, "unknown-channel", "", self.unplaced.count, text);
+            notices.push(Code::UnknownChannel, "", self.unplaced.count, text);
         }
         super::tell_preamble(self.preamble, notices);
         if !self.receiver.weeks.are_of(self.early_run) {
@@ -350,26 +350,26 @@ impl<'b, 't> Content<'b, 't> {
                 false => "messages have a time of week and no week: none in the log tells it",
             };
             let text = format!("{text}; the first: {}", self.early.first);
-            notices.push(Severity::Info, "undated", "", self.early.count, text);
+            notices.push(Code::Undated, "", self.early.count, text);
         }
         if self.untimed.count > 0 {
             let text = "messages of a receiver that did not know the time yet have none";
             let text = format!("{text}; the first: {}", self.untimed.first);
-            notices.push(Severity::Info, "untimed", "", self.untimed.count, text);
+            notices.push(Code::Undated, "", self.untimed.count, text);
         }
         if self.receiver.nowhere > 0 {
             let text = "velocities are in the earth's own axes, and no message near them says the place, without which north is \
                         not known: they are not used";
-            notices.push(Severity::Warning, "unbound-velocity", "NAV-VELECEF", self.receiver.nowhere, text);
+            notices.push(Code::RejectedRow, "NAV-VELECEF", self.receiver.nowhere, text);
         }
         let marks = self.receiver.early_marks();
         let untimed = &self.receiver.pulses.untimed;
         if untimed.count > 0 {
             let text = format!("pulses have no GPS time; the first: {}", untimed.first);
-            notices.push(Severity::Warning, "untimed-pulse", "", untimed.count, text);
+            notices.push(Code::Undated.at(Severity::Warning), "", untimed.count, text);
         }
         if let Some((text, dates)) = self.receiver.suspicion() {
-            notices.push(Severity::Warning, "week-suspect", "", dates, text);
+            notices.push(Code::GpsWeek, "", dates, text);
         }
         log.health.about.receivers = self.receiver.names;
         log.health.about.receiver_identities = self.receiver.identity.finish();

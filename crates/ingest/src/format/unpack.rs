@@ -20,7 +20,7 @@ use crate::sniff::LogKind;
 use crate::sniff::{self, Content};
 use bzip2::bufread::BzDecoder;
 use flate2::bufread::GzDecoder;
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::{self, BufRead, Read, Seek, SeekFrom, Write};
@@ -409,7 +409,7 @@ impl<'c> Unpacking<'c> {
             self.newest_pages(&newest_pages(path, packing), &target)?;
             if marks.bad.get() > 0 {
                 let text = "characters of UTF-16 that are none became replacement characters";
-                self.notices.push(Severity::Loss, "bad-utf16", file_name(path), marks.bad.get(), text);
+                self.notices.push(Code::Corrupt, file_name(path), marks.bad.get(), text);
             }
             return Ok(());
         }
@@ -427,7 +427,7 @@ impl<'c> Unpacking<'c> {
             let Some(entry) = member.entry.as_ref().filter(|_| is_wanted) else { continue };
             if !entry.listed {
                 let text = "the ZIP archive has no list of its files at its end: it was cut there, or is damaged";
-                self.notices.push(Severity::Loss, "no-end", file_name(path), 1, text);
+                self.notices.push(Code::IncompleteFile, file_name(path), 1, text);
             }
             let target = self.target(&member.name)?;
             // What a recorder that was killed left beside its bag belongs to it.
@@ -459,7 +459,7 @@ impl<'c> Unpacking<'c> {
                 if *count > 1 { format!(" in {count} such places") } else { String::new() }
             );
             let place = format!("{}, near byte {}", file_name(path), holes.first_at);
-            self.notices.push(Severity::Loss, "packed-damage", place, *count, text);
+            self.notices.push(Code::Corrupt, place, *count, text);
         }
     }
 
@@ -542,7 +542,7 @@ impl<'c> Unpacking<'c> {
                 Packing::Zip => format!("{file}, {}, before byte {at}", file_name(target)),
                 _ => format!("{file}, near byte {at}"),
             };
-            self.notices.push(Severity::Loss, "packed-damage", place, end - at + 1, what);
+            self.notices.push(Code::Corrupt, place, end - at + 1, what);
         }
         Ok(())
     }

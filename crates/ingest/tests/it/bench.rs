@@ -190,7 +190,7 @@ fn a_table_with_one_gyroscope_axis_is_an_angular_rate_of_that_axis() {
     assert_eq!(gyro.series.component(1), [180.0f64, 90.0, 0.0].map(f64::to_radians));
     assert_eq!(gyro.series.component(0), [0.0; 3]);
     let absent: Vec<&str> =
-        loaded.flight.notices.iter().filter(|n| n.code == "absent-component").map(|n| n.text.as_str()).collect();
+        loaded.flight.notices.iter().filter(|n| n.code == "substitute").map(|n| n.text.as_str()).collect();
     assert!(absent[0].contains("no x") && absent[1].contains("no z"), "{absent:?}");
     let angle = &loaded.flight.channels["encoder.angle"].series;
     assert_eq!(angle.component(0), [90.0f64, 90.0, 45.0].map(f64::to_radians));
@@ -264,6 +264,9 @@ fn a_held_vector_repeats_all_its_components_and_a_resting_encoder_is_measured() 
     let vector = format!("quantity = \"specific-force\"\nframe = \"frd\"\n{}", fields(["x", "y", "z"], "m/s^2"));
     let marks = &bound_by(&vector, &held).channels["mine"].held.clone();
     assert_eq!(marks.iter().filter(|held| **held).count(), 30);
+    let said = bound_by(&vector, &held).notices;
+    let said: Vec<_> = said.iter().filter(|n| n.code == "held-rows").map(|n| n.count).collect();
+    assert_eq!(said, [30]);
     // The third axis alone moves: of a vector that is a new value.
     let moving: String = (0..40).map(|i| format!("{i},1,2,{i},0\n")).collect();
     assert!(!bound_by(&vector, &moving).channels["mine"].is_held());

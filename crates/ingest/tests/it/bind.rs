@@ -320,7 +320,7 @@ fn stamps_of_another_clock_make_no_offset() {
     let simulated = [10_000_000_000, 11_000_000_000, 12_000_000_000];
     let (flight, binding) = bound(vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", &simulated)]).unwrap();
     assert!(binding.channels.iter().find(|c| c.name == "velocity.gps").unwrap().offsets.is_empty());
-    assert!(flight.notices.iter().any(|n| n.code == "clock-differs" && n.place == "/b"));
+    assert!(flight.notices.iter().any(|n| n.code == "clock-suspect" && n.place == "/b"));
 }
 
 #[test]
@@ -330,7 +330,7 @@ fn clocks_that_are_days_apart_are_told_once_for_all_channels_with_the_days() {
         typed("/a", "sensor_msgs/NavSatFix", &[("latitude", &[47.0; 3]), ("longitude", &[8.0; 3])], &simulated, LOGGED);
     let (flight, _) = bound(vec![place, twist("/b", &simulated)]).unwrap();
     let told: Vec<(u64, &str)> =
-        flight.notices.iter().filter(|n| n.code == "clock-differs").map(|n| (n.count, n.text.as_str())).collect();
+        flight.notices.iter().filter(|n| n.code == "clock-suspect").map(|n| (n.count, n.text.as_str())).collect();
     // 1 699 999 990 s.
     let text = "2 channels, the first position.gps: logged stamps are 19675.9 days later than measured ones, so they \
                 count different clocks";

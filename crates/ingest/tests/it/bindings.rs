@@ -426,7 +426,7 @@ fn the_frame_that_a_comment_of_mt_manager_says_is_the_one_that_is_bound_and_no_c
     }
     let unknown = said("// Coordinate system: SEU\n");
     assert_eq!(unknown.flight.channels.keys().collect::<Vec<_>>(), ["position.ins"]);
-    assert_eq!(count_of(&unknown, "unknown-remark"), 2);
+    assert_eq!(count_of(&unknown, "unknown-word"), 2);
 }
 
 #[test]
@@ -434,7 +434,7 @@ fn where_comments_of_mt_manager_contradict_one_another_no_frame_is_assumed() {
     let text = mt_manager(30, noon).replace("// Coordinate", "// Coordinate system: NED\n// Coordinate");
     let loaded = load_as(LogKind::Csv, text.as_bytes());
     assert_eq!(loaded.flight.channels.keys().collect::<Vec<_>>(), ["position.ins"]);
-    let told = loaded.flight.notices.iter().find(|n| n.code == "unknown-remark").unwrap();
+    let told = loaded.flight.notices.iter().find(|n| n.code == "unknown-word").unwrap();
     assert!(told.text.contains("Coordinate system ENU and NED"), "{}", told.text);
 }
 
@@ -450,9 +450,9 @@ fn rows_of_mt_manager_without_utc_are_dated_by_the_devices_counter() {
         // date -u -d '2026-11-21T12:00:00Z' +%s
         let truth: Vec<i64> = (0..30).map(|n| 1_795_262_400_000_000_000 + 100_000_000 * n).collect();
         assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth);
-        let told = loaded.flight.notices.iter().find(|n| n.code == "counter-dated").unwrap();
+        let told = loaded.flight.notices.iter().find(|n| n.code == "date-inferred").unwrap();
         assert_eq!((told.count, told.severity), (5, Severity::Warning));
     }
     let whole = load_as(LogKind::Csv, mt_manager(30, noon).as_bytes());
-    assert_eq!(count_of(&whole, "counter-dated"), 0);
+    assert_eq!(count_of(&whole, "date-inferred"), 0);
 }

@@ -80,7 +80,7 @@ fn without(definition: &str, type_name: &str) -> String {
 fn a_bag_whose_definitions_lack_the_header_reads_as_the_intact_one() {
     let intact = flight_with(&|_, value| value);
     assert!(intact.tables.len() >= 2);
-    assert!(intact.notices.iter().all(|notice| notice.code == "no-end"), "{:?}", intact.notices);
+    assert!(intact.notices.iter().all(|notice| notice.code == "incomplete-file"), "{:?}", intact.notices);
     let own_text = |text: &str| text.split(SEPARATOR).next().unwrap().to_owned();
     let lacking: [&dyn Fn(&str) -> String; 3] =
         [&|text| without(text, "std_msgs/Header"), &own_text, &|_| String::new()];
@@ -88,7 +88,7 @@ fn a_bag_whose_definitions_lack_the_header_reads_as_the_intact_one() {
     for (lack, headless) in lacking.into_iter().zip([1, 1, 0]) {
         let log = flight_with(&|name, value| if name == "message_definition" { lack(&value) } else { value });
         assert_eq!(log.tables, intact.tables);
-        assert_eq!(notice(&log, "completed-definition").count, intact.tables.len() as u64 - headless);
+        assert_eq!(notice(&log, "definition-supplied").count, intact.tables.len() as u64 - headless);
         assert!(log.health.topics.iter().all(|topic| topic.decoded), "{:?}", log.health.topics);
     }
 }
@@ -173,7 +173,7 @@ fn definitions_beside_the_maps_serve_ros_1_if_the_md5_sum_agrees() {
         let log = own_type(own, PART);
         let value = |path: &str| log.tables[0].column(path).unwrap().number(0);
         assert_eq!(value("header.seq"), Some(7.0), "{own:?}");
-        assert_eq!(notice(&log, "completed-definition").count, 1);
+        assert_eq!(notice(&log, "definition-supplied").count, 1);
         // Another version of the type, of the same length.
         let log = own_type(own, &PART.replace("gain", "bias"));
         assert!(log.tables.is_empty() && notice(&log, "not-decoded").text.contains("/own"));

@@ -384,6 +384,11 @@ pub fn lost(log: &Log) -> bool {
     log.notices.iter().any(|n| n.severity == Severity::Loss)
 }
 
+/// Whether a notice of this code is a loss.
+pub fn is_loss(log: &Log, code: &str) -> bool {
+    log.notices.iter().any(|n| n.code == code && n.severity == Severity::Loss)
+}
+
 /// The notice of this code.
 pub fn notice<'l>(log: &'l Log, code: &str) -> &'l flight::Notice {
     log.notices.iter().find(|n| n.code == code).unwrap_or_else(|| panic!("no {code} in {:?}", log.notices))

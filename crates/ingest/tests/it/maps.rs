@@ -229,7 +229,7 @@ fn flysight_tables_agree_with_themselves() {
         assert_agrees(&loaded, map, ("position.gps", "velocity.gps"), 0.01, 1.0);
         // wc -l less the lines before the rows.
         assert_eq!(loaded.flight.channels["position.gps"].series.len(), rows, "{path}");
-        assert!(!lossy(&loaded) && count_of(&loaded, "height-datum") > 0, "{path}");
+        assert!(!lossy(&loaded) && count_of(&loaded, "substitute") > 0, "{path}");
     }
 }
 
@@ -414,7 +414,7 @@ fn gps_seconds_and_nanoseconds_of_navgraph_are_gps_time_and_the_device_before_th
         for channel in ["position.ins", "velocity.ins", "attitude.ins"] {
             assert_eq!(loaded.flight.channels[channel].series, plain.flight.channels[channel].series, "{channel}");
         }
-        assert_eq!(count_of(loaded, "several-devices"), told);
+        assert_eq!(count_of(loaded, "several-sources"), told);
     }
     let north = plain.flight.channels["velocity.ins"].series.component(0)[0];
     assert!((north - 4.4704).abs() < 1e-12, "{north}");
@@ -461,7 +461,7 @@ fn positions_and_velocities_of_oxts_without_a_gnss_position_are_not_used_and_cou
     }
     // Empty, the mode says nothing; in a word that nobody knows it says nothing either, and that is told.
     let unknown = bound(&text("GpsPosMode", &|n| if n < 3 { "Fine".to_owned() } else { String::new() }));
-    assert_eq!((used(&unknown, "position.ins").0, count_of(&unknown, "status-unknown")), (20, 3));
+    assert_eq!((used(&unknown, "position.ins").0, count_of(&unknown, "unknown-word")), (20, 3));
 }
 
 /// An export of MT Manager at 100 Hz from noon on, with the status word and the word on UTC as they are told.
@@ -491,10 +491,10 @@ fn positions_and_velocities_of_xsens_without_a_fix_are_not_used_and_counted() {
         }
         assert_eq!(used(&loaded, "attitude.ins"), (20, vec![]));
         assert_eq!(times(&loaded, "attitude.ins"), (Clock::Unix, NOON_NS, NOON_NS + 190_000_000));
-        assert_eq!(count_of(&loaded, "utc-not-valid") + count_of(&loaded, "status-unknown"), 0);
+        assert_eq!(count_of(&loaded, "undated") + count_of(&loaded, "unknown-word"), 0);
     }
     let unclear = of_mt_manager(|_| "25165827".to_owned(), |_| 7);
-    assert_eq!((used(&unclear, "position.ins").0, count_of(&unclear, "status-unknown")), (20, 20));
+    assert_eq!((used(&unclear, "position.ins").0, count_of(&unclear, "unknown-word")), (20, 20));
 }
 
 #[test]
@@ -503,10 +503,10 @@ fn utc_of_xsens_that_its_flags_do_not_vouch_for_is_none() {
     // Without the leap seconds nothing says when it was; where some rows have them, they date the others.
     let never = of_mt_manager(fixed, |_| 3);
     assert_eq!(times(&never, "position.ins"), (Clock::Elapsed, 50_000_000, 240_000_000));
-    assert_eq!(count_of(&never, "utc-not-valid"), 20);
+    assert_eq!(count_of(&never, "undated"), 20);
     let later = of_mt_manager(fixed, |n| if n < 8 { 0 } else { 7 });
     assert_eq!(times(&later, "position.ins"), (Clock::Unix, NOON_NS, NOON_NS + 190_000_000));
-    assert_eq!((count_of(&later, "utc-not-valid"), count_of(&later, "counter-dated")), (8, 8));
+    assert_eq!((count_of(&later, "undated"), count_of(&later, "date-inferred")), (8, 8));
 }
 
 #[test]
@@ -535,7 +535,7 @@ fn zeros_that_mt_manager_writes_for_what_a_sample_does_not_have_are_no_values() 
         assert_eq!(used(&loaded, channel), (20, vec![]), "{channel}");
     }
     assert_eq!(times(&loaded, "specific-force.imu"), (Clock::Unix, NOON_NS, NOON_NS + 190_000_000));
-    assert_eq!(count_of(&loaded, "status-unknown"), 0);
+    assert_eq!(count_of(&loaded, "unknown-word"), 0);
 }
 
 #[test]

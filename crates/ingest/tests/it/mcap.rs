@@ -344,7 +344,7 @@ fn a_summary_that_lies_is_not_believed() {
     let log = disk.read().unwrap();
     assert_received(&log, &sent, true);
     assert!(lost(&log));
-    notice(&log, "summary-checksum");
+    notice(&log, "corrupt");
 }
 
 #[test]
@@ -395,7 +395,7 @@ fn messages_that_do_not_decode_leave_no_row_and_are_a_loss_with_their_number() {
     let bad = notice(&log, "undecodable");
     assert!(bad.text.contains("message 7: header.seq: the message ends inside it"), "{}", bad.text);
     assert!(lost(&log));
-    assert!(notice(&log, "longer-than-defined").text.contains("message 8 by 9 bytes"));
+    assert!(notice(&log, "read-leniently").text.contains("message 8 by 9 bytes"));
 }
 
 #[test]
@@ -416,7 +416,7 @@ fn two_definitions_of_one_topic_are_each_read_by_their_own() {
     let (a, b) = (table.column("a").unwrap(), table.column("b").unwrap());
     assert_eq!((a.number(0), a.number(1)), (Some(1.5), Some(2.5)));
     assert_eq!((b.number(0), b.number(1)), (None, Some(9.0)));
-    assert_eq!(notice(&log, "several-definitions").count, 2);
+    assert_eq!(notice(&log, "redefined").count, 2);
 }
 
 #[test]
@@ -637,7 +637,7 @@ fn what_is_wrong_with_the_ends_of_a_file_is_said() {
     assert_eq!((junk.health.bytes.damaged, junk.health.damage[0].offset), (15, content.len() as u64));
     let no_magic = read(&content[..content.len() - 8]).unwrap();
     assert_received(&no_magic, &sent, true);
-    assert!(notice(&no_magic, "no-end").text.contains("just behind its footer"));
+    assert!(notice(&no_magic, "incomplete-file").text.contains("just behind its footer"));
     let bad_start = read(&[b"\x89MCXP0\r\n", &content[8..]].concat()).unwrap();
     assert_received(&bad_start, &sent, true);
     assert_eq!(bad_start.health.bytes.damaged, 8);
@@ -924,7 +924,7 @@ fn a_type_that_the_recorder_did_not_find_is_read_by_the_common_definition_of_its
         };
         let log = read("geometry_msgs/msg/Vector3", &vector);
         assert_eq!(log.tables[0].column("y").unwrap().number(0), Some(-2.0), "{encoding}");
-        assert_eq!(notice(&log, "common-definition").count, 1);
+        assert_eq!(notice(&log, "definition-supplied").count, 1);
         // One that does not fit to the byte is not of that type.
         let log = read("geometry_msgs/msg/Vector3", &vector[..20]);
         assert!(log.tables.is_empty() && lost(&log), "{:?}", log.notices);
@@ -991,7 +991,7 @@ fn a_definition_that_a_folder_of_maps_holds_is_read_with_all_that_it_refers_to()
     let log = read("my_msgs/msg/Own", &own);
     let value = |path: &str| log.tables[0].column(path).unwrap().number(0);
     assert_eq!([value("parts[1].x"), value("at.z"), value("side.left")], [Some(-1.5), Some(3.0), Some(7.0)]);
-    assert_eq!(notice(&log, "given-definition").count, 1);
+    assert_eq!(notice(&log, "definition-supplied").count, 1);
     // Another version of the type is refused and not read wrongly.
     for other in [&own[..own.len() - 1], &[&own[..], &[0; 8]].concat()] {
         let log = read("my_msgs/msg/Own", other);

@@ -69,6 +69,12 @@ pub fn count_of(loaded: &Loaded, code: &str) -> u64 {
     loaded.flight.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum()
 }
 
+/// The same of those whose text says this.
+pub fn count_saying(loaded: &Loaded, code: &str, text: &str) -> u64 {
+    let notices = loaded.flight.notices.iter();
+    notices.filter(|n| n.code == code && n.text.contains(text)).map(|n| n.count).sum()
+}
+
 /// Whether anything was lost.
 pub fn lossy(loaded: &Loaded) -> bool {
     loaded.flight.notices.iter().any(|n| n.severity == Severity::Loss)

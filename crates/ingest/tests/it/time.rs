@@ -65,7 +65,7 @@ fn the_end_of_a_week_of_ten_bits_and_of_eleven_is_no_step() {
         let stamps = stamps(&loaded);
         let expected: Vec<i64> = (0..20).map(|i| (start * WEEK + 604_798) * S + 200_000_000 * i).collect();
         assert_eq!(stamps, expected, "{before} {after}");
-        assert_eq!(count_of(&loaded, "week-rollover"), if after == 0 { 20 } else { 0 });
+        assert_eq!(count_of(&loaded, "gps-week"), if after == 0 { 20 } else { 0 });
     }
 }
 
@@ -83,7 +83,7 @@ fn epochs_of_the_old_week_after_sunday_midnight_are_put_back_and_counted() {
         let loaded = read(&library(WEEKS, ""), &weeks(&rows)).unwrap();
         let expected: Vec<i64> = (0..40).map(|i| (2313 * WEEK + 604_796) * S + 200_000_000 * i).collect();
         assert_eq!(stamps(&loaded), expected, "{late}");
-        assert_eq!(count_of(&loaded, "week-glitch"), late as u64);
+        assert_eq!(count_of(&loaded, "gps-week"), late as u64);
     }
 }
 
@@ -157,13 +157,13 @@ fn the_day_of_a_date_with_slashes_is_not_guessed() {
     let text = |date: &str| format!("date,time,fix,lat,lon\n{date},17:27:44,3,47.0,8.5\n{date},17:27:45,3,47.1,8.5\n");
     let loaded = read(&library(civil, ""), &text("23/06/2021")).unwrap();
     assert_eq!(stamps(&loaded)[0], 1_624_469_264 * S);
-    assert_eq!(count_of(&loaded, "date-order"), 2);
+    assert_eq!(count_saying(&loaded, "date-inferred", "day first, as 23/06/2021"), 2);
     let why = read(&library(civil, ""), &text("05/06/2021")).unwrap().binding.unwrap_err();
     assert!(why.contains("cannot tell what is the day in date, as 05/06/2021; say order ="), "{why}");
     for (order, day) in [("day-month-year", 1_622_914_064), ("month-day-year", 1_620_322_064)] {
         let civil = format!("measured = [{{ date = \"date\", order = \"{order}\", time = \"time\" }}]");
         let loaded = read(&library(&civil, ""), &text("05/06/2021")).unwrap();
-        assert_eq!((stamps(&loaded)[0], count_of(&loaded, "date-order")), (day * S, 0), "{order}");
+        assert_eq!((stamps(&loaded)[0], count_saying(&loaded, "date-inferred", "first, as")), (day * S, 0), "{order}");
     }
 }
 
@@ -183,7 +183,8 @@ fn a_date_that_stays_the_old_one_after_midnight_moves_no_row_a_day_back() {
     for (known, stale) in [(10, 0), (25, 15), (40, 30)] {
         let loaded = read(&library(civil, ""), &text(known)).unwrap();
         assert_eq!(stamps(&loaded), truth, "{known}");
-        assert_eq!((count_of(&loaded, "stale-date"), count_of(&loaded, "back-jump")), (stale, 0), "{known}");
+        let dated = count_saying(&loaded, "date-inferred", "midnight");
+        assert_eq!((dated, count_of(&loaded, "back-jump")), (stale, 0), "{known}");
     }
 }
 
@@ -457,7 +458,7 @@ fn turned(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, i
     // The third table may say more of them.
     let bound = said_of_stamps(&loaded.flight.notices, &["the_position".into(), "the_velocity".into()]);
     assert!(bound.iter().all(|notice| said.contains(notice)), "{bound:?} in {said:?}");
-    (found, count_of(&loaded, "turn-unclear"))
+    (found, count_saying(&loaded, "stamp-wrap", "fit before it as well"))
 }
 
 const TIME_OF_DAY: &str = "unit = \"s\", clock = \"elapsed\"";

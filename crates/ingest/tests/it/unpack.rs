@@ -212,7 +212,7 @@ fn what_was_packed_before_the_damage_is_read_and_the_loss_has_its_place() {
         let cut = packed.len() * 7 / 10;
         let loaded = load_packed(name, &packed[..cut]);
         assert!(lossy(&loaded), "{name}");
-        let notice = loaded.flight.notices.iter().find(|n| n.code == "packed-damage").unwrap();
+        let notice = loaded.flight.notices.iter().find(|n| n.code == "corrupt").unwrap();
         assert!(notice.place.starts_with(name) && notice.place.contains("byte"), "{}", notice.place);
         let kept = format!("; the {} bytes unpacked before that are read", loaded.health.bytes.size);
         assert!(notice.text.starts_with(fault) && notice.text.contains(&kept), "{name}: {}", notice.text);
@@ -236,7 +236,9 @@ fn only_the_checksum_wrong_costs_a_line_at_most_and_an_archive_without_its_list_
     let list = memchr::memmem::find(&archive, b"PK\x01\x02").unwrap();
     let loaded = load_packed("jump.zip", &archive[..list]);
     assert_eq!((loaded.health.bytes.size, lossy(&loaded)), (table.len() as u64, true));
-    assert!(loaded.flight.notices.iter().any(|n| n.code == "no-end" && n.text.contains("no list of its files")));
+    assert!(
+        loaded.flight.notices.iter().any(|n| n.code == "incomplete-file" && n.text.contains("no list of its files"))
+    );
 }
 
 #[test]
@@ -375,7 +377,7 @@ fn zeros_behind_a_gzip_file_are_padding_and_anything_else_is_not() {
     }
     for tail in [&b"junk"[..], b"\0\0\0junk", &gzip(back)[..9]] {
         let loaded = load_packed("a.bag.gz", &[&members, tail].concat());
-        assert_eq!((loaded.health.messages, count_of(&loaded, "packed-damage") > 0), (120, true), "{tail:?}");
+        assert_eq!((loaded.health.messages, count_of(&loaded, "corrupt") > 0), (120, true), "{tail:?}");
     }
 }
 
@@ -418,7 +420,7 @@ fn of_several_packed_one_behind_the_other_a_damaged_one_costs_no_other() {
         parts[1][end - 8] ^= 1;
         load_packed("jump.csv.gz", &parts.concat())
     };
-    let told = checksum_wrong.flight.notices.iter().find(|n| n.code == "packed-damage").unwrap();
+    let told = checksum_wrong.flight.notices.iter().find(|n| n.code == "corrupt").unwrap();
     assert!(told.text.contains("what is packed behind it"), "{}", told.text);
     assert_eq!((checksum_wrong.health.messages, told.count), (900, 1));
 }
@@ -450,8 +452,7 @@ fn whichever_of_several_packed_is_damaged_the_others_are_found_and_read() {
             for damaged in [zeros, missing] {
                 let loaded = load_packed(name, &damaged.concat());
                 assert!(loaded.health.messages >= 800, "{name} {hurt}: {}", loaded.health.messages);
-                let told: Vec<&flight::Notice> =
-                    loaded.flight.notices.iter().filter(|n| n.code == "packed-damage").collect();
+                let told: Vec<&flight::Notice> = loaded.flight.notices.iter().filter(|n| n.code == "corrupt").collect();
                 assert!(lossy(&loaded) && told.len() == 1, "{name} {hurt}: {told:?}");
                 assert!(hurt == 4 || told[0].count == 1, "{name} {hurt}: {told:?}");
             }
@@ -479,12 +480,12 @@ fn what_is_packed_within_a_packed_log_is_none_of_its_members() {
         let half = packed.len() / 2;
         let at = (half..packed.len() - 3).find(|&at| pack(&log[..1])[..4] == packed[at..at + 4]).unwrap();
         let whole = load_packed(name, &packed);
-        assert_eq!(count_of(&whole, "packed-damage"), 0);
+        assert_eq!(count_of(&whole, "corrupt"), 0);
         packed[at - 70_000..at - 1000].fill(0xff);
         packed.drain(at - 140_000..at - 70_000);
         let loaded = load_packed(name, &packed);
         let told: Vec<&str> =
-            loaded.flight.notices.iter().filter(|n| n.code == "packed-damage").map(|n| n.text.as_str()).collect();
+            loaded.flight.notices.iter().filter(|n| n.code == "corrupt").map(|n| n.text.as_str()).collect();
         assert!(loaded.health.messages >= 300 && told.len() == 1, "{name}: {told:?}");
         assert!(told[0].contains("nothing beyond"), "{name}: {told:?}");
     }
@@ -497,5 +498,5 @@ fn a_sparse_end_of_a_packed_log_is_told_and_not_read_to_its_last_byte() {
     let unit = FlightUnit { id: "test".into(), files: vec![path], kind: LogKind::Bag };
     let loaded = load(&unit).unwrap();
     assert_eq!(loaded.health.messages, 120);
-    assert!(count_of(&loaded, "packed-damage") > 0, "{:?}", loaded.flight.notices);
+    assert!(count_of(&loaded, "corrupt") > 0, "{:?}", loaded.flight.notices);
 }

@@ -5,11 +5,11 @@ use super::{data_lost, maybe, minor_loss, more, rows, table, tail_cut};
 use crate::number;
 use crate::text::shown;
 use flight::{
-    About, Binding, ByteLedger, ChannelHealth, DamagedRange, LogHealth, MapCandidate, Notice, Notices, RejectCount,
-    Severity, StampHealth, StampOffset, TopicHealth,
+    About, Binding, ByteLedger, ChannelHealth, Code, DamagedRange, LogHealth, MapCandidate, Notice, Notices,
+    RejectCount, Severity, StampHealth, StampOffset, TopicHealth,
 };
 use maud::{Markup, html};
-use record::{FlightRecord, MINOR_LOSS};
+use record::FlightRecord;
 
 /// Most rows of each list on the page; the record holds all.
 const MOST_CHANNELS: usize = 60;
@@ -347,8 +347,8 @@ pub(super) fn notice_words(notices: &Notices) -> Markup {
     let (losses, warnings) = (number_of(Severity::Loss), number_of(Severity::Warning));
     html! {
         @if notices.any_loss() { (data_lost()) }
-        @else if notices.iter().any(|n| n.code == MINOR_LOSS) { a href="#notices" { (minor_loss()) } }
-        @else if notices.iter().any(|n| n.code == "tail-cut") { a href="#notices" { (tail_cut()) } }
+        @else if notices.iter().any(|n| n.code == Code::MinorLoss) { a href="#notices" { (minor_loss()) } }
+        @else if notices.iter().any(|n| n.code == Code::TailCut) { a href="#notices" { (tail_cut()) } }
         @if losses + warnings > 0 {
             a href="#notices" {
                 (number::counted(losses, "notice", "notices")) " of loss, "

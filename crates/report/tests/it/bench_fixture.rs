@@ -2,8 +2,8 @@
 //! position 400.3 ms late, everything else about on time. Noise from a fixed sequence.
 
 use flight::{
-    Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, Delay, Distribution, Held, LogHealth, Notices, Quantity,
-    RejectCount, Severity, StampHealth, StampKind,
+    Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, Code, Delay, Distribution, Held, LogHealth, Notices,
+    Quantity, RejectCount, StampHealth, StampKind,
 };
 use record::*;
 
@@ -604,8 +604,8 @@ pub fn bench_record() -> BenchRecord {
     let mut channels: Vec<ChannelDynamics> = KINDS.iter().map(channel).collect();
     channels.insert(7, silent_channel());
     let mut notices = Notices::new();
-    notices.push(Severity::Warning, "saturation", "specific-force.imu z", 41, "41 rows stand at the largest value");
-    notices.push(Severity::Info, "held-rows", "position.gps", 6144, "6144 rows repeat a held value and are left out");
+    notices.push(Code::RejectedRow, "specific-force.imu z", 41, "41 rows stand at the largest value");
+    notices.push(Code::HeldRows, "position.gps", 6144, "6144 rows repeat a held value and are left out");
     BenchRecord {
         record_version: RECORD_VERSION,
         analysis_version: 1,

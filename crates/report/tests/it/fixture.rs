@@ -5,9 +5,8 @@
 //! `iω Td / (1 + iωTd/2)` times the motion, and the exact form gives the motion back.
 
 use flight::{
-    Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, DamagedRange, Delay, Distribution, Gap, Geodetic, Held,
-    LogHealth, MapCandidate, Notices, Quantity, RejectCount, Severity, StampHealth, StampKind, StampOffset,
-    TopicHealth,
+    Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, Code, DamagedRange, Delay, Distribution, Gap, Geodetic,
+    Held, LogHealth, MapCandidate, Notices, Quantity, RejectCount, StampHealth, StampKind, StampOffset, TopicHealth,
 };
 use record::{
     AxisCurves, BudgetTerm, CampaignRecord, CampaignTotals, CompensatorResult, CompensatorScore, Coverage, Curve,
@@ -572,17 +571,10 @@ fn binding() -> Binding {
 
 fn notices() -> Notices {
     let mut notices = Notices::new();
+    notices.push(Code::Substitute, "/mavros/position.gps", 1, "height stands for the ellipsoidal one");
+    notices.push(Code::DuplicateStamp, "/mavros/position.gps", 12, "12 rows repeat the stamp before");
     notices.push(
-        Severity::Info,
-        "height-above-msl",
-        "/mavros/position.gps",
-        1,
-        "height stands for the ellipsoidal one",
-    );
-    notices.push(Severity::Warning, "duplicate-stamp", "/mavros/position.gps", 12, "12 rows repeat the stamp before");
-    notices.push(
-        Severity::Loss,
-        "chunk-crc",
+        Code::Corrupt,
         "flight-07.mcap, byte 31887360",
         4_096,
         "a chunk fails its checksum; its messages are not used",

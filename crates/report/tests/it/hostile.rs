@@ -307,7 +307,7 @@ fn a_flood_of_topics_notices_and_long_names_stays_within_the_page() {
     topic.name = "x".repeat(10_000);
     log.topics = vec![topic; 3_000];
     for i in 0..5_000 {
-        record.notices.push(flight::Severity::Warning, "w", "y".repeat(2_000), i, "z".repeat(2_000));
+        record.notices.push(flight::Code::NotDecoded, "y".repeat(2_000), i, "z".repeat(2_000));
     }
     let binding = record.binding.as_mut().unwrap();
     binding.channels = vec![binding.channels[0].clone(); 500];

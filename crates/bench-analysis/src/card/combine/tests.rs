@@ -68,7 +68,7 @@ fn a_record_that_is_off_is_left_out_and_named() {
     let position = &combined.card.channels[0];
     assert_eq!((position.outliers.as_slice(), position.records), (["swing-03".to_owned()].as_slice(), 4));
     assert!((position.delay_s - 0.4).abs() < 0.001);
-    assert_eq!(told(&combined), [("outlier", "swing-03")]);
+    assert_eq!(told(&combined), [("left-off-card", "swing-03")]);
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn a_channel_that_a_record_lacks_is_told_with_the_record_and_the_reason() {
     silent.reason = "the swing does not move it".into();
     all[1].1.findings.as_mut().unwrap().channels.push(silent);
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!(told(&combined), [("channel-missing", "swing-02")]);
+    assert_eq!(told(&combined), [("left-off-card", "swing-02")]);
     assert_eq!(combined.notices.iter().next().unwrap().text, "velocity.ins: the swing does not move it");
     let records: Vec<(&str, u64)> = combined.card.channels.iter().map(|c| (c.name.as_str(), c.records)).collect();
     assert_eq!(records, [("position.gps", 2), ("velocity.ins", 1)]);
@@ -169,7 +169,7 @@ fn a_record_that_failed_is_told_and_a_card_without_any_number_is_refused() {
     all[0].1.outcome = BenchOutcome::Failed { reason: "cut off".into() };
     all[0].1.findings = None;
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!(told(&combined), [("record-left-out", "swing-01")]);
+    assert_eq!(told(&combined), [("left-off-card", "swing-01")]);
     assert_eq!(combined.card.records.len(), 1);
     let error = combine(&all[..1], &TERMS).unwrap_err();
     assert!(error.to_string().contains("nothing was measured of Xsens MTi-G 00500123"), "{error}");
@@ -181,7 +181,7 @@ fn a_card_without_a_day_has_no_validity_and_says_so() {
     let mut all = runs(&[400.0]);
     all[0].1.date = None;
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!((combined.card.valid_until, told_codes(&combined.notices)), (None, vec!["card-without-day"]));
+    assert_eq!((combined.card.valid_until, told_codes(&combined.notices)), (None, vec!["card-day-unknown"]));
 }
 
 fn told_codes(notices: &Notices) -> Vec<&str> {
@@ -208,7 +208,7 @@ fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
         check("azimuth by imu", true, None),
         check("scale of imu", false, Some(false)),
     ];
-    all[2].1.notices.push(Severity::Warning, "encoder-sign-differs", "", 1, "the other way round");
+    all[2].1.notices.push(Code::RigDiffers, SIGN, 1, "the other way round");
     let combined = combine(&all, &TERMS).unwrap();
     let position = &combined.card.channels[0];
     assert_eq!(position.contradicted, ["swing-02: lever arm z of imu", "swing-03: encoder sign"]);

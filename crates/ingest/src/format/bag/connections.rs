@@ -4,7 +4,7 @@ use super::record::Fields;
 use crate::decode::{Definition, MD5_OF_NOTHING, Route, Tally, Times, Topics};
 use crate::reader::Extra;
 use crate::table::TopicInfo;
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use logscan::Fate;
 use std::collections::BTreeMap;
 
@@ -110,12 +110,12 @@ impl<'b, 't> Connections<'b, 't> {
         (self.known, self.definition_bytes) = Default::default();
         if unplaced.count > 0 {
             let text = format!("messages that belong to no known topic; the first: {}", unplaced.first);
-            notices.push(Severity::Loss, "unknown-channel", file, unplaced.count, text);
+            notices.push(Code::UnknownChannel, file, unplaced.count, text);
         }
         if redefined.count > 0 {
             let text =
                 format!("connections were replaced by others of the same number; the first: {}", redefined.first);
-            notices.push(Severity::Warning, "redefined", file, redefined.count, text);
+            notices.push(Code::Redefined, file, redefined.count, text);
         }
         unplaced.count
     }

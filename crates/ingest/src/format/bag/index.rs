@@ -6,7 +6,7 @@ use super::record::{Kind, Record};
 use super::records::LONGEST;
 use crate::bytes::Bytes;
 use crate::format::unpacker::MOST_PLACES;
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use logscan::{LogFile, ScanError};
 use std::ops::Range;
 
@@ -78,22 +78,22 @@ impl Index {
         match self {
             Index::None => {
                 let text = "the bag has no index: its recorder was stopped before it could close it";
-                notices.push(Severity::Loss, "no-end", file, 1, text);
+                notices.push(Code::IncompleteFile, file, 1, text);
             }
             Index::CutOff => {
-                notices.push(Severity::Loss, "no-end", file, 1, "the bag was cut before the end of its index");
+                notices.push(Code::IncompleteFile, file, 1, "the bag was cut before the end of its index");
             }
             Index::Unreadable => {
                 let text = "the index cannot be read, so nothing says whether messages are missing";
-                notices.push(Severity::Loss, "bad-index", file, 1, text);
+                notices.push(Code::IndexDiffers.at(Severity::Loss), file, 1, text);
             }
             Index::Counts(stated) if *stated > found => {
                 let text = format!("messages are missing: the index counts {stated}, {found} were found");
-                notices.push(Severity::Loss, "missing-messages", file, stated - found, text);
+                notices.push(Code::MissingMessages, file, stated - found, text);
             }
             Index::Counts(stated) if *stated < found => {
                 let text = format!("messages more than the index counts ({stated})");
-                notices.push(Severity::Warning, "miscounted-messages", file, found - stated, text);
+                notices.push(Code::IndexDiffers, file, found - stated, text);
             }
             Index::Counts(_) => {}
         }

@@ -13,7 +13,7 @@ use crate::format::inflate::Codec;
 use crate::format::unpacker::{Packed, Unpacker};
 use crate::format::wrong_start;
 use crate::reader::ReadContext;
-use flight::{LogHealth, Notices, Severity};
+use flight::{Code, LogHealth, Notices};
 use logscan::{Fate, Fetched, Framing, Ledger, LogFile, MOST_IN_VAIN, Parsed, ScanError, Source, Trust, scan};
 use std::borrow::Cow;
 
@@ -99,7 +99,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         }
         self.bags += 1;
         if bag.padding > 0 {
-            self.notices.push(Severity::Info, "padding", self.name, bag.padding, "zero bytes between records");
+            self.notices.push(Code::ExtraBytes, self.name, bag.padding, "zero bytes between records");
         }
         bag.index.conclude(self.name, bag.messages, self.notices);
         self.undecodable += self.connections.end(self.name, self.notices);

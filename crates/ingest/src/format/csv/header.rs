@@ -2,7 +2,7 @@
 //! same, or one with the columns in another order or of another number.
 
 use super::fields::{BLANKS, Cell, Fields, number};
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use std::collections::{HashMap, HashSet, VecDeque};
 
 /// The header of a table as it is written.
@@ -87,29 +87,29 @@ impl Changes {
     }
 
     pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
-        let mut warn = |code: &str, (count, line): (u64, u64), text: &str| {
+        let mut warn = |(count, line): (u64, u64), text: &str| {
             if count > 0 {
-                notices.push(Severity::Warning, code, format!("{file}, line {line}"), count, text);
+                notices.push(Code::DoubtfulRows, format!("{file}, line {line}"), count, text);
             }
         };
         let text = "a row has words where the others have numbers, as the header of another table would: it and what is below \
                     it are read as rows of this one";
-        warn("like-header", self.like_headers, text);
+        warn(self.like_headers, text);
         let text = "remarks with as many fields as the table has columns: they are not read as rows";
-        warn("marked-rows", self.remarks, text);
+        warn(self.remarks, text);
         let text = "rows begin as remarks do: they are read, for they have a number wherever the others have one";
-        warn("rows-like-remarks", self.marked, text);
+        warn(self.marked, text);
         if self.count == 0 {
             return;
         }
         let place = format!("{file}, line {}", self.first_line);
         let text = "another header stands between the rows: those below it are read by its order of columns";
-        notices.push(Severity::Info, "header-changed", place.as_str(), self.count, text);
+        notices.push(Code::HeaderChanged, place.as_str(), self.count, text);
         if self.all_new > 0 {
             let more = if self.all_new > self.new.len() as u64 { ", ..." } else { "" };
             let names = self.new.join(", ");
             let text = format!("columns that the first header does not have are not read: {names}{more}");
-            notices.push(Severity::Loss, "columns-not-read", place, self.all_new, text);
+            notices.push(Code::HeaderChanged.at(Severity::Loss), place, self.all_new, text);
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::reader::{FieldRequest, Selection, ValueKind};
 use crate::table::{Column, ColumnData, Table, texts};
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 
 /// 1 where the receiver of an inertial system has a position, else 0.
 const FIX: &str = "fix_ok";
@@ -208,7 +208,7 @@ fn fixes(
     if let Some(word) = foreign().next() {
         let text =
             format!("what {} says, as {word:?}, is not understood: whether there was a fix is not known", column.path);
-        notices.push(Severity::Warning, "status-unknown", &table.topic.name, foreign().count() as u64, text);
+        notices.push(Code::UnknownWord, &table.topic.name, foreign().count() as u64, text);
     }
     fixes.iter().any(Option::is_some).then(|| of_integers(FIX, &fixes))
 }
@@ -221,7 +221,7 @@ fn year(table: &Table, notices: &mut Notices) -> Column {
     let unsure = (0..table.rows).filter(|&row| integer("UTC_Year", row).is_some() && !known(row)).count();
     if unsure > 0 {
         let text = "rows where UTC_Valid does not say that date, time and leap seconds are known have no UTC";
-        notices.push(Severity::Info, "utc-not-valid", &table.topic.name, unsure as u64, text);
+        notices.push(Code::Undated, &table.topic.name, unsure as u64, text);
     }
     of_integers(YEAR, &years)
 }

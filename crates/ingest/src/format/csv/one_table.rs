@@ -9,7 +9,7 @@ use super::plain::Cutter;
 use super::{Between, Books, EXTRAS, Open, bare, fields, remark_of, unmarked, without_bom};
 use crate::error::IngestError;
 use crate::format::crew::Crew;
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use std::sync::Arc;
 
 /// A table while its rows are taken in.
@@ -80,18 +80,18 @@ impl<'t> OneTable<'t> {
         self.changes.tell(file, notices);
         if let Some((first, rows)) = self.layout.other_rows {
             let text = format!("rows of another table stand before this one, from line {first} on: they are not read");
-            notices.push(Severity::Loss, "other-table", file, rows, text);
+            notices.push(Code::HeaderChanged.at(Severity::Loss), file, rows, text);
         }
         if self.topic.rows == 0 && self.layout.header_line.is_some() {
-            notices.push(Severity::Info, "no-rows", file, 1, "a header without a row below it");
+            notices.push(Code::NoRows, file, 1, "a header without a row below it");
         }
         if self.repeated > 0 {
             let text = "the header stands again between the rows";
-            notices.push(Severity::Info, "header-repeated", file, self.repeated, text);
+            notices.push(Code::HeaderChanged, file, self.repeated, text);
         }
         if self.preamble > 0 {
             let text = "lines before the header are not read";
-            notices.push(Severity::Info, "preamble", file, self.preamble, text);
+            notices.push(Code::ExtraBytes, file, self.preamble, text);
         }
     }
 

@@ -6,7 +6,7 @@ use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::reader::{Log, Restart};
 use crate::table::TopicInfo;
-use flight::{NANOS_PER_SECOND, Notices, Severity};
+use flight::{Code, Graded, NANOS_PER_SECOND, Notices, Severity};
 use logscan::Fate;
 use std::collections::HashMap;
 
@@ -430,30 +430,29 @@ impl<'t, 'w> Book<'t, 'w> {
     /// Writes what the log says of itself, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let file = self.file.as_str();
-        let mut say = |severity, code: &str, tally: &Tally, text: &str| {
+        let mut say = |what: Graded, tally: &Tally, text: &str| {
             if tally.count > 0 {
-                notices.push(severity, code, file, tally.count, format!("{text}; the first: {}", tally.first));
+                notices.push(what, file, tally.count, format!("{text}; the first: {}", tally.first));
             }
         };
         let [used, unused] = self.redefinitions();
         let text = "types were defined again and otherwise; what follows is read by the new definition";
-        say(Severity::Loss, "redefined", &used, text);
+        say(Code::Redefined.at(Severity::Loss), &used, text);
         say(
-            Severity::Info,
-            "redefined",
+            Code::Redefined.at(Severity::Info),
             &unused,
             "types were defined again and otherwise, and there is no record of the old or the new one",
         );
-        say(Severity::Loss, "undecodable", &self.misfits, "records are not as long as their definition says");
-        say(Severity::Loss, "unknown-channel", &self.unplaced, "records found no topic, for there are too many");
+        say(Code::Undecodable.into(), &self.misfits, "records are not as long as their definition says");
+        say(Code::UnknownChannel.into(), &self.unplaced, "records found no topic, for there are too many");
         let text = "the field that tells instances apart was named after the first records, which are in one topic";
-        say(Severity::Warning, "late-instance", &self.late_instances, text);
+        say(Code::Redefined.into(), &self.late_instances, text);
         let text = "units and instances of a type are stated twice and otherwise, of which the first holds, or for another number \
                     of fields: they may be of another type";
-        say(Severity::Warning, "units-differ", &self.other_units, text);
+        say(Code::Redefined.into(), &self.other_units, text);
         let text = "the clock restarts within the file; what follows is stamped as if it came ten seconds later";
-        say(Severity::Warning, "clock-restart", &self.clock.moved, text);
-        say(Severity::Warning, "clock-jump", &self.clock.back, "the clock steps back by more than a second");
+        say(Code::ClockRestart.into(), &self.clock.moved, text);
+        say(Code::BackJump.into(), &self.clock.back, "the clock steps back by more than a second");
         log.health.undecodable += self.misfits.count;
         log.health.messages += self.misfits.count;
         log.restarts = self.clock.begun;

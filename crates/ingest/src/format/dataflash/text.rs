@@ -4,7 +4,7 @@ use super::book::Book;
 use super::{BYTE_ORDER_MARK, starts_a_log};
 use crate::error::IngestError;
 use crate::reader::ReadContext;
-use flight::{Notices, Severity};
+use flight::{Code, Notices};
 use logscan::LogFile;
 use logscan::{Fate, Ledger};
 
@@ -53,11 +53,11 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         }
         if self.preamble > 0 {
             let text = "bytes of text in front of the first record";
-            self.notices.push(Severity::Info, "preamble", self.name.as_str(), self.preamble, text);
+            self.notices.push(Code::ExtraBytes, self.name.as_str(), self.preamble, text);
         }
         if self.headless {
             let text = "the log does not begin with the definition of FMT itself: its first lines may be lost";
-            self.notices.push(Severity::Loss, "no-begin", self.name.as_str(), 1, text);
+            self.notices.push(Code::IncompleteFile, self.name.as_str(), 1, text);
         }
         Ok(())
     }

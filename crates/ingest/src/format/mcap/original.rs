@@ -9,7 +9,7 @@
 use crate::decode::leave_out_placeholders;
 use crate::reader::{Log, Restart, Select, Selection, StatedUnit, ValueKind};
 use crate::table::{Column, TopicInfo};
-use flight::{About, Clock, Notices, Severity};
+use flight::{About, Clock, Code, Notice, Notices, Severity};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -93,7 +93,7 @@ impl OriginalLog {
     pub fn lost(log: &Log) -> Option<OriginalLog> {
         let mut notices = Notices::new();
         for loss in log.notices.iter().filter(|notice| notice.severity == Severity::Loss) {
-            notices.push(loss.severity, &loss.code, &loss.place, loss.count, &loss.text);
+            notices.add(loss.clone());
         }
         let format = log.health.format.clone();
         (!notices.is_empty()).then(|| OriginalLog { format, notices, ..OriginalLog::default() })
@@ -186,7 +186,7 @@ impl Originals {
         }
         if self.unreadable > 0 {
             let text = "what the file says of the log that it was recovered from cannot be read";
-            log.notices.push(Severity::Warning, "original-unreadable", "", self.unreadable, text);
+            log.notices.push(Code::OriginalUnreadable, "", self.unreadable, text);
         }
         self.logs.into_iter().for_each(|original| original.put(log));
     }
@@ -231,11 +231,11 @@ impl OriginalLog {
                 Severity::Loss => (Severity::Warning, format!("when the log was recovered: {}", notice.text)),
                 severity => (severity, notice.text.clone()),
             };
-            log.notices.push(severity, &notice.code, &notice.place, notice.count, text);
+            log.notices.add(Notice { severity, text, ..notice.clone() });
         }
         if more > 0 {
             let text = "the file says more of the log that it was recovered from than a log has to say: not all of it is taken";
-            log.notices.push(Severity::Warning, "original-cut", "", more, text);
+            log.notices.push(Code::OriginalUnreadable, "", more, text);
         }
     }
 }

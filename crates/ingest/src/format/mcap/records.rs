@@ -13,7 +13,7 @@ use crate::decode::{Tally, Vouch};
 use crate::format::unpacker::Unpacker;
 use crate::format::wrong_start;
 use crate::reader::ReadContext;
-use flight::{Notices, Severity};
+use flight::{Code, Graded, Notices, Severity};
 use logscan::{Fate, Fetched, Framing, LogFile, Parsed, ScanError, Source, Trust};
 use mcap::records::op;
 use std::borrow::Cow;
@@ -97,7 +97,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
     pub(super) fn fetch_chunks(&mut self, file: &mut LogFile) -> Result<(), ScanError> {
         for chunk in std::mem::take(&mut self.log.summary.chunks) {
             let Fetched::Damaged(reason) = self.fetch(file, chunk.offset, chunk.length)? else { continue };
-            self.notices.push(Severity::Loss, "damaged", self.name.as_str(), chunk.length, reason);
+            self.notices.push(Code::Damaged, self.name.as_str(), chunk.length, reason);
         }
         Ok(())
     }
@@ -232,7 +232,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         if stated != 0 && !log.damaged && !is_right {
             let place = format!("{}, bytes {} to {end}", self.name, log.start);
             let text = "the checksum over the data section is wrong: some of its bytes are not what was written";
-            self.notices.push(Severity::Loss, "data-checksum", place, end - log.start, text);
+            self.notices.push(Code::Corrupt, place, end - log.start, text);
         }
     }
 
@@ -521,37 +521,36 @@ const NO_RECORD: &str = "what stands here is no record";
 
 impl State {
     fn conclude(&self, file: &str, notices: &mut Notices) {
-        let mut raise = |severity, code: &str, count, text: &str| {
+        let mut raise = |what: Graded, count, text: &str| {
             if count > 0 {
-                notices.push(severity, code, file, count, text);
+                notices.push(what, file, count, text);
             }
         };
         if !self.footer_seen {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
-            raise(Severity::Loss, "no-end", 1, text);
+            raise(Code::IncompleteFile.into(), 1, text);
         } else if !self.data_ended && !self.damaged {
             let text = "the record that ends the data is missing: it was swallowed by another, or never written";
-            raise(Severity::Warning, "no-data-end", 1, text);
+            raise(Code::IncompleteFile.at(Severity::Warning), 1, text);
         } else if self.end.is_none() && !self.damaged {
-            raise(Severity::Loss, "no-end", 1, "the file was cut just behind its footer");
+            raise(Code::IncompleteFile.into(), 1, "the file was cut just behind its footer");
         }
         if self.summary.trust == summary::Trust::Bad {
             let text = "the summary at the end does not have the checksum that it states; it was not used";
-            raise(Severity::Loss, "summary-checksum", 1, text);
+            raise(Code::Corrupt.into(), 1, text);
         }
         let text = format!("records of unknown types, passed over; the first: {}", self.unknown.first);
-        raise(Severity::Warning, "unknown-record", self.unknown.count, &text);
+        raise(Code::UnknownRecord.into(), self.unknown.count, &text);
         let text = format!("records of an application's own types, passed over; the first: {}", self.private.first);
-        raise(Severity::Info, "private-record", self.private.count, &text);
+        raise(Code::UnknownRecord.at(Severity::Info), self.private.count, &text);
         raise(
-            Severity::Info,
-            "no-chunk-checksum",
+            Code::NoChecksum.at(Severity::Info),
             self.without_crc,
             "chunks carry no checksum: their content cannot be verified",
         );
         let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
                     which knows neither their size nor when they were published";
-        raise(Severity::Info, "closed-chunks", self.not_opened, text);
+        raise(Code::ClosedChunks.into(), self.not_opened, text);
     }
 }
 

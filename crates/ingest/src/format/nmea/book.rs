@@ -10,7 +10,7 @@ use crate::format::identity::of_version;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
 use crate::time::{SaidDates, Since};
-use flight::{NANOS_PER_SECOND, Notices, Severity, Stamp};
+use flight::{Code, Graded, NANOS_PER_SECOND, Notices, Severity, Stamp};
 use logscan::Fate;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -180,27 +180,27 @@ impl Book {
 
     /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
     pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
-        let mut say = |severity, code: &str, tally: &Tally, text: &str| {
+        let mut say = |what: Graded, tally: &Tally, text: &str| {
             if tally.count > 0 {
-                notices.push(severity, code, "", tally.count, format!("{text}; the first: {}", tally.first));
+                notices.push(what, "", tally.count, format!("{text}; the first: {}", tally.first));
             }
         };
         let text = match self.epochs.begin_ns {
             Some(_) => "sentences stand before the first date, and are dated backwards from it",
             None => "sentences have no date: the log has no RMC with a valid fix and no ZDA",
         };
-        say(Severity::Info, "undated", &self.early, text);
+        say(Code::Undated.into(), &self.early, text);
         let text = "sentences stand before the first time, for the log begins inside an epoch: they are not used";
-        say(Severity::Info, "headless", &self.headless, text);
+        say(Code::Undated.into(), &self.headless, text);
         let text = "sentences that say no time stand behind damage, or where the receiver has lost the time, and those before them \
                     may be of another epoch: they are not used";
-        say(Severity::Warning, "no-epoch", &self.broken, text);
+        say(Code::Undated.at(Severity::Warning), &self.broken, text);
         let text = "sentences lack the time that their type has: nothing dates them";
-        say(Severity::Loss, "no-time", &self.timeless, text);
+        say(Code::Undecodable.into(), &self.timeless, text);
         let text = "sentences found no topic, for there are too many";
-        say(Severity::Loss, "unknown-channel", &self.unplaced, text);
+        say(Code::UnknownChannel.into(), &self.unplaced, text);
         if let Some((text, dates)) = self.age.suspicion() {
-            notices.push(Severity::Warning, "week-suspect", "", dates, text);
+            notices.push(Code::GpsWeek, "", dates, text);
         }
         if log.health.about.receiver_identities.is_empty() {
             log.health.about.receiver_identities = of_version(&self.texts, "TXT", "NMEA").into_iter().collect();

@@ -8,7 +8,7 @@ use super::kind::Kind;
 use super::sentence::{Sentence, plain};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table};
-use flight::{Notices, Severity};
+use flight::{Code, Notices, Severity};
 use std::collections::{HashMap, HashSet, VecDeque};
 
 /// A slower one says nothing, kt: its track is noise, or absent.
@@ -143,7 +143,7 @@ impl Order {
                     and they are not used";
         let count = steps.lost_elapsed.len() as u64;
         if count > 0 {
-            notices.push(Severity::Warning, "no-epoch", "", count, text);
+            notices.push(Code::Undated.at(Severity::Warning), "", count, text);
         }
         steps
     }
@@ -168,11 +168,11 @@ impl Order {
         }
         let text = "VTG, which says no time, stands in front of the other sentences of its epoch, for it agrees with the RMC \
                     behind it and not with that before: it has the time of the sentence behind it";
-        notices.push(Severity::Info, "epoch-order", "VTG", moved, text);
+        notices.push(Code::ReadLeniently.at(Severity::Info), "VTG", moved, text);
         if lost > 0 {
             let text = "VTG stand in front of their epochs, and the next sentence with a time comes later than epochs did at the \
                         time, or there is none: when they were nobody can tell, and they are not used";
-            notices.push(Severity::Warning, "no-epoch", "VTG", lost, text);
+            notices.push(Code::Undated.at(Severity::Warning), "VTG", lost, text);
         }
         steps
     }

@@ -5,7 +5,7 @@ use super::kind::Kind;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use crate::texts::Texts;
-use flight::{Notices, Severity};
+use flight::{Code, Graded, Notices, Severity};
 use std::collections::BTreeMap;
 
 /// Satellite systems, one by one and together.
@@ -85,15 +85,15 @@ fn talker(table: &Table) -> &str {
 fn tell(name: &str, speech: Speech, tables: &[Table], notices: &mut Notices) {
     let said: Vec<String> = tables.iter().map(|table| format!("{} ({})", table.topic.name, table.rows)).collect();
     let (said, rows) = (said.join(", "), tables.iter().map(|table| table.rows as u64).sum());
-    let mut say = |severity, code: &str, text| notices.push(severity, code, name, rows, text);
+    let mut say = |what: Graded, text| notices.push(what, name, rows, text);
     match speech {
         Speech::InTurn => {
             let text = format!("the receiver changed its talker: what it said as {said} is one topic");
-            say(Severity::Info, "talker-changed", text);
+            say(Code::SeveralSources.into(), text);
         }
         Speech::Between => {
             let text = format!("{said} are of different times, maybe of several receivers: a channel is made of one");
-            say(Severity::Warning, "several-talkers", text);
+            say(Code::SeveralSources.at(Severity::Warning), text);
         }
         Speech::AtOnce => {}
     }

@@ -10,7 +10,7 @@ use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
-use flight::{Clock, Notices, Severity};
+use flight::{Clock, Code, Graded, Notices, Severity};
 use logscan::Fate;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -206,26 +206,26 @@ impl<'b, 't> Book<'b, 't> {
 
     /// Writes what the log says of its vehicle, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
-        let mut say = |severity, code: &str, tally: &Tally, text: &str| {
+        let mut say = |what: Graded, tally: &Tally, text: &str| {
             if tally.count > 0 {
-                notices.push(severity, code, "", tally.count, format!("{text}; the first: {}", tally.first));
+                notices.push(what, "", tally.count, format!("{text}; the first: {}", tally.first));
             }
         };
         let text = format!("frames have {FLAGGED}: they are intact and were not read, as MAVLink asks");
-        say(Severity::Loss, "unknown-flags", &self.flagged, &text);
+        say(Code::UnknownRecord.at(Severity::Loss), &self.flagged, &text);
         let text = "messages found no topic, for there are too many";
-        say(Severity::Loss, "unknown-channel", &self.unplaced, text);
+        say(Code::UnknownChannel.into(), &self.unplaced, text);
         let text = "the times in front of frames leap away from those of their neighbours and back; the frames have a time \
                     between";
-        say(Severity::Loss, "receive-time", &self.receive.out_of_line, text);
+        say(Code::ReceiveClock.at(Severity::Loss), &self.receive.out_of_line, text);
         let text = "frames were received before 2000 or after 2100 by a clock that was not set";
-        say(Severity::Warning, "receive-clock-unset", &self.receive.unset, text);
+        say(Code::ReceiveClock.into(), &self.receive.unset, text);
         let text = "the clock by which frames were received was set back";
-        say(Severity::Warning, "receive-clock-back", &self.receive.set_back, text);
+        say(Code::ReceiveClock.into(), &self.receive.set_back, text);
         let frames = self.undefined.values().sum();
         if frames > 0 {
             let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));
-            notices.push(Severity::Warning, "unknown-message", "", frames, text);
+            notices.push(Code::UnknownRecord, "", frames, text);
         }
         crate::format::tell_preamble(self.preamble, notices);
         if self.stamped {
@@ -233,13 +233,13 @@ impl<'b, 't> Book<'b, 't> {
         } else {
             let text = "frames stand one behind the other without the times at which they were received: their messages' own \
                         clocks are all there is";
-            notices.push(Severity::Warning, "no-receive-time", "", self.frames, text);
+            notices.push(Code::StampKind.at(Severity::Warning), "", self.frames, text);
         }
         if self.later_runs > 0 {
             let text = "messages are of a later run of the vehicle: its clock since boot restarts, and without times of \
                         reception nobody knows how far apart the runs are. Channels are made of the first run alone; the \
                         topics of the others have the number of the run, as ATTITUDE#2";
-            notices.push(Severity::Loss, "clock-restart", "", self.later_runs, text);
+            notices.push(Code::RestartUndated, "", self.later_runs, text);
         }
         log.health.about = self.vehicle.finish();
     }

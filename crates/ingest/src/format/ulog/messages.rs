@@ -5,7 +5,7 @@ use super::record::{HEAD, Kind, LONGEST, Trust as Judged};
 use super::session::Session;
 use super::{MAGIC, MOST_LOGS, START, VERSION};
 use crate::decode::Topics;
-use flight::{LogHealth, Notices, Severity};
+use flight::{Code, LogHealth, Notices};
 use logscan::{Fate, Framing, Parsed, Trust};
 use std::borrow::Cow;
 
@@ -63,7 +63,7 @@ impl<'f, 'w> Messages<'f, 'w> {
             let version = self.version;
             let text =
                 format!("the log is of version {version}; what is new in it since version {VERSION} is not read");
-            self.notices.push(Severity::Warning, "newer-version", self.file, 1, text);
+            self.notices.push(Code::UnknownRecord, self.file, 1, text);
         }
         session.conclude(self.file, self.notices);
         session.hand_on();

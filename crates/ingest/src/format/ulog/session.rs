@@ -10,7 +10,7 @@ use crate::decode::packed::float_of;
 use crate::decode::schema::Number;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::table::TopicInfo;
-use flight::{Notices, Severity};
+use flight::{Code, Graded, Notices, Severity};
 use logscan::Fate;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -324,9 +324,9 @@ impl<'t, 'w> Session<'t, 'w> {
 
     /// Says what happened, but for the damage.
     pub(super) fn conclude(&self, file: &str, notices: &mut Notices) {
-        let mut raise = |severity, code: &str, count: u64, text: String| {
+        let mut raise = |what: Graded, count: u64, text: String| {
             if count > 0 {
-                notices.push(severity, code, file, count, text);
+                notices.push(what, file, count, text);
             }
         };
         let first = |tally: &Tally, what: &str| format!("{what}; the first: {}", tally.first);
@@ -335,36 +335,36 @@ impl<'t, 'w> Session<'t, 'w> {
             "the logger could not keep up: dropouts of {:.3} s in all, the longest {longest_ms} ms; what was published then was never written",
             total_ms as f64 * 1e-3
         );
-        raise(Severity::Warning, "dropout", count, text);
+        raise(Code::Dropout.into(), count, text);
         let text = first(&self.unplaced, "messages that belong to no known topic");
-        raise(Severity::Loss, "unknown-channel", self.unplaced.count, text);
+        raise(Code::UnknownChannel.into(), self.unplaced.count, text);
         let text = first(&self.bad_formats, "messages whose format cannot be used");
-        raise(Severity::Loss, "bad-format", self.bad_formats.count, text);
+        raise(Code::Undecodable.into(), self.bad_formats.count, text);
         let text = first(&self.unknown, "messages of a type that is not known");
-        raise(Severity::Loss, "unknown-record", self.unknown.count, text);
+        raise(Code::UnknownRecord.at(Severity::Loss), self.unknown.count, text);
         if self.flags.unknown() {
             let text = "the log says that it uses features that are not known: what was read may be wrong";
-            raise(Severity::Loss, "unknown-flags", 1, text.to_owned());
+            raise(Code::UnknownRecord.at(Severity::Loss), 1, text.to_owned());
         }
         let text = first(&self.redefined, "numbers of topics were given to others");
-        raise(Severity::Warning, "redefined", self.redefined.count, text);
+        raise(Code::Redefined.into(), self.redefined.count, text);
         let text = "formats were replaced by others of their name; each topic is read by the one before it".to_owned();
-        raise(Severity::Warning, "redefined-format", self.formats.replaced, text);
+        raise(Code::Redefined.into(), self.formats.replaced, text);
         let text = first(&self.back_jumps, "messages whose stamp lies before that of the message before");
-        raise(Severity::Warning, "back-jump", self.back_jumps.count, text);
+        raise(Code::BackJump.into(), self.back_jumps.count, text);
         let rarer = if self.padded.count <= self.unpadded.count { &self.padded } else { &self.unpadded };
         let both = self.padded.count.min(self.unpadded.count) > 0;
         let text = first(
             rarer,
             "messages that are padded otherwise than all others: their format may not be what they were written by",
         );
-        raise(Severity::Warning, "odd-padding", if both { rarer.count } else { 0 }, text);
+        raise(Code::ReadLeniently.into(), if both { rarer.count } else { 0 }, text);
         let text = first(&self.without_stamp, "messages without a stamp: that of the message before stands in");
-        raise(Severity::Warning, "no-stamp", self.without_stamp.count, text);
+        raise(Code::Undated.at(Severity::Warning), self.without_stamp.count, text);
         let text = "names, or changes of parameters and modes, that are too many to be listed".to_owned();
-        raise(Severity::Info, "not-listed", self.gathered.not_kept, text);
+        raise(Code::NotListed.into(), self.gathered.not_kept, text);
         let more = self.gathered.texts_not_kept();
-        raise(Severity::Info, "more-texts", more, "more logged texts, counted and not listed".to_owned());
+        raise(Code::NotListed.into(), more, "more logged texts, counted and not listed".to_owned());
     }
 }
 

@@ -1,0 +1,453 @@
+//! The catalogue: every code of a notice and of an alarm, what it means, and what a reader can do about it.
+//!
+//! An entry is: variant, code, severities with the usual one first, what happened, what to do. `docs/src/notices.md` and
+//! `flightlag explain` are made from these texts, and a test fires every code.
+
+use super::code::catalogue;
+
+/// Names of codes in records of older releases, and the code that says the same now.
+pub(super) const FORMER: &[(Code, &str)] = &[
+    (Code::IncompleteFile, "empty-file no-end no-data-end no-begin no-messages"),
+    (
+        Code::Corrupt,
+        "packed-damage bad-utf16 data-checksum summary-checksum damaged-head missing-pages misplaced-pages bad-rows suspect-length",
+    ),
+    (Code::Undecodable, "bad-format no-time"),
+    (Code::UnknownRecord, "private-record unknown-message newer-version unknown-flags"),
+    (Code::UnknownChannel, "unknown-topic"),
+    (Code::IndexDiffers, "miscounted-messages bad-index shifted metadata"),
+    (Code::ExtraBytes, "preamble padding prefix"),
+    (
+        Code::ReadLeniently,
+        "no-dollar odd-padding longer-than-defined epoch-order found-pages copied-rows row-numbers unused-pages",
+    ),
+    (Code::NoChecksum, "unchecked no-chunk-checksum"),
+    (Code::Redefined, "redefined-format several-definitions type-change units-differ late-instance"),
+    (Code::TooMuchData, "too-many-values too-many-columns long-attachment"),
+    (Code::NotListed, "more-texts more-topics"),
+    (Code::DefinitionSupplied, "common-definition given-definition completed-definition"),
+    (Code::StampOutOfRange, "before-1970"),
+    (Code::OriginalUnreadable, "original-cut"),
+    (Code::WriteAheadLog, "write-ahead-log-cut no-write-ahead-log unfinished-transaction"),
+    (Code::Undated, "untimed untimed-pulse headless no-epoch no-stamp utc-not-valid"),
+    (Code::SeveralSources, "several-talkers talker-changed several-devices several-publishers"),
+    (Code::NoRows, "not-a-table"),
+    (Code::ColumnRenamed, "no-header"),
+    (Code::BadNumber, "not-finite"),
+    (Code::HeaderChanged, "header-repeated columns-not-read other-table"),
+    (Code::DoubtfulRows, "like-header marked-rows rows-like-remarks"),
+    (Code::UnknownWord, "status-unknown unknown-remark"),
+    (Code::BackJump, "clock-jump"),
+    (Code::RejectedRow, "unbound-velocity stamp-not-rising"),
+    (Code::StampKind, "placed-stamps no-receive-time"),
+    (Code::StampWrap, "turn-unclear"),
+    (Code::GpsWeek, "week-rollover week-glitch week-suspect"),
+    (Code::DateInferred, "date-order no-zone stale-date counter-dated unix-stamps"),
+    (Code::ClockSuspect, "clock-differs"),
+    (Code::ClockRestart, "restart-dated"),
+    (Code::ReceiveClock, "receive-time receive-clock-unset receive-clock-back"),
+    (Code::Substitute, "absent-component zero-field height-datum magnetic-track"),
+    (Code::NoUsableRow, "not-a-series"),
+    (Code::UnitDiffers, "unit-converted"),
+    (Code::RecordSplit, "gap-split reset-split"),
+    (
+        Code::SamplesLeftOut,
+        "glitch-masked disturbed-stretch velocity-spike fix-far-away rest-left-out short-pieces delay-samples-thinned",
+    ),
+    (
+        Code::NoOutput,
+        "velocity-before-first-fix velocity-after-last-fix compensator-refused-samples compensator-without-output",
+    ),
+    (Code::LeftOffCard, "record-left-out channel-missing outlier no-card"),
+    (Code::CardRate, "rates-differ"),
+    (Code::RigContradicted, "card-rig-contradicted"),
+    (Code::CardDayUnknown, "card-without-day"),
+    (Code::CardNotValid, "card-expired card-not-yet-valid"),
+    (Code::CardResidual, "card-lag card-velocity"),
+    (Code::ClockNotTied, "no-hull no-such-stamp pulse-unusable"),
+    (Code::NoReference, "channel-incomplete channel-without-reference azimuth-unknown"),
+    (Code::RigDiffers, "counts-per-rev-differ encoder-sign-differs mount-differs mount-side-differs"),
+    (Code::EncoderRepaired, "encoder-spikes encoder-unwrapped"),
+    (
+        Code::RigAssumed,
+        "encoder-sign-assumed encoder-zero-assumed gravity-assumed field-model-expired field-model-without-site",
+    ),
+    (Code::CellsReplaced, "zero-bytes absent-values"),
+    (Code::LogTime, "log-time-lent"),
+];
+
+catalogue! {
+    notices {
+        "Bytes and damage" {
+            Damaged, "damaged", [Loss],
+                "A range of bytes is not what was written. The place names the range, the text the reason. A last entry counts the \
+                 ranges that are not listed.",
+                "Copy the log again from the logger and compare the sizes. If it stays damaged, look at holes in the channels that \
+                 you use; `recover` writes everything that could be read as MCAP.";
+            TailCut, "tail-cut", [Info],
+                "The file ends inside its last record, as after power-off. This is not a loss.",
+                "Nothing, unless the log should be longer: then copy it again.";
+            MinorLoss, "minor-loss", [Warning],
+                "All losses of the log are minor and are listed as warnings. They are less than 0.1 % of the log. No channel that is \
+                 used has a hole of more than 0.5 s for it, or no channel uses the topic.",
+                "Nothing. The losses are listed on the page of the flight.";
+            IncompleteFile, "incomplete-file", [Loss, Warning],
+                "The file lacks its beginning or its end, or is empty: no footer, index, directory, first definition or table of \
+                 messages. It was truncated, or the recorder was stopped before it closed the file.",
+                "Copy the log again. If the recorder was stopped, nothing more can be had: what was written before was read.";
+            Corrupt, "corrupt", [Loss],
+                "Content fails a check that does not name the damaged bytes: a checksum, a compressed or converted file, or the pages \
+                 of a database. The text says what was still read.",
+                "Copy or unpack the log again and compare checksums. For a database, keep its `-wal` file with it.";
+            MissingFile, "missing-file", [Loss, Warning],
+                "A file is not there that the metadata name, or the numbers of the other files. It is a warning if all counted \
+                 messages were found, or if only the first files lack.",
+                "Copy the missing file into the folder of the recording.";
+            MissingMessages, "missing-messages", [Loss],
+                "The index, summary or metadata counts more messages than were found.",
+                "Look at the other losses of this log: they name the place. Copy the log again.";
+            Undecodable, "undecodable", [Loss],
+                "Messages do not fit their definition, have no usable format, lack a field that their type must have, or their \
+                 compression is corrupt.",
+                "If the topic matters, compare the definition in the log with the software that wrote it.";
+            UnknownChannel, "unknown-channel", [Loss],
+                "Messages belong to no known topic, or there are more topics than flightlag takes.",
+                "Look for damage before them: the record that announces the topic was probably lost.";
+            UnknownRecord, "unknown-record", [Warning, Loss, Info],
+                "Records of an unknown type, message number or format version were skipped. It is a loss where nothing else vouches \
+                 for the bytes, or where the log says that reading on may be wrong.",
+                "Nothing, if you do not need them. If the log is newer than this release, update flightlag.";
+            WriteAheadLog, "write-ahead-log", [Info, Warning, Loss],
+                "The recorder did not close the database. Its newest pages are in a write-ahead log or a journal, which was read, \
+                 is missing, or ends inside a transaction.",
+                "Keep the `-wal` file next to the database. Close the recorder before copying.";
+            MapLacks, "map-lacks", [Warning],
+                "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2. \
+                 `delay` raises it as a red alarm.",
+                "Correct the map. `flightlag inspect` lists topics and fields, `flightlag maps --suggest` prints a map that fits.";
+        }
+        "Reading" {
+            SeveralLogs, "several-logs", [Warning],
+                "The file holds several logs one after another. All were read.",
+                "Check that they belong to one flight. If not, split the file.";
+            ExtraBytes, "extra-bytes", [Info],
+                "Text or filling bytes that hold no record, as before the first frame, between records or after the last one.",
+                "Nothing.";
+            ReadLeniently, "read-leniently", [Warning, Info],
+                "The log departs from its format in a way that leaves one reasonable reading: padding, order, length or page lists \
+                 differ from the rule. The text says what was done.",
+                "Nothing, if the values look right. Report it to whoever makes the logger.";
+            NoChecksum, "no-checksum", [Warning, Info],
+                "Sentences or chunks have no checksum, so their content cannot be verified.",
+                "Enable checksums in the recorder.";
+            IndexDiffers, "index-differs", [Warning, Loss],
+                "An index, a summary or metadata cannot be read, or disagrees with the content. The content counts. It is a loss \
+                 where messages may be missing.",
+                "Reindex or copy the log again if messages may be missing. Otherwise nothing.";
+            Redefined, "redefined", [Warning, Info, Loss],
+                "A topic, type, unit or number is defined twice, differently. Each message is read by the definition before it. \
+                 Values that fit neither are left out.",
+                "Check the topic that the text names. One recording should have one definition of each type.";
+            TooMuchData, "too-much-data", [Loss, Warning],
+                "Rows, columns or attachments were left out: they need more memory or more columns than a log of this size may take.",
+                "Split the log, or leave out topics that you do not need when you record.";
+            NotListed, "not-listed", [Info, Warning, Loss],
+                "There are more names, texts, changes or notices than are listed. The others are counted.",
+                "Nothing. They are in the log.";
+            NotDecoded, "not-decoded", [Warning],
+                "A wanted topic cannot be decoded. The text gives the reason.",
+                "Put the message definitions that the log lacks into the folder given with `--maps`.";
+            DefinitionSupplied, "definition-supplied", [Info],
+                "The log does not define a type in full. A built-in definition, or one from the `--maps` folder, was used or completed \
+                 it.",
+                "Nothing, if your software uses that definition. Otherwise put your own into the `--maps` folder.";
+            ClosedChunks, "closed-chunks", [Info],
+                "Chunks without a wanted topic were not decompressed. Their messages are counted from the verified index.",
+                "Nothing.";
+            OriginalUnreadable, "original-unreadable", [Warning],
+                "The metadata about the log that this file was recovered from cannot be read, or only in part.",
+                "Recover the original log again with this release.";
+            Dropout, "dropout", [Warning],
+                "The logger could not keep up. The text gives the total and the longest dropout.",
+                "Use a faster storage card, or log fewer topics.";
+            SeveralSources, "several-sources", [Info, Warning],
+                "Several devices, talkers or publishers share one topic. The text says which one is used, or how they were joined.",
+                "If more than one receiver was on board, name the wanted one in your channel map.";
+        }
+        "Text tables" {
+            NoRows, "no-rows", [Info, Warning],
+                "A file is no table, or a table or topic has no rows.",
+                "Check that this is the file you meant.";
+            ColumnRenamed, "column-renamed", [Info, Warning],
+                "Columns without a unique name were given one. Without a header row they are called `column_1`, `column_2` and so on.",
+                "Add a header row, or use the new names in your channel map.";
+            NoLineEnd, "no-line-end", [Warning],
+                "The last row has no line end. Its last value may be truncated and is not used.",
+                "Nothing. One value is missing.";
+            BadNumber, "bad-number", [Warning, Loss, Info],
+                "Cells of a column of numbers hold no number. Words for a missing value, such as N/A or nan, are info. Many other \
+                 cells are a loss.",
+                "Look at the lines that the text names. Correct the export, or the decimal sign.";
+            HeaderChanged, "header-changed", [Info, Loss],
+                "Another header follows inside the table, or rows of another table. Later rows are read by the new order. Columns and \
+                 rows that do not belong to the first table are not read.",
+                "Split the file where the header changes.";
+            DoubtfulRows, "doubtful-rows", [Warning],
+                "Rows look like a header or like comments, or comments look like rows. The text says which were read.",
+                "Look at the lines that the text names.";
+            UnknownWord, "unknown-word", [Warning],
+                "The log states a status or a remark that neither flightlag nor the channel map knows. What depends on it is unknown or \
+                 not bound.",
+                "Look the word up in the manual of the device and add it to your channel map.";
+        }
+        "Time and clocks" {
+            Undated, "undated", [Info, Warning],
+                "The time of some messages is unknown: before the first known date or week, after damage, or where the receiver does \
+                 not state it. They are dated from their neighbours, or not used.",
+                "Nothing, unless most rows are affected: then log a message with date and time.";
+            RejectedRow, "rejected-row", [Warning, Info, Loss],
+                "Rows are not used for a channel. The text gives the reason: no value, out of range, no fix, not finite, no position near \
+                 them, timestamps that do not rise, and others.",
+                "Look at the reason and at the first row. A row without a value is normal where a device logs several rates.";
+            DuplicateStamp, "duplicate-stamp", [Warning, Loss],
+                "Rows have the timestamp of another row and were left out. It is a loss if a clock that is wrong caused many of them.",
+                "Log the time of measurement with each row.";
+            CoarseStamps, "coarse-stamps", [Warning],
+                "Rows have the same timestamp and different values. The timestamps are too coarse; a delay may be wrong by their step.",
+                "Log timestamps with more digits.";
+            BackJump, "back-jump", [Warning],
+                "Timestamps or the clock go back. The rows were sorted by timestamp.",
+                "Look for a clock that was set during the flight.";
+            StampKind, "stamp-kind", [Info, Warning],
+                "A kind of timestamp is missing in some rows, is known to be unreliable, or was computed from the receive times of other \
+                 messages.",
+                "Check which timestamp the channel uses: a delay holds for that kind only.";
+            StampWrap, "stamp-wrap", [Warning, Info],
+                "A counter wrapped around, and the timestamps continue. If the number of wraps is unclear, they were left unchanged.",
+                "Check that no device restarted at that time: it would look the same.";
+            GpsWeek, "gps-week", [Warning],
+                "The GPS week is wrong or ambiguous: a 10-bit counter, a date that is impossible for this receiver, or single rows a \
+                 week off. The nearest possible week is used.",
+                "Compare the date with the day of the flight. Update the firmware of an old receiver.";
+            DateInferred, "date-inferred", [Info, Warning],
+                "Dates or zones are not stated in full and were inferred. Examples are the order of day and month, a missing zone read \
+                 as UTC, the date after midnight, and dates by a counter.",
+                "Check date and hour of the first row. State the format in your channel map.";
+            StampOutOfRange, "stamp-out-of-range", [Warning],
+                "Timestamps are outside of what can be written: after the year 2262, or before 1970 in a recovered log. They were set to \
+                 the limit.",
+                "Set the clock of the logger.";
+            ClockSuspect, "clock-suspect", [Warning],
+                "Two clocks differ by an amount that looks like an error. Examples are leap seconds, GPS time as UTC, TAI, hours of a \
+                 zone, and more than a day.",
+                "Check the time scale of both clocks. A delay between them may be wrong by that amount.";
+            ClockRestart, "clock-restart", [Warning],
+                "The boot clock restarts within the log. Each session is dated by itself, or follows the one before at a distance that the \
+                 text states.",
+                "Check that the sessions belong to one flight. If not, split the log.";
+            RestartUndated, "restart-undated", [Loss],
+                "The boot clock restarts within the log, and nothing dates some sessions. Their rows are not used.",
+                "Log a message with date and time in each session, or analyse one session at a time.";
+            ReceiveClock, "receive-clock", [Warning, Loss],
+                "The clock of the ground station was not set, was set back, or jumps. Receive times of these frames are unreliable.",
+                "Synchronise the ground station before the flight, or use the times of the vehicle.";
+            LeapSeconds, "leap-seconds", [Warning],
+                "The flight is later than the leap seconds that this release knows.",
+                "Update flightlag. Without a new leap second nothing changes.";
+            NoCommonTime, "no-common-time", [Warning],
+                "Position and velocity have no time in common.",
+                "Check the clocks and the channel map: both channels must be of one flight.";
+            UtcTie, "utc-tie", [Info],
+                "The clock of the log is dated by the named messages.",
+                "Nothing.";
+            UtcOutlier, "utc-outlier", [Warning],
+                "Messages would date the clock of the log differently by more than a second. They are not used.",
+                "Check the time of the receiver if they are many.";
+        }
+        "Channels and binding" {
+            BoundByGuess, "bound-by-guess", [Warning],
+                "No channel map fits. Columns were bound by name, unit and motion. This is also an amber alarm.",
+                "Check the binding with `flightlag inspect`. `flightlag maps --suggest` prints the map to correct and keep.";
+            Assumption, "assumption", [Warning],
+                "The channel map assumes something about the log that the log does not state.",
+                "Check that the assumption holds for your aircraft. If not, use your own channel map.";
+            HeldRows, "held-rows", [Info],
+                "The channel repeats held values. The repeats are not measurements and are not used.",
+                "Nothing.";
+            Substitute, "substitute", [Info],
+                "A part of a channel is not logged as such, and something else is used. The text says what: zero, another field, the \
+                 height above mean sea level, or a magnetic track.",
+                "Nothing, unless the substitute does not hold for your log.";
+            NoUsableRow, "no-usable-row", [Warning, Info],
+                "A channel has no usable row, or its rows do not form a time series. The reasons are listed.",
+                "Look at the reasons. Was the receiver without a fix, or is the map wrong?";
+            UnitUnknown, "unit-unknown", [Warning],
+                "The table states a unit that flightlag does not know. The map's unit is used. This is also an amber alarm.",
+                "Write the unit as flightlag knows it (`m`, `m/s`, `deg`, `rad` and so on).";
+            UnitDiffers, "unit-differs", [Warning, Info],
+                "The log states another unit than the map. A table is converted from its own unit; otherwise the map's unit is used.",
+                "Check one value by hand. Correct the map or the log.";
+        }
+        "Delay from flight" {
+            RecordSplit, "record-split", [Warning],
+                "Gaps, clock jumps or resets: the record is split there, and each part has its own offset.",
+                "Nothing, if they are known. Many splits make the interval of the delay wider.";
+            SamplesLeftOut, "samples-left-out", [Warning, Info],
+                "Samples take no part in the delay: jumps, spikes, fixes far away, stretches where the channels contradict each other, rest, \
+                 parts that are too short. Of very many samples only every n-th is used.",
+                "Look at the marked samples on the page of the flight.";
+            FlightDelayChanges, "flight-delay-changes", [Warning],
+                "The delay measured in this flight changes.",
+                "Look at the curve of the delay over time before you remove a constant delay.";
+            DelayContradicted, "delay-contradicted", [Warning],
+                "The removed delay contradicts the flight. This is also an amber alarm.",
+                "Compare both delays on the page. Was the configuration changed since the delay was measured?";
+        }
+        "Replay and scores" {
+            NoOutput, "no-output", [Info, Warning],
+                "No output row: velocity before the first or after the last fix, samples that a compensator rejected, or rows at which it has \
+                 no output.",
+                "Nothing, unless many rows are affected: then look at the named compensator.";
+            PositionReset, "position-reset", [Warning],
+                "Fixes jump by more than five sigma against the integrated velocity. They were passed through.",
+                "Look for resets of the filter or changes of the fix type at that time.";
+            VelocityContradictsPosition, "velocity-contradicts-position", [Warning],
+                "Position and integrated velocity disagree.",
+                "Check axes, signs, units and the delay.";
+            StampsCoarserThanDelay, "stamps-coarser-than-delay", [Warning],
+                "The timestamps are no finer than the delay. They cannot show whether the compensation is right.",
+                "Log timestamps with more digits.";
+            KalmanNoiseFitted, "kalman-noise-fitted", [Info],
+                "The noise that was fitted for the Kalman filter and the smoother.",
+                "Nothing. State the noise in the pipeline to use your own.";
+            OnboardNotCompared, "onboard-not-compared", [Warning],
+                "The aircraft's own compensated position cannot be compared. The text gives the reason.",
+                "Log the onboard output with the timestamps of the position, or remove it from the pipeline.";
+        }
+        "Sensor card" {
+            LeftOffCard, "left-off-card", [Warning],
+                "A record, or a channel of a record, is not part of the card: it could not be measured, is missing, or is an outlier. If \
+                 nothing is left, no card is written.",
+                "Look at the page of that record. Measure again if too few are left.";
+            NotComparable, "not-comparable", [Warning],
+                "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity.",
+                "Make one card for each configuration.";
+            RigContradicted, "rig-contradicted", [Warning],
+                "The data of a bench record contradict its rig file, so its delays are measured against a wrong motion. `bench` ends with \
+                 exit code 3.",
+                "Correct the rig file and measure again.";
+            CardRate, "card-rate", [Warning],
+                "Update rates differ: between the records of the bench, or between bench and flight.",
+                "Set the same rate on the bench and in flight.";
+            CardDayUnknown, "card-day-unknown", [Warning],
+                "The day of the bench records or of the flight is unknown, so the validity of the card is unknown.",
+                "Log a date, or check the validity by hand.";
+            CardNotValid, "card-not-valid", [Warning],
+                "The flight is before the first or after the last day of the card. The card is used.",
+                "Measure the sensor again, or use the card of that time.";
+            CardStampKind, "card-stamp-kind", [Warning],
+                "The flight uses another kind of timestamp than the bench.",
+                "Use the same kind of timestamp in both channel maps.";
+            CardRelative, "card-relative", [Warning],
+                "The delay on the card is relative to a channel that the bench took as on time.",
+                "Tie the clocks on the bench, for example by a pulse per second.";
+            CardResidual, "card-residual", [Warning, Info],
+                "An error remains after the delay on the card is removed: a lag makes slow motion later, or the velocity is late itself.",
+                "Nothing, if the error is small enough: the text gives its size or its cause.";
+        }
+        "Bench" {
+            ClockNotTied, "clock-not-tied", [Warning],
+                "Nothing ties the clock of a channel to the encoder. The text says what is missing: a usable pulse, pairs of device time \
+                 and arrival, or the timestamps that the rig file asks for. The channel may be left out.",
+                "Check pulse, timestamps and the clock settings of the rig file.";
+            AlignmentAmbiguous, "alignment-ambiguous", [Warning],
+                "The swing is too regular to align the clocks with certainty.",
+                "Stop the bar once or twice during the record.";
+            ClockDrift, "clock-drift", [Warning],
+                "All channels drift against the encoder. The delays hold for the middle of the record.",
+                "Stamp encoder and sensor with one clock, or check which one is wrong.";
+            NoReference, "no-reference", [Warning],
+                "A channel cannot be compared with the motion of the bar: its components are missing, or the azimuth of the swing is unknown.",
+                "State mount and azimuth in the rig file, and log all components.";
+            BenchTurned, "bench-turned", [Warning],
+                "The bench was turned during the record. Each part is a magnetometer swing at its own azimuth.",
+                "Nothing, if it was on purpose.";
+            RigDiffers, "rig-differs", [Warning],
+                "The record and the rig file disagree about a part that the text names: mount, side of the pivot, sign or counts of the \
+                 encoder. The rig file is used.",
+                "Correct the rig file and measure again.";
+            RigAssumed, "rig-assumed", [Warning],
+                "The rig file does not state something and the record does not show it: site, gravity, magnetic field, zero or sign of the \
+                 encoder. The text says what is assumed.",
+                "State it in the rig file.";
+            EncoderRepaired, "encoder-repaired", [Warning, Info],
+                "The encoder wrapped and was unwrapped, or impossible single samples were left out.",
+                "Check the cable if there are many single samples.";
+        }
+        "Export and recover" {
+            FieldsLeftOut, "fields-left-out", [Warning],
+                "Fields have no column: variable-length arrays, or more than 64 elements.",
+                "Use `flightlag recover`: it copies the messages of MCAP files and ROS bags whole.";
+            CellsReplaced, "cells-replaced", [Info, Warning],
+                "Cells cannot be written as they are. A placeholder is written for a value that the log lacks, with `_given` false. In CSV, \
+                 U+2400 replaces zero bytes.",
+                "Use the `_given` fields to tell placeholders from values. Export as Parquet to keep zero bytes.";
+            LogTime, "log-time", [Info, Warning],
+                "The log has no log time for these rows. The text says which time is used, or that a neighbour's is.",
+                "Nothing. Use the timestamps in the fields where the order matters.";
+            NotWritten, "not-written", [Loss],
+                "Messages were found and could not be written.",
+                "Look at the topic that the place names, and report it.";
+        }
+    }
+    alarms {
+        DelaySteps, "delay-steps", Red, "The delay jumps between levels.",
+            "Do not remove a constant delay. Look for changes of the link or of the receiver at the jumps.";
+        DelaySwitches, "delay-switches", Red, "The delay switches between two levels.",
+            "Do not remove a constant delay. Find what has two states.";
+        DelayDrifts, "delay-drifts", Red, "The delay drifts: two clocks run at different rates.",
+            "Use the timestamps of one clock, or synchronise the clocks.";
+        DelayQueues, "delay-queues", Red, "The delay grows and empties again, as in a queue.",
+            "Lower the data rate, or use timestamps of the measurement.";
+        DelayBuildsUp, "delay-builds-up", Red, "The delay grows and does not empty again.",
+            "Lower the data rate, or use timestamps of the measurement.";
+        DelayWanders, "delay-wanders", Red, "The delay changes slowly, without a pattern.",
+            "Do not remove a constant delay. Use timestamps of the measurement.";
+        TwoDelaysFit, "two-delays-fit", Red, "Two delays explain the flight equally well.",
+            "Fly a manoeuvre with changes of speed and direction that do not repeat.";
+        LeapSecond, "leap-second", Red, "The delay steps by a whole second: a clock was set, or counts a leap second.",
+            "Split the log at the step.";
+        OtherTimeScale, "other-time-scale", Red, "Position and velocity are 12.5 to 19 s apart, like GPS time and UTC.",
+            "Correct the time scale of one channel in the channel map.";
+        LogDamaged, "log-damaged", Red,
+            "More of the log was lost than a minor loss. The text says how much and where. Raised by `delay`.",
+            "See `damaged`. Copy the log again.";
+        PairsDisagree, "pairs-disagree", Amber, "Pairs of channels contradict each other, and no single one explains it.",
+            "Look at the table of pairs. Add a reference file, or a third channel.";
+        ChannelLies, "channel-lies", Amber, "One pair contradicts all others and is excluded.",
+            "Look at the channel that the text names.";
+        DatumRefused, "datum-refused", Amber, "A channel is earlier than the IMU, so the IMU cannot be the datum.",
+            "Check the timestamps of the IMU.";
+        DelayJitters, "delay-jitters", Amber, "The delay scatters from fix to fix.",
+            "Use timestamps of the measurement instead of the arrival.";
+        LateFixes, "late-fixes", Amber, "Single fixes are far behind the others.",
+            "Look at the load of the link at these times.";
+        Bursts, "bursts", Amber, "Fixes arrive in bursts after a pause: they were queued.",
+            "Use timestamps of the measurement instead of the arrival.";
+        Outliers, "outliers", Amber, "More than 5 % of the samples are outliers.",
+            "Look at the residuals on the page of the flight.";
+        DelayDoubtful, "delay-doubtful", Amber, "Another check of the fit failed. The text says which.",
+            "Look at the named check on the page of the flight.";
+        ReferenceNotUsed, "reference-not-used", Amber,
+            "The reference file was not used. The text gives the reason. The exit code is 3.",
+            "Correct what the text names: day, clock or columns of the reference file.";
+        DelayDiffersBetweenParts, "delay-differs-between-parts", Grey,
+            "The delay differs between parts of the flight by less than the limit for a change.", "Nothing.";
+        DelayWindowsScatter, "delay-windows-scatter", Grey,
+            "The windows of the delay scatter by more than their uncertainties, and the test for a change found none. U includes the \
+             scatter.",
+            "Nothing.";
+        DelayRemark, "delay-remark", Grey, "A remark on the fit.", "Nothing.";
+        Companion, "companion", Grey, "The file belongs to a flight and is not a flight itself.", "Nothing.";
+    }
+}

@@ -1,0 +1,549 @@
+//! The catalogue of notices and alarms: its page in the book, and that every code is fired by a test.
+
+use flight::{Alarm, Code, Gravity, Severity};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const INTRODUCTION: &str = "\
+# Notices
+
+<!-- Made from crates/flight/src/notice/catalogue.rs: `just bless` writes it again. -->
+
+A notice is something that happened to the data. It has a severity, a code, a place, a count and a sentence. The sentence on the page and in
+the terminal has the details; this page explains the codes. `flightlag explain CODE` prints the same. Codes are stable names for scripts:
+they are in `record.json`, in `inspect --json` and in `provenance.json`.
+
+| severity | meaning | exit code |
+|---|---|---|
+| info | worth knowing; all numbers are unaffected | 0 |
+| warning | something was assumed, skipped or repaired; check the numbers that depend on it | 0 |
+| loss | data that the logger wrote could not be read | 3; `delay`, `campaign` and `bench` end with 0 if all losses are [minor](#minor-loss) |
+
+Some codes of older releases were joined under one name. `flightlag explain` still knows the former names.
+";
+
+const ALARMS: &str = "
+## Alarms of a delay
+
+An alarm has a gravity instead of a severity. Red: do not use the number. Amber: the number is doubtful, and its interval is wider. Grey:
+good to know. Some notices are also alarms; their text says so. The words for a delay that changes are explained under
+[kinds of change](science/varying.md#words).
+";
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn entry(name: &str, grade: &str, happened: &str, advice: &str, former: &str) -> String {
+    let former = if former.is_empty() { String::new() } else { format!("\n\nFormer names: {former}.") };
+    format!("\n### {name}\n\n*{grade}*. {happened}\n\n**What to do:** {advice}{former}\n")
+}
+
+fn page() -> String {
+    let mut page = INTRODUCTION.to_owned();
+    let mut section = "";
+    for code in Code::ALL {
+        let e = code.entry();
+        if e.section != section {
+            section = e.section;
+            page += &format!("\n## {section}\n");
+        }
+        let grade = e.severities.iter().map(|severity| severity.word()).collect::<Vec<_>>().join(", ");
+        let former = code.former().map(|former| format!("`{former}`")).collect::<Vec<_>>().join(", ");
+        page += &entry(e.name, &grade, e.happened, e.advice, &former);
+    }
+    page += ALARMS;
+    for alarm in Alarm::ALL {
+        let e = alarm.entry();
+        page += &entry(e.name, e.gravity.word(), e.happened, e.advice, "");
+    }
+    page
+}
+
+/// `FLIGHTLAG_BLESS=1` writes it again.
+#[test]
+fn the_page_of_notices_is_that_of_the_catalogue() {
+    let (path, made) = (root().join("docs/src/notices.md"), page());
+    if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
+        fs::write(&path, &made).unwrap();
+    }
+    assert!(fs::read_to_string(&path).unwrap() == made, "docs/src/notices.md: accept a change with `just bless`");
+}
+
+#[test]
+fn a_name_is_of_one_code_only_and_is_kept_short() {
+    let mut names = BTreeSet::new();
+    let former = Code::ALL.iter().flat_map(|code| code.former());
+    let now = Code::ALL.iter().map(|code| code.name()).chain(Alarm::ALL.iter().map(|alarm| alarm.name()));
+    for name in now.chain(former) {
+        assert!(names.insert(name), "{name} is there twice");
+        let plain = name.split('-').all(|word| !word.is_empty() && word.bytes().all(|b| b.is_ascii_alphanumeric()));
+        assert!(plain && name.len() <= 30 && name == name.to_lowercase(), "{name}");
+    }
+}
+
+#[test]
+fn texts_are_sentences_of_at_most_28_words() {
+    let of_notices = Code::ALL.iter().map(|code| (code.name(), code.entry().happened, code.entry().advice));
+    let of_alarms = Alarm::ALL.iter().map(|alarm| (alarm.name(), alarm.entry().happened, alarm.entry().advice));
+    for (name, happened, advice) in of_notices.chain(of_alarms) {
+        for text in [happened, advice] {
+            assert!(text.ends_with('.') || text.ends_with('?'), "{name}: {text}");
+            assert!(text.starts_with(|c: char| c.is_uppercase()), "{name}: {text}");
+            for sentence in text.split(". ") {
+                let words = sentence.split_whitespace().count();
+                assert!(words <= 28, "{name}: {words} words: {sentence}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_code_has_its_usual_severity_or_one_that_the_catalogue_allows() {
+    for code in Code::ALL {
+        let allowed = code.entry().severities;
+        let distinct: BTreeSet<_> = allowed.iter().collect();
+        assert_eq!(distinct.len(), allowed.len(), "{code}");
+        for severity in [Severity::Info, Severity::Warning, Severity::Loss] {
+            let made = std::panic::catch_unwind(|| code.at(severity));
+            assert_eq!(made.is_ok(), allowed.contains(&severity), "{code} {severity:?}");
+        }
+    }
+    assert!(Alarm::ALL.iter().any(|alarm| alarm.gravity() == Gravity::Red));
+}
+
+/// The body of a test, without its name.
+fn body<'s>(source: &'s str, test: &str) -> Option<&'s str> {
+    let at = source.find(&format!("fn {test}("))?;
+    let (before, from) = source.split_at(at);
+    let line = before.rfind('\n')? + 1;
+    let is_test =
+        before[..line].lines().rev().take_while(|l| l.trim_start().starts_with('#')).any(|l| l.trim() == "#[test]");
+    let end = from.find(&format!("\n{}}}\n", &before[line..]))?;
+    is_test.then(|| &from[test.len()..end])
+}
+
+/// That this test is there and names this code, as text or as a variant.
+fn is_named(code: &str, variant: &str, file: &str, test: &str) {
+    let source = fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+    let body = body(&source, test).unwrap_or_else(|| panic!("{file} has no test {test}"));
+    assert!(body.contains(&format!("\"{code}\"")) || body.contains(variant), "{file}: {test} does not name {code}");
+}
+
+/// Of each code one test in which it fires. A code that no input can fire is to be removed.
+#[test]
+fn every_code_is_fired_by_a_test() {
+    let codes: Vec<Code> = FIRED.iter().map(|(code, ..)| *code).collect();
+    assert_eq!(codes, Code::ALL, "FIRED names a test for each code, in the order of the catalogue");
+    FIRED.iter().for_each(|(code, file, test)| is_named(code.name(), &format!("Code::{code:?}"), file, test));
+}
+
+#[test]
+fn every_alarm_is_fired_by_a_test() {
+    let alarms: Vec<Alarm> = FIRED_ALARMS.iter().map(|(alarm, ..)| *alarm).collect();
+    assert_eq!(alarms, Alarm::ALL, "FIRED_ALARMS names a test for each alarm, in the order of the catalogue");
+    FIRED_ALARMS
+        .iter()
+        .for_each(|(alarm, file, test)| is_named(alarm.name(), &format!("Alarm::{alarm:?}"), file, test));
+}
+
+/// Code, file, test.
+const FIRED: &[(Code, &str, &str)] = &[
+    (Code::Damaged, "crates/logscan/src/ledger.rs", "damaged_ranges_are_losses_and_those_beyond_the_list_are_counted"),
+    (Code::TailCut, "crates/logscan/src/ledger.rs", "a_last_record_cut_at_power_off_is_counted_and_told_and_no_loss"),
+    (Code::MinorLoss, "crates/campaign/src/losses.rs", "a_loss_in_a_topic_that_nothing_uses_is_minor_and_named"),
+    (Code::IncompleteFile, "crates/ingest/tests/it/bag.rs", "a_bag_that_was_never_closed_reads_whole_and_says_so"),
+    (Code::Corrupt, "crates/ingest/tests/it/db3.rs", "a_bag_without_its_first_page_still_gives_its_messages"),
+    (
+        Code::MissingFile,
+        "crates/ingest/src/format/bag_folder.rs",
+        "a_file_that_was_renamed_is_no_loss_if_every_message_is_there",
+    ),
+    (
+        Code::MissingMessages,
+        "crates/ingest/tests/it/db3.rs",
+        "what_the_recorder_counted_is_compared_with_what_is_there",
+    ),
+    (
+        Code::Undecodable,
+        "crates/ingest/tests/it/mcap.rs",
+        "messages_that_do_not_decode_leave_no_row_and_are_a_loss_with_their_number",
+    ),
+    (
+        Code::UnknownChannel,
+        "crates/ingest/tests/it/mcap.rs",
+        "messages_without_a_channel_or_a_schema_are_counted_with_the_reason",
+    ),
+    (Code::UnknownRecord, "crates/ingest/tests/it/ulog.rs", "unknown_types_and_flags_are_counted_and_the_rest_is_read"),
+    (
+        Code::WriteAheadLog,
+        "crates/ingest/tests/it/db3.rs",
+        "a_bag_whose_write_ahead_log_may_have_been_left_behind_says_so_unless_its_recorder_described_it",
+    ),
+    (
+        Code::MapLacks,
+        "crates/ingest/tests/it/own_tables.rs",
+        "a_field_that_the_log_lacks_is_an_error_with_the_nearest_name",
+    ),
+    (Code::SeveralLogs, "crates/ingest/tests/it/ulog.rs", "a_log_of_a_later_version_behind_another_is_found"),
+    (Code::ExtraBytes, "crates/ingest/tests/it/dataflash.rs", "filling_at_the_end_is_no_damage_and_garbage_is"),
+    (Code::ReadLeniently, "crates/ingest/tests/it/db3.rs", "trees_that_lead_in_circles_end"),
+    (Code::NoChecksum, "crates/ingest/tests/it/nmea.rs", "a_log_without_any_checksum_is_read_and_told_of"),
+    (
+        Code::IndexDiffers,
+        "crates/ingest/src/format/bag_folder.rs",
+        "a_file_that_has_the_name_of_the_metadata_alone_is_told",
+    ),
+    (Code::Redefined, "crates/ingest/tests/it/dataflash.rs", "units_of_another_type_make_no_instances_and_are_told"),
+    (
+        Code::TooMuchData,
+        "crates/ingest/src/decode/mod.rs",
+        "a_small_log_cannot_claim_all_memory_and_what_it_may_not_have_is_a_loss",
+    ),
+    (Code::NotListed, "crates/ingest/src/decode/mod.rs", "a_log_of_many_bad_topics_gets_few_notices"),
+    (
+        Code::NotDecoded,
+        "crates/ingest/tests/it/definitions.rs",
+        "a_type_that_nobody_has_is_named_with_the_file_that_would_define_it",
+    ),
+    (
+        Code::DefinitionSupplied,
+        "crates/ingest/tests/it/db3.rs",
+        "a_bag_without_definitions_is_read_by_the_common_ones_unless_they_do_not_fit",
+    ),
+    (
+        Code::ClosedChunks,
+        "crates/ingest/tests/it/mcap.rs",
+        "chunks_without_a_wanted_topic_stay_closed_and_their_messages_are_counted_all_the_same",
+    ),
+    (
+        Code::OriginalUnreadable,
+        "crates/convert/tests/it/original.rs",
+        "a_log_that_says_more_of_itself_than_any_log_is_cut_short_and_that_is_told",
+    ),
+    (
+        Code::Dropout,
+        "crates/ingest/tests/it/ulog.rs",
+        "every_kind_of_message_is_read_and_every_field_lies_where_its_format_says",
+    ),
+    (
+        Code::SeveralSources,
+        "crates/ingest/tests/it/nmea.rs",
+        "a_receiver_that_changes_its_talker_is_one_channel_from_first_to_last",
+    ),
+    (
+        Code::NoRows,
+        "crates/ingest/tests/it/csv.rs",
+        "several_files_are_topics_of_one_log_and_a_stray_one_among_them_is_no_end",
+    ),
+    (Code::ColumnRenamed, "crates/ingest/tests/it/csv.rs", "repeated_and_empty_names_become_unique_with_a_notice"),
+    (
+        Code::NoLineEnd,
+        "crates/ingest/tests/it/csv.rs",
+        "a_row_cut_at_the_end_of_the_file_is_told_from_one_that_only_lacks_its_line_end",
+    ),
+    (Code::BadNumber, "crates/ingest/tests/it/csv.rs", "a_column_that_was_wanted_as_a_number_says_where_it_is_none"),
+    (Code::HeaderChanged, "crates/ingest/tests/it/csv.rs", "a_header_that_stands_again_between_the_rows_is_no_row"),
+    (Code::DoubtfulRows, "crates/ingest/tests/it/csv.rs", "a_table_behind_another_of_as_many_columns_is_told"),
+    (
+        Code::UnknownWord,
+        "crates/ingest/tests/it/bindings.rs",
+        "where_comments_of_mt_manager_contradict_one_another_no_frame_is_assumed",
+    ),
+    (Code::Undated, "crates/ingest/tests/it/maps.rs", "utc_of_xsens_that_its_flags_do_not_vouch_for_is_none"),
+    (
+        Code::RejectedRow,
+        "crates/ingest/tests/it/bench.rs",
+        "euler_angles_and_a_long_quaternion_of_one_attitude_give_one_quaternion",
+    ),
+    (
+        Code::DuplicateStamp,
+        "crates/ingest/tests/it/bind.rs",
+        "rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept",
+    ),
+    (
+        Code::CoarseStamps,
+        "crates/ingest/tests/it/time.rs",
+        "a_clock_that_gives_several_rows_one_stamp_is_told_with_how_coarse_it_is",
+    ),
+    (Code::BackJump, "crates/ingest/tests/it/dataflash.rs", "a_clock_that_steps_back_is_told_and_mere_disorder_is_not"),
+    (
+        Code::StampKind,
+        "crates/ingest/tests/it/bind.rs",
+        "stamps_that_were_never_filled_in_give_way_to_the_log_time_with_a_warning",
+    ),
+    (
+        Code::StampWrap,
+        "crates/convert/tests/it/recover.rs",
+        "a_recovered_log_has_the_order_of_the_original_also_where_its_clock_began_anew",
+    ),
+    (Code::GpsWeek, "crates/ingest/tests/it/time.rs", "the_end_of_a_week_of_ten_bits_and_of_eleven_is_no_step"),
+    (
+        Code::DateInferred,
+        "crates/ingest/tests/it/bindings.rs",
+        "rows_of_mt_manager_without_utc_are_dated_by_the_devices_counter",
+    ),
+    (
+        Code::StampOutOfRange,
+        "crates/ingest/tests/it/mcap.rs",
+        "messages_without_a_channel_or_a_schema_are_counted_with_the_reason",
+    ),
+    (Code::ClockSuspect, "crates/ingest/tests/it/bind.rs", "stamps_of_another_clock_make_no_offset"),
+    (
+        Code::ClockRestart,
+        "crates/ingest/tests/it/dataflash.rs",
+        "two_boots_in_one_file_follow_one_another_and_the_restart_is_told",
+    ),
+    (
+        Code::RestartUndated,
+        "crates/ingest/tests/it/gps_time.rs",
+        "a_boot_that_nothing_dates_is_lost_beside_one_that_is_dated",
+    ),
+    (
+        Code::ReceiveClock,
+        "crates/ingest/tests/it/tlog.rs",
+        "no_flipped_bit_of_a_time_of_reception_moves_a_stamp_far_in_silence",
+    ),
+    (Code::LeapSeconds, "crates/ingest/tests/it/time.rs", "a_flight_after_the_known_leap_seconds_is_told"),
+    (
+        Code::NoCommonTime,
+        "crates/ingest/tests/it/time.rs",
+        "a_position_and_a_velocity_that_never_were_at_the_same_time_are_told",
+    ),
+    (
+        Code::UtcTie,
+        "crates/ingest/tests/it/time.rs",
+        "the_receivers_time_dates_the_clock_since_boot_and_moves_no_sample",
+    ),
+    (
+        Code::UtcOutlier,
+        "crates/ingest/tests/it/gps_time.rs",
+        "a_jump_of_the_receivers_time_in_flight_does_not_move_the_date",
+    ),
+    (Code::BoundByGuess, "crates/ingest/tests/it/guess.rs", "a_way_too_straight_to_tell_what_yaw_counts_is_said_so"),
+    (
+        Code::Assumption,
+        "crates/ingest/tests/it/bind.rs",
+        "an_encoder_without_a_stamp_of_its_own_is_stamped_by_the_logger_and_never_outranks_a_flight",
+    ),
+    (
+        Code::HeldRows,
+        "crates/ingest/tests/it/bench.rs",
+        "a_held_vector_repeats_all_its_components_and_a_resting_encoder_is_measured",
+    ),
+    (
+        Code::Substitute,
+        "crates/ingest/tests/it/bench.rs",
+        "a_table_with_one_gyroscope_axis_is_an_angular_rate_of_that_axis",
+    ),
+    (Code::NoUsableRow, "crates/ingest/tests/it/bind.rs", "a_channel_without_a_usable_row_is_absent_and_says_why"),
+    (
+        Code::UnitUnknown,
+        "crates/ingest/tests/it/own_tables.rs",
+        "a_unit_of_something_else_is_refused_and_an_unknown_one_is_told",
+    ),
+    (Code::UnitDiffers, "crates/ingest/tests/it/dataflash.rs", "a_unit_that_the_map_takes_for_another_is_told"),
+    (
+        Code::RecordSplit,
+        "crates/compensation-replay/tests/it/flight_delay.rs",
+        "a_clock_that_jumps_by_an_hour_leaves_the_delay",
+    ),
+    (
+        Code::SamplesLeftOut,
+        "crates/compensation-replay/tests/it/flight_delay.rs",
+        "more_samples_are_taken_where_a_first_look_does_not_know_enough",
+    ),
+    (
+        Code::FlightDelayChanges,
+        "crates/campaign/src/delay/tests.rs",
+        "a_delay_that_changes_in_the_flight_it_is_measured_in_is_warned_of",
+    ),
+    (
+        Code::DelayContradicted,
+        "crates/campaign/src/delay/tests.rs",
+        "a_delay_that_the_flight_contradicts_is_removed_and_warned_of",
+    ),
+    (
+        Code::NoOutput,
+        "crates/compensation-replay/tests/it/edges.rs",
+        "what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end",
+    ),
+    (
+        Code::PositionReset,
+        "crates/compensation-replay/tests/it/edges.rs",
+        "one_reset_of_the_position_is_marked_and_passed_on",
+    ),
+    (
+        Code::VelocityContradictsPosition,
+        "crates/compensation-replay/tests/it/edges.rs",
+        "swapped_axes_are_suspected_aloud",
+    ),
+    (
+        Code::StampsCoarserThanDelay,
+        "crates/compensation-replay/tests/it/edges.rs",
+        "a_logger_that_writes_whole_seconds_cannot_show_a_shorter_delay",
+    ),
+    (
+        Code::KalmanNoiseFitted,
+        "crates/compensation-replay/tests/it/edges.rs",
+        "what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end",
+    ),
+    (
+        Code::OnboardNotCompared,
+        "crates/compensation-replay/tests/it/scores.rs",
+        "an_onboard_position_that_is_none_is_not_compared_and_the_reason_is_given",
+    ),
+    (
+        Code::LeftOffCard,
+        "crates/bench-analysis/src/card/combine/tests.rs",
+        "a_record_that_is_off_is_left_out_and_named",
+    ),
+    (
+        Code::NotComparable,
+        "crates/bench-analysis/src/card/combine/tests.rs",
+        "an_absolute_and_a_relative_delay_are_not_averaged",
+    ),
+    (
+        Code::RigContradicted,
+        "crates/campaign/src/delay/tests.rs",
+        "a_card_from_a_rig_that_the_data_contradict_is_warned_of",
+    ),
+    (Code::CardRate, "crates/campaign/src/delay/tests.rs", "stamps_and_rates_that_differ_from_the_bench_are_told"),
+    (
+        Code::CardDayUnknown,
+        "crates/bench-analysis/src/card/combine/tests.rs",
+        "a_card_without_a_day_has_no_validity_and_says_so",
+    ),
+    (Code::CardNotValid, "crates/campaign/src/card_tests.rs", "an_expired_card_is_used_and_its_flight_wants_attention"),
+    (Code::CardStampKind, "crates/campaign/src/delay/tests.rs", "stamps_and_rates_that_differ_from_the_bench_are_told"),
+    (Code::CardRelative, "crates/campaign/src/delay/tests.rs", "a_delay_against_an_anchor_is_told"),
+    (
+        Code::CardResidual,
+        "crates/campaign/src/delay/tests.rs",
+        "a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told",
+    ),
+    (
+        Code::ClockNotTied,
+        "crates/bench-analysis/tests/it/clocks.rs",
+        "a_channel_on_a_clock_of_its_own_is_left_out_and_named",
+    ),
+    (
+        Code::AlignmentAmbiguous,
+        "crates/bench-analysis/tests/it/clocks.rs",
+        "a_swing_of_one_sine_is_too_regular_to_align_two_clocks",
+    ),
+    (
+        Code::ClockDrift,
+        "crates/bench-analysis/tests/it/clocks.rs",
+        "channels_that_drift_on_the_encoders_own_clock_are_reported",
+    ),
+    (
+        Code::NoReference,
+        "crates/bench-analysis/tests/it/references.rs",
+        "without_an_azimuth_only_the_vertical_is_compared",
+    ),
+    (
+        Code::BenchTurned,
+        "crates/bench-analysis/tests/it/iron.rs",
+        "a_bench_that_is_turned_within_a_record_is_told_and_its_magnetometer_calibrated",
+    ),
+    (
+        Code::RigDiffers,
+        "crates/bench-analysis/tests/it/encoder.rs",
+        "stated_counts_that_the_angle_contradicts_are_told",
+    ),
+    (
+        Code::RigAssumed,
+        "crates/bench-analysis/tests/it/alignment.rs",
+        "a_magnetometer_alone_shows_neither_and_the_assumptions_are_told",
+    ),
+    (
+        Code::EncoderRepaired,
+        "crates/bench-analysis/tests/it/encoder.rs",
+        "single_glitches_are_left_out_counted_and_told",
+    ),
+    (
+        Code::FieldsLeftOut,
+        "crates/convert/tests/it/export.rs",
+        "fields_that_no_column_takes_and_topics_without_a_message_are_told_with_their_names",
+    ),
+    (
+        Code::CellsReplaced,
+        "crates/convert/tests/it/original.rs",
+        "a_log_that_was_recovered_twice_is_read_as_the_original",
+    ),
+    (
+        Code::LogTime,
+        "crates/convert/tests/it/recover.rs",
+        "a_table_that_no_map_binds_is_dated_by_a_stamp_that_one_knows_if_it_is_a_date",
+    ),
+    (Code::NotWritten, "crates/convert/src/recover.rs", "messages_that_were_found_and_not_written_are_a_loss"),
+];
+
+/// Alarm, file, test.
+const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
+    (Alarm::DelaySteps, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelaySwitches, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayDrifts, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayQueues, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayBuildsUp, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::DelayWanders, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
+    (Alarm::TwoDelaysFit, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (
+        Alarm::LeapSecond,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::OtherTimeScale,
+        "crates/campaign/src/answer/alarms.rs",
+        "pairs_that_contradict_each_other_are_an_amber_alarm",
+    ),
+    (Alarm::LogDamaged, "crates/campaign/src/losses.rs", "a_loss_that_is_not_minor_is_a_red_alarm_with_its_place"),
+    (
+        Alarm::PairsDisagree,
+        "crates/campaign/src/answer/alarms.rs",
+        "pairs_that_contradict_each_other_are_an_amber_alarm",
+    ),
+    (Alarm::ChannelLies, "crates/campaign/src/answer/alarms.rs", "pairs_that_contradict_each_other_are_an_amber_alarm"),
+    (
+        Alarm::DatumRefused,
+        "crates/campaign/src/answer/alarms.rs",
+        "pairs_that_contradict_each_other_are_an_amber_alarm",
+    ),
+    (
+        Alarm::DelayJitters,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::LateFixes,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::Bursts,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason"),
+    (
+        Alarm::DelayDiffersBetweenParts,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (Alarm::DelayWindowsScatter, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (
+        Alarm::DelayRemark,
+        "crates/campaign/src/answer/alarms.rs",
+        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+    ),
+    (
+        Alarm::Companion,
+        "crates/campaign/src/answer/tests.rs",
+        "a_file_that_goes_with_a_flight_is_said_to_be_one_and_raises_no_alarm_of_a_delay",
+    ),
+];
