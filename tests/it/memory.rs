@@ -1,8 +1,8 @@
 //! Peak memory of the command: 256 MiB above the columns that are asked for.
 //!
 //! The usual tests have a quarter of the input, and of the bound what it leaves above the program itself. `just memory` has
-//! the whole ones. A table of more than about three million rows does not keep to it yet: see [`BESIDE_A_ROW`]; nor do 65,000 topics
-//! written as MCAP: see [`OF_WRITER`].
+//! the whole ones. A table of more than about three million rows does not keep to it yet: see [`BESIDE_A_ROW`]. Nor do 65,000 topics
+//! written as MCAP, which take 271 MiB of 260: that test fails.
 #![cfg(target_os = "linux")]
 
 use crate::program::flightlag;
@@ -22,9 +22,6 @@ const PROGRAM: u64 = 48 * MIB;
 
 /// While columns become channels, timestamps and the first channels are in memory beside the columns: so many bytes a row.
 const BESIDE_A_ROW: u64 = 72;
-
-/// The writer of MCAP keeps schemas and channels of all topics until the end: so much more for 65,000 of them.
-const OF_WRITER: u64 = 16 * MIB;
 
 /// How much of an input is read.
 #[derive(Clone, Copy, PartialEq)]
@@ -189,8 +186,7 @@ fn many_topics(size: Size, commands: &[&str]) {
     for to in commands {
         let whole = peak(&["export", "--topics", "--to", to], &[&log, Path::new("--out"), &out], &[0]);
         // The first topics have statistics of their stamps, and take more than the others: half of the bound is for a quarter.
-        let promised = if size == Size::Whole { PROMISED + OF_WRITER } else { PROMISED / 2 };
-        let bound = promised + 8 * 2 * COLUMNS * count;
+        let bound = PROMISED / if size == Size::Whole { 1 } else { 2 } + 8 * 2 * COLUMNS * count;
         println!("{count} topics as {to}: {} MiB of {} MiB", whole / MIB, bound / MIB);
         assert!(whole <= bound, "{count} topics as {to}: {} MiB, more than {} MiB", whole / MIB, bound / MIB);
         let _ = fs::remove_file(&out).or_else(|_| fs::remove_dir_all(&out));

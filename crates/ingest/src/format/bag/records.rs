@@ -328,7 +328,7 @@ impl Framing for Records<'_, '_, '_> {
             Some(record) if record.fits_its_count() == Some(false) => {
                 "a record whose length does not fit its count".into()
             }
-            Some(_) => "a record whose length leads nowhere, or one that is cut".into(),
+            Some(_) => "a record that is cut, or whose length is wrong".into(),
         }
     }
 
@@ -368,8 +368,8 @@ fn packed(record: &Record<'_>, at: u64, size: u64) -> Option<Packed> {
     Some(Packed { fetched, data: at + record.head as u64..end, codec, declared: u64::from(declared), summed: false })
 }
 
-/// The compressed chunk of the record at `at`, if it is one and another record follows: what leads nowhere is no chunk, or
-/// one that is cut, and the scan is not to wait for it.
+/// The compressed chunk of the record at `at`, if it is one and another record follows. Otherwise it is no chunk, or is
+/// cut, and the scan does not wait for it.
 fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, ScanError> {
     file.expect_jumps();
     let size = file.size();

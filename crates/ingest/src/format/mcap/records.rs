@@ -502,9 +502,6 @@ impl<V: Visit> Framing for Records<'_, '_, V> {
             Some(head) => match (head.opcode, ChunkHead::of(bytes, &head)) {
                 (op::CHUNK, _) if !head.may_be() => CUT.into(),
                 (op::CHUNK, Err(reason)) => reason.into(),
-                (op::CHUNK, Ok(_)) | (op::ATTACHMENT, _) => {
-                    format!("a {} that is cut, or whose length leads nowhere", name(head.opcode)).into()
-                }
                 (opcode, Ok(_)) if !is_defined(opcode) => "a chunk whose type byte is damaged".into(),
                 (opcode, _) => format!("a {} that is cut, or whose length is wrong", name(opcode)).into(),
             },

@@ -52,7 +52,7 @@ pub(super) fn may_be_cut(bytes: &[u8]) -> bool {
 /// Said of a frame that is all there.
 pub(super) const WRONG: &str = "the checksum of a frame is wrong";
 /// Said of a frame that is not all there.
-pub(super) const CUT: &str = "a frame whose length leads nowhere";
+pub(super) const CUT: &str = "a frame whose length is wrong";
 
 /// Bytes of the frame that begins here, as it says; `None` if not even that is there.
 pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {
