@@ -182,8 +182,8 @@ fn a_campaign_takes_the_second_file_of_each_flight() {
     assert!(told.contains("late against reference (2 of 2 flights)"), "{told}");
     let record = || {
         let found = fs::read_dir(folder.path().join("out/flights")).unwrap().flatten();
-        let page = found.map(|e| e.path().join("record.json")).find(|p| p.to_string_lossy().contains("one")).unwrap();
-        serde_json::from_slice::<serde_json::Value>(&fs::read(page).unwrap()).unwrap()
+        let page = found.map(|e| e.path().join("index.html")).find(|p| p.to_string_lossy().contains("one")).unwrap();
+        serde_json::from_slice::<serde_json::Value>(&campaign::record_beside(&page).unwrap().unwrap()).unwrap()
     };
     let before = record();
     assert_eq!(before["lateness"]["reference_file"]["clock"]["clock"], "same");

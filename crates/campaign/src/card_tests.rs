@@ -61,8 +61,8 @@ impl Case {
             settle: None,
         };
         run(&order, &Desk { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
-        let read = |name: &str| std::fs::read(self.path("out").join(name)).unwrap();
-        let flight = serde_json::from_slice(&read("flights/f.mcap/record.json")).unwrap();
+        let json = crate::record_beside(&self.path("out").join("flights/f.mcap/index.html")).unwrap().unwrap();
+        let flight = serde_json::from_slice(&json).unwrap();
         (crate::read_report(&self.path("out")).unwrap().unwrap(), flight, why.into_inner().unwrap())
     }
 }

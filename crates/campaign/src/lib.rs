@@ -85,6 +85,7 @@ pub use line::{DelayLine, LineAlarm, LineSetting};
 pub use manifest::{Manifest, Stage, Why};
 pub use plan::{Desk, Order, STILL_WRITTEN};
 pub use reduce::{Verdict, reduce};
+pub use results::record_beside;
 pub use rows::read_report;
 pub use run::{plan_shards, run};
 pub use s3::is_in_bucket;
@@ -96,4 +97,4 @@ pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
-pub const ANALYSIS_VERSION: u32 = 25;
+pub const ANALYSIS_VERSION: u32 = 26;

@@ -472,8 +472,8 @@ impl Reducer<'_> {
         let mut files = self.write_site(&folder, &site)?;
         if list.is_some() {
             // With settings, verdicts and test cards, where a person looks for it.
-            let name = format!("{folder}/record.json");
-            let kept = self.store.write(&name, &results::text_of(record), Keep::Renewable)?;
+            let name = format!("{folder}/{}", results::RECORD);
+            let kept = self.store.write(&name, &results::beside_page(record), Keep::Renewable)?;
             files.insert(name, kept);
         }
         for name in self.store.list(&folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
@@ -674,7 +674,7 @@ fn defect(path: &str, what: String) -> CampaignError {
 fn is_ours(name: &str) -> bool {
     let mut parts = name.split('/').skip(2);
     match (parts.next(), parts.next(), parts.next()) {
-        (Some("index.html" | "record.json" | "track.parquet" | "figures.zip"), None, _) => true,
+        (Some("index.html" | results::RECORD | "record.json" | "track.parquet" | "figures.zip"), None, _) => true,
         (Some(_), Some(figure), None) => figure.ends_with(".svg") || figure.ends_with(".csv"),
         _ => false,
     }

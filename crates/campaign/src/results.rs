@@ -16,10 +16,13 @@ use record::{ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
 
 /// The compensated track.
 pub(crate) const TRACK: &str = "track.parquet";
-const RECORD: &str = "record.json.gz";
+/// The record of a flight, under its key and beside its page.
+pub(crate) const RECORD: &str = "record.json.gz";
 /// The rows that the flight's page lets a reader zoom into.
 const EXPLORER: &str = "explorer.json";
 /// The points of its figures.
@@ -306,8 +309,20 @@ pub(crate) fn track_of(store: &Store, list: &ResultFiles) -> Result<Result<Optio
 }
 
 /// The record as it is written beside the flight's page: without the points, which the files of the figures hold.
-pub(crate) fn text_of(record: &FlightRecord) -> Vec<u8> {
-    without_points(record.clone()).0.to_json()
+pub(crate) fn beside_page(record: &FlightRecord) -> Vec<u8> {
+    gzip(&without_points(record.clone()).0.to_json())
+}
+
+/// The JSON of the record beside a flight's page, without the points of its figures; `None` if there is none.
+///
+/// # Errors
+/// The file cannot be read, or is no gzip file.
+pub fn record_beside(page: &Path) -> io::Result<Option<Vec<u8>>> {
+    match std::fs::read(page.with_file_name(RECORD)) {
+        Ok(bytes) => gunzip(&bytes, MOST_BYTES).map(Some),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(e) => Err(e),
+    }
 }
 
 fn line_of(value: &impl Serialize) -> Vec<u8> {

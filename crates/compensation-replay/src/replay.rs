@@ -1,7 +1,7 @@
 //! One flight through all compensators.
 
 use crate::curves::{Curves, draw};
-use crate::estimate::{Positions, estimates};
+use crate::estimate::{PAPER, Positions, estimates};
 use crate::explorer::explorer_rows;
 use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
@@ -153,7 +153,8 @@ fn table(input: &Input, rows: &Rows, estimates: &[Positions]) -> Track {
     Track { columns }
 }
 
-/// Height, then latitude and longitude of each estimate.
+/// Height, then latitude and longitude of each estimate but the paper's, which no map shows: north and east from the origin
+/// that the track states say the same.
 fn places(frame: &LocalFrame, input: &Input, rows: &Rows, estimates: &[Positions]) -> Vec<(String, TrackColumn)> {
     let column = |points: &[Option<Geodetic>], value: fn(&Geodetic) -> f64| {
         TrackColumn::F64(points.iter().map(|p| p.as_ref().map(value)).collect())
@@ -163,7 +164,7 @@ fn places(frame: &LocalFrame, input: &Input, rows: &Rows, estimates: &[Positions
         (0..rows.t.len()).map(shown).collect()
     };
     let mut columns = vec![];
-    for estimate in estimates {
+    for estimate in estimates.iter().filter(|e| !e.name.starts_with(PAPER)) {
         let (prefix, points) = (estimate.name.replace('-', "_"), of(estimate));
         if columns.is_empty() {
             columns.push(("height_m".to_owned(), column(&points, |p| p.height)));

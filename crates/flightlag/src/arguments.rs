@@ -63,7 +63,7 @@ Every log below FLIGHTS is a flight; so is a folder that holds one CSV file for 
 read once. Its result is kept in OUT under a name made from log, settings and analysis, so that a second \
 run does only what is new, and says why. A run that was stopped or killed goes on where it was.
 
-In OUT: index.html (open this), flights/NAME/ (page, record.json, track.parquet of each flight), \
+In OUT: index.html (open this), flights/NAME/ (page, figures and record of each flight), \
 flights.csv and flights.parquet (one row for each flight), campaign.json, since-last-run.html and .json \
 (what is new, moved or newly failing, and why), and run.json, the only file that holds the time of day. All but \
 these last three depend on logs, settings and build alone.

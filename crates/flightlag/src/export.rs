@@ -60,7 +60,8 @@ const MOST_HZ: f64 = 1e4;
 
 /// The track of the flight whose page is in this folder: its record names the result that holds it.
 fn track_in(folder: &Path) -> Option<PathBuf> {
-    let record: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("record.json")).ok()?).ok()?;
+    let json = campaign::record_beside(&folder.join("index.html")).ok()??;
+    let record: serde_json::Value = serde_json::from_slice(&json).ok()?;
     let key = record.get("key")?.as_str()?;
     let key = key.bytes().all(|byte| byte.is_ascii_hexdigit()).then_some(key)?;
     Some(folder.canonicalize().ok()?.join("../../by-key").join(key.get(..2)?).join(key).join("track.parquet"))

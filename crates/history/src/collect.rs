@@ -80,14 +80,13 @@ struct LogPart {
 /// The record beside the flight's page; `None` if there is none.
 fn record_part(report: &Path, flight: &FlightRow) -> Result<Option<RecordPart>, HistoryError> {
     let page = report.join(&flight.page);
-    let path = page.with_file_name("record.json");
-    match std::fs::read(&path) {
-        Ok(bytes) => serde_json::from_slice(&bytes)
-            .map(Some)
-            .map_err(|e| HistoryError::Report { path, what: format!("is damaged: {e}") }),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(e) => Err(HistoryError::io(&path, "read", e)),
-    }
+    let damaged = |what: String| HistoryError::Report { path: page.clone(), what };
+    let Some(json) =
+        campaign::record_beside(&page).map_err(|e| damaged(format!("has a record that cannot be read: {e}")))?
+    else {
+        return Ok(None);
+    };
+    serde_json::from_slice(&json).map(Some).map_err(|e| damaged(format!("has a record that is damaged: {e}")))
 }
 
 fn row_of(

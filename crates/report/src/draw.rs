@@ -4,7 +4,9 @@
 //! are done here: it knows only whole pixels, so everything is drawn at [`FINENESS`] times
 //! the size inside a `viewBox`; it cuts a dashed line into thousands of lines, so curves are
 //! written as one `path` each with `stroke-dasharray`; and it repeats absolute coordinates,
-//! so paths are relative and lose the points that no screen can show.
+//! so paths are relative and lose the points that no screen can show. The frame is shortened in [`frame`].
+
+mod frame;
 
 use crate::figure::{Axis, Dimension, Figure, Ground, Line, Mark, Panel, Pen, Shape, Span};
 use crate::text::shown_block;
@@ -187,19 +189,7 @@ fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
         }
         area.present()?;
     }
-    Ok(format!("{}{curves}", lighter(inner(&frame))))
-}
-
-/// Without what plotters says at each element and the outermost one says once, or what is so anyway; its colours as
-/// [`PALETTE`] writes them. Quotes inside text are escaped, so only attributes are touched.
-fn lighter(svg: &str) -> String {
-    let svg = svg.replace(" opacity=\"1\"", "").replace(" font-family=\"sans-serif\"", "");
-    let svg = PALETTE.iter().fold(svg, |svg, (colour, _)| svg.replace(&colour.to_uppercase(), colour));
-    let size =
-        svg.split_once(" font-size=\"").and_then(|(_, rest)| rest.split_once('"')).map_or("24", |(size, _)| size);
-    let usual = [format!(" font-size=\"{size}\""), " fill=\"#1b1f24\"".to_owned()];
-    let inside = usual.iter().fold(svg.clone(), |svg, attribute| svg.replace(attribute, ""));
-    format!("<g{}>{inside}</g>\n", usual.concat())
+    Ok(format!("{}{curves}", frame::lighter(inner(&frame))))
 }
 
 /// What stands between the outermost tags.

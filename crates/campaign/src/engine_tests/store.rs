@@ -46,7 +46,7 @@ fn flip(path: &Path) {
 /// Files that a run keeps, of each kind.
 fn one_of_each_kind(bench: &Bench) -> Vec<PathBuf> {
     let stored = ["record.json.gz", "track.parquet", "measured.json.gz", "lateness.json", "files.json"];
-    let placed = ["flights/b.csv/index.html", "flights/b.csv/record.json"];
+    let placed = ["flights/b.csv/index.html", "flights/b.csv/record.json.gz"];
     let whole = ["flights.csv", "flights.parquet", "flights.jsonl.gz", "index.html", "campaign.json"];
     let of_results = stored.map(|base| bench.stored("b.csv", base));
     of_results.into_iter().chain(placed.iter().chain(&whole).map(|name| bench.out().join(name))).collect()
@@ -166,7 +166,7 @@ fn the_track_is_kept_once_and_the_page_links_to_it() {
     bench.run();
     assert!(!copy.exists());
     // Whoever edits the record beside the page edits no result.
-    let (record, placed) = (bench.stored("b.csv", "record.json.gz"), page.with_file_name("record.json"));
+    let (record, placed) = (bench.stored("b.csv", "record.json.gz"), page.with_file_name("record.json.gz"));
     assert_eq!([&record, &placed].map(|path| fs::metadata(path).unwrap().nlink()), [1, 1]);
     let (result, whole) = (fs::read(&record).unwrap(), fs::read(&placed).unwrap());
     fs::write(&placed, "edited in place").unwrap();
@@ -182,9 +182,11 @@ fn another_title_or_limit_rewrites_pages_and_makes_no_analysis() {
     bench.pipeline = format!("title = \"Spring campaign\"\n{}", bench.pipeline);
     let again = bench.run();
     assert!(again.started().is_empty() && !again.verdict().nothing_changed, "{:?}", again.started());
-    for page in ["index.html", "flights/b.csv/index.html", "flights/b.csv/record.json"] {
+    for page in ["index.html", "flights/b.csv/index.html"] {
         assert!(fs::read_to_string(bench.out().join(page)).unwrap().contains("Spring campaign"), "{page}");
     }
+    let record = crate::record_beside(&bench.out().join("flights/b.csv/index.html")).unwrap().unwrap();
+    assert!(String::from_utf8(record).unwrap().contains("Spring campaign"));
     assert!(bench.run().verdict().nothing_changed);
 }
 

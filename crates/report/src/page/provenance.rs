@@ -20,7 +20,7 @@ pub(super) fn section(page: &FlightPage) -> Markup {
     };
     html! {
         h2 id="provenance" { "Files and provenance" }
-        (files(&["record.json"]))
+        (files(&["record.json.gz"]))
         @if let Some(track) = page.track_href {
             p.note {
                 "The track, raw and compensated: " a href=(href(track)) download="" { "track.parquet" }

@@ -82,7 +82,7 @@ fn the_figure_of_the_bands_is_drawn_below_the_motion() {
         "velocity of this flight",
         "less than a tenth of raw",
         "worse than raw",
-        "\npade-1-1\n",
+        ">pade-1-1</text>",
         "exact-async",
         "frequency (Hz)",
     ] {
