@@ -227,6 +227,9 @@ fn answered(
     out.also = also(over_time);
     out.alarms = alarms::of(&out, network, measured, over_time);
     out.words = words(&out, pair, over_time);
+    if let Some(check) = checked_by_reference(&out, delays) {
+        out.words += &check;
+    }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
     let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::NotTested);
     if let Some(lateness_s) = out.lateness_s().filter(|_| absolute && one_delay) {
@@ -312,6 +315,16 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
     text
 }
 
+/// How late the position is against a reference in the log. It is no datum, so that it can judge what was found without it.
+fn checked_by_reference(out: &FlightLateness, delays: &FlightDelays) -> Option<String> {
+    let relative = out.lateness.as_ref()?.relative_to.is_some() && !out.kind.varies();
+    let position = out.position.as_deref().filter(|_| relative)?;
+    let against = |p: &&PairDelay| p.kind == DelayPairKind::PositionAgainstReference && p.first == position;
+    let pair = delays.pairs.iter().find(against)?;
+    let found = pair.delay.found()?.delay_s;
+    Some(format!(". Against {}, kept as a check, the delay of {position} is {} ms", pair.second, in_ms(&found)))
+}
+
 /// What to fly so that the next log tells what this one does not.
 fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayOverTime>) -> Option<String> {
     if out.lateness.is_some() && out.kind != DelayKind::NotTested {
@@ -346,7 +359,11 @@ fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> De
     let all = autopilot_advice(delay, lateness_s.standard_uncertainty, MeasuredAgainst::Inertial);
     if let Some(p) = all.parameters.iter().find(|p| p.name == wanted) {
         let range = format!("{} takes {} to {} ms", p.name, p.range_ms[0], p.range_ms[1]);
-        let now = stated(wanted).map(|c| format!("it is {:.0} ms in this log", 1e3 * c.value_s));
+        let now = stated(wanted).map(|c| match c.value_s {
+            // ArduPilot's 0 is the delay of the receiver's driver.
+            0.0 if is_ardupilot => "it is 0 in this log, which means automatic".to_owned(),
+            value_s => format!("it is {:.0} ms in this log", 1e3 * value_s),
+        });
         let note = match p.fit {
             ParameterFit::OutOfRange => Some(range),
             ParameterFit::RoundsToAutomatic => Some("0 means automatic".to_owned()),

@@ -44,6 +44,9 @@ const LONGEST_SEARCH_S: f64 = 60.0;
 /// A delay for what is read before the delay is known, s: gaps of velocity are bridged as for the paper's receiver.
 const PROVISIONAL_S: f64 = 0.4;
 
+/// What is said of a number whose source the pipeline does not state.
+const NO_SOURCE: &str = "set in the pipeline, which states no source";
+
 /// A pipeline file is wrong, and where.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
@@ -661,6 +664,11 @@ impl Pipeline {
             velocity_lateness_s: answer::velocity_lateness_s(case.lateness, case.decision),
             ..self.settings(decided.found.delay)
         };
+        // Motion that shows a delay is enough to remove one.
+        let settings = match case.lateness.position_minus_velocity_s.is_some() {
+            true => Settings { min_speed_mps: 0.0, ..settings },
+            false => settings,
+        };
         Ok((settings, decided))
     }
 
@@ -937,6 +945,7 @@ impl Checker<'_> {
         Ok((vec![], MeantDelay::default()))
     }
 
+    /// A number that the pipeline states, with where it comes from.
     fn stated(&self, position_s: &Spanned<f64>, written: &Spanned<WrittenDelay>) -> Result<FixedDelay, Refused> {
         let WrittenDelay { standard_uncertainty_s, source, .. } = written.get_ref();
         let seconds = *position_s.get_ref();
@@ -947,7 +956,7 @@ impl Checker<'_> {
             self.fault(position_s, wrong.unwrap_or_else(only_late))
         });
         let source = match source {
-            None => Err(self.fault(written, "missing key `source` beside position_s")),
+            None => Ok(NO_SOURCE.to_owned()),
             Some(source) if source.get_ref().trim().is_empty() => {
                 Err(self.fault(source, "delay.source must say where the delay comes from"))
             }
@@ -1415,7 +1424,6 @@ mod tests {
         for (delay, says) in [
             ("position_s = 0.4\nsource = \"s\"\ncard = \"shelf/a.card.toml\"", "no more"),
             ("card = \"shelf/a.card.toml\"\ncards = \"shelf\"", "no more"),
-            ("position_s = 0.4", "missing key `source`"),
             ("card = \"shelf/a.card.toml\"\nsource = \"s\"", "comes from the sensor card"),
             ("card = \"shelf/a.card.toml\"\nstandard_uncertainty_s = 0.1", "comes from the sensor card"),
             ("cards = \"shelf\"", "needs [sensor]"),

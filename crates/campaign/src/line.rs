@@ -34,6 +34,8 @@ pub struct DelayLine {
     pub position_minus_velocity_s: Option<f64>,
     /// Its standard uncertainty, s.
     pub position_minus_velocity_u_s: Option<f64>,
+    /// The velocity that compensates it.
+    pub velocity: Option<String>,
     /// Delay that is removed, s.
     pub removed_s: Option<f64>,
     /// Where it comes from; `none` if nothing is removed.
@@ -129,6 +131,7 @@ impl DelayLine {
             datum: channel.and(lateness).map(|l| l.against.clone()).unwrap_or_default(),
             position_minus_velocity_s: relative.map(|e| e.value),
             position_minus_velocity_u_s: relative.and_then(|e| e.standard_uncertainty),
+            velocity: lateness.and_then(|l| l.velocity.clone()),
             removed_s: removed.map(|(delay_s, _)| delay_s),
             removed_from: removed.map_or("none", |(_, used)| used.name()).to_owned(),
             effect: parts.effect.map(|e| effect_name(e.verdict)).unwrap_or_default().to_owned(),

@@ -534,17 +534,17 @@ impl Reducer<'_> {
             let slug = name.strip_prefix("flights/").and_then(|n| n.split('/').next());
             slug.is_some_and(|s| !state.pages.contains_key(s))
         };
-        let mut pages = 0;
+        let mut pages = 0_usize;
         for name in self.store.list("flights").iter().filter(gone) {
             match is_ours(name) {
                 true => self.store.remove(name)?,
                 false => self.store.remove_empty_folder(name),
             }
-            pages += u64::from(name.ends_with("/index.html"));
+            pages += usize::from(name.ends_with("/index.html"));
         }
         if pages > 0 {
             let text = format!(
-                "{pages} pages are removed: their flights are no longer in the folder (their results stay in by-key)"
+                "removed pages of flights that are no longer in the folder: {pages}; their results stay in by-key"
             );
             self.desk.tell(Event::Remark { text });
         }

@@ -150,7 +150,7 @@ fn finished(
     let short = short_by.map_or(String::new(), |ratio| format!(", but {ratio:.1} × short of what was possible"));
     let metres = format!("{} → {} m", error_words(&raw), error_words(&after));
     let words = match (verdict, removed_s) {
-        (_, None) => format!("nothing was removed; the position errs by {} m ({against})", error_words(&raw)),
+        (_, None) => format!("nothing was removed; the position error is {} m ({against})", error_words(&raw)),
         (EffectVerdict::Helped, Some(_)) => format!("helped: {metres} ({against}){short}"),
         (EffectVerdict::Harmed, Some(s)) => {
             format!("harmed: {metres} ({against}). Removing {} made the position worse", ms(s))

@@ -79,8 +79,8 @@ pub enum Refusal {
     },
     /// Standing still, late and on time look alike.
     #[error(
-        "the vehicle does not travel (95 % of ground speeds are below {p95_mps:.2} m/s, the limit is \
-         {limit_mps:.2} m/s); a late position shows only in motion, best in turns"
+        "the vehicle does not travel (95 % of ground speeds are below {p95_mps:.2} m/s; replay.min_speed_mps is {limit_mps:.2} m/s); \
+         a late position shows only in motion, best in turns"
     )]
     NoMotion {
         /// 95th percentile of the ground speed, m/s.

@@ -53,7 +53,7 @@ fn seen(found: &Found, v: &Verdict) -> String {
     if !v.constancy.tested {
         let windows = v.constancy.windows;
         return format!(
-            "Whether the delay changes could not be tested: {windows} of the 8 windows needed know their delay."
+            "Whether the delay changes could not be tested: of the 8 windows needed, {windows} could be measured."
         );
     }
     let (Some(x), Some(between)) = (v.constancy.detectable_s, v.constancy.detectable_between_s) else {

@@ -13,11 +13,11 @@ Exit codes:
   3    finished, but some flights or records failed, lost data, have a delay that changes or a reference file that cannot
        be used, or contradict their rig file
   4    finished, but a flight fails a criterion or was harmed (whether or not 3 holds too)
-  75   not now: try again (another run is at work on the folder, the disk is full, a log is being written)
+  75   busy or temporary failure, try again (another run is at work on the folder, the disk is full, a log is being written)
   130  stopped by Ctrl-C";
 
 const SCHEMA: &str = "\
-Prints the JSON schema of a settings file, or of what programs read.
+Print the JSON schema of a settings file, or of an output that programs read.
 
 An editor that knows TOML completes and checks the keys of a file whose first line names the schema beside it: \
 `flightlag schema pipeline > pipeline.schema.json`, and `#:schema ./pipeline.schema.json` as that line.";
@@ -31,14 +31,14 @@ Exit codes:
   130  stopped by Ctrl-C";
 
 const INSPECT: &str = "\
-Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
+Print what is in a log: topics, timestamps, damage, and which channel map would bind what.
 
 Every byte is accounted for: decoded (holds values that a channel map wants; a compressed chunk counts whole), not wanted \
 (intact as far as checksums tell, but no map asks for it), structure (the container's own: headers, indexes, definitions), damaged. Long lists are cut \
 unless --all is given; --json holds everything.";
 
 const RECOVER: &str = "\
-Writes everything that is good of a damaged log as MCAP, reads it again and compares.
+Write what is intact of a damaged log as MCAP, read it again and compare.
 
 Messages of MCAP, ROS 1 and ROS 2 bags are copied byte for byte, with their definitions, attachments and metadata. Logs \
 whose messages mean nothing elsewhere (ULog, DataFlash, MAVLink, UBX, NMEA, tables of text) become one typed topic each; \
@@ -47,13 +47,13 @@ the time that they say themselves. Metadata `flightlag-recover` in OUT say where
 `log_time` is. An OUT that is the log itself, or no plain file, is refused.";
 
 const EXPORT: &str = "\
-Writes the channels of a log, or its topics as they stand, as Parquet, CSV or MCAP.
+Write the channels of a log, or its topics as logged, as Parquet, CSV or MCAP.
 
 Channels are in SI units, places in degrees; the unit ends a column's name. Stamps are nanoseconds (`..._ns`), and `t_s` \
 seconds since the first. `utc_ns` stands beside a clock that is not UTC, where the log ties the two; in an MCAP the log time \
 is UTC then. Beside the tables stands provenance.json: the log's hash, map, units as written and as logged, clocks and what \
 ties them to UTC, notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part. Topics are written \
-as they stand, but for arrays of any length, which are told. The log itself is never written over. In CSV, a text that a spreadsheet could take for a formula gets an \
+as they are, except arrays of variable length, which are listed. The log itself is never written over. In CSV, a text that a spreadsheet could take for a formula gets an \
 apostrophe in front; numbers stay as they are.";
 
 const CAMPAIGN: &str = "\
@@ -87,7 +87,7 @@ pub(crate) struct GcArguments {
 }
 
 const BENCH: &str = "\
-Records of a swing bench in, a sensor card and pages out.
+Measure a sensor on the swing bench: records in, a sensor card and pages out.
 
 A RECORD is a log that holds the bar's encoder and the sensor, or a folder with one log of the encoder and one \
 of the sensor (found by what channel maps bind), or a folder of such records. All must be of one sensor: they are \
@@ -189,33 +189,33 @@ pub(crate) enum Command {
     /// Compare two reports: what moved, by how many sigma, and because of what.
     #[command(long_about = DIFF, after_help = EXIT_CODES)]
     Diff(DiffArguments),
-    /// Records of a swing bench in, a sensor card and pages out.
+    /// Measure a sensor on the swing bench: records in, a sensor card and pages out.
     #[command(long_about = BENCH, after_help = EXIT_CODES)]
     Bench(Box<BenchArguments>),
-    /// Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
+    /// Print what is in a log: topics, timestamps, damage, and which channel map would bind what.
     #[command(long_about = INSPECT, after_help = EXIT_CODES_OF_A_LOG)]
     Inspect(InspectArguments),
-    /// Writes everything that is good of a damaged log as MCAP, reads it again and reports the counts.
+    /// Write what is intact of a damaged log as MCAP, read it again and report the counts.
     #[command(long_about = RECOVER, after_help = EXIT_CODES_OF_A_LOG)]
     Recover(RecoverArguments),
-    /// Writes the channels of a log, or its topics as they stand, as Parquet, CSV or MCAP.
+    /// Write the channels of a log, or its topics as logged, as Parquet, CSV or MCAP.
     #[command(long_about = EXPORT, after_help = EXIT_CODES_OF_A_LOG)]
     Export(ExportArguments),
-    /// Writes simulated flights and bench records whose truth is known.
+    /// Write simulated flights and bench records whose truth is known.
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
-    /// Writes a compensator as C for the aircraft, says where it helps, and what an autopilot could be told instead.
+    /// Write a compensator as C for the aircraft, and print where it helps and which autopilot parameter does the same.
     #[command(after_help = crate::compensator::names_and(EXIT_CODES))]
     Compensator(CompensatorArguments),
-    /// Lists what criteria can ask of a flight, or checks a criteria file.
+    /// List the metrics that criteria can use, or check a criteria file.
     #[command(after_help = EXIT_CODES)]
     Criteria(CriteriaArguments),
-    /// Explains a code of a notice or an alarm, or lists all codes.
+    /// Explain a code of a notice or an alarm, or list all codes.
     #[command(after_help = EXIT_CODES)]
     Explain(ExplainArguments),
-    /// Lists the channel maps that come with flightlag, or prints one.
+    /// List the channel maps that come with flightlag, or print one.
     Maps(MapsArguments),
-    /// Prints the JSON schema of a settings file, or of what programs read.
+    /// Print the JSON schema of a settings file, or of an output that programs read.
     #[command(long_about = SCHEMA)]
     Schema(SchemaArguments),
     /// Print completions for a shell.
@@ -395,7 +395,7 @@ pub(crate) struct DeskArguments {
     /// Threads; all cores if not given, or what SLURM_CPUS_PER_TASK says.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Events as JSON, one a line, on standard output; nothing else is written there.
+    /// Print events as JSON Lines on standard output, and nothing else.
     #[arg(long)]
     pub(crate) json: bool,
     /// Say nothing but errors.
@@ -453,7 +453,7 @@ pub(crate) enum Step {
         #[command(flatten)]
         desk: DeskArguments,
     },
-    /// Makes tables and pages from the results that are there. Can be run at any time.
+    /// Make tables and pages from the results so far. Can be run at any time.
     Reduce {
         /// The manifest.
         #[arg(long, value_name = "FILE")]
@@ -463,12 +463,12 @@ pub(crate) enum Step {
         #[command(flatten)]
         desk: DeskArguments,
     },
-    /// Says how many flights have a result, from the results alone. Exit 3 if some have none.
+    /// Count the flights that have a result. Exit 3 if some have none.
     Status {
         /// The manifest.
         #[arg(long, value_name = "FILE")]
         manifest: PathBuf,
-        /// As JSON.
+        /// Print JSON.
         #[arg(long)]
         json: bool,
     },
@@ -525,16 +525,16 @@ fn dimension() -> impl TypedValueParser<Value = Dimension> {
 
 #[derive(Debug, Args)]
 pub(crate) struct QueryArguments {
-    /// Rows that count. Default: all.
+    /// Only rows that meet this condition. Default: all.
     #[arg(value_name = "CONDITION")]
     pub(crate) condition: Option<String>,
     /// Folder of the history.
     #[arg(long, value_name = "DIR", default_value = "reports/history")]
     pub(crate) history: PathBuf,
-    /// Columns by which rows are grouped, with commas between.
+    /// Columns to group by, separated by commas.
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     pub(crate) by: Vec<String>,
-    /// Numbers of each group, with commas between. Default: count() with --by, else the rows themselves.
+    /// Aggregates of each group, separated by commas. Default: count() with --by, else the rows themselves.
     #[arg(long, value_name = "AGGREGATES")]
     pub(crate) agg: Option<String>,
     /// Take every row of every run, and not only the latest of each flight.
@@ -616,10 +616,10 @@ pub(crate) struct InspectArguments {
     /// A log, or a folder that holds one flight (a ROS 2 bag; one CSV file for each topic).
     #[arg(value_name = "LOG")]
     pub(crate) log: PathBuf,
-    /// As JSON.
+    /// Print JSON.
     #[arg(long)]
     pub(crate) json: bool,
-    /// Lists everything, however long.
+    /// List everything, however long.
     #[arg(long, conflicts_with = "json")]
     pub(crate) all: bool,
     /// Bind with this channel map.
@@ -638,7 +638,7 @@ pub(crate) struct RecoverArguments {
     /// The MCAP to write. It is there whole or not at all.
     #[arg(value_name = "OUT")]
     pub(crate) out: PathBuf,
-    /// Writes over an OUT that is there.
+    /// Overwrite OUT if it exists.
     #[arg(long)]
     pub(crate) force: bool,
 }
@@ -649,7 +649,7 @@ pub(crate) struct ExportArguments {
     /// flight in a report, or its track.parquet.
     #[arg(value_name = "LOG")]
     pub(crate) log: PathBuf,
-    /// As what.
+    /// Output format.
     #[arg(long, value_enum, value_name = "KIND", default_value = "parquet", default_value_if("track", "true", "kml"))]
     pub(crate) to: ExportKind,
     /// Folder of the tables, or the file. Without it: the log's name with `.parquet` or `.csv.d` (folders), `.export.mcap`,
@@ -665,7 +665,7 @@ pub(crate) struct ExportArguments {
     /// All topics with all fields as they stand in the log, instead of the channels that a map binds.
     #[arg(long)]
     pub(crate) topics: bool,
-    /// Takes the place of an earlier export that is there: its tables go, other files of a folder stay.
+    /// Replace an earlier export: its tables are removed, other files in the folder stay.
     #[arg(long)]
     pub(crate) force: bool,
     /// Bind with this channel map.
@@ -717,7 +717,7 @@ pub(crate) struct CompensatorArguments {
     /// which takes the age of each fix and needs memory for the velocities of that time.
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
-    /// Delay of the position against the velocity, s; positive is late.
+    /// Lateness of the position, s, as `flightlag delay` reports it; positive is late.
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = delay_s)]
     pub(crate) delay_s: f64,
     /// Its standard uncertainty (k = 1), s.
@@ -735,7 +735,7 @@ pub(crate) struct CompensatorArguments {
     /// Single precision; double without it.
     #[arg(long)]
     pub(crate) float: bool,
-    /// What all names in the source begin with, and the files too.
+    /// Prefix of all names in the source and of the files.
     #[arg(long, value_name = "NAME", default_value = "position_delay")]
     pub(crate) prefix: String,
     /// Folder for the two files.
@@ -745,10 +745,10 @@ pub(crate) struct CompensatorArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct CriteriaArguments {
-    /// Checks this file and says what it means.
+    /// Check this file and print what it means.
     #[arg(value_name = "FILE")]
     pub(crate) file: Option<PathBuf>,
-    /// Prints the commented example, as a start for one of your own.
+    /// Print the commented example, as a start for one of your own.
     #[arg(long, conflicts_with = "file")]
     pub(crate) example: bool,
 }
@@ -800,7 +800,7 @@ pub(crate) enum SchemaOf {
 
 #[derive(Debug, Args)]
 pub(crate) struct MapsArguments {
-    /// Prints this map, as a start for one of your own.
+    /// Print this map, as a start for one of your own.
     #[arg(value_name = "NAME")]
     pub(crate) name: Option<String>,
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).

@@ -144,6 +144,7 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
     let mut parts = vec![format!("{} helped", totals.helped)];
     let others = [
         (totals.harmed, "HARMED"),
+        (totals.compensated.saturating_sub(totals.helped + totals.harmed), "with no clear effect"),
         (totals.varying, "with a delay that changes"),
         (totals.uncompensated, "measured with nothing removed"),
         (totals.not_measurable, "not measurable"),

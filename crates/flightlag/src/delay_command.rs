@@ -86,8 +86,8 @@ fn one_flight(line: &DelayLine) -> String {
     row("lateness (k = 2)", lateness(line));
     row("95 % interval", interval(line));
     row("kind", line.kind.clone());
-    row("position - velocity", expanded_ms(line.position_minus_velocity_s, line.position_minus_velocity_u_s));
-    row("removed by default", removed(line));
+    row("position - velocity", position_minus_velocity(line));
+    row("campaign removes", removed(line));
     row("effect", line.effect_words.clone());
     row("data", data(&line.data));
     row("set", settings(&line.set));
@@ -109,26 +109,25 @@ fn is_reference(alarm: &LineAlarm) -> bool {
 fn data(word: &str) -> String {
     match word {
         "whole" => String::new(),
-        "minor-loss" => "minor loss: less than 0.1 % of the log, and no result uses it".to_owned(),
+        "minor-loss" => "minor loss: less than 0.1 % of the log is damaged; `flightlag inspect` says where".to_owned(),
         _ => word.replace('-', " "),
     }
 }
 
 fn groups_text(groups: &[GroupLine]) -> String {
     let mut lines: Vec<String> = vec![];
-    for group in groups {
-        let line = match group.group.as_str() {
-            "" => format!("{} without an answer; see below\n", count(group.flights, "file")),
-            name => {
-                let set = settings(&group.set);
-                let set = if set.is_empty() { set } else { format!("  set {set}\n") };
-                format!("{name}: {}\n{set}", group.words)
-            }
-        };
+    for group in groups.iter().filter(|group| !group.group.is_empty()) {
+        let set = settings(&group.set);
+        let set = if set.is_empty() { set } else { format!("  set {set}\n") };
+        let line = format!("{}: {}\n{set}", group.group, group.words);
         // Groups may differ in what their names do not say.
         if !lines.contains(&line) {
             lines.push(line);
         }
+    }
+    let of_no_group: u64 = groups.iter().filter(|group| group.group.is_empty()).map(|group| group.flights).sum();
+    if of_no_group > 0 {
+        lines.push(format!("{} of no group; see below\n", count(of_no_group, "file")));
     }
     lines.concat()
 }
@@ -189,6 +188,14 @@ fn alarms_text(flights: &[DelayLine]) -> String {
         text += &format!("  and {} more\n", all.len() - MOST_ALARMS);
     }
     text
+}
+
+fn position_minus_velocity(line: &DelayLine) -> String {
+    let value = expanded_ms(line.position_minus_velocity_s, line.position_minus_velocity_u_s);
+    match &line.velocity {
+        Some(velocity) if !value.is_empty() => format!("{value} ms, {velocity}"),
+        _ => value,
+    }
 }
 
 fn lateness(line: &DelayLine) -> String {

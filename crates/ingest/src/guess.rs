@@ -340,7 +340,7 @@ fn unchecked<'l>(
 ) -> Result<Found<'l, Place>, String> {
     let path = &set.first.path;
     if !set.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
-        return Err(format!("{path}: no velocity moves as it does, and its name says more than a position"));
+        return Err(format!("{path}: no velocity fits its motion, and its name says that it is not a plain position"));
     }
     let same = motions.iter().find(|motion| motion.topic == of.table.topic.name).map(|motion| &motion.timing);
     let Some(timing) = same.or(of.timings.first().filter(|timing| timing.is_certain)) else {

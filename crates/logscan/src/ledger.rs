@@ -123,7 +123,7 @@ impl Ledger {
         }
         for tail in &self.tails {
             let text = format!(
-                "{}: tail cut, as when the power goes off. What stands before it was read whole; whether more was recorded, the \
+                "{}: tail cut, as when the power goes off. Everything before it was read; whether more was recorded, the \
                  log does not say",
                 tail.reason
             );

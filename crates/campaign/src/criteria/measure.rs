@@ -27,7 +27,7 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
     let reading = match metric {
         Metric::Lateness => of.lateness(),
         Metric::DelayVaries => of.delay_varies(),
-        Metric::Delay => own().map(delay),
+        Metric::Delay => of.position_delay(),
         Metric::VelocityDelay => of.delay(VelocityAgainstAcceleration).map(delay),
         Metric::DelayAgainstReference => of.delay(PositionAgainstReference).map(delay),
         Metric::VelocityDelayAgainstReference => of.delay(VelocityAgainstReference).map(delay),
@@ -213,6 +213,20 @@ impl<'a> Subject<'a> {
     fn delay(&self, kind: DelayPairKind) -> Result<&'a MeasuredDelay, String> {
         let pair = self.pair(kind)?;
         told(&pair.delay)
+    }
+
+    /// The delay of position against velocity. Of the pair that the answer rests on, the interval is not narrower than the
+    /// answer's, which allows for what the models of the channels leave out.
+    fn position_delay(&self) -> Result<Reading, String> {
+        let pair = self.pair(DelayPairKind::PositionAgainstVelocity)?;
+        let found = told(&pair.delay)?;
+        let of_answer = self.record.lateness.as_ref().filter(|l| {
+            l.position.as_deref() == Some(pair.first.as_str()) && l.velocity.as_deref() == Some(pair.second.as_str())
+        });
+        let half_s = of_answer.and_then(|l| l.position_minus_velocity_s?.standard_uncertainty).map_or(0.0, |u| 2.0 * u);
+        let [low, high] = found.interval_95_s;
+        let value = found.delay_s.value;
+        Ok(Reading::within(found.delay_s, [low.min(value - half_s), high.max(value + half_s)]))
     }
 
     fn score(&self) -> Result<&'a CompensatorScore, String> {

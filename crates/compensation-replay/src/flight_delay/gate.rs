@@ -157,13 +157,14 @@ pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64
     if motion.unsteady >= needed {
         return None;
     }
-    let (fastest, unsteady) = (percentile(speed, 0.99), motion.unsteady);
+    let (fastest, unsteady) = (percentile(speed, 0.95), motion.unsteady);
     let unit = if motion.acceleration { "m/s²" } else { "m/s" };
     Some(if fastest < SLOW_MPS {
         format!(
-            "the vehicle does not travel: 99 % of ground speeds are below {fastest:.2} m/s, and what is not steady in its \
-             motion ({unsteady:.2} {unit}) is not above noise ({needed:.2} {unit} are needed); standing still, late and on \
-             time look alike. Fly a minute of circles at 3 m/s or more"
+            "the vehicle does not travel: 95 % of ground speeds are below {:.2} m/s, and the part of its motion that is not \
+             steady is {unsteady:.2} {unit}, where noise asks for {needed:.2} {unit}; standing still, late and on time look \
+             alike. Fly a minute of circles at 3 m/s or more",
+            fastest.max(0.01)
         )
     } else {
         format!(

@@ -169,7 +169,7 @@ impl Table<'_> {
                 "The number stated in the pipeline is removed. What was measured does not contradict it."
             }
             (None, None) => {
-                "The number stated in the pipeline is removed. No pair of channels of this flight tests it."
+                "The number stated in the pipeline is removed. The delay network of this flight does not test it."
             }
         };
         Choice { contradicted, ..Choice::new(0, RemovedFrom::Stated, Some(stated), text.to_owned()) }
@@ -211,7 +211,9 @@ impl Table<'_> {
     }
 
     fn contradiction(&self, what: &str, number: Estimate) -> Option<String> {
-        words::contradiction(what, number, self.told())
+        let by_others = self.evidence.own.is_none() && self.evidence.others.is_some();
+        let by = if by_others { "other flights of its group" } else { "this flight" };
+        words::contradiction(what, number, (self.told(), by))
     }
 }
 

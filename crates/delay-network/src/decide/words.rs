@@ -67,7 +67,7 @@ pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: Remo
     let done = match source {
         RemovedFrom::Card => "The delay on the sensor card is removed.",
         RemovedFrom::Stated => {
-            "The number stated in the pipeline is removed. No pair of channels of this flight tests it."
+            "The number stated in the pipeline is removed. The delay network of this flight does not test it."
         }
         _ => "Nothing is removed.",
     };
@@ -83,15 +83,15 @@ pub(crate) fn pair(pair: &RelativeLateness) -> String {
     format!("Puts the position where {} is, {late}. The residual is zero by construction.", pair.velocity)
 }
 
-/// What the flights say against a number; `None` if it is within 3 standard uncertainties.
-pub(crate) fn contradiction(what: &str, number: Estimate, told: Option<Estimate>) -> Option<String> {
+/// What the flights say against a number; `None` if it is within 3 standard uncertainties. `by` says whose measurement it is.
+pub(crate) fn contradiction(what: &str, number: Estimate, (told, by): (Option<Estimate>, &str)) -> Option<String> {
     let told = told?;
     let u = told.standard_uncertainty?.hypot(number.standard_uncertainty.unwrap_or(0.0));
     let apart = number.value - told.value;
     (apart.abs() > 3.0 * u).then(|| {
         let side = if apart > 0.0 { "more" } else { "less" };
         format!(
-            "{what}, {} ms, is contradicted: measured is {}. That is {} ms {side}, {:.1} standard uncertainties.",
+            "{what}, {} ms, is contradicted: {by} measured {}. That is {} ms {side}, {:.1} standard uncertainties.",
             ms(number.value),
             with_uncertainty(told),
             ms(apart.abs()),

@@ -4,7 +4,7 @@ use super::forest::{flights_axis, missing_words, newest};
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, pieces, stroke};
 use crate::number;
 use crate::text::label;
-use record::{CampaignDelay, CampaignRecord, EffectVerdict, FlightRow, GroupLateness, PooledSweep};
+use record::{CampaignDelay, CampaignRecord, EffectVerdict, Estimate, FlightRow, GroupLateness, PooledSweep};
 
 /// Error of each flight before and after a delay was removed: what was made worse first.
 pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
@@ -48,16 +48,16 @@ pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
     })
 }
 
-/// `Least error 0.031 m at 203 ms`.
-fn least_words(pooled: &PooledSweep) -> String {
+/// `Least error 0.031 m; the best delay is 203.1 ± 1.2 ms`. The delays of the curve are a grid: the best is that of the
+/// flights' own optima.
+fn least_words(pooled: &PooledSweep, best: Option<&Estimate>) -> String {
     let what = if pooled.against_reference { "error" } else { "step at a fix" };
-    let points = pooled.delay_s.iter().zip(&pooled.rms_m);
-    match points.filter(|(_, m)| is_drawable(**m)).min_by(|a, b| a.1.total_cmp(b.1)) {
-        Some((at_s, m)) => {
-            format!("Least {what} {}\u{a0}m at {}\u{a0}ms", number::significant(*m, 2), number::fixed(1e3 * at_s, 0))
-        }
-        None => "One delay".to_owned(),
-    }
+    let least = pooled.rms_m.iter().filter(|m| is_drawable(**m)).min_by(|a, b| a.total_cmp(b));
+    let Some(least) = least else { return "One delay".to_owned() };
+    let best = best.map_or(String::new(), |s| {
+        format!("; the best delay is {}\u{a0}ms", number::with_uncertainty(&number::scaled(s, 1e3)))
+    });
+    format!("Least {what} {}\u{a0}m{best}", number::significant(*least, 2))
 }
 
 /// The score of the flights of a group over one delay for all of them. `None` without a curve.
@@ -96,7 +96,11 @@ pub(crate) fn valley(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[
     Some(Figure {
         id: id.to_owned(),
         number: 0,
-        title: format!("{} for {}", least_words(pooled), label(&group.group.name)),
+        title: format!(
+            "{}: {}",
+            label(&group.group.name),
+            least_words(pooled, delay.swept.found().map(|d| &d.delay_s))
+        ),
         caption: format!(
             "{what} (2‑D rms, m) over one delay for {}, {}; mean squares weighted by {}.",
             number::counted(pooled.flights, "flight", "flights"),

@@ -221,7 +221,8 @@ fn turn(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
     let smooth = |(n, e): &(Curve, Curve)| -> Vec<(f64, f64)> {
         steps().filter_map(|t| Some((value_at(e, t)?, value_at(n, t)?))).collect()
     };
-    let at = fixes(&raw.0).into_iter().map(|(t, _)| t).collect::<Vec<f64>>();
+    // The first point is the edge of the window, and its fix is older.
+    let at = fixes(&raw.0).into_iter().skip(1).map(|(t, _)| t).collect::<Vec<f64>>();
     let of_raw: Vec<(f64, f64)> = at.iter().filter_map(|&t| Some((held_at(&raw.1, t)?, held_at(&raw.0, t)?))).collect();
     // One tick each second, at the first fix in it.
     let mut ticks: Vec<Vec<(f64, f64)>> = vec![];

@@ -84,7 +84,7 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
         return None;
     }
     let unknown = of.budget.terms.len() - terms.len();
-    let together = if of.budget.total_m.is_some() { "together" } else { "together, at least" };
+    let together = if of.budget.total_m.is_some() { "together" } else { "together, without what is not known" };
     let bar = |row: usize, m: f64| vec![(0.0, row as f64 - 0.3), (m, row as f64 + 0.3)];
     let expected = (0..).zip(&terms).map(|(row, (_, m))| bar(row, *m)).collect();
     let mut names: Vec<String> = terms.iter().map(|(name, _)| name.clone()).collect();

@@ -219,7 +219,9 @@ fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
             @if left_out > 0 { p.note { (number::counted(left_out as u64, "smaller group is", "smaller groups are")) " in campaign.json." } }
             p.note {
                 "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik and Jonkman. \
-                 A flight counts as what it shows of position against velocity, whichever delay was removed from it, or none."
+                 A flight counts as what it shows of position against velocity, whichever delay was removed from it, or none. \
+                 What the models of the channels leave out is the same in all flights: these figures do not contain it, and \
+                 those of the cards above do."
             }
         }
     }
@@ -350,7 +352,7 @@ fn provenance(record: &CampaignRecord) -> Markup {
         (pipeline_details(&record.pipeline))
         h3 { "Make it again" }
         (command_block(&record.command))
-        p.note { "The same logs, settings and versions give the same bytes, whatever the number of threads." }
+        p.note { "Run it in the folder that holds what it names. The same logs, settings and versions give the same bytes, whatever the number of threads." }
         (files(&["campaign.json", "flights.csv", "flights.parquet", "run.json"]))
     }
 }

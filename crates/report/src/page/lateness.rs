@@ -127,7 +127,7 @@ fn held(record: &FlightRecord, effect: &Effect) -> Markup {
     html! {
         @if let (Some(held), Some(fresh)) = (held_m, fresh_m) {
             @if held.value > 1.05 * fresh.value {
-                span.note { " This is at the fixes. Held until the next fix, the raw position errs by " (estimate(&held)) "\u{a0}m." }
+                span.note { " This is at the fixes. Held until the next fix, the raw position is off by " (estimate(&held)) "\u{a0}m." }
             }
         }
     }
@@ -196,8 +196,10 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
                 }
                 @if decision.circular { " The delay was found in this flight, so what is left says nothing of whether it is right." }
             }
-            (None, Outcome::NotMeasurable { .. } | Outcome::Failed { .. }) if decision.delay_s.is_some() => {
-                "Nothing removed: this flight was not replayed."
+            (None, Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason })
+                if decision.used.is_some() =>
+            {
+                b { "Nothing." } " " (ended(&capitalised(reason)))
             }
             (None, _) => { b { "Nothing." } " " (ended(decision.words.trim_end_matches(" Nothing is removed."))) }
         }

@@ -33,7 +33,7 @@ pub(super) fn section(page: &FlightPage) -> Markup {
         (pipeline_details(&record.pipeline))
         h3 { "Make it again" }
         (command_block(page.command))
-        p.note { "The same logs, settings and versions give the same bytes." }
+        p.note { "Run it in the folder that holds what it names. The same logs, settings and versions give the same bytes." }
     }
 }
 

@@ -320,7 +320,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
         tr {
             th scope="row" { "Together, √Σ" }
             @for c in columns { td.n { (together(&c.budget)) } }
-            td.any { "terms are taken as independent; “at least” where one of them is not known" }
+            td.any { "terms are taken as independent; “from the others” where one of them is not known" }
         }
         tr {
             th scope="row" { "Measured against the reference" }
@@ -343,7 +343,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
 fn together(budget: &ErrorBudget) -> Markup {
     match budget.total_m {
         Some(total_m) => html! { b { (plain(total_m, 3)) } },
-        None => html! { span title="a term is not known" { "at least " (plain(budget.known_m, 3)) } },
+        None => html! { span title="a term is not known" { (plain(budget.known_m, 3)) " from the others" } },
     }
 }
 

@@ -136,7 +136,7 @@ fn of_a_flight_that_was_not_replayed_nothing_was_removed() {
         ..record()
     };
     let text = top(&parked);
-    assert!(text.contains("Nothing removed") && !text.contains("Removed 400"), "{text}");
+    assert!(text.contains("RemovedNothing. The vehicle does not travel.") && !text.contains("Removed 400"), "{text}");
 }
 
 #[test]

@@ -147,7 +147,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let outliers: Vec<&FlightRow> = rows.iter().filter(|r| group.outliers.contains(&r.flight)).copied().collect();
     html! {
         (number::counted(group.flights, "flight", "flights"))
-        @if group.lateness_s.is_some() { ", " (number::count(group.pooled)) @if group.pooled == 1 { " tells it" } @else { " tell it" } }
+        @if group.lateness_s.is_some() { ", " (number::count(group.pooled)) " measured it" }
         @if let Some(words) = &group.split { ": " (ended(words)) }
         @else {
             @if let Some(test) = &group.difference {

@@ -112,7 +112,7 @@ fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Rea
     html! {
         div.scroll.tall tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
-                caption { "One row for each flight, the gravest first; ± is U with k = 2. —: not available." }
+                caption { "One row for each flight, the gravest first; ± is U with k = 2, and a blue bar shows it on one scale. —: not available." }
                 thead { tr { @for column in head(judged, alarmed) { (column) } } }
                 tbody { @for of in rows { (row(of)) } }
             }

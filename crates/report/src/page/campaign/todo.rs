@@ -64,7 +64,9 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
     let median = |k: usize| {
         let mut all: Vec<f64> = errors.iter().map(|e| e[k]).collect();
         all.sort_unstable_by(f64::total_cmp);
-        all.get(all.len() / 2).copied()
+        // Of an even number the mean of the two in the middle.
+        let (low, high) = (all.get(all.len().wrapping_sub(1) / 2)?, all.get(all.len() / 2)?);
+        Some((low + high) / 2.0)
     };
     let metres = median(0).zip(median(1)).filter(|(now, then)| then < now);
     let what = html! {
