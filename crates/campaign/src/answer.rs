@@ -315,9 +315,10 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
     text
 }
 
-/// How late the position is against a reference in the log. It is no datum, so that it can judge what was found without it.
+/// How late the position is against a reference in the log. It is no datum, so that it can judge what was found without it. A
+/// reference file has a line of its own, and its clock may not be that of the log.
 fn checked_by_reference(out: &FlightLateness, delays: &FlightDelays) -> Option<String> {
-    let relative = out.lateness.as_ref()?.relative_to.is_some() && !out.kind.varies();
+    let relative = out.lateness.as_ref()?.relative_to.is_some() && !out.kind.varies() && out.reference_file.is_none();
     let position = out.position.as_deref().filter(|_| relative)?;
     let against = |p: &&PairDelay| p.kind == DelayPairKind::PositionAgainstReference && p.first == position;
     let pair = delays.pairs.iter().find(against)?;

@@ -389,6 +389,20 @@ fn a_verdict_follows_from_interval_and_limit_in_the_unit_of_the_file() {
 }
 
 #[test]
+fn the_delay_is_judged_with_the_uncertainty_of_the_answer_where_that_is_wider() {
+    let mut json = record_json();
+    json["lateness"]["position_minus_velocity_s"] = estimate(0.402, 0.02);
+    let record: FlightRecord = serde_json::from_value(json).unwrap();
+    // The pair has 0.379 to 0.421; U of the answer is 2 · 0.02.
+    let finding = judged(&one("delay", "at_most = \"421 ms\""), &record);
+    assert_eq!(finding.verdict, CriterionVerdict::Inconclusive);
+    let finding = judged(&one("delay", "at_most = \"440 ms\""), &record);
+    assert_eq!((finding.verdict, finding.value.unwrap().value), (CriterionVerdict::Pass, 0.4));
+    let other = judged(&one("delay", "at_most = \"521 ms\"\nchannel = \"position.ins\""), &record);
+    assert_eq!(other.verdict, CriterionVerdict::Pass, "the answer does not rest on this pair");
+}
+
+#[test]
 fn another_pair_is_judged_where_the_criterion_names_it() {
     let record = record();
     let of = |keys: &str| judged(&one("delay", &format!("at_most = \"1 s\"\n{keys}")), &record);

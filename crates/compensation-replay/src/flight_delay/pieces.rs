@@ -144,6 +144,38 @@ fn stretch_of(first: &Horizontal, stretches: &[Stretch], delay_s: f64) -> Vec<Op
         .collect()
 }
 
+/// What began the `k`-th piece of a stretch, in words; nothing for the first of all.
+fn begun_by(k: usize, stretch: usize, stretches: &[Stretch], names: &Names) -> String {
+    match (k, stretch) {
+        (0, 0) => String::new(),
+        (0, s) => {
+            let gap = stretches[s][0].span().0 - stretches[s - 1][0].span().1;
+            format!("a gap of {gap:.3} s in {} (or a jump of its clock)", names.second)
+        }
+        _ => format!("a reset of {}", names.first),
+    }
+}
+
+/// Samples that jump away, samples in which both channels contradict each other, and resets.
+fn say_what_was_cut((glitches, wild, resets): (u64, u64, u64), names: &Names, notices: &mut Notices) {
+    if glitches > 0 {
+        let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
+        notices.push(Code::SamplesLeftOut, names.first, glitches, text);
+    }
+    if wild > 0 {
+        let text = format!(
+            "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver has \
+             settled: left out",
+            names.first, names.second
+        );
+        notices.push(Code::SamplesLeftOut, names.first, wild, text);
+    }
+    if resets > 0 {
+        let text = format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
+        notices.push(Code::RecordSplit, names.first, resets, text);
+    }
+}
+
 /// Cuts the first channel into pieces about the delay `delay_s`; every cut and every sample left out is said.
 pub(crate) fn pieces(
     prepared: &Prepared,
@@ -189,33 +221,11 @@ pub(crate) fn pieces(
         cuts.push(rows.len());
         for (k, cut) in cuts.windows(2).enumerate() {
             let kept: Vec<usize> = (cut[0]..cut[1]).filter(|&r| !away[r]).map(|r| rows[r]).collect();
-            let begun_by = match (k, stretch) {
-                (0, 0) => String::new(),
-                (0, s) => {
-                    let gap = references[0].span().0 - stretches[s - 1][0].span().1;
-                    format!("a gap of {gap:.3} s in {} (or a jump of its clock)", names.second)
-                }
-                _ => format!("a reset of {}", names.first),
-            };
+            let begun_by = begun_by(k, stretch, stretches, names);
             out.push(Piece { rows: kept, stretch, begun_by });
         }
     }
-    if glitches > 0 {
-        let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
-        notices.push(Code::SamplesLeftOut, names.first, glitches, text);
-    }
-    if wild > 0 {
-        let text = format!(
-            "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver has \
-             settled: left out",
-            names.first, names.second
-        );
-        notices.push(Code::SamplesLeftOut, names.first, wild, text);
-    }
-    if resets > 0 {
-        let text = format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
-        notices.push(Code::RecordSplit, names.first, resets, text);
-    }
+    say_what_was_cut((glitches, wild, resets), names, notices);
     if stretches.len() > 1 {
         let cuts = stretches.len() as u64 - 1;
         let text = format!(

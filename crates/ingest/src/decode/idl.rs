@@ -362,18 +362,10 @@ impl<'t> Parser<'t> {
         self.annotations()?;
         let name = self.name()?;
         let kind = |number| Type::Plain(Kind::Number(number));
+        if let Some(number) = number_called(name) {
+            return Ok(kind(number));
+        }
         Ok(match name {
-            "boolean" => kind(Number::Bool),
-            "octet" | "char" | "uint8" => kind(Number::U8),
-            "int8" => kind(Number::I8),
-            "short" | "int16" => kind(Number::I16),
-            "uint16" | "wchar" => kind(Number::U16),
-            "int32" => kind(Number::I32),
-            "uint32" => kind(Number::U32),
-            "int64" => kind(Number::I64),
-            "uint64" => kind(Number::U64),
-            "float" => kind(Number::F32),
-            "double" => kind(Number::F64),
             "long" => match self.peek() {
                 Some(Token::Word("long")) => {
                     self.at += 1;
@@ -503,6 +495,24 @@ impl Builder<'_> {
         self.messages.push(Message { name: "array".to_owned(), fields: vec![field] });
         Ok(Kind::Message(self.messages.len() - 1))
     }
+}
+
+/// The number that one word names.
+fn number_called(name: &str) -> Option<Number> {
+    Some(match name {
+        "boolean" => Number::Bool,
+        "octet" | "char" | "uint8" => Number::U8,
+        "int8" => Number::I8,
+        "short" | "int16" => Number::I16,
+        "uint16" | "wchar" => Number::U16,
+        "int32" => Number::I32,
+        "uint32" => Number::U32,
+        "int64" => Number::I64,
+        "uint64" => Number::U64,
+        "float" => Number::F32,
+        "double" => Number::F64,
+        _ => return None,
+    })
 }
 
 #[cfg(test)]

@@ -23,8 +23,8 @@ use self::content::{
 use self::pages::Pages;
 use self::tree::Cell;
 use self::wal::{Beside, Wal};
-use self::walk::{Leaf, Walk};
-use crate::decode::{Definition, Route, Topics};
+use self::walk::{Leaf, Lost, Walk};
+use crate::decode::{Definition, Route, Tally, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
@@ -282,41 +282,9 @@ fn read_database(
     if tail.1 > 0 {
         ledger.damaged(&name, tail.0, tail.1, "the file ends inside a page");
     }
-    let mut raise = |code: Code, count, text: &str| {
-        if count > 0 {
-            notices.push(code, name.as_str(), count, text);
-        }
-    };
-    let text = "the file was cut: the database has more pages than there are in it";
-    raise(Code::Corrupt, lost.missing_pages, text);
-    let text =
-        "the database leads to pages that are nowhere: what was on them is missing, unless it was found elsewhere";
-    raise(Code::Corrupt, if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
-    raise(Code::Corrupt, lost.bad_rows, "rows that cannot be read");
-    let text =
-        "pages hold rows that belong elsewhere: what belongs there is missing, unless it was found on other pages";
-    raise(Code::Corrupt, lost.misplaced_pages, text);
-    let text = format!("messages that belong to no known topic; the first: {}", unplaced.first);
-    raise(Code::UnknownChannel, unplaced.count, &text);
-    let text = format!("messages whose compression is broken; the first: {}", packed.first);
-    raise(Code::Undecodable, packed.count, &text);
-    let text = "pages of messages that nothing leads to any more were found by their look, and read";
-    raise(Code::ReadLeniently, lost.found_pages, text);
-    let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
-    raise(Code::ReadLeniently, lost.copies, text);
-    let text = "rows whose numbers do not follow each other were read as they stand";
-    raise(Code::ReadLeniently, lost.misnumbered, text);
-    let text = "the database does not know which of its pages are unused; those in use were read";
-    raise(Code::ReadLeniently, contested.max(lost.spare_pages.into()), text);
-    if found == 0 && tables.columns.is_none() {
-        let text = match write_ahead {
-            true => {
-                "there is no table of messages: its recorder kept a write-ahead log (-wal), which belongs beside it"
-            }
-            false => "there is no table of messages: is this a ROS 2 bag?",
-        };
-        raise(Code::IncompleteFile, 1, text);
-    }
+    let has_messages = found > 0 || tables.columns.is_some();
+    let all = Losses { lost: &lost, unplaced: &unplaced, packed: &packed, contested, has_messages, write_ahead };
+    all.report(&name, notices);
     Ok(unplaced.count + packed.count)
 }
 
@@ -355,6 +323,87 @@ impl Listed {
     }
 }
 
+/// What was lost of a database, or read without trust.
+struct Losses<'l> {
+    lost: &'l Lost,
+    unplaced: &'l Tally,
+    packed: &'l Tally,
+    contested: u64,
+    has_messages: bool,
+    write_ahead: bool,
+}
+
+impl Losses<'_> {
+    fn report(&self, name: &str, notices: &mut Notices) {
+        let Losses { lost, unplaced, packed, .. } = self;
+        let mut raise = |code: Code, count: u64, text: &str| {
+            if count > 0 {
+                notices.push(code, name, count, text);
+            }
+        };
+        let text = "the file was cut: the database has more pages than there are in it";
+        raise(Code::Corrupt, lost.missing_pages, text);
+        let text =
+            "the database leads to pages that are nowhere: what was on them is missing, unless it was found elsewhere";
+        raise(Code::Corrupt, if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
+        raise(Code::Corrupt, lost.bad_rows, "rows that cannot be read");
+        let text =
+            "pages hold rows that belong elsewhere: what belongs there is missing, unless it was found on other pages";
+        raise(Code::Corrupt, lost.misplaced_pages, text);
+        let text = format!("messages that belong to no known topic; the first: {}", unplaced.first);
+        raise(Code::UnknownChannel, unplaced.count, &text);
+        let text = format!("messages whose compression is broken; the first: {}", packed.first);
+        raise(Code::Undecodable, packed.count, &text);
+        let text = "pages of messages that nothing leads to any more were found by their look, and read";
+        raise(Code::ReadLeniently, lost.found_pages, text);
+        let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
+        raise(Code::ReadLeniently, lost.copies, text);
+        let text = "rows whose numbers do not follow each other were read as they stand";
+        raise(Code::ReadLeniently, lost.misnumbered, text);
+        let text = "the database does not know which of its pages are unused; those in use were read";
+        raise(Code::ReadLeniently, self.contested.max(lost.spare_pages.into()), text);
+        let text = match self.write_ahead {
+            true => {
+                "there is no table of messages: its recorder kept a write-ahead log (-wal), which belongs beside it"
+            }
+            false => "there is no table of messages: is this a ROS 2 bag?",
+        };
+        raise(Code::IncompleteFile, u64::from(!self.has_messages), text);
+    }
+}
+
+/// Takes the leaves of one of our tables, if its tree holds no other.
+fn claim(walk: &mut Walk<'_, '_>, listed: &Listed, tables: &mut Tables) -> Result<(), IngestError> {
+    let root = listed.root;
+    let columns = if listed.is("messages") { MessageColumns::of(&listed.sql) } else { None };
+    let usual = columns.unwrap_or(MessageColumns::USUAL);
+    let is_message = |cell: &Cell<'_>| usual.fit(cell);
+    if listed.is("messages") {
+        tables.columns = tables.columns.or(columns);
+        match walk.is_like(root, &is_message)? {
+            Some(false) => walk.is_elsewhere(),
+            _ => tables.messages.extend(walk.leaves(root, true)?),
+        }
+        return Ok(());
+    }
+    let is_topics = listed.is("topics");
+    let sql = if is_topics { &mut tables.topics_sql } else { &mut tables.definitions_sql };
+    sql.clone_from(&listed.sql);
+    let known = Columns::of(tables);
+    let texts = if is_topics { known.topics.texts() } else { known.definitions.texts() };
+    // By what the other table holds in its third column.
+    let third = if is_topics { is_encoding } else { is_type };
+    let is_other = |cell: &Cell<'_>| is_message(cell) || texts == [1, 2] && looks_like_text(cell, third);
+    match walk.is_like(root, &is_other)? {
+        Some(true) => walk.is_elsewhere(),
+        _ => {
+            let leaves = walk.leaves(root, true)?;
+            if is_topics { tables.topics.extend(leaves) } else { tables.definitions.extend(leaves) }
+        }
+    }
+    Ok(())
+}
+
 /// The trees that the first table lists.
 fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, IngestError> {
     let first = walk.leaves(1, true)?;
@@ -368,42 +417,16 @@ fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, Ingest
     // No two of them have one.
     let mut roots = HashSet::new();
     // What is ours is claimed first, by what it is: a root may lead to the tree of another table.
-    let is_topic = |cell: &Cell<'_>| looks_like_text(cell, is_type);
-    let is_definition = |cell: &Cell<'_>| looks_like_text(cell, is_encoding);
     for listed in &ours {
-        let root = listed.root;
-        let columns = if listed.is("messages") { MessageColumns::of(&listed.sql) } else { None };
-        let usual = columns.unwrap_or(MessageColumns::USUAL);
-        let is_message = |cell: &Cell<'_>| usual.fit(cell);
-        if root == 0 || !roots.insert(root) {
+        if listed.root == 0 || !roots.insert(listed.root) {
             walk.is_elsewhere();
-        } else if walk.is_index(root)? {
+        } else if walk.is_index(listed.root)? {
             match listed.has_row_numbers() {
                 true => walk.is_elsewhere(),
-                false => indexes.push(root),
-            }
-        } else if listed.is("messages") {
-            tables.columns = tables.columns.or(columns);
-            match walk.is_like(root, &is_message)? {
-                Some(false) => walk.is_elsewhere(),
-                _ => tables.messages.extend(walk.leaves(root, true)?),
-            }
-        } else if listed.is("topics") {
-            tables.topics_sql.clone_from(&listed.sql);
-            let is_as_usual = Columns::of(&tables).topics.texts() == [1, 2];
-            let is_other = |cell: &Cell<'_>| is_message(cell) || is_as_usual && is_definition(cell);
-            match walk.is_like(root, &is_other)? {
-                Some(true) => walk.is_elsewhere(),
-                _ => tables.topics.extend(walk.leaves(root, true)?),
+                false => indexes.push(listed.root),
             }
         } else {
-            tables.definitions_sql.clone_from(&listed.sql);
-            let is_as_usual = Columns::of(&tables).definitions.texts() == [1, 2];
-            let is_other = |cell: &Cell<'_>| is_message(cell) || is_as_usual && is_topic(cell);
-            match walk.is_like(root, &is_other)? {
-                Some(true) => walk.is_elsewhere(),
-                _ => tables.definitions.extend(walk.leaves(root, true)?),
-            }
+            claim(walk, listed, &mut tables)?;
         }
     }
     for listed in others {

@@ -264,6 +264,33 @@ fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
     if delimiter != b',' && certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
 }
 
+/// The line that says the units of the columns.
+fn units_below<'s>(
+    header: Option<&'s Sampled>,
+    before_data: &[&'s Sampled],
+    comments: &[&'s Sampled],
+    (rows, width, decimal): (&[&'s Sampled], usize, Decimal),
+) -> Option<&'s Sampled> {
+    let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
+    let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
+    // What a remark says above the header is not of its columns, unless it says units.
+    let is_below = |c: &Sampled| header.is_some_and(|h| h.comment || c.line > h.line);
+    let no_row = |c: &&Sampled| !c.has_number(decimal);
+    let says = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
+    let comments = || comments.iter().copied();
+    let units = units.or_else(|| comments().rfind(says));
+    let units = units.or_else(|| {
+        let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
+        // The header may stand again between the rows, with the units behind it.
+        let is_header = |r: &Sampled| header.is_some_and(|h| h.fields == r.fields);
+        let again = |before: &Sampled, r: &Sampled| is_header(r) || (is_header(before) && r.fields == below.fields);
+        let pairs = rows.iter().zip(rows.iter().skip(1)).filter(|(_, r)| r.line > below.line);
+        let data: Vec<&Sampled> = pairs.filter(|(before, r)| !again(before, r)).map(|(_, r)| *r).collect();
+        below.describes(&data, width, decimal).then_some(below)
+    });
+    units.or_else(|| comments().filter(no_row).rfind(|c| is_other(c)))
+}
+
 /// The layout with one delimiter, and how many records agree with it. `None` if it makes no table.
 fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     let rows: Vec<&Sampled> = sample.iter().filter(|s| !s.comment).collect();
@@ -283,23 +310,8 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     let data_line = data_at.and_then(|i| rows.get(i)).map_or(u64::MAX, |r| r.line);
     let comments = || sample.iter().filter(|s| s.comment && s.line < data_line && fits_width(&s.fields, width, &rows));
     let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns(decimal)));
-    let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
-    let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
-    // What a remark says above the header is not of its columns, unless it says units.
-    let is_below = |c: &Sampled| header.is_some_and(|h| h.comment || c.line > h.line);
-    let no_row = |c: &&Sampled| !c.has_number(decimal);
-    let says = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
-    let units = units.or_else(|| comments().rfind(says));
-    let units = units.or_else(|| {
-        let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
-        // The header may stand again between the rows, with the units behind it.
-        let is_header = |r: &Sampled| header.is_some_and(|h| h.fields == r.fields);
-        let again = |before: &Sampled, r: &Sampled| is_header(r) || (is_header(before) && r.fields == below.fields);
-        let pairs = rows.iter().zip(rows.iter().skip(1)).filter(|(_, r)| r.line > below.line);
-        let data: Vec<&Sampled> = pairs.filter(|(before, r)| !again(before, r)).map(|(_, r)| *r).collect();
-        below.describes(&data, width, decimal).then_some(below)
-    });
-    let units = units.or_else(|| comments().filter(no_row).rfind(|c| is_other(c)));
+    let comments: Vec<&Sampled> = comments().collect();
+    let units = units_below(header, before_data, &comments, (&rows, width, decimal));
     let last_before = [header, units].into_iter().flatten().map(|s| s.line).max().unwrap_or(0);
     let mut named = header.map_or_else(|| vec![String::new(); width], |h| h.fields.clone());
     // A delimiter at the end of the lines makes no column.

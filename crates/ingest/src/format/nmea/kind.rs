@@ -2,6 +2,7 @@
 
 use super::sentence::{Sentence, degrees, plain};
 use crate::decode::cells::{CellKind, CellLayout};
+use Value::{Degrees, EllipsoidHeight, HasMode, Height, Hypotenuse, Number, Status, Valid};
 use std::fmt::Write;
 
 /// Columns that every sentence has: UTC, time since the first sentence, and when the logger had it, ns.
@@ -28,6 +29,74 @@ enum Value {
     Status(&'static str, usize),
 }
 
+const GGA: [Value; 9] = [
+    Degrees("latitude", 2),
+    Degrees("longitude", 4),
+    Number("quality", 6),
+    Number("satellites", 7),
+    Number("hdop", 8),
+    Number("altitude", 9),
+    Number("separation", 11),
+    Height("height", 9, 11),
+    Number("age", 13),
+];
+
+const GNS: [Value; 9] = [
+    Degrees("latitude", 2),
+    Degrees("longitude", 4),
+    HasMode("valid", 6),
+    Number("satellites", 7),
+    Number("hdop", 8),
+    Number("altitude", 9),
+    Number("separation", 10),
+    Height("height", 9, 10),
+    Number("age", 11),
+];
+
+const RMC: [Value; 5] =
+    [Valid("valid", 2), Degrees("latitude", 3), Degrees("longitude", 5), Number("speed", 7), Number("track", 8)];
+
+const GST: [Value; 4] = [
+    Number("latitude_std", 6),
+    Number("longitude_std", 7),
+    Number("altitude_std", 8),
+    Hypotenuse("horizontal_std", 6, 7),
+];
+
+const PUBX_00: [Value; 12] = [
+    Degrees("latitude", 3),
+    Degrees("longitude", 5),
+    Number("height", 7),
+    Status("fix", 8),
+    Number("horizontal_accuracy", 9),
+    Number("vertical_accuracy", 10),
+    Number("speed_kmh", 11),
+    Number("track", 12),
+    Number("down", 13),
+    Number("age", 14),
+    Number("hdop", 15),
+    Number("satellites", 18),
+];
+
+const PTNL_GGK: [Value; 6] = [
+    Degrees("latitude", 4),
+    Degrees("longitude", 6),
+    Number("quality", 8),
+    Number("satellites", 9),
+    Number("dop", 10),
+    EllipsoidHeight("height", 11),
+];
+
+const PASHR: [Value; 7] = [
+    Number("heading", 2),
+    Number("roll", 4),
+    Number("pitch", 5),
+    Number("heave", 6),
+    Number("roll_std", 7),
+    Number("pitch_std", 8),
+    Number("heading_std", 9),
+];
+
 /// What is read of a type of sentences.
 pub(super) struct Kind {
     /// Field of the time of day; `None` for a type without.
@@ -38,101 +107,20 @@ pub(super) struct Kind {
 impl Kind {
     /// By the type in the address; `None` for one that is counted and not read.
     pub(super) fn of(name: &str) -> Option<Kind> {
-        use Value::{Degrees, EllipsoidHeight, HasMode, Height, Hypotenuse, Number, Status, Valid};
         let kind = |time, values| Some(Kind { time, values });
         match name {
-            "GGA" => kind(
-                Some(1),
-                &[
-                    Degrees("latitude", 2),
-                    Degrees("longitude", 4),
-                    Number("quality", 6),
-                    Number("satellites", 7),
-                    Number("hdop", 8),
-                    Number("altitude", 9),
-                    Number("separation", 11),
-                    Height("height", 9, 11),
-                    Number("age", 13),
-                ],
-            ),
-            "GNS" => kind(
-                Some(1),
-                &[
-                    Degrees("latitude", 2),
-                    Degrees("longitude", 4),
-                    HasMode("valid", 6),
-                    Number("satellites", 7),
-                    Number("hdop", 8),
-                    Number("altitude", 9),
-                    Number("separation", 10),
-                    Height("height", 9, 10),
-                    Number("age", 11),
-                ],
-            ),
-            "RMC" => kind(
-                Some(1),
-                &[
-                    Valid("valid", 2),
-                    Degrees("latitude", 3),
-                    Degrees("longitude", 5),
-                    Number("speed", 7),
-                    Number("track", 8),
-                ],
-            ),
+            "GGA" => kind(Some(1), &GGA),
+            "GNS" => kind(Some(1), &GNS),
+            "RMC" => kind(Some(1), &RMC),
             "GLL" => kind(Some(5), &[Degrees("latitude", 1), Degrees("longitude", 3), Valid("valid", 6)]),
             "VTG" => kind(None, &[Number("track", 1), Number("speed", 5), HasMode("valid", 9)]),
             "ZDA" => kind(Some(1), &[Number("day", 2), Number("month", 3), Number("year", 4)]),
             "HDT" => kind(None, &[Number("heading", 1)]),
-            "GST" => kind(
-                Some(1),
-                &[
-                    Number("latitude_std", 6),
-                    Number("longitude_std", 7),
-                    Number("altitude_std", 8),
-                    Hypotenuse("horizontal_std", 6, 7),
-                ],
-            ),
-            "PUBX,00" => kind(
-                Some(2),
-                &[
-                    Degrees("latitude", 3),
-                    Degrees("longitude", 5),
-                    Number("height", 7),
-                    Status("fix", 8),
-                    Number("horizontal_accuracy", 9),
-                    Number("vertical_accuracy", 10),
-                    Number("speed_kmh", 11),
-                    Number("track", 12),
-                    Number("down", 13),
-                    Number("age", 14),
-                    Number("hdop", 15),
-                    Number("satellites", 18),
-                ],
-            ),
+            "GST" => kind(Some(1), &GST),
+            "PUBX,00" => kind(Some(2), &PUBX_00),
             "PUBX,04" => kind(Some(2), &[Number("utc_tow", 4), Number("utc_week", 5)]),
-            "PTNL,GGK" => kind(
-                Some(2),
-                &[
-                    Degrees("latitude", 4),
-                    Degrees("longitude", 6),
-                    Number("quality", 8),
-                    Number("satellites", 9),
-                    Number("dop", 10),
-                    EllipsoidHeight("height", 11),
-                ],
-            ),
-            "PASHR" => kind(
-                Some(1),
-                &[
-                    Number("heading", 2),
-                    Number("roll", 4),
-                    Number("pitch", 5),
-                    Number("heave", 6),
-                    Number("roll_std", 7),
-                    Number("pitch_std", 8),
-                    Number("heading_std", 9),
-                ],
-            ),
+            "PTNL,GGK" => kind(Some(2), &PTNL_GGK),
+            "PASHR" => kind(Some(1), &PASHR),
             _ => None,
         }
     }

@@ -75,14 +75,7 @@ impl Receiver {
             "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => drop(self.learn_date(read, 12, itow_ms)),
             _ => {}
         }
-        let is_timed = match message.name {
-            "NAV-TIMEGPS" => Some(read.u8(11) & 2 != 0),
-            "NAV-SOL" => Some(read.u8(11) & 0xc == 0xc),
-            "NAV-PVT" | "NAV2-PVT" | "HNR-PVT" => Some(read.u8(11) & 3 == 3),
-            "NAV-PVAT" => Some(read.u8(5) & 3 == 3),
-            "NAV-TIMEUTC" => Some(read.u8(19) & 3 == 3),
-            _ => None,
-        };
+        let is_timed = is_timed(message.name, read);
         self.is_untimed = !is_timed.unwrap_or(!self.is_untimed);
         self.is_untimed_run |= self.is_untimed;
         if let Some(place) = place_of(message.name, read).filter(|_| payload.len() >= message.shortest) {
@@ -96,24 +89,8 @@ impl Receiver {
         Derived {
             week: u16::try_from(week).unwrap_or(0),
             tow_ms: u32::try_from(tow_ms).unwrap_or(0),
-            fix_ok: match message.name {
-                "NAV-PVT" | "NAV2-PVT" => read.u8(21) & 1 != 0,
-                "NAV-PVAT" => read.u8(25) & 1 != 0,
-                "HNR-PVT" => read.u8(17) & 1 != 0,
-                "NAV-SOL" => read.u8(11) & 1 != 0,
-                "NAV-STATUS" => read.u8(5) & 1 != 0,
-                // Bit 0 says that the position is invalid.
-                "NAV-HPPOSLLH" => read.u8(3) & 1 == 0,
-                "NAV-HPPOSECEF" => read.u8(23) & 1 == 0,
-                // The turn rates about all three axes are valid.
-                "ESF-INS" | "HNR-INS" => read.u8(1) & 7 == 7,
-                _ => true,
-            },
-            carrier: match message.name {
-                "NAV-PVT" | "NAV2-PVT" => read.u8(21) >> 6,
-                "NAV-PVAT" => read.u8(25) >> 6,
-                _ => 0,
-            },
+            fix_ok: is_fix_ok(message.name, read),
+            carrier: carrier_of(message.name, read),
             place: match message.name {
                 "NAV-HPPOSLLH" => precise(read),
                 "NAV-HPPOSECEF" => precise_ecef(read),
@@ -335,6 +312,44 @@ impl Read<'_> {
 
     fn i32(self, at: usize) -> i32 {
         i32::from_le_bytes(self.bytes(at))
+    }
+}
+
+/// Whether the receiver says that its fix can be used; true for a message that does not say.
+fn is_fix_ok(name: &str, read: Read<'_>) -> bool {
+    match name {
+        "NAV-PVT" | "NAV2-PVT" => read.u8(21) & 1 != 0,
+        "NAV-PVAT" => read.u8(25) & 1 != 0,
+        "HNR-PVT" => read.u8(17) & 1 != 0,
+        "NAV-SOL" => read.u8(11) & 1 != 0,
+        "NAV-STATUS" => read.u8(5) & 1 != 0,
+        // Bit 0 says that the position is invalid.
+        "NAV-HPPOSLLH" => read.u8(3) & 1 == 0,
+        "NAV-HPPOSECEF" => read.u8(23) & 1 == 0,
+        // The turn rates about all three axes are valid.
+        "ESF-INS" | "HNR-INS" => read.u8(1) & 7 == 7,
+        _ => true,
+    }
+}
+
+/// State of the carrier phase solution: 0 none, 1 float, 2 fixed.
+fn carrier_of(name: &str, read: Read<'_>) -> u8 {
+    match name {
+        "NAV-PVT" | "NAV2-PVT" => read.u8(21) >> 6,
+        "NAV-PVAT" => read.u8(25) >> 6,
+        _ => 0,
+    }
+}
+
+/// Whether the time of a message is valid; `None` for one that does not say.
+fn is_timed(name: &str, read: Read<'_>) -> Option<bool> {
+    match name {
+        "NAV-TIMEGPS" => Some(read.u8(11) & 2 != 0),
+        "NAV-SOL" => Some(read.u8(11) & 0xc == 0xc),
+        "NAV-PVT" | "NAV2-PVT" | "HNR-PVT" => Some(read.u8(11) & 3 == 3),
+        "NAV-PVAT" => Some(read.u8(5) & 3 == 3),
+        "NAV-TIMEUTC" => Some(read.u8(19) & 3 == 3),
+        _ => None,
     }
 }
 

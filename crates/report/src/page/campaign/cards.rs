@@ -45,11 +45,14 @@ pub(super) fn others(record: &CampaignRecord) -> Markup {
     }
 }
 
+/// Those of the groups, with a delay first.
 fn cards(record: &CampaignRecord, from: usize, to: usize) -> Markup {
     let groups = &record.groups;
+    let mut ordered: Vec<&GroupLateness> = groups.iter().collect();
+    ordered.sort_by_key(|group| group.lateness_s.is_none());
     html! {
         ul.cards {
-            @for group in groups.iter().take(to).skip(from) { (card(group, &members(group, &record.flights), &other_logs(group, groups))) }
+            @for group in ordered.into_iter().take(to).skip(from) { (card(group, &members(group, &record.flights), &other_logs(group, groups))) }
         }
     }
 }
@@ -71,7 +74,7 @@ fn other_logs<'a>(group: &GroupLateness, groups: &'a [GroupLateness]) -> Vec<&'a
 fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Markup {
     html! {
         li {
-            h2 { bdi { (shown(&group.group.name)) } }
+            h2 { bdi { @if group.group.name.is_empty() { "Receiver and rate unknown" } @else { (shown(&group.group.name)) } } }
             p.big { (lateness(group, rows)) }
             p { (agreement(group, rows)) }
             @if !other_logs.is_empty() {
