@@ -429,12 +429,14 @@ fn slope(windows: &[signal::SegmentDelay]) -> Estimate {
 }
 
 fn jitter(fit: &DelayFit) -> Finding<Estimate> {
-    let of = |c: &ComponentFit| jitter_from_residuals(&c.residuals, &c.slope);
+    let of = |c: &ComponentFit| jitter_from_residuals(&c.t_used, &c.residuals, &c.slope, &c.noise);
     // The component with the steepest signal over its noise shows jitter best.
     let steepness = |c: &ComponentFit| c.slope.iter().map(|s| s * s).sum::<f64>() / c.noise.std().powi(2);
     let best = fit.components.iter().max_by(|a, b| steepness(a).total_cmp(&steepness(b)));
     match best.and_then(of) {
         Some((std, u)) => Finding::Found(Estimate { value: std, standard_uncertainty: Some(u) }),
-        None => Finding::CannotTell("residuals do not grow with the slope of the signal: no jitter shows".to_owned()),
+        None => {
+            Finding::CannotTell("residuals do not surely grow with the slope of the signal: no jitter shows".to_owned())
+        }
     }
 }

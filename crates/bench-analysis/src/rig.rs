@@ -142,7 +142,7 @@ pub enum StampChoice {
 pub struct AnalysisRule {
     /// From, to, s.
     pub search_s: (f64, f64),
-    /// Margin of the equivalence test, s; `None`: per channel half the log interval, at least 5 ms.
+    /// Margin of the equivalence test, s; `None`: per channel half the interval of its updates, at least 5 ms.
     pub margin_s: Option<f64>,
     /// Whether the offsets of position, velocity and height may drift.
     pub drift: bool,

@@ -228,7 +228,7 @@ pub(crate) struct AnalysisTable {
     /// Delays are looked for from the first to the second number, s. Default: -1.0, 1.5.
     #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 2]>"))]
     pub(crate) search_s: Option<Spanned<[f64; 2]>>,
-    /// Delays within this margin count as none, ms. Default: per channel half the log interval, at least 5 ms.
+    /// Delays within this margin count as none, ms. Default: per channel half the interval of its updates, at least 5 ms.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.01, max = 1000.0)))]
     pub(crate) margin_ms: Option<Spanned<f64>>,
     /// Whether the offsets of position, velocity and height may drift. Default: true.

@@ -4,6 +4,7 @@ use crate::estimate::{EXACT_ASYNC, PAPER, Positions};
 use crate::input::{AXES, Input};
 use crate::rows::Rows;
 use crate::score::Reference;
+use crate::track::RowState;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
@@ -56,7 +57,7 @@ fn columns(input: &Input, rows: &Rows, estimates: &[Positions]) -> Vec<Column> {
         let differences = if estimate.is_raw() { 1 } else { 2 };
         for (axis, axis_name) in axes() {
             let values = estimate.axes[axis].iter().enumerate();
-            let values = values.map(|(row, v)| whole(1e2 * v).filter(|_| estimate.shown(rows, row))).collect();
+            let values = values.map(|(row, v)| whole(1e2 * v).filter(|_| is_counted(estimate, rows, row))).collect();
             columns.push(Column { name: format!("{name}_{axis_name}"), differences, values });
         }
     }
@@ -69,6 +70,11 @@ fn columns(input: &Input, rows: &Rows, estimates: &[Positions]) -> Vec<Column> {
         }
     }
     columns
+}
+
+/// Rows as the page counts them: of a compensated position those of the warm-up are not.
+fn is_counted(estimate: &Positions, rows: &Rows, row: usize) -> bool {
+    estimate.shown(rows, row) && (estimate.is_raw() || rows.state[row] == RowState::Valid)
 }
 
 /// Of every `bucket` rows the first and those in which a column has its least or its greatest value; rows without a
@@ -170,6 +176,10 @@ mod tests {
         let settings = Settings::with_delay(Delay::from_seconds(0.4).unwrap(), "test");
         let played = replay(&flight.to_flight().unwrap(), &settings).unwrap();
         let rows = played.explorer;
+        let Some((_, TrackColumn::Text(state))) = played.track.columns.iter().find(|(name, _)| name == "state") else {
+            panic!("no states")
+        };
+        assert!(state.contains(&"warm-up") && played.record.coverage.valid_rows < rows.of);
         assert_eq!((rows.extremes_of, rows.rows), (1, rows.of));
         let (found, mut compared) = (unpacked(&rows), 0);
         for (column, values) in rows.columns.iter().zip(&found) {
@@ -178,11 +188,16 @@ mod tests {
                 truth if truth.starts_with("truth_") => continue,
                 other => (format!("{other}_m"), 1e2),
             };
-            for (want, got) in of_track(&played.track, &name).iter().zip(values) {
+            let is_raw = name.starts_with("raw_") || name == "t_s";
+            for ((want, got), state) in of_track(&played.track, &name).iter().zip(values).zip(state) {
+                let want = want.filter(|_| is_raw || *state == "valid");
                 assert_eq!(want.is_some(), got.is_some(), "{name}");
                 assert!(want.zip(*got).is_none_or(|(want, got)| (scale * want - got as f64).abs() <= 0.5 + 1e-6));
                 compared += 1;
             }
+            // The page's table says the same count.
+            let counted = values.iter().flatten().count() as u64;
+            assert_eq!(counted, if is_raw { rows.rows } else { played.record.coverage.valid_rows }, "{name}");
         }
         assert_eq!((compared, found.len()), (7 * rows.rows as usize, 9));
     }

@@ -160,7 +160,8 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
     let Flight { channels, notices, utc } = loaded.flight;
     let names = channels.keys().cloned().collect();
     let tie = utc.clone();
-    let source = move |(name, channel): (String, Channel)| channel_sheet::source(&name, &channel, tie.as_ref());
+    let zeros = channel_sheet::zeros(channels.values());
+    let source = move |(name, channel): (String, Channel)| channel_sheet::source(&name, &channel, &zeros, tie.as_ref());
     let sources = Box::new(channels.into_iter().map(source));
     Ok(Read { names, sources, health: loaded.health, notices, binding: Some(binding), utc })
 }

@@ -203,7 +203,10 @@ pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
         out.push("On a straight piece a step cannot be told from a reset of the position along the track.".to_owned());
     }
     if v.kind == DelayKind::NotTested && v.change_on_bins.is_some() {
-        out.push("The delay may change within this flight; it is too short to be sure.".to_owned());
+        out.push(format!(
+            "The delay may change within this flight. Of the 8 windows needed to be sure, {} could be measured.",
+            v.constancy.windows
+        ));
     }
     if found.fixes_used > 0 && found.noise.shape.jitter == 0.0 && found.fixes_used * 2 < found.queued.rows.len() {
         let every = found.queued.rows.len().div_ceil(found.fixes_used);

@@ -41,6 +41,24 @@ fn levels_are_as_uncertain_as_they_say() {
     assert!((35.0..92.0).contains(&squares), "{squares}");
 }
 
+/// What is missing is motion and not time: an hour of straight flight knows no more.
+#[test]
+fn a_change_that_cannot_be_tested_is_put_down_to_the_windows_that_know_their_delay() {
+    let flights = (0..12).map(|seed| {
+        let case = Case { duration: 60.0, ..Case::gps(Path::Circuits, Profile::Step { by: 0.6 }) };
+        fly(&case, 900 + seed).analyse()
+    });
+    let mut said = 0;
+    for f in flights.filter(|f| f.kind == DelayKind::NotTested) {
+        for remark in f.remarks.iter().filter(|remark| remark.starts_with("The delay may change")) {
+            let count = format!("Of the 8 windows needed to be sure, {} could be measured.", f.constancy.windows);
+            assert!(remark.ends_with(&count) && f.constancy.windows < 8, "{remark}");
+            said += 1;
+        }
+    }
+    assert!(said > 0);
+}
+
 #[test]
 fn steps_are_found_with_instant_and_size() {
     for path in [Path::Circuits, Path::Sturns, Path::Survey] {

@@ -149,8 +149,8 @@ pub struct StampHealth {
     pub last_ns: i64,
     /// Number of stamps.
     pub count: u64,
-    /// Forward steps per second, Hz; gaps are left out while there are fewer than ten. `None` with fewer than two
-    /// different stamps.
+    /// Forward steps per second, Hz; gaps are left out while there are fewer than ten, or no more than one in a hundred steps.
+    /// `None` with fewer than two different stamps, or where one stamp holds half of the rows: they were written at once.
     pub rate_hz: Option<f64>,
     /// Steps between stamps, s; `None` when there are none.
     pub steps_s: Option<Distribution>,

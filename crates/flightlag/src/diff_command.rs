@@ -80,14 +80,16 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
 
 fn text(found: &DiffRecord) -> String {
     let changes = &found.changes;
+    let (by_sigmas, by_a_tenth) = changes.moved_counts();
     let mut text = format!("first:  {}\nsecond: {}\n", report_line(&found.before), report_line(&found.now));
     for line in &found.settings {
         text += &format!("  {}\n", visible(line));
     }
     text += &format!(
-        "{} in both: {} moved by more than 2 sigma, {} with another result, {} newly failing; {} only in the second, {} only in the first\n",
+        "{} in both: {} moved by more than 2 sigma, {} by more than 10 % (uncertainty unknown), {} with another result, {} newly failing; {} only in the second, {} only in the first\n",
         count(changes.compared, "flight"),
-        count(changes.moved.len() as u64, "number"),
+        count(by_sigmas as u64, "number"),
+        by_a_tenth,
         changes.rerun.len(),
         changes.failing.len(),
         changes.new.len(),
@@ -141,7 +143,11 @@ fn moved(changes: &RunChanges) -> String {
             causes.join(", "),
         ]);
     }
-    section("moved by more than 2 sigma (± is U, k = 2)", &table, changes.moved.len())
+    section(
+        "moved by more than 2 sigma, or by more than 10 % where that is unknown (± is U, k = 2)",
+        &table,
+        changes.moved.len(),
+    )
 }
 
 fn rerun(changes: &RunChanges) -> String {
@@ -170,6 +176,8 @@ fn lists(changes: &RunChanges) -> String {
         + &words("no longer failing", &changes.recovered)
         + &words("new alarms", &changes.alarms_new)
         + &words("alarms cleared", &changes.alarms_cleared)
+        + &words("new remarks", &changes.remarks_new)
+        + &words("remarks cleared", &changes.remarks_cleared)
         + &names("only in the second", &changes.new)
         + &names("only in the first", &changes.gone)
 }

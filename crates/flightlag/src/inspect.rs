@@ -151,6 +151,7 @@ fn topics(topics: &[TopicHealth], all: bool) -> String {
     let mut table = Table::new(&["topic", "type", "encoding", "messages|", "rate Hz|", "duration s|", "values"]);
     let any = topics.iter().any(|t| t.decoded);
     let (mut room, mut left_out, mut empty) = (if any { MOST_OTHERS } else { MOST_TOPICS }, 0, 0);
+    let mut notes = vec![];
     for topic in topics {
         let asked = topic.decoded || !topic.reason.is_empty();
         match (all || asked, topic.messages, room) {
@@ -159,16 +160,34 @@ fn topics(topics: &[TopicHealth], all: bool) -> String {
             (asked, ..) => {
                 room -= usize::from(!asked);
                 table.row(topic_cells(topic));
+                notes.extend(about_rate(topic));
             }
         }
     }
     let mut text = section("topics", &table);
+    for note in notes.iter().take(MOST_LISTED) {
+        let _ = writeln!(text, "  {note}");
+    }
+    if notes.len() > MOST_LISTED {
+        let _ = writeln!(text, "  and {} more topics of which the rate needs a word", notes.len() - MOST_LISTED);
+    }
     for (n, what) in [(left_out, "more that no map reads"), (empty, "more without a message")] {
         if n > 0 {
             let _ = writeln!(text, "  and {n} {what}; --all lists them");
         }
     }
     text
+}
+
+/// What the rate of a topic does not say: how many of its messages it is of.
+fn about_rate(topic: &TopicHealth) -> Option<String> {
+    let stamps = topic.stamps.first()?;
+    let (name, all) = (visible(&topic.name), topic.messages);
+    if stamps.count < all {
+        return Some(format!("{name}: {} of {all} messages have a time", stamps.count));
+    }
+    let at_once = stamps.rate_hz.is_none() && stamps.steps_s.is_some();
+    at_once.then(|| format!("{name}: no rate, for half or more of its messages have one timestamp"))
 }
 
 fn topic_cells(topic: &TopicHealth) -> Vec<String> {

@@ -80,6 +80,7 @@ brief! {
         baud: Option<i64>,
         lateness_s: Option<f64>,
         lateness_u_s: Option<f64>,
+        lateness_model_u_s: Option<f64>,
         parameter_s: Option<f64>,
         advised_s: Option<f64>,
         advised_from_s: Option<f64>,

@@ -51,6 +51,8 @@ const FINE: usize = 1000;
 const COARSE: usize = 1000;
 /// Halvings of the interval in which a variance is looked for.
 const BISECTIONS: u32 = 30;
+/// Least uncertainty of a flight beyond what it shares with others, s, as in the pool of a group.
+const LEAST_OWN_S: f64 = 0.2e-3;
 /// Smallest standard deviation that is told apart from zero, in the unit of the numbers.
 const TINY: f64 = 1e-12;
 
@@ -124,6 +126,42 @@ pub(crate) fn weighted_mean(x: &[f64], u: &[f64], between: f64) -> Option<(f64, 
     let sums = Sums::of(x, u, between);
     let weight = sums.weight[x.len()];
     Some((sums.offset + sums.first[x.len()] / weight, weight.recip().sqrt()))
+}
+
+/// Mean over flights that share a part of their errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SharedMean {
+    /// Weighted mean.
+    pub(crate) mean: f64,
+    /// Its standard uncertainty from what each flight has for itself. It is that of a difference to flights that share the
+    /// same errors.
+    pub(crate) own_u: f64,
+    /// Part that all flights share: no number of flights averages it away.
+    pub(crate) common: f64,
+    /// Spread between flights beyond their own uncertainties.
+    pub(crate) between: f64,
+}
+
+impl SharedMean {
+    /// Weighted mean of numbers with their standard uncertainties and the model part of those. Common is the least model part, as
+    /// in the pool of a campaign's group ([`campaign`]'s `delay_network::pool`). Where the model part is not known, all of
+    /// the uncertainty may be: it is at most that.
+    ///
+    /// The spread follows from neighbours and not by REML, so that a history of a million flights takes a second.
+    pub(crate) fn of(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Option<SharedMean> {
+        let shared = |(u, model): (&f64, &Option<f64>)| model.map_or(*u, |model| model.clamp(0.0, *u));
+        let common = u.iter().zip(model).map(shared).min_by(f64::total_cmp)?;
+        let own = |u: &f64| (u.powi(2) - common.powi(2)).max(LEAST_OWN_S.powi(2)).sqrt();
+        let own: Vec<f64> = u.iter().map(own).collect();
+        let between = spread(x, &own);
+        let (mean, own_u) = weighted_mean(x, &own, between)?;
+        Some(SharedMean { mean, own_u, common, between })
+    }
+
+    /// Standard uncertainty of the mean.
+    pub(crate) fn u(&self) -> f64 {
+        self.own_u.hypot(self.common)
+    }
 }
 
 /// Spread between neighbours beyond their uncertainties: 0 if those explain all of it.

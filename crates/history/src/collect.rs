@@ -97,6 +97,7 @@ fn row_of(
     with: &Collecting<'_>,
 ) -> Result<Row, HistoryError> {
     let line = DelayLine::of_row(flight);
+    let position = flight.lateness.as_ref().and_then(|l| l.lateness.as_ref());
     let text = |words: &str| Some(words.to_owned()).filter(|w| !w.is_empty());
     let codes: Vec<&str> = line.alarms.iter().map(|alarm| alarm.code.as_str()).collect();
     let row = Row {
@@ -117,6 +118,7 @@ fn row_of(
         kind: text(&line.kind),
         lateness_s: line.lateness_s,
         lateness_u_s: line.lateness_u_s,
+        lateness_model_u_s: position.map(|found| found.model_uncertainty_s),
         lateness_low_s: line.lateness_low_s,
         lateness_high_s: line.lateness_high_s,
         datum: text(&line.datum),

@@ -3,9 +3,12 @@
 use crate::brief::PageOf;
 use crate::dataset::Latest;
 use crate::row::Row;
+use flight::{Alarm, Gravity};
 use record::{ChangeCause, Estimate, FlightWords, MovedNumber, NamedFlight, RerunCause, RunChanges};
 use std::collections::BTreeSet;
 
+/// Trouble of a flight whose delay cannot be measured.
+const NOT_MEASURABLE: &str = "not measurable";
 /// A number has moved if it did by more than this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
 /// A number whose uncertainty is not known has moved if it changed by more than this share.
@@ -18,9 +21,7 @@ pub fn compare(before: &Latest, now: &[Row], page: PageOf<'_>) -> RunChanges {
     for row in now {
         let named = name_of(row, page);
         let Some(was) = before.get(&(row.campaign.clone(), row.flight.clone())) else {
-            changes.new.push(named.clone());
-            words(&mut changes.failing, &named, troubles(row), row);
-            words(&mut changes.alarms_new, &named, codes(row), row);
+            new_flight(&mut changes, row, named);
             continue;
         };
         changes.compared += 1;
@@ -31,7 +32,7 @@ pub fn compare(before: &Latest, now: &[Row], page: PageOf<'_>) -> RunChanges {
         changes.moved.extend(moved(was, row, &named, &causes));
         came_and_went(&mut changes, was, row, &named);
     }
-    let size = |m: &MovedNumber| m.sigmas.map_or(f64::INFINITY, f64::abs);
+    let size = |m: &MovedNumber| m.sigmas.map_or(-1.0, f64::abs);
     changes.moved.sort_by(|a, b| size(b).total_cmp(&size(a)));
     changes
 }
@@ -41,20 +42,39 @@ fn name_of(row: &Row, page: PageOf<'_>) -> NamedFlight {
     NamedFlight { campaign: row.campaign.clone(), flight: row.flight.clone(), page: page(&row.campaign, &row.page) }
 }
 
+/// A flight that was not there before. One that cannot be measured never could: that is no failure.
+fn new_flight(changes: &mut RunChanges, row: &Row, named: NamedFlight) {
+    let (cannot, troubles): (Vec<String>, _) = troubles(row).into_iter().partition(|what| what == NOT_MEASURABLE);
+    words(&mut changes.failing, &named, troubles, row);
+    let (alarms, remarks) = codes(row);
+    words(&mut changes.alarms_new, &named, alarms, row);
+    words(&mut changes.remarks_new, &named, remarks, row);
+    changes.new_not_measurable.extend(cannot.first().map(|_| named.clone()));
+    changes.new.push(named);
+}
+
 /// Troubles and alarms that came or went.
 fn came_and_went(changes: &mut RunChanges, was: &Row, row: &Row, named: &NamedFlight) {
     let only = |of: &[String], not: &[String]| of.iter().filter(|t| !not.contains(t)).cloned().collect::<Vec<_>>();
     let (had, has) = (troubles(was), troubles(row));
     words(&mut changes.failing, named, only(&has, &had), row);
     words(&mut changes.recovered, named, only(&had, &has), row);
-    let (had, has) = (codes(was), codes(row));
+    let ((had, had_remarks), (has, has_remarks)) = (codes(was), codes(row));
     words(&mut changes.alarms_new, named, only(&has, &had), row);
     words(&mut changes.alarms_cleared, named, only(&had, &has), row);
+    words(&mut changes.remarks_new, named, only(&has_remarks, &had_remarks), row);
+    words(&mut changes.remarks_cleared, named, only(&had_remarks, &has_remarks), row);
 }
 
-/// Codes of the alarms of a flight, each once.
-fn codes(row: &Row) -> Vec<String> {
-    row.alarm_codes().map(str::to_owned).collect::<BTreeSet<_>>().into_iter().collect()
+/// Codes of the alarms of a flight that ask for something, and of its remarks, each once.
+fn codes(row: &Row) -> (Vec<String>, Vec<String>) {
+    let codes: BTreeSet<String> = row.alarm_codes().map(str::to_owned).collect();
+    codes.into_iter().partition(|code| !is_remark(code))
+}
+
+/// Whether a code is one of the catalogue's remarks. A code of an older release counts as an alarm.
+fn is_remark(code: &str) -> bool {
+    Alarm::ALL.iter().any(|alarm| alarm.name() == code && alarm.gravity() == Gravity::Grey)
 }
 
 /// Adds an entry if there is something to say.
@@ -69,7 +89,7 @@ fn words(list: &mut Vec<FlightWords>, named: &NamedFlight, words: Vec<String>, r
 fn troubles(row: &Row) -> Vec<String> {
     let outcome = match row.outcome.as_str() {
         "failed" => Some("failed".to_owned()),
-        "not-measurable" => Some("not measurable".to_owned()),
+        "not-measurable" => Some(NOT_MEASURABLE.to_owned()),
         "pending" => Some("pending".to_owned()),
         _ => None,
     };
@@ -231,5 +251,42 @@ mod tests {
         assert_eq!(found.alarms_new[0].words, ["steps"]);
         assert_eq!(found.alarms_cleared[0].words, ["weak"]);
         assert_eq!((found.compared, found.new.len(), found.rerun.len()), (2, 1, 0));
+    }
+
+    #[test]
+    fn a_flight_that_stands_still_from_the_first_night_on_is_not_failing() {
+        let parked =
+            |flight| Row { outcome: "not-measurable".into(), reason: Some("stands still".into()), ..row(flight) };
+        let found = changes(&[row("a")], &[parked("a"), parked("n")]);
+        assert_eq!(found.failing.iter().map(|of| of.flight.flight.as_str()).collect::<Vec<_>>(), ["a"]);
+        assert_eq!(found.new_not_measurable, found.new);
+        assert_eq!(found.new[0].flight, "n");
+        // What is damaged as well, is.
+        let found = changes(&[], &[Row { data: "damaged".into(), ..parked("n") }]);
+        assert_eq!(found.failing[0].words, ["log damaged"]);
+    }
+
+    #[test]
+    fn remarks_are_no_alarms() {
+        let [remark, alarm] = [Gravity::Grey, Gravity::Red]
+            .map(|gravity| Alarm::ALL.iter().find(|alarm| alarm.gravity() == gravity).unwrap().name());
+        let with = |alarms: &[&str], flight: &str| Row { alarms: Some(alarms.join(" ")), ..row(flight) };
+        let found = changes(&[with(&[remark], "a")], &[with(&[alarm], "a"), with(&[remark, alarm], "n")]);
+        let all = |of: &[FlightWords]| of.iter().map(|of| of.words.join(" ")).collect::<Vec<_>>();
+        assert_eq!(all(&found.alarms_new), [alarm, alarm]);
+        assert_eq!(all(&found.remarks_new), [remark]);
+        assert_eq!((all(&found.remarks_cleared), found.alarms_cleared), (vec![remark.to_owned()], vec![]));
+    }
+
+    #[test]
+    fn a_number_without_an_uncertainty_comes_after_those_that_moved_by_sigmas() {
+        let error = |error_compensated_m, lateness_s| Row {
+            error_compensated_m: Some(error_compensated_m),
+            lateness_s: Some(lateness_s),
+            ..row("a")
+        };
+        let found = changes(&[error(0.029, 0.118)], &[error(0.035, 0.131)]);
+        assert_eq!(found.moved_counts(), (1, 1));
+        assert_eq!(found.moved[0].quantity, "lateness");
     }
 }

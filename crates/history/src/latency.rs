@@ -1,7 +1,7 @@
 //! How late positions are, by receiver, firmware, rate and baud.
 
 use crate::brief::Brief;
-use crate::change_points::{spread, weighted_mean};
+use crate::change_points::SharedMean;
 use crate::row::Dimension;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
@@ -26,8 +26,10 @@ pub struct LatencyLine {
     pub flights: u64,
     /// Weighted mean, s.
     pub lateness_s: f64,
-    /// Its standard uncertainty, s.
+    /// Its standard uncertainty, s. The part of the model error that the flights share is not averaged down.
     pub lateness_u_s: f64,
+    /// That part, s; the least that any of these flights has.
+    pub lateness_common_u_s: f64,
     /// Standard deviation between flights beyond their own uncertainties, s.
     pub between_s: f64,
     /// Smallest, s.
@@ -51,8 +53,8 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
         rows.sort_by_key(|row| row.order());
         let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
         let (x, u) = (of(&|row| row.lateness_s), of(&|row| row.lateness_u_s));
-        let between_s = spread(&x, &u);
-        let (lateness_s, lateness_u_s) = weighted_mean(&x, &u, between_s)?;
+        let model: Vec<Option<f64>> = rows.iter().map(|row| row.lateness_model_u_s).collect();
+        let mean = SharedMean::of(&x, &u, &model)?;
         let end = |pick: fn(f64, f64) -> f64| x.iter().copied().reduce(pick);
         let (low_s, high_s, flights) = (end(f64::min)?, end(f64::max)?, x.len() as u64);
         Some(LatencyLine {
@@ -62,9 +64,10 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
             baud,
             datum,
             flights,
-            lateness_s,
-            lateness_u_s,
-            between_s,
+            lateness_s: mean.mean,
+            lateness_u_s: mean.u(),
+            lateness_common_u_s: mean.common,
+            between_s: mean.between,
             low_s,
             high_s,
         })
@@ -88,6 +91,7 @@ mod tests {
             datum: Some("imu".into()),
             lateness_s: Some(late_s),
             lateness_u_s: Some(0.002),
+            lateness_model_u_s: Some(0.0),
             ..Row::default()
         };
         let rows = [row(1, "3.01", 0.118), row(2, "3.01", 0.119), row(3, "4.04", 0.100)];
@@ -98,5 +102,67 @@ mod tests {
         assert_eq!(short, [(2, 118_500.0), (1, 100_000.0)]);
         assert!((table[0].lateness_u_s - 0.002 / 2f64.sqrt()).abs() < 1e-9);
         assert_eq!(table[0].baud.as_deref(), Some("115200 baud"));
+    }
+
+    /// The line of some flights that agree, each with U = 16 ms, of which so much is the model's.
+    fn line(flights: usize, model_u_s: Option<f64>) -> LatencyLine {
+        let row = |n: usize| Row {
+            flight: format!("{n:03}"),
+            datum: Some("imu".into()),
+            lateness_s: Some(0.201),
+            lateness_u_s: Some(0.008),
+            lateness_model_u_s: model_u_s,
+            ..Row::default()
+        };
+        let rows: Vec<Brief> = (0..flights).map(|n| Brief::from(&row(n))).collect();
+        latency(&latest_briefs(&rows)).into_iter().next().unwrap()
+    }
+
+    #[test]
+    fn an_error_that_all_flights_share_is_not_averaged_down() {
+        for flights in [1, 8, 400] {
+            let exact = ((0.008f64.powi(2) - 0.0075f64.powi(2)) / flights as f64 + 0.0075f64.powi(2)).sqrt();
+            let found = line(flights, Some(0.0075));
+            assert!((found.lateness_u_s - exact).abs() < 1e-9, "{flights}: {found:?}");
+            assert!((found.lateness_common_u_s - 0.0075).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn where_the_shared_part_is_not_known_more_flights_do_not_help() {
+        for flights in [1, 8, 400] {
+            assert!((line(flights, None).lateness_u_s - 0.008).abs() < 0.1e-3);
+        }
+    }
+
+    #[test]
+    fn the_mean_of_a_history_is_that_of_the_campaigns_group() {
+        let (late, u) = ([0.1949, 0.2021, 0.2034, 0.2045, 0.2002, 0.2011, 0.1987, 0.2030], 0.0082);
+        let model = [0.0078, 0.0079, 0.0078, 0.0080, 0.0078, 0.0078, 0.0081, 0.0078];
+        let rows = late.iter().zip(model).enumerate().map(|(n, (late, model))| Row {
+            flight: format!("{n}"),
+            lateness_s: Some(*late),
+            lateness_u_s: Some(u),
+            lateness_model_u_s: Some(model),
+            ..Row::default()
+        });
+        let rows: Vec<Row> = rows.collect();
+        let group: Vec<delay_network::FlightLateness> = rows
+            .iter()
+            .map(|row| delay_network::FlightLateness {
+                flight: row.flight.clone(),
+                lateness_s: row.lateness_s.unwrap(),
+                standard_uncertainty_s: u,
+                model_uncertainty_s: row.lateness_model_u_s.unwrap(),
+            })
+            .collect();
+        let pool = delay_network::pool(&group, 0.005).unwrap();
+        let briefs: Vec<Brief> = rows.iter().map(Brief::from).collect();
+        let found = &latency(&latest_briefs(&briefs))[0];
+        assert!((found.lateness_s - pool.mean_s.value).abs() < 0.1e-3, "{found:?} {pool:?}");
+        assert!(
+            (found.lateness_u_s / pool.mean_s.standard_uncertainty.unwrap() - 1.0).abs() < 0.02,
+            "{found:?} {pool:?}"
+        );
     }
 }

@@ -5,7 +5,7 @@
 //! residual is measured and put beside the prediction.
 
 use crate::brief::{Brief, PageOf};
-use crate::change_points::{spread, weighted_mean};
+use crate::change_points::SharedMean;
 use record::{Estimate, ProofVerdict, SettingProof};
 use std::collections::BTreeMap;
 
@@ -107,12 +107,13 @@ fn tested(
             row.datum == recommended.datum && row.lateness_s.is_some() && row.lateness_u_s.is_some_and(|u| u > 0.0)
         })
         .collect();
-    let measured_s = residual(&measuring, after.set_s).filter(|_| !is_automatic(parameter, after.set_s));
+    let measured = mean_lateness(&measuring).filter(|_| !is_automatic(parameter, after.set_s));
+    let measured_s = measured.map(|mean| residual(&mean, after.set_s));
     let (verdict, why) = match is_automatic(parameter, after.set_s) {
         true => {
             (ProofVerdict::CannotTell, "0 leaves the delay to the autopilot: the residual is not known.".to_owned())
         }
-        false => judge(&predicted_s, measured_s.as_ref(), (before.set_s - after.set_s).abs()),
+        false => judge(&predicted_s, measured.zip(measured_s), (before.set_s - after.set_s).abs()),
     };
     let proof = SettingProof {
         campaign: subject.0.to_owned(),
@@ -184,26 +185,30 @@ fn lateness_from(row: &Brief) -> Option<Estimate> {
     Some(Estimate { value: row.advised_from_s?, standard_uncertainty: row.advised_from_u_s })
 }
 
-/// Mean residual of some flights, with their spread.
-fn residual(rows: &[&&Brief], set_s: f64) -> Option<Estimate> {
+/// Mean lateness of some flights.
+fn mean_lateness(rows: &[&&Brief]) -> Option<SharedMean> {
     let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
-    let (late, u) = (of(&|row| row.lateness_s), of(&|row| row.lateness_u_s));
-    let (mean, u) = weighted_mean(&late, &u, spread(&late, &u))?;
-    Some(Estimate { value: mean - set_s, standard_uncertainty: Some(u) })
+    let model: Vec<Option<f64>> = rows.iter().map(|row| row.lateness_model_u_s).collect();
+    SharedMean::of(&of(&|row| row.lateness_s), &of(&|row| row.lateness_u_s), &model)
 }
 
-/// The verdict, and why. A change that the measurement could not have shown proves nothing.
-fn judge(predicted: &Estimate, measured: Option<&Estimate>, changed_by_s: f64) -> (ProofVerdict, String) {
-    let Some(measured) = measured else {
+/// What the autopilot does not account for.
+fn residual(mean: &SharedMean, set_s: f64) -> Estimate {
+    Estimate { value: mean.mean - set_s, standard_uncertainty: Some(mean.u()) }
+}
+
+/// The verdict, and why. A change that the measurement could not have shown proves nothing. Prediction and measurement are of one
+/// receiver with one channel map: the part of the model error that flights share is in both. It counts once, with the prediction.
+fn judge(predicted: &Estimate, measured: Option<(SharedMean, Estimate)>, changed_by_s: f64) -> (ProofVerdict, String) {
+    let Some((mean, measured)) = measured else {
         return (ProofVerdict::CannotTell, "No flight after it measures its lateness.".to_owned());
     };
-    let (Some(of_prediction), Some(of_measurement)) = (predicted.standard_uncertainty, measured.standard_uncertainty)
-    else {
+    let Some(of_prediction) = predicted.standard_uncertainty else {
         return (ProofVerdict::CannotTell, "The prediction has no uncertainty.".to_owned());
     };
-    let u = of_prediction.hypot(of_measurement);
+    let u = of_prediction.hypot(mean.own_u);
     let apart = (measured.value - predicted.value).abs();
-    let side_by_side = format!("Predicted residual {}, measured {}", with_u(predicted), with_u(measured));
+    let side_by_side = format!("Predicted residual {}, measured {}", with_u(predicted), with_u(&measured));
     if apart > STEP_S + AGREE_SIGMAS * u {
         let why = format!(
             "{side_by_side}: they differ by {}, more than {}.",
@@ -256,6 +261,7 @@ mod tests {
             datum: Some("imu".into()),
             lateness_s: Some(late_ms / 1e3),
             lateness_u_s: Some(0.002),
+            lateness_model_u_s: Some(0.0),
             parameter: Some("GPS1_DELAY_MS".into()),
             parameter_s: Some(set_ms / 1e3),
             advised_s: Some(0.118),
@@ -330,6 +336,17 @@ mod tests {
         let mut rows: Vec<Row> = (1..=5).map(|day| row(10, day, 116.0, 118.0)).collect();
         rows.extend((6..=7).map(|day| row(20, day, 118.0, 118.0)));
         assert_eq!(only(&rows).verdict, ProofVerdict::CannotTell);
+    }
+
+    #[test]
+    fn what_all_flights_share_is_shown_and_does_not_hide_a_change() {
+        let shared = |row: Row| Row { lateness_model_u_s: Some(0.0019), advised_from_u_s: Some(0.002), ..row };
+        let mut rows = before();
+        rows.extend((6..=9).map(|day| row(20, day, 118.0, 118.0)));
+        let proof = only(&rows.into_iter().map(shared).collect::<Vec<Row>>());
+        let exact = ((0.002f64.powi(2) - 0.0019f64.powi(2)) / 4.0 + 0.0019f64.powi(2)).sqrt();
+        assert!((proof.measured_s.unwrap().standard_uncertainty.unwrap() - exact).abs() < 1e-9);
+        assert_eq!(proof.verdict, ProofVerdict::Pass);
     }
 
     #[test]

@@ -164,6 +164,9 @@ row! {
     lateness_s: Option<f64>,
     /// Its standard uncertainty, s.
     lateness_u_s: Option<f64>,
+    /// Part of that uncertainty that flights share and that no number of them averages away, s: model errors and datum. Empty in
+    /// rows of before layout 3.
+    lateness_model_u_s: Option<f64>,
     /// Lower end of its 95 % interval, s.
     lateness_low_s: Option<f64>,
     /// Upper end of its 95 % interval, s.

@@ -3,7 +3,7 @@
 use convert::{Cells, ReadTable, Sheet};
 
 /// Version of the layout that is written.
-pub const HISTORY_SCHEMA: u32 = 2;
+pub const HISTORY_SCHEMA: u32 = 3;
 
 /// Name of the version in the file's metadata.
 pub(crate) const SCHEMA_KEY: &str = "flightlag-history-schema";
@@ -26,6 +26,9 @@ const SINCE_2: [&str; 14] = [
     "duration_s",
 ];
 
+/// Columns that layout 2 has not.
+const SINCE_3: [&str; 1] = ["lateness_model_u_s"];
+
 /// A table in the current layout, whatever layout its file has.
 ///
 /// # Errors
@@ -33,7 +36,8 @@ const SINCE_2: [&str; 14] = [
 pub(crate) fn current(table: ReadTable) -> Result<Sheet, String> {
     let said = table.about.get(SCHEMA_KEY).ok_or("does not say its layout: it is not a file of a history")?;
     match said.parse() {
-        Ok(1) => from_1(table.sheet),
+        Ok(1) => from_1(table.sheet).map(|sheet| with_empty(sheet, &SINCE_2)).map(|sheet| with_empty(sheet, &SINCE_3)),
+        Ok(2) => Ok(with_empty(table.sheet, &SINCE_3)),
         Ok(HISTORY_SCHEMA) => Ok(table.sheet),
         Ok(newer) if newer > HISTORY_SCHEMA => Err(format!(
             "has layout {newer}; this flightlag reads up to layout {HISTORY_SCHEMA}: use the flightlag that wrote it, or a newer one"
@@ -49,7 +53,6 @@ pub(crate) fn is_of_layout_1(table: &ReadTable) -> bool {
 
 /// Layout 1 gave instants as text (`flown_at`, `run_at`) and delays in milliseconds.
 fn from_1(mut sheet: Sheet) -> Result<Sheet, String> {
-    let rows = sheet.rows();
     for column in &mut sheet.columns {
         if let Some(base) = column.name.strip_suffix("_at") {
             let Cells::Text(texts) = &column.cells else { return Err(format!("column {} holds no text", column.name)) };
@@ -64,12 +67,18 @@ fn from_1(mut sheet: Sheet) -> Result<Sheet, String> {
             column.name = format!("{base}_s");
         }
     }
-    let missing: Vec<&str> = SINCE_2.into_iter().filter(|name| sheet.cells(name).is_none()).collect();
+    Ok(sheet)
+}
+
+/// Adds the columns of a later layout, without a value.
+fn with_empty(mut sheet: Sheet, columns: &[&str]) -> Sheet {
+    let rows = sheet.rows();
+    let missing: Vec<&str> = columns.iter().copied().filter(|name| sheet.cells(name).is_none()).collect();
     for name in missing {
         let is_text = !name.ends_with("_s");
         sheet.push(name, if is_text { Cells::Text(vec![None; rows]) } else { Cells::F64(vec![None; rows]) });
     }
-    Ok(sheet)
+    sheet
 }
 
 /// Nanoseconds since 1970 of an instant such as `2026-05-04T09:30:00Z`.
@@ -92,6 +101,7 @@ mod tests {
             flown_ns: Some(1_777_887_000_000_000_000),
             lateness_s: Some(0.118),
             lateness_u_s: Some(0.002),
+            lateness_model_u_s: Some(0.0015),
             lateness_low_s: Some(0.114),
             settings_hash: "ab".into(),
             outcome: "compensated".into(),
@@ -103,7 +113,7 @@ mod tests {
     /// The sheet as layout 1 had it.
     fn layout_1(rows: &[Row]) -> Sheet {
         let mut sheet = sheet_of(rows);
-        sheet.columns.retain(|column| !SINCE_2.contains(&column.name.as_str()));
+        sheet.columns.retain(|c| !SINCE_2.contains(&c.name.as_str()) && !SINCE_3.contains(&c.name.as_str()));
         for column in &mut sheet.columns {
             if let Some(base) = column.name.strip_suffix("_ns").map(str::to_owned) {
                 let Cells::I64(stamps) = &column.cells else { unreachable!() };
@@ -125,26 +135,35 @@ mod tests {
 
     #[test]
     fn rows_of_layout_1_are_read_in_seconds_and_nanoseconds() {
-        let undated = Row { flown_ns: None, ..row() };
+        let dated = Row { lateness_model_u_s: None, ..row() };
+        let undated = Row { flown_ns: None, ..dated.clone() };
         let old = layout_1(&[row(), undated.clone()]);
         assert!(old.cells("lateness_ms").is_some() && old.cells("flown_at").is_some());
         let read = rows_of(current(table("1", old)).unwrap()).unwrap();
-        assert_eq!(read, [row(), undated]);
+        assert_eq!(read, [dated, undated]);
+    }
+
+    #[test]
+    fn rows_of_layout_2_do_not_know_the_part_that_flights_share() {
+        let mut old = sheet_of(&[row()]);
+        old.columns.retain(|column| !SINCE_3.contains(&column.name.as_str()));
+        let read = rows_of(current(table("2", old)).unwrap()).unwrap();
+        assert_eq!(read, [Row { lateness_model_u_s: None, ..row() }]);
     }
 
     #[test]
     fn rows_of_the_current_layout_are_read_back_to_the_bit() {
-        assert_eq!(rows_of(current(table("2", sheet_of(&[row()]))).unwrap()).unwrap(), [row()]);
+        assert_eq!(rows_of(current(table("3", sheet_of(&[row()]))).unwrap()).unwrap(), [row()]);
     }
 
     #[test]
     fn a_newer_layout_and_a_file_without_one_are_refused_with_what_to_do() {
-        let newer = current(table("3", sheet_of(&[row()]))).unwrap_err();
-        assert!(newer.contains("layout 3") && newer.contains("up to layout 2"), "{newer}");
+        let newer = current(table("4", sheet_of(&[row()]))).unwrap_err();
+        assert!(newer.contains("layout 4") && newer.contains("up to layout 3"), "{newer}");
         let other = current(ReadTable { sheet: sheet_of(&[row()]), ..ReadTable::default() }).unwrap_err();
         assert!(other.contains("not a file of a history"), "{other}");
         let mut short = sheet_of(&[row()]);
         short.columns.retain(|column| column.name != "flight");
-        assert_eq!(rows_of(current(table("2", short)).unwrap()).unwrap_err(), "column flight is missing");
+        assert_eq!(rows_of(current(table("3", short)).unwrap()).unwrap_err(), "column flight is missing");
     }
 }

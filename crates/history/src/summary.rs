@@ -46,9 +46,15 @@ fn rerun(changes: &RunChanges) -> String {
 }
 
 fn moved(changes: &RunChanges) -> String {
-    match changes.moved.first() {
-        None => format!("Moved by more than 2 sigma: none of {} compared", changes.compared),
-        Some(most) => format!("Moved by more than 2 sigma: {}; the most: {}", changes.moved.len(), moved_words(most)),
+    let (by_sigmas, by_a_tenth) = changes.moved_counts();
+    let most = |first: usize| changes.moved.get(first).map(moved_words).unwrap_or_default();
+    let known = match by_sigmas {
+        0 => format!("Moved by more than 2 sigma: none of {} compared", changes.compared),
+        n => format!("Moved by more than 2 sigma: {n}; the most: {}", most(0)),
+    };
+    match by_a_tenth {
+        0 => known,
+        n => format!("{known}; by more than 10 %, uncertainty unknown: {n}: {}", most(by_sigmas)),
     }
 }
 
@@ -57,8 +63,8 @@ fn moved_words(moved: &MovedNumber) -> String {
     let causes: Vec<&str> = moved.causes.iter().map(|cause| cause.word()).collect();
     let (name, quantity) = (flight_name(&moved.flight), &moved.quantity);
     let (before, now) = (in_unit(&moved.before, &moved.unit), in_unit(&moved.now, &moved.unit));
-    let by = moved.sigmas.map_or_else(|| "uncertainty unknown".to_owned(), |sigmas| format!("{sigmas:+.1} sigma"));
-    format!("{name} {quantity} {before} → {now} ({by}; {})", causes.join(", "))
+    let by = moved.sigmas.map(|sigmas| format!("{sigmas:+.1} sigma; ")).unwrap_or_default();
+    format!("{name} {quantity} {before} → {now} ({by}{})", causes.join(", "))
 }
 
 /// A number with its expanded uncertainty: seconds as milliseconds.
@@ -72,6 +78,10 @@ pub(crate) fn in_unit(estimate: &Estimate, unit: &str) -> String {
 
 fn failing(changes: &RunChanges) -> String {
     let recovered = format!("{} recovered", changes.recovered.len());
+    let recovered = match changes.new_not_measurable.len() {
+        0 => recovered,
+        n => format!("{recovered}; {n} of the new flights cannot be measured"),
+    };
     if changes.failing.is_empty() {
         return format!("Newly failing: none; {recovered}");
     }
@@ -109,7 +119,8 @@ fn alarms(record: &NightRecord) -> String {
             format!("NEW CHANGE of {}: {} at {at}{with}{more}", first.chart, with_u(&first.change.step_s))
         }
     };
-    format!("Alarms: {} new{codes}, {} cleared; trend: {trend}", count(new), count(&record.changes.alarms_cleared))
+    let (cleared, remarks) = (count(&record.changes.alarms_cleared), count(&record.changes.remarks_new));
+    format!("Alarms: {} new{codes}, {cleared} cleared; remarks: {remarks} new; trend: {trend}", count(new))
 }
 
 fn settings(record: &NightRecord) -> String {
@@ -147,11 +158,14 @@ pub(crate) fn json(record: &NightRecord) -> String {
         "rerun": changes.rerun.len(),
         "gone": changes.gone.len(),
         "left": record.left.len(),
-        "moved": changes.moved.len(),
+        "moved": changes.moved_counts().0,
+        "moved_uncertainty_unknown": changes.moved_counts().1,
         "failing": changes.failing.len(),
+        "new_not_measurable": changes.new_not_measurable.len(),
         "recovered": changes.recovered.len(),
         "alarms_new": changes.alarms_new.len(),
         "alarms_cleared": changes.alarms_cleared.len(),
+        "remarks_new": changes.remarks_new.len(),
         "new_trend_changes": record.new_trend_changes.len(),
         "proofs_failed": record.proofs.iter().filter(|proof| proof.verdict == ProofVerdict::Fail).count(),
         "problems": record.problems.len(),
@@ -356,9 +370,32 @@ pub(crate) mod tests {
                 "Night 2026-11-25T220000Z: exit 3; 1 campaign, 0 flights, 1 new, 0 rerun, 0 gone, 1 left for the next night",
                 "Moved by more than 2 sigma: 1; the most: uav/m.bin lateness 118.0 ± 4.0 ms → 131.0 ± 4.0 ms (+4.6 sigma; log)",
                 "Newly failing: 1: uav/<b>&.bin: failed: b.bin: byte 12: no frame; 0 recovered",
-                "Alarms: 0 new, 0 cleared; trend: no new change",
+                "Alarms: 0 new, 0 cleared; remarks: 0 new; trend: no new change",
                 "Settings: no change of a parameter is recommended or to be proved",
             ]
+        );
+    }
+
+    #[test]
+    fn a_number_without_an_uncertainty_moved_by_no_sigmas() {
+        let mut night = night();
+        let known = night.changes.moved.clone();
+        let unsure = MovedNumber {
+            quantity: "error after compensation".into(),
+            unit: "m".into(),
+            before: Estimate { value: 0.029, standard_uncertainty: None },
+            now: Estimate { value: 0.035, standard_uncertainty: None },
+            sigmas: None,
+            ..known[0].clone()
+        };
+        night.changes.moved = vec![unsure.clone()];
+        let words =
+            "by more than 10 %, uncertainty unknown: 1: uav/m.bin error after compensation 0.029 m → 0.035 m (log)";
+        assert_eq!(moved(&night.changes), format!("Moved by more than 2 sigma: none of 9 compared; {words}"));
+        night.changes.moved = vec![known[0].clone(), unsure];
+        let both = moved(&night.changes);
+        assert!(
+            both.starts_with("Moved by more than 2 sigma: 1; the most: uav/m.bin lateness") && both.ends_with(words)
         );
     }
 

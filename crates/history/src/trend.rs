@@ -1,7 +1,7 @@
 //! Control charts: the lateness of flights in the order in which they were flown, and where it changes.
 
 use crate::brief::{Brief, PageOf};
-use crate::change_points::{ChangePoints, FALSE_ALARM, Looks, change_points, weighted_mean};
+use crate::change_points::{ChangePoints, FALSE_ALARM, Looks, SharedMean, change_points, weighted_mean};
 use crate::row::Dimension;
 use record::{
     Estimate, NewTrendChange, RECORD_VERSION, TrendChange, TrendChart, TrendPoint, TrendRecord, TrendSegment,
@@ -101,10 +101,12 @@ fn chart(
     let number =
         |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().map(|row| of(row).unwrap_or_default()).collect::<Vec<f64>>();
     let (x, u) = (number(&|row| row.lateness_s), number(&|row| row.lateness_u_s));
+    let model: Vec<Option<f64>> = rows.iter().map(|row| row.lateness_model_u_s).collect();
     let found = change_points(&x, &u, looks);
     let starts: Vec<usize> = [0].into_iter().chain(found.changes.iter().copied()).collect();
     let ends = found.changes.iter().copied().chain([rows.len()]);
-    let parts: Vec<Part> = starts.iter().zip(ends).map(|(&from, to)| Part::of(from, to, (&x, &u), &found)).collect();
+    let parts: Vec<Part> =
+        starts.iter().zip(ends).map(|(&from, to)| Part::of(from, to, (&x, &u, &model), &found)).collect();
     let named = |i: usize| rows[i].named(page);
     let segments = parts.iter().map(|part| TrendSegment {
         first: named(part.from),
@@ -135,17 +137,24 @@ struct Part {
     to: usize,
     counted: u64,
     mean_s: f64,
+    /// Standard uncertainty of the mean as a lateness.
     u_s: f64,
+    /// The same as a difference to other flights of the chart: what all share is in both, and drops out. Their model errors may
+    /// differ, so each flight counts with its full uncertainty.
+    difference_u_s: f64,
 }
 
 impl Part {
-    fn of(from: usize, to: usize, (x, u): (&[f64], &[f64]), found: &ChangePoints) -> Part {
+    fn of(from: usize, to: usize, (x, u, model): (&[f64], &[f64], &[Option<f64>]), found: &ChangePoints) -> Part {
         let counts: Vec<usize> = (from..to).filter(|i| found.odd.binary_search(i).is_err()).collect();
         // If every one of them is odd, they are all there is.
         let counts = if counts.is_empty() { (from..to).collect() } else { counts };
         let of = |values: &[f64]| counts.iter().map(|&i| values[i]).collect::<Vec<f64>>();
-        let (mean_s, u_s) = weighted_mean(&of(x), &of(u), found.between).unwrap_or((f64::NAN, f64::NAN));
-        Part { from, to, counted: counts.len() as u64, mean_s, u_s }
+        let (x, u) = (of(x), of(u));
+        let model: Vec<Option<f64>> = counts.iter().map(|&i| model[i]).collect();
+        let (mean_s, difference_u_s) = weighted_mean(&x, &u, found.between).unwrap_or((f64::NAN, f64::NAN));
+        let u_s = SharedMean::of(&x, &u, &model).map_or(f64::NAN, |mean| mean.u());
+        Part { from, to, counted: counts.len() as u64, mean_s, u_s, difference_u_s }
     }
 
     fn mean(&self) -> Estimate {
@@ -156,7 +165,7 @@ impl Part {
 fn change(k: usize, parts: &[Part], found: &ChangePoints, rows: &[&Brief], page: PageOf<'_>) -> TrendChange {
     let (before, after) = (&parts[k], &parts[k + 1]);
     let step_s = after.mean_s - before.mean_s;
-    let u_s = before.u_s.hypot(after.u_s);
+    let u_s = before.difference_u_s.hypot(after.difference_u_s);
     let (first, last) = found.ranges[k];
     let at = rows[found.changes[k]];
     TrendChange {
@@ -180,7 +189,7 @@ fn points(
     let newest = rows.len().saturating_sub(MOST_POINTS);
     let point = |i: usize| {
         let part = parts.iter().find(|part| i < part.to);
-        let (centre_s, centre_u_s) = part.map_or((f64::NAN, 0.0), |part| (part.mean_s, part.u_s));
+        let (centre_s, centre_u_s) = part.map_or((f64::NAN, 0.0), |part| (part.mean_s, part.difference_u_s));
         let limit_s = LIMIT_SIGMAS * u[i].hypot(found.between).hypot(centre_u_s);
         TrendPoint {
             flight: rows[i].named(page),
@@ -280,6 +289,18 @@ mod tests {
         assert!(of_firmware.clone().all(|chart| chart.changes.is_empty()));
         assert!(serial.points.iter().all(|point| !point.is_outside));
         assert_eq!(found.record.left_out, ["40 without baud", "40 without rate", "40 without receiver"]);
+    }
+
+    #[test]
+    fn what_all_flights_share_is_in_the_mean_and_not_in_the_step() {
+        let flights =
+            |model_u_s: f64| fleet().into_iter().map(move |row| Row { lateness_model_u_s: Some(model_u_s), ..row });
+        let [none, most] = [0.0, 0.0029].map(|model| charts(&flights(model).collect::<Vec<Row>>()));
+        let [none, most] = [&none, &most].map(|found| chart_of(found, "serial"));
+        assert_eq!(none.changes, most.changes);
+        let u = |chart: &TrendChart| chart.segments[0].mean_s.standard_uncertainty.unwrap();
+        assert!((u(none) - 0.003 / 24f64.sqrt()).abs() < 0.2e-3, "{}", u(none));
+        assert!((2.9e-3..3.0e-3).contains(&u(most)), "{}", u(most));
     }
 
     #[test]

@@ -6,6 +6,10 @@ use flight::{Clock, Distribution, Gap, StampHealth, StampKind};
 const GAP_FACTOR: f64 = 2.5;
 /// Gaps that are listed.
 const LISTED_GAPS: usize = 10;
+/// Of this many steps one may be a gap, and gaps are still no part of the rate.
+const STEPS_FOR_A_GAP: u64 = 100;
+/// One stamp with this share of all rows, and with at least two: the rows were written at once, and have no rate.
+const AT_ONCE: u64 = 2;
 /// Steps held one by one before a streaming count goes over to buckets.
 const HELD_STEPS: usize = 1024;
 /// Buckets in each octave of the step: the middle of one is within 1/256 of any step in it.
@@ -16,7 +20,8 @@ const BUCKET_BITS: u32 = 7;
 ///
 /// A step is a stamp less the one before it. Forward steps (above zero) make the
 /// distribution, the rate and the gaps; equal stamps and steps back are counted apart, so
-/// that a topic which sends everything twice has its true rate.
+/// that a topic which sends everything twice has its true rate. Where one stamp holds half of all rows, they were written at
+/// once, as the parameters at the start of a log: no rate.
 ///
 /// Counts, ends, extremes and the ten longest gaps are always exact. Percentiles (linear
 /// between order statistics, as NumPy's default) are exact up to 1024 forward steps; beyond
@@ -29,6 +34,9 @@ pub struct StampStats {
     first_ns: i64,
     last_ns: i64,
     duplicates: u64,
+    /// Equal stamps after one another: those of now, and the most.
+    equal: u64,
+    most_equal: u64,
     back_jumps: u64,
     forward: Steps,
     forward_count: u64,
@@ -78,6 +86,8 @@ impl StampStats {
             first_ns: 0,
             last_ns: 0,
             duplicates: 0,
+            equal: 0,
+            most_equal: 0,
             back_jumps: 0,
             forward,
             forward_count: 0,
@@ -93,6 +103,8 @@ impl StampStats {
         } else {
             self.step(self.last_ns, stamp_ns);
         }
+        self.equal = if self.count > 0 && stamp_ns == self.last_ns { self.equal + 1 } else { 1 };
+        self.most_equal = self.most_equal.max(self.equal);
         self.last_ns = stamp_ns;
         self.count += 1;
     }
@@ -128,12 +140,21 @@ impl StampStats {
         self.count
     }
 
-    /// Forward steps per second, a few gaps left out. More gaps than are listed are no gaps but the topic's way.
-    fn rate_hz(&self, threshold_s: f64) -> f64 {
+    /// Forward steps per second without the gaps. Many gaps are no gaps but the topic's way. `None` for rows that were written
+    /// at once.
+    fn rate_hz(&self, threshold_s: f64) -> Option<f64> {
+        if self.most_equal > 1 && self.most_equal * AT_ONCE >= self.count {
+            return None;
+        }
         let gaps = self.longest.iter().map(|l| l.step_ns).filter(|&ns| seconds(ns) > threshold_s);
-        let (count, ns) = gaps.fold((0, 0), |(count, sum), ns| (count + 1, sum + u128::from(ns)));
-        let (count, ns) = if count < LISTED_GAPS as u64 { (count, ns) } else { (0, 0) };
-        (self.forward_count - count) as f64 * 1e9 / (self.forward_ns - ns) as f64
+        let (gaps, gaps_ns) = gaps.fold((0, 0), |(count, sum), ns| (count + 1, sum + u128::from(ns)));
+        let all = (self.forward_count, self.forward_ns);
+        let (count, ns) = match self.forward.up_to_s(threshold_s) {
+            _ if gaps < LISTED_GAPS as u64 => (all.0 - gaps, all.1 - gaps_ns),
+            few if (all.0 - few.0) * STEPS_FOR_A_GAP <= all.0 => few,
+            _ => all,
+        };
+        Some(count as f64 * 1e9 / ns as f64)
     }
 
     /// The description; `None` if there was no stamp.
@@ -151,7 +172,7 @@ impl StampStats {
             first_ns: self.first_ns,
             last_ns: self.last_ns,
             count: self.count,
-            rate_hz: threshold_s.map(|t| self.rate_hz(t)),
+            rate_hz: threshold_s.and_then(|t| self.rate_hz(t)),
             steps_s,
             gap_count: threshold_s.map_or(0, |t| self.forward.count_above_s(t)),
             gaps: threshold_s.map_or(vec![], |t| self.gaps_above_s(t)),
@@ -226,6 +247,19 @@ impl Steps {
                 steps.sort_unstable();
                 percentiles(steps.len() as u64, |rank| seconds(steps.get(rank as usize).copied().unwrap_or_default()))
             }
+        }
+    }
+
+    /// Number and sum, ns, of the steps up to a threshold.
+    fn up_to_s(&self, threshold_s: f64) -> (u64, u128) {
+        let sum = |steps: &mut dyn Iterator<Item = (u64, u64)>| {
+            let short = steps.filter(|(step, _)| seconds(*step) <= threshold_s);
+            short.fold((0, 0), |(n, ns), (step, tally)| (n + tally, ns + u128::from(step) * u128::from(tally)))
+        };
+        match self {
+            Steps::Ignored => (0, 0),
+            Steps::Bucketed(buckets) => sum(&mut buckets.middles()),
+            Steps::Held { steps, .. } => sum(&mut steps.iter().map(|step| (*step, 1))),
         }
     }
 
@@ -343,6 +377,40 @@ mod tests {
         assert_eq!((health.back_jumps, health.gap_count, health.duplicates), (1, 0, 0));
         assert_eq!(health.steps_s.unwrap().median, 1e-8);
         assert_eq!((health.first_ns, health.last_ns), (0, 25));
+    }
+
+    #[test]
+    fn rows_that_were_written_at_once_have_no_rate() {
+        // The parameters at the start of a log, and some that were changed in flight.
+        let parameters: Vec<i64> = vec![71; 1298].into_iter().chain((1..=8).map(|i| 71 + i * 30)).collect();
+        let formats: Vec<i64> = vec![0; 77].into_iter().chain(vec![71; 77]).collect();
+        for stamps in [parameters, formats] {
+            assert_eq!(described(&stamps).rate_hz, None);
+        }
+        // Five sensors that share a stamp, twenty times, are 50 Hz.
+        let sensors: Vec<i64> = (0..100).map(|i| (i / 5) * 20_000_000).collect();
+        assert_eq!(described(&sensors).rate_hz, Some(50.0));
+        assert_eq!(described(&[0, 20_000_000]).rate_hz, Some(50.0));
+    }
+
+    #[test]
+    fn a_logger_that_pauses_often_has_the_rate_at_which_it_logs() {
+        // 5 Hz with a pause of 40 s after every 190 rows, as a parachutist's.
+        let mut now = 0;
+        let stamps = (0..6731).map(|row| {
+            now += if row % 190 == 189 { 40_000_000_000 } else { 200_000_000 };
+            now
+        });
+        let stamps: Vec<i64> = stamps.collect();
+        let health = described(&stamps);
+        assert_eq!((health.rate_hz, health.gap_count), (Some(5.0), 35));
+        let mut stream = StampStats::new();
+        stamps.iter().for_each(|stamp| stream.push(*stamp));
+        let streamed = stream.finish(StampKind::Logged, Clock::Unix, "log").unwrap().rate_hz.unwrap();
+        assert!((streamed / 5.0 - 1.0).abs() < 0.004, "{streamed}");
+        // A topic that comes in pairs a second apart has no gaps: that is its way.
+        let pairs: Vec<i64> = (0..200).map(|i| (i / 2) * 1_000_000_000 + (i % 2) * 10_000_000).collect();
+        assert!((described(&pairs).rate_hz.unwrap() - 199.0 / 99.01).abs() < 1e-9);
     }
 
     #[test]

@@ -52,10 +52,16 @@ pub struct CardChannel {
     /// Lags of the chosen model, s; empty for a pure delay.
     #[serde(default)]
     pub lags_s: Vec<f64>,
+    /// Their standard uncertainties, s; empty where a record does not know its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lags_standard_uncertainty_s: Vec<f64>,
     /// How late slow motion is, s: delay and lags of the chosen model together; only where it has a lag. `delay_s` is the pure
     /// delay that fits the bench's swing best, which is less.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slow_motion_delay_s: Option<f64>,
+    /// Its standard uncertainty, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slow_motion_standard_uncertainty_s: Option<f64>,
     /// Delay or lag, in words.
     pub model: String,
     /// Mean gain of the excited components.

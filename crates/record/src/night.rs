@@ -106,17 +106,35 @@ pub struct RunChanges {
     pub gone: Vec<NamedFlight>,
     /// Flights with another result.
     pub rerun: Vec<RerunCause>,
-    /// Numbers that moved by more than two standard uncertainties, or by more than a tenth where an uncertainty is not known:
-    /// these first, then the largest move.
+    /// Numbers that moved by more than two standard uncertainties, the largest move first; after them those that moved by more
+    /// than a tenth and have no uncertainty.
     pub moved: Vec<MovedNumber>,
-    /// Flights with a trouble that they did not have; new flights with a trouble too.
+    /// Flights with a trouble that they did not have; new flights with a trouble too, except those that cannot be measured.
     pub failing: Vec<FlightWords>,
+    /// New flights that cannot be measured, as one that stands still: nothing failed.
+    #[serde(default)]
+    pub new_not_measurable: Vec<NamedFlight>,
     /// Flights that lost a trouble.
     pub recovered: Vec<FlightWords>,
-    /// Alarms that are new.
+    /// Alarms that are new and ask for something.
     pub alarms_new: Vec<FlightWords>,
-    /// Alarms that are gone.
+    /// Such alarms that are gone.
     pub alarms_cleared: Vec<FlightWords>,
+    /// Remarks that are new: they ask for nothing.
+    #[serde(default)]
+    pub remarks_new: Vec<FlightWords>,
+    /// Remarks that are gone.
+    #[serde(default)]
+    pub remarks_cleared: Vec<FlightWords>,
+}
+
+impl RunChanges {
+    /// How many numbers moved by more than two standard uncertainties, and how many by more than a tenth without one.
+    #[must_use]
+    pub fn moved_counts(&self) -> (usize, usize) {
+        let known = self.moved.iter().filter(|moved| moved.sigmas.is_some()).count();
+        (known, self.moved.len() - known)
+    }
 }
 
 /// A point of a control chart.

@@ -8,8 +8,8 @@ use flight::{Code, Notices, Quantity, StampKind};
 use jiff::ToSpan;
 use jiff::civil::Date;
 use record::{
-    BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DelayFinding, SensorCard,
-    SensorIdentity, TimeBasis, Verdict,
+    BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DelayFinding, Estimate,
+    SensorCard, SensorIdentity, TimeBasis, Verdict,
 };
 use signal::{Mean, Reading, mean_of, outliers};
 use std::collections::BTreeSet;
@@ -310,7 +310,7 @@ impl<'a> Several<'a> {
             [only] => only.delay.standard_uncertainty_s,
             _ => delay.standard_uncertainty.hypot(shared),
         };
-        let (model, lags_s, slow_motion_delay_s) = self.model();
+        let model = self.model();
         Some(CardChannel {
             name: self.name.to_owned(),
             quantity: first.channel.quantity,
@@ -318,9 +318,11 @@ impl<'a> Several<'a> {
             delay_s: delay.value,
             delay_standard_uncertainty_s: delay.standard_uncertainty,
             as_seen_delay_s: self.mean_age().map(|age| delay.value + age),
-            lags_s,
-            slow_motion_delay_s,
-            model,
+            lags_s: model.lags.iter().map(|lag| lag.value).collect(),
+            lags_standard_uncertainty_s: uncertainties(&model.lags),
+            slow_motion_delay_s: model.slow_s.map(|slow| slow.value),
+            slow_motion_standard_uncertainty_s: model.slow_s.and_then(|slow| slow.standard_uncertainty),
+            model: model.words,
             gain: gain.value,
             gain_standard_uncertainty: gain.standard_uncertainty,
             update_rate_hz: self.update_rate(notices),
@@ -359,7 +361,7 @@ impl<'a> Several<'a> {
 
     /// The model that more than half of the records show, with its mean lags and, if it has any, how late it makes slow
     /// motion; else what they show.
-    fn model(&self) -> (String, Vec<f64>, Option<f64>) {
+    fn model(&self) -> CardModel {
         let kinds: BTreeSet<&str> = self.runs.iter().map(Run::model).collect();
         let with = |kind: &str| self.runs.iter().filter(|r| r.model() == kind).collect::<Vec<_>>();
         let counted: Vec<(&str, Vec<&Run<'_>>)> = kinds.into_iter().map(|kind| (kind, with(kind))).collect();
@@ -369,16 +371,20 @@ impl<'a> Several<'a> {
                 let words = model_in_words(kind);
                 let text =
                     if runs.len() < n { format!("{words} ({} of {n} records)", runs.len()) } else { words.into() };
-                let lags_s = mean_lags(runs);
-                let sums: Vec<f64> = runs.iter().filter_map(|r| Some(r.channel.model.found()?.sum_s.value)).collect();
-                let slow = sums.iter().sum::<f64>() / sums.len().max(1) as f64;
-                let has_lag = lags_s.iter().any(|lag| *lag > 0.0) && !sums.is_empty();
-                (text, lags_s, has_lag.then_some(slow))
+                let lags = mean_lags(runs);
+                let sums: Vec<Estimate> = runs.iter().filter_map(|r| Some(r.channel.model.found()?.sum_s)).collect();
+                let has_lag = lags.iter().any(|lag| lag.value > 0.0);
+                let shared_s = runs.iter().map(|r| r.shared()).fold(0.0, f64::max);
+                let whole = |u: f64| u.hypot(shared_s);
+                let slow_s = mean_estimate(&sums).filter(|_| has_lag);
+                let slow_s = slow_s.map(|s| Estimate { standard_uncertainty: s.standard_uncertainty.map(whole), ..s });
+                CardModel { words: text, lags, slow_s }
             }
             None => {
                 let part = |(kind, runs): &(&str, Vec<&Run<'_>>)| format!("{} ({})", model_in_words(kind), runs.len());
                 let parts: Vec<String> = counted.iter().map(part).collect();
-                (format!("differs between records: {}", parts.join(", ")), vec![], None)
+                let words = format!("differs between records: {}", parts.join(", "));
+                CardModel { words, lags: vec![], slow_s: None }
             }
         }
     }
@@ -455,10 +461,10 @@ impl Run<'_> {
         self.channel.model.found().and_then(|m| m.chosen.as_deref()).unwrap_or_default()
     }
 
-    fn lags(&self) -> Vec<f64> {
+    fn lags(&self) -> &[Estimate] {
         let model = self.channel.model.found();
         let chosen = model.and_then(|m| m.candidates.iter().find(|c| Some(&c.name) == m.chosen.as_ref()));
-        chosen.map(|c| c.lags_s.iter().map(|lag| lag.value).collect()).unwrap_or_default()
+        chosen.map(|c| c.lags_s.as_slice()).unwrap_or_default()
     }
 }
 
@@ -473,11 +479,39 @@ fn model_in_words(name: &str) -> &str {
     }
 }
 
-fn mean_lags(runs: &[&Run<'_>]) -> Vec<f64> {
-    let lags: Vec<Vec<f64>> = runs.iter().map(|r| r.lags()).collect();
-    let count = lags.iter().map(Vec::len).min().unwrap_or(0);
-    let mean = |i: usize| lags.iter().filter_map(|l| l.get(i)).sum::<f64>() / lags.len() as f64;
-    (0..count).map(mean).collect()
+/// Delay or lag of a channel over its records.
+struct CardModel {
+    words: String,
+    lags: Vec<Estimate>,
+    /// Delay and lags together, where there is a lag.
+    slow_s: Option<Estimate>,
+}
+
+fn mean_lags(runs: &[&Run<'_>]) -> Vec<Estimate> {
+    let lags: Vec<&[Estimate]> = runs.iter().map(|r| r.lags()).collect();
+    let count = lags.iter().map(|lags| lags.len()).min().unwrap_or(0);
+    let of = |i: usize| lags.iter().filter_map(|l| l.get(i).copied()).collect::<Vec<Estimate>>();
+    (0..count).filter_map(|i| mean_estimate(&of(i))).collect()
+}
+
+/// Mean over records, weighted where each knows its uncertainty; else plain, and without one.
+fn mean_estimate(all: &[Estimate]) -> Option<Estimate> {
+    let reading = |e: &Estimate| {
+        let standard_uncertainty = e.standard_uncertainty.filter(|u| *u > 0.0)?;
+        Some(Reading { value: e.value, standard_uncertainty })
+    };
+    let readings: Option<Vec<Reading>> = all.iter().map(reading).collect();
+    let weighted = readings.and_then(|readings| mean_of(&readings));
+    let plain = || all.iter().map(|e| e.value).sum::<f64>() / all.len() as f64;
+    match weighted {
+        Some(mean) => Some(Estimate { value: mean.value, standard_uncertainty: Some(mean.standard_uncertainty) }),
+        None => (!all.is_empty()).then(|| Estimate { value: plain(), standard_uncertainty: None }),
+    }
+}
+
+/// The uncertainties of all, or none of them.
+fn uncertainties(all: &[Estimate]) -> Vec<f64> {
+    all.iter().map(|e| e.standard_uncertainty).collect::<Option<_>>().unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -27,6 +27,7 @@ pub(crate) fn card() -> SensorCard {
         delay_standard_uncertainty_s: 0.002,
         as_seen_delay_s: Some(0.525),
         lags_s: vec![],
+        lags_standard_uncertainty_s: vec![],
         model: "delay".into(),
         gain: 1.001,
         gain_standard_uncertainty: 0.002,
@@ -37,6 +38,7 @@ pub(crate) fn card() -> SensorCard {
         between_runs_s: None,
         outliers: vec![],
         slow_motion_delay_s: None,
+        slow_motion_standard_uncertainty_s: None,
         contradicted: vec![],
     };
     let velocity = CardChannel {

@@ -44,7 +44,7 @@ const MAGNETOMETER: &str = "\
 const SENSOR_KEYS: [&str; 5] = ["model", "serial", "firmware", "baud", "configuration"];
 const VALIDITY_KEYS: [&str; 3] = ["measured_on", "valid_from", "valid_until"];
 const ORIGIN_KEYS: [&str; 4] = ["rig", "method", "flightlag_version", "analysis_version"];
-const CHANNEL_KEYS: [&str; 18] = [
+const CHANNEL_KEYS: [&str; 20] = [
     "name",
     "quantity",
     "verdict",
@@ -53,7 +53,9 @@ const CHANNEL_KEYS: [&str; 18] = [
     "as_seen_delay_s",
     "model",
     "lags_s",
+    "lags_standard_uncertainty_s",
     "slow_motion_delay_s",
+    "slow_motion_standard_uncertainty_s",
     "gain",
     "gain_standard_uncertainty",
     "update_rate_hz",
@@ -238,6 +240,10 @@ impl Checker<'_> {
         check("between_runs_s", channel.between_runs_s, is_not_negative, not_negative);
         check("update_rate_hz", channel.update_rate_hz, |v| v > 0.0, "finite and above zero");
         channel.lags_s.iter().for_each(|&lag| check("lags_s", Some(lag), is_not_negative, not_negative));
+        let uncertainty = channel.slow_motion_standard_uncertainty_s;
+        check("slow_motion_standard_uncertainty_s", uncertainty, is_not_negative, not_negative);
+        let uncertainties = channel.lags_standard_uncertainty_s.iter();
+        uncertainties.for_each(|&u| check("lags_standard_uncertainty_s", Some(u), is_not_negative, not_negative));
         if channel.name.trim().is_empty() {
             self.file.reject(at("name"), "a channel must have a name, as `position.gps`");
         }
@@ -344,7 +350,9 @@ mod tests {
             as_seen_delay_s: Some(0.5),
             between_runs_s: Some(0.001),
             outliers: vec!["r".into()],
+            lags_standard_uncertainty_s: vec![0.01],
             slow_motion_delay_s: Some(0.6),
+            slow_motion_standard_uncertainty_s: Some(0.02),
             contradicted: vec!["r: encoder sign".into()],
             ..card.channels[0].clone()
         };

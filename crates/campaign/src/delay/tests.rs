@@ -16,6 +16,7 @@ fn on_card(name: &str, quantity: Quantity, verdict: Verdict, delay_s: f64, u_s: 
         delay_standard_uncertainty_s: u_s,
         as_seen_delay_s: None,
         lags_s: vec![],
+        lags_standard_uncertainty_s: vec![],
         model: "delay".into(),
         gain: 1.0,
         gain_standard_uncertainty: 0.01,
@@ -26,6 +27,7 @@ fn on_card(name: &str, quantity: Quantity, verdict: Verdict, delay_s: f64, u_s: 
         between_runs_s: Some(0.001),
         outliers: vec![],
         slow_motion_delay_s: None,
+        slow_motion_standard_uncertainty_s: None,
         contradicted: vec![],
     }
 }

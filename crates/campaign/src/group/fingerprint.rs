@@ -1,6 +1,6 @@
 //! Content of a flight in a few bytes: the same flight in another container, or under another name, has the same.
 
-use flight::{Channel, Flight, Quantity};
+use flight::{Channel, Flight, Quantity, Stamp};
 use record::{DuplicateFlight, FlightContent};
 use std::collections::BTreeMap;
 
@@ -10,6 +10,8 @@ const SAMPLED: usize = 256;
 const SKETCH: usize = 64;
 /// Fixes of a stretch.
 const STRETCH: usize = 4;
+/// Changes of place, among the rows that are looked at, by which a flight is known without its date.
+const LEAST_MOVES: usize = 4;
 /// A latitude or longitude counts in steps of 1e-7 degrees, as receivers give it, rad.
 const ANGLE_STEP: f64 = 1e-7 * std::f64::consts::PI / 180.0;
 /// Other values in steps of a millimetre.
@@ -22,6 +24,9 @@ const TIME_STEP_NS: i64 = 1_000_000;
 ///
 /// Neither the clock's begin nor the container, names or other channels are part of it. Heights are not, for a container may
 /// hold another kind of them.
+///
+/// A log whose place hardly changes is like every other log from there. Its hash holds the UTC of its first update as well;
+/// where that is not known there is none.
 #[must_use]
 pub fn fingerprint(flight: &Flight, position_channel: &str) -> Option<String> {
     let channel = flight.channels.get(position_channel)?;
@@ -32,12 +37,20 @@ pub fn fingerprint(flight: &Flight, position_channel: &str) -> Option<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&(rows.len() as u64).to_le_bytes());
     let step = rows.len().div_ceil(SAMPLED).max(1);
+    let (mut moves, mut before) = (0, horizontal(channel, first));
     for row in rows.iter().copied().step_by(step).chain([last]) {
         let after_ns = stamps.get(row)?.0.saturating_sub(begin);
         hasher.update(&rounded_ms(after_ns).to_le_bytes());
-        for count in horizontal(channel, row) {
+        let place = horizontal(channel, row);
+        for count in place {
             hasher.update(&count.to_le_bytes());
         }
+        moves += usize::from(place != before);
+        before = place;
+    }
+    if moves < LEAST_MOVES {
+        let utc = flight.unix(channel.series.timeline().clock(), Stamp(begin))?;
+        hasher.update(&rounded_ms(utc.0).to_le_bytes());
     }
     Some(hasher.finalize().to_hex().to_string())
 }

@@ -165,6 +165,30 @@ fn another_flight_has_another_print() {
 }
 
 #[test]
+fn logs_that_stand_at_one_place_are_copies_only_if_they_are_of_one_instant() {
+    const YEAR_NS: i64 = 365 * 86_400 * 1_000_000_000;
+    let stand = |place: &mut [f64; 3]| (place[0], place[1]) = (0.5, 0.1);
+    let [first, again, later] = [0, 0, YEAR_NS].map(|by| flown(move |_, place, ns| (stand(place), *ns += by).1));
+    assert_eq!(print(&first), print(&again));
+    assert_ne!(print(&first), print(&later));
+    // One fix is one place, wherever it is.
+    let one = |by: i64| {
+        let mut flight = flown(move |_, _, ns| *ns += by);
+        flight.channels.get_mut("position.gps").unwrap().held[1..].fill(true);
+        flight
+    };
+    assert_eq!(print(&one(0)), print(&one(0)));
+    assert_ne!(print(&one(0)), print(&one(1_000_000_000)));
+    // A log that does not know its date is no copy of any.
+    let mut undated = flown(|_, place, _| stand(place));
+    let channel = undated.channels.get_mut("position.gps").unwrap();
+    let stamps = channel.series.timeline().stamps().to_vec();
+    let timeline = Timeline::new(StampKind::Measured, Clock::Boot, stamps).unwrap();
+    channel.series = Series::new(timeline, channel.series.components().to_vec()).unwrap();
+    assert_eq!(fingerprint(&undated, "position.gps"), None);
+}
+
+#[test]
 fn duplicates_count_once_and_the_first_by_name_counts() {
     let content = |of: &str, fixes| Some(FlightContent { fingerprint: of.to_owned(), fixes, sketch: vec![] });
     let flights = [

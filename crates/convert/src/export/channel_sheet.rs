@@ -5,6 +5,7 @@ use crate::row_time::{utc_of, way_to_utc};
 use crate::sheet::{Cells, Sheet};
 use flight::{Channel, Clock, Dimension, Quantity, Stamp, Unit, UtcTie};
 use serde_json::{Value, json};
+use std::collections::HashMap;
 
 /// How the values of a column are written.
 #[derive(Debug, Clone, Copy)]
@@ -71,9 +72,22 @@ fn degrees(radians: f64) -> f64 {
     if back(short) == radians { short } else { degrees }
 }
 
-/// Stamps, seconds since the first, UTC where the stamps are not, components with their units, and 1 where a value was held
+/// First stamp of the earliest channel of each clock: the zero of `t_s` in all sheets of a log, so that rows of two sheets with the
+/// same `t_s` are of the same instant.
+pub(super) fn zeros<'c>(channels: impl Iterator<Item = &'c Channel>) -> HashMap<Clock, Stamp> {
+    let mut zeros = HashMap::new();
+    for timeline in channels.map(|channel| channel.series.timeline()) {
+        if let Some(first) = timeline.first() {
+            let zero = zeros.entry(timeline.clock()).or_insert(first);
+            *zero = first.min(*zero);
+        }
+    }
+    zeros
+}
+
+/// Stamps, seconds since the zero of their clock, UTC where the stamps are not, components with their units, and 1 where a value was held
 /// since an earlier row.
-pub(super) fn source(name: &str, channel: &Channel, utc: Option<&UtcTie>) -> Source {
+pub(super) fn source(name: &str, channel: &Channel, zeros: &HashMap<Clock, Stamp>, utc: Option<&UtcTie>) -> Source {
     let mut sheet = Sheet::default();
     let mut columns = About::new();
     let mut push = |name: String, cells, about: Value| {
@@ -86,9 +100,10 @@ pub(super) fn source(name: &str, channel: &Channel, utc: Option<&UtcTie>) -> Sou
     let utc_ns = utc_of(timeline.clock(), &own_ns, utc);
     let main = format!("{}_ns", timeline.kind());
     push(main.clone(), nanos(timeline.stamps()), json!({ "unit": "ns", "clock": timeline.clock() }));
-    let origin = timeline.first().unwrap_or(Stamp(0));
-    let seconds = timeline.seconds_since(origin).into_iter().map(Some).collect();
-    push("t_s".to_owned(), Cells::F64(seconds), json!({ "unit": "s" }));
+    let zero = zeros.get(&timeline.clock()).copied().unwrap_or(Stamp(0));
+    let seconds = timeline.seconds_since(zero).into_iter().map(Some).collect();
+    let about = json!({ "unit": "s", "clock": timeline.clock(), "zero_ns": zero.0 });
+    push("t_s".to_owned(), Cells::F64(seconds), about);
     if let Some(utc_ns) = utc_ns.as_ref().filter(|_| timeline.clock() != Clock::Unix) {
         push("utc_ns".to_owned(), Cells::I64(utc_ns.clone()), json!({ "unit": "ns", "clock": Clock::Unix }));
     }

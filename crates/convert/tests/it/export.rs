@@ -322,6 +322,38 @@ fn a_clock_that_does_not_know_the_date_has_utc_beside_it_and_the_tie_in_the_prov
 }
 
 #[test]
+fn rows_of_two_tables_with_the_same_seconds_are_of_the_same_instant() {
+    let folder = tempfile::tempdir().unwrap();
+    // The receiver has a velocity before it has a place.
+    let row = |k: u32| {
+        let place = if k < 7 { ",,".to_owned() } else { format!("37.6{k:05},126.86{k:05},{}", 100 + k) };
+        format!("2024-01-01T10:00:{:02}.{}Z,{place},{k}.5,-{k}.25,0.0\n", k / 10, k % 10)
+    };
+    let log = folder.path().join("table.csv");
+    let head = "time,lat,lon,hMSL,velN,velE,velD\n,(deg),(deg),(m),(m/s),(m/s),(m/s)\n".to_owned();
+    std::fs::write(&log, (0..200).fold(head, |text, k| text + &row(k))).unwrap();
+    let flight = read(&log).flight;
+    let out = folder.path().join("tables");
+    let report = exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
+    let firsts: Vec<i64> = flight.channels.values().map(|c| c.series.timeline().first().unwrap().0).collect();
+    let zero = *firsts.iter().min().unwrap();
+    assert!(firsts.iter().any(|first| *first != zero), "channels that begin together prove nothing: {firsts:?}");
+    for sheet in &report.sheets {
+        let timeline = flight.channels[&sheet.name].series.timeline();
+        let seconds = csv_column(&out.join(&sheet.place), "t_s");
+        for (cell, stamp) in seconds.iter().zip(timeline.stamps()) {
+            assert_eq!(cell.parse::<f64>().unwrap(), stamp.seconds_since(Stamp(zero)), "{}", sheet.name);
+        }
+    }
+    let said = provenance(&out);
+    for sheet in said["sheets"].as_array().unwrap() {
+        let columns = sheet["columns"].as_array().unwrap();
+        let column = columns.iter().find(|column| column["name"] == "t_s").unwrap();
+        assert_eq!((&column["zero_ns"], &column["clock"]), (&zero.into(), &"unix".into()), "{column}");
+    }
+}
+
+#[test]
 fn rows_of_topics_have_the_time_that_their_fields_say_also_as_log_time() {
     for container in [Container::Ubx, Container::Nmea, Container::CsvWide, Container::Ulog, Container::DataFlash] {
         let folder = tempfile::tempdir().unwrap();

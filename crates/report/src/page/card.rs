@@ -351,12 +351,18 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
             }
             td.n { (estimate(&delay_ms(channel))) }
             td.n { "±" (number::exact(margin_s * 1e3)) }
-            @if columns.held { td.n { (maybe(channel.as_seen_delay_s, |s| plain(s * 1e3, 4))) } }
+            // The age of what is held follows from the timestamps: it adds nothing to the uncertainty of the delay.
+            @if columns.held { td.n { (maybe(channel.as_seen_delay_s, |s| in_ms(s, Some(channel.delay_standard_uncertainty_s)))) } }
             td.any {
                 (shown(&channel.model))
-                @for (i, lag) in channel.lags_s.iter().enumerate() { (if i > 0 { ", " } else { "; lags " }) (plain(lag * 1e3, 3)) }
+                @for (i, lag) in channel.lags_s.iter().enumerate() {
+                    (if i > 0 { ", " } else if channel.lags_s.len() == 1 { "; lag " } else { "; lags " })
+                    (in_ms(*lag, channel.lags_standard_uncertainty_s.get(i).copied()))
+                }
                 @if !channel.lags_s.is_empty() { " ms" }
-                @if let Some(slow) = channel.slow_motion_delay_s { "; slow motion " (plain(slow * 1e3, 4)) " ms" }
+                @if let Some(slow) = channel.slow_motion_delay_s {
+                    "; slow motion " (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) " ms"
+                }
             }
             td.n { (estimate(&gain)) }
             td.n { (or_why(channel.update_rate_hz, "not known", |hz| plain(hz, 4))) }
@@ -365,6 +371,11 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
             @if columns.spread { td.n { (maybe(channel.between_runs_s, |s| plain(s * 1e3, 2))) } }
         }
     }
+}
+
+/// Seconds as milliseconds, with U where it is known.
+fn in_ms(value_s: f64, standard_uncertainty_s: Option<f64>) -> Markup {
+    estimate(&verdict::in_millis(&Estimate { value: value_s, standard_uncertainty: standard_uncertainty_s }))
 }
 
 fn contradicted(channel: &CardChannel) -> Markup {

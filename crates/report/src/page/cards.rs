@@ -28,7 +28,7 @@ pub fn cards_site(cards: &[IndexedCard]) -> Site {
         Text("Position"),
         Number("Delay (ms)"),
         Text("Measured against"),
-        Number("Records"),
+        Number("Records used"),
         Text("Validity"),
     ];
     let body = html! {
@@ -55,7 +55,12 @@ fn row(indexed: &IndexedCard) -> Markup {
             td { (or_why(position, "no position", |c| html! { code { (shown(&c.name)) } " " (verdict_badge(c.verdict)) })) }
             td.n { (or_why(position, "none", |c| estimate(&delay_ms(c)))) }
             td.any { (or_why(position, "no position", |c| time_base(&c.basis))) }
-            td.n { (number::count(indexed.records)) }
+            td.n {
+                @match position.map(|c| c.records).filter(|used| *used < indexed.records) {
+                    Some(used) => { (number::count(used)) " of " (number::count(indexed.records)) }
+                    None => { (number::count(indexed.records)) }
+                }
+            }
             td.any { (or_why(indexed.card, "nothing was measured", validity)) }
         }
     }

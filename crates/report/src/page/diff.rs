@@ -16,13 +16,14 @@ const MOST: usize = 200;
 #[must_use]
 pub fn diff_site(record: &DiffRecord) -> Site {
     let changes = &record.changes;
+    let (by_sigmas, by_a_tenth) = changes.moved_counts();
     let count = |n: usize| number::count(n as u64);
     let title = format!("{} against {}", record.now.folder, record.before.folder);
     let body = html! {
         main {
             h1 { (shown(&title)) }
             p.answer {
-                b { (count(changes.moved.len())) " moved by more than 2\u{a0}σ" } " of " (number::count(changes.compared)) " flights in both, "
+                b { (count(by_sigmas)) " moved by more than 2\u{a0}σ" } ", " (count(by_a_tenth)) " by more than 10\u{a0}% (uncertainty unknown), of " (number::count(changes.compared)) " flights in both, "
                 (count(changes.rerun.len())) " with another result, " (count(changes.failing.len())) " newly failing, "
                 (count(changes.new.len())) " only in the second, " (count(changes.gone.len())) " only in the first."
             }

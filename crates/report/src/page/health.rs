@@ -308,7 +308,7 @@ fn topic_row(topic: &TopicHealth) -> Markup {
             td { (shown(&topic.encoding)) }
             td.n { (number::count(topic.messages)) }
             td.n { (number::bytes(topic.payload_bytes)) }
-            td { @for stamps in topic.stamps.iter().take(MOST_STAMPS) { div { (topic_stamps(stamps)) } } }
+            td { @for stamps in topic.stamps.iter().take(MOST_STAMPS) { div { (topic_stamps(stamps, topic.messages)) } } }
             td.any {
                 @if topic.decoded { "yes" } @else { "no" }
                 @if !topic.reason.is_empty() { ": " (shown(&topic.reason)) }
@@ -317,10 +317,12 @@ fn topic_row(topic: &TopicHealth) -> Markup {
     }
 }
 
-fn topic_stamps(stamps: &StampHealth) -> Markup {
+fn topic_stamps(stamps: &StampHealth, messages: u64) -> Markup {
     html! {
         (stamps.kind) " (" (shown(&stamps.source)) "), " (stamps.clock)
         @if let Some(rate) = stamps.rate_hz { ", " (number::significant(rate, 4)) " Hz" }
+        @else if stamps.steps_s.is_some() { ", half or more of them at once" }
+        @if stamps.count < messages { ", " (number::count(stamps.count)) " of the messages have a time" }
         @if stamps.gap_count > 0 { ", " (number::counted(stamps.gap_count, "gap", "gaps")) }
         @if let Some(gap) = stamps.gaps.first() { ", longest " (number::significant(gap.length_s, 3)) " s" }
         @if stamps.back_jumps > 0 { ", " (number::counted(stamps.back_jumps, "step", "steps")) " back" }

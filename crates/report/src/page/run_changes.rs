@@ -73,13 +73,16 @@ impl Names<'_> {
 pub(super) fn sections(changes: &RunChanges, names: &Names<'_>) -> Markup {
     html! {
         (names.words("Newly failing", &changes.failing))
-        (moved(&changes.moved, names))
+        (moved(changes, names))
         (rerun(changes, names))
         (names.words("New alarms", &changes.alarms_new))
+        (names.words("New remarks", &changes.remarks_new))
         (names.section("New flights", &changes.new))
+        (names.section("New flights that cannot be measured", &changes.new_not_measurable))
         (names.section("No longer there", &changes.gone))
         (names.words("No longer failing", &changes.recovered))
         (names.words("Alarms cleared", &changes.alarms_cleared))
+        (names.words("Remarks cleared", &changes.remarks_cleared))
     }
 }
 
@@ -116,7 +119,8 @@ fn rerun(changes: &RunChanges, names: &Names<'_>) -> Markup {
     }
 }
 
-fn moved(all: &[MovedNumber], names: &Names<'_>) -> Markup {
+fn moved(changes: &RunChanges, names: &Names<'_>) -> Markup {
+    let (all, (by_sigmas, by_a_tenth)) = (&changes.moved, changes.moved_counts());
     let head = [
         Text("Flight"),
         Text("Quantity"),
@@ -143,7 +147,12 @@ fn moved(all: &[MovedNumber], names: &Names<'_>) -> Markup {
     };
     html! {
         @if !all.is_empty() {
-            h3 { "Moved by more than 2\u{a0}σ: " (number::count(all.len() as u64)) }
+            h3 {
+                "Moved by more than 2\u{a0}σ: " (number::count(by_sigmas as u64))
+                @if by_a_tenth > 0 {
+                    "; by more than 10\u{a0}%, uncertainty unknown: " (number::count(by_a_tenth as u64))
+                }
+            }
             (table("Numbers that moved, the largest move first", &head, rows(all, MOST, head.len(), row)))
             p.note {
                 "± is U with k = 2. σ: root of the sum of both squared standard uncertainties. If the log is the same in both, \

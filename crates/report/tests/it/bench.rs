@@ -3,7 +3,7 @@
 use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
 use crate::html::{Tag, points, read, shows};
 use record::{BenchRecord, Estimate, Finding, SensorCard, Verdict};
-use report::{BenchPage, CardPage, CardRecord, Site, bench_site, card_site, monte_carlo_site};
+use report::{BenchPage, CardPage, CardRecord, IndexedCard, Site, bench_site, card_site, cards_site, monte_carlo_site};
 
 fn site(record: &BenchRecord) -> Site {
     let command = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig bench.rig.toml";
@@ -336,6 +336,33 @@ fn a_channel_whose_rig_the_data_contradict_is_marked_with_what_they_contradict()
     let html = text(&the_card(), "index.html");
     assert_eq!(html.matches("rig contradicted").count(), 2, "one row and one paragraph");
     assert!(html.contains("swing-07: azimuth by &lt;imu&gt;") && html.contains("; slow motion "));
+}
+
+#[test]
+fn lags_and_what_a_loop_sees_of_a_held_channel_have_their_uncertainty() {
+    let (mut card, records) = card();
+    let position = card.channels.iter_mut().find(|c| c.name == "position.gps").unwrap();
+    (position.delay_s, position.delay_standard_uncertainty_s) = (0.4, 0.0065);
+    position.as_seen_delay_s = Some(0.5207);
+    let baro = card.channels.iter_mut().find(|c| c.name == "height.baro").unwrap();
+    (baro.lags_s, baro.lags_standard_uncertainty_s) = (vec![0.158], vec![0.011]);
+    (baro.slow_motion_delay_s, baro.slow_motion_standard_uncertainty_s) = (Some(0.163), Some(0.0085));
+    let html = text(&card_of(&card, &records), "index.html");
+    for wanted in ["521 ± 13", "; lag 158 ± 22 ms", "; slow motion 163 ± 17 ms"] {
+        assert!(html.contains(wanted), "{wanted}");
+    }
+}
+
+#[test]
+fn the_page_above_cards_says_how_many_records_the_position_is_from() {
+    let (card, _) = card();
+    let used = card.channels.iter().find(|c| c.name == "position.gps").unwrap().records;
+    let html = |records: u64| {
+        let site = cards_site(&[IndexedCard { card: Some(&card), records, href: "a/index.html" }]);
+        text(&site, "index.html")
+    };
+    assert!(html(used + 1).contains(&format!("{used} of {}", used + 1)));
+    assert!(html(used).contains(&format!(">{used}<")));
 }
 
 #[test]

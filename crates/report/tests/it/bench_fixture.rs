@@ -744,6 +744,7 @@ pub fn card() -> (SensorCard, Vec<BenchRecord>) {
         delay_standard_uncertainty_s: kind.u_s * 0.7,
         as_seen_delay_s: (kind.name == "position.gps").then_some(kind.delay_s + 0.125),
         lags_s: vec![],
+        lags_standard_uncertainty_s: vec![],
         model: "delay".into(),
         gain: kind.gain,
         gain_standard_uncertainty: 0.0009,
@@ -754,6 +755,7 @@ pub fn card() -> (SensorCard, Vec<BenchRecord>) {
         between_runs_s: Some(kind.u_s * 0.6),
         outliers: vec!["swing-09-mtig.csv".into()],
         slow_motion_delay_s: (kind.name == "height.baro").then_some(kind.delay_s + 0.03),
+        slow_motion_standard_uncertainty_s: None,
         contradicted: if kind.name == "height.baro" { vec!["swing-07: azimuth by <imu>".into()] } else { vec![] },
     };
     let source = |record: &BenchRecord| CardSource {
