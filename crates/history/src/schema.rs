@@ -67,7 +67,7 @@ fn from_1(mut sheet: Sheet) -> Result<Sheet, String> {
     let missing: Vec<&str> = SINCE_2.into_iter().filter(|name| sheet.cells(name).is_none()).collect();
     for name in missing {
         let is_text = !name.ends_with("_s");
-        sheet.push(name, if is_text { Cells::Text(vec![None; rows]) } else { Cells::F64(vec![None; rows]) });
+        sheet.push(name, if is_text { Cells::Text(vec![None; rows]) } else { Cells::F64(vec![None; rows].into()) });
     }
     Ok(sheet)
 }
