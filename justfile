@@ -175,7 +175,7 @@ faults-outputs:
 faults-runs:
     cargo test --release -p whole --test it faults -- --ignored --nocapture --test-threads 1
 
-# Peak memory for tables of 256 MiB (72 bytes a row more), a line of a GiB, 65,000 topics: 256 MiB above the columns (minutes)
+# Peak memory for tables of 256 MiB, a line of a GiB, 65,000 topics: 256 MiB above the columns (minutes)
 memory:
     cargo test --release -p whole --test it memory -- --include-ignored --nocapture --test-threads 1
 

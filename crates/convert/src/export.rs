@@ -16,7 +16,8 @@ use crate::row_time::{self, LogTime, LogTimes, RowTime};
 use crate::sheet::{Cells, Sheet, SheetColumn, with_zero_bytes, write_csv, write_parquet_about};
 use flight::{Binding, Channel, Clock, Code, Flight, LogHealth, Notices, Severity, UtcTie};
 use ingest::{
-    Column, ColumnData, Extra, FlightUnit, IngestError, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo, load,
+    Column, ColumnData, Extra, FlightUnit, IngestError, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo,
+    Values, load,
 };
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -101,7 +102,7 @@ struct Source {
     sheet: Sheet,
     columns: About,
     about: Value,
-    /// When each row was, as an MCAP has it, ns, and what that is.
+    /// When each row was, ns, if it becomes an MCAP, and what that is.
     log_time: Vec<i64>,
     log_time_how: String,
 }
@@ -226,7 +227,8 @@ fn note_zero_bytes(source: &Source, notices: &mut Notices) {
 type StatedUnits = BTreeMap<(String, String), String>;
 
 fn topic_source(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits) -> Source {
-    let LogTime { nanos: log_time, how: log_time_how, .. } = time.in_utc();
+    let log_time_how = time.how_in_utc();
+    let log_time = if to == ExportTo::Mcap { time.in_utc().nanos } else { vec![] };
     let utc = time.utc_beside().map(|_| log_time_how.as_str());
     let about = json!({ "type": table.topic.type_name, "encoding": table.topic.encoding, "utc": utc });
     let mut columns = About::new();
@@ -240,7 +242,7 @@ fn table_sheet(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits, 
     const UTC: &str = "utc_ns";
     let mut sheet = Sheet::default();
     let mut taken = BTreeSet::new();
-    let nanos = |stamps: &[i64]| Cells::I64(stamps.iter().copied().map(Some).collect());
+    let nanos = |stamps: &[i64]| Cells::I64(stamps.to_vec().into());
     if let Some(logged) = &table.logged_ns {
         sheet.push(free(&mut taken, "logged_ns", str::to_owned), nanos(logged));
     }
@@ -250,13 +252,14 @@ fn table_sheet(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits, 
     if let Some(utc) = time.utc_beside().filter(|_| table.column(UTC).is_none()) {
         let name = free(&mut taken, UTC, str::to_owned);
         about.insert(name.clone(), json!({ "unit": "ns", "clock": Clock::Unix, "added": true }));
-        sheet.push(name, Cells::I64(utc.to_vec()));
+        sheet.push(name, Cells::I64(utc.clone()));
     }
     for column in table.columns {
-        let cells = cells(&column, table.rows);
-        let cells = if to == ExportTo::Csv { cells.whole() } else { cells };
         let name = free(&mut taken, &column.path, str::to_owned);
-        if let Some(unit) = units.get(&(table.topic.type_name.clone(), column.path)) {
+        let unit = units.get(&(table.topic.type_name.clone(), column.path.clone()));
+        let cells = cells(column, table.rows);
+        let cells = if to == ExportTo::Csv { cells.whole() } else { cells };
+        if let Some(unit) = unit {
             about.insert(name.clone(), json!({ "unit": unit }));
         }
         sheet.push(name, cells);
@@ -264,7 +267,7 @@ fn table_sheet(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits, 
     sheet
 }
 
-fn cells(column: &Column, rows: usize) -> Cells {
+fn cells(column: Column, rows: usize) -> Cells {
     match column.data {
         ColumnData::F64(_) => Cells::F64((0..rows).map(|row| column.number(row)).collect()),
         ColumnData::I64(_) => Cells::I64((0..rows).map(|row| column.integer(row)).collect()),
@@ -365,7 +368,6 @@ fn write_mcap(
         write_topic(&mut recording, source, place, &mut read.notices, context)?;
     }
     recording.note_before_epoch(&mut read.notices);
-    recording.forget();
     // Behind the messages: it says what was found while they were written.
     let head = Head::of(order, read, unchanged, context)?;
     let provenance = serde_json::to_string(&Provenance::of(&head, read, &sheets));
@@ -408,21 +410,23 @@ fn write_topic(
             payload: &payload,
         })?;
     }
+    recording.forget(&topic);
     Ok(())
 }
 
 fn as_table(sheet: Sheet, topic: TopicInfo) -> Table {
     let rows = sheet.rows();
     let column = |c: SheetColumn| {
-        let (data, valid) = match &c.cells {
-            Cells::I64(v) => (ColumnData::I64(v.iter().map(|x| x.unwrap_or_default()).collect()), validity(v)),
-            Cells::U64(v) => (ColumnData::U64(v.iter().map(|x| x.unwrap_or_default()).collect()), validity(v)),
-            Cells::F64(v) => (ColumnData::F64(v.iter().map(|x| x.unwrap_or(f64::NAN)).collect()), validity(v)),
+        let (data, valid) = match c.cells {
+            Cells::I64(v) => of_parts(v, ColumnData::I64),
+            Cells::U64(v) => of_parts(v, ColumnData::U64),
+            Cells::F64(v) => of_parts(v, ColumnData::F64),
             Cells::Text(v) => {
-                (ColumnData::Text(v.iter().map(|x| x.as_deref().unwrap_or_default()).collect()), validity(v))
+                let valid = v.iter().map(Option::is_some).collect();
+                (ColumnData::Text(v.iter().map(|x| x.as_deref().unwrap_or_default()).collect()), Some(valid))
             }
         };
-        Column { path: c.name, data, valid: Some(valid) }
+        Column { path: c.name, data, valid }
     };
     Table {
         topic,
@@ -434,6 +438,7 @@ fn as_table(sheet: Sheet, topic: TopicInfo) -> Table {
     }
 }
 
-fn validity<T>(cells: &[Option<T>]) -> Vec<bool> {
-    cells.iter().map(Option::is_some).collect()
+fn of_parts<T: Copy + Default>(values: Values<T>, data: fn(Vec<T>) -> ColumnData) -> (ColumnData, Option<Vec<bool>>) {
+    let (values, valid) = values.into_parts();
+    (data(values), valid)
 }

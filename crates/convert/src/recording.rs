@@ -248,10 +248,13 @@ impl Recording {
         }
     }
 
-    /// Drops what is only needed while messages are written, and what they were.
-    pub(crate) fn forget(&mut self) {
-        (self.channels, self.of_topics, self.schemas) = Default::default();
-        self.content = Content::default();
+    /// Drops what is only needed while messages of a topic are written, and what they were: no more of it come.
+    pub(crate) fn forget(&mut self, topic: &TopicInfo) {
+        self.channels.remove(topic);
+        self.of_topics.remove(&topic.name);
+        self.content.topics.remove(&topic.name);
+        self.content.of_topics.remove(&topic.name);
+        self.schemas.clear();
     }
 
     /// Texts about all of it, which may be long.

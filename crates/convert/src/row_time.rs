@@ -2,7 +2,7 @@
 
 use crate::error::ConvertError;
 use flight::{Clock, Code, NANOS_PER_SECOND, Notices, Severity, Stamp, StampKind, UtcTie};
-use ingest::{Log, MapLibrary, RowTimes, Table, TableTimes, row_times};
+use ingest::{Log, MapLibrary, RowTimes, Table, TableTimes, Values, row_times};
 use std::collections::{BTreeMap, HashMap};
 
 /// Across the end of a count of 32 bits, stamps follow one another within this time, ns.
@@ -27,9 +27,9 @@ pub(crate) struct LogTimes {
 pub(crate) struct RowTime {
     basis: Basis,
     /// By the basis' own clock, ns.
-    own_ns: Vec<Option<i64>>,
+    own_ns: Values<i64>,
     /// UTC as Unix counts, ns; `None` where nothing ties the clock to it.
-    utc_ns: Option<Vec<Option<i64>>>,
+    utc_ns: Option<Values<i64>>,
 }
 
 /// What the times are read from.
@@ -113,7 +113,7 @@ impl RowTime {
             (Some((clock, stamps)), fields) => {
                 // Of a clock that began anew, the sessions on the clock of the first.
                 let joined = fields.filter(|fields| fields.clock == clock).map(|fields| fields.nanos);
-                (Basis::Log(clock), stamps.into_iter().map(Some).collect(), joined)
+                (Basis::Log(clock), stamps.into(), joined)
             }
             (None, Some(TableTimes { clock, source, nanos })) => (Basis::Fields(clock, source), nanos, None),
             (None, None) => {
@@ -129,7 +129,7 @@ impl RowTime {
     fn begin_at(&mut self, begin: Option<i64>) {
         if let Some(begin) = begin {
             self.basis = Basis::Begin;
-            self.own_ns.fill(Some(begin));
+            self.own_ns = vec![begin; self.own_ns.len()].into();
         }
     }
 
@@ -139,16 +139,18 @@ impl RowTime {
     }
 
     /// UTC of each row, unless the container's stamps say it or nothing does.
-    pub(crate) fn utc_beside(&self) -> Option<&[Option<i64>]> {
-        if self.basis == Basis::Log(Clock::Unix) { None } else { self.utc_ns.as_deref() }
+    pub(crate) fn utc_beside(&self) -> Option<&Values<i64>> {
+        if self.basis == Basis::Log(Clock::Unix) { None } else { self.utc_ns.as_ref() }
     }
 
     /// UTC where it is known, else the log's own clock.
     pub(crate) fn in_utc(&self) -> LogTime {
-        match &self.utc_ns {
-            Some(utc_ns) => self.log_time(utc_ns, self.basis.in_utc()),
-            None => self.log_time(&self.own_ns, self.basis.on_its_own()),
-        }
+        self.log_time(self.utc_ns.as_ref().unwrap_or(&self.own_ns), self.how_in_utc())
+    }
+
+    /// What [`RowTime::in_utc`] is, for people.
+    pub(crate) fn how_in_utc(&self) -> String {
+        if self.utc_ns.is_some() { self.basis.in_utc() } else { self.basis.on_its_own() }
     }
 
     /// The container's stamps as they stand; for rows without, as [`RowTime::in_utc`].
@@ -159,7 +161,7 @@ impl RowTime {
         }
     }
 
-    fn log_time(&self, nanos: &[Option<i64>], how: String) -> LogTime {
+    fn log_time(&self, nanos: &Values<i64>, how: String) -> LogTime {
         let (nanos, lent) = lend(nanos);
         let (by_order, as_logged) = (self.basis.clock().is_none(), matches!(self.basis, Basis::Log(_)));
         LogTime { nanos, how, lent, by_order, as_logged }
@@ -207,16 +209,17 @@ pub(crate) fn way_to_utc(clock: Clock) -> &'static str {
 }
 
 /// UTC of stamps of this clock; `None` if nothing ties it.
-pub(crate) fn utc_of(clock: Clock, nanos: &[Option<i64>], tie: Option<&UtcTie>) -> Option<Vec<Option<i64>>> {
+pub(crate) fn utc_of(clock: Clock, nanos: &Values<i64>, tie: Option<&UtcTie>) -> Option<Values<i64>> {
     let tie = tie.filter(|tie| tie.clock == clock);
     let unix = |ns: i64| clock.unix(Stamp(ns)).or_else(|| tie?.unix(Stamp(ns))).map(|stamp| stamp.0);
-    let utc: Vec<Option<i64>> = nanos.iter().map(|ns| unix((*ns)?)).collect();
-    utc.iter().any(Option::is_some).then_some(utc)
+    let utc: Values<i64> = nanos.iter().map(|ns| unix(ns?)).collect();
+    let any = utc.given().next().is_some();
+    any.then_some(utc)
 }
 
 /// A time for every row, and how many had none.
-fn lend(nanos: &[Option<i64>]) -> (Vec<i64>, u64) {
-    let mut last = nanos.iter().flatten().next().copied().unwrap_or_default();
+fn lend(nanos: &Values<i64>) -> (Vec<i64>, u64) {
+    let mut last = nanos.given().next().unwrap_or_default();
     let lent = nanos.iter().filter(|ns| ns.is_none()).count() as u64;
     let whole = nanos.iter().map(|ns| {
         last = ns.unwrap_or(last);
@@ -343,8 +346,8 @@ mod tests {
 
     #[test]
     fn a_row_without_a_time_has_that_of_its_neighbour_and_is_counted() {
-        assert_eq!(lend(&[None, Some(7), None, Some(5), None]), (vec![7, 7, 7, 5, 5], 3));
-        assert_eq!(lend(&[None, None]), (vec![0, 0], 2));
+        assert_eq!(lend(&vec![None, Some(7), None, Some(5), None].into()), (vec![7, 7, 7, 5, 5], 3));
+        assert_eq!(lend(&vec![None, None].into()), (vec![0, 0], 2));
     }
 
     #[test]
@@ -381,9 +384,10 @@ mod tests {
         let spread_s = ingest::stamps::distribution(&[0.0]).unwrap();
         let tie =
             UtcTie { clock: Clock::Boot, source: String::new(), offset_ns: 1000, spread_s, pairs: 1, outliers: 0 };
-        let joined = TableTimes { clock: Clock::Boot, source: "log".to_owned(), nanos: vec![Some(5), Some(700), None] };
+        let joined =
+            TableTimes { clock: Clock::Boot, source: "log".to_owned(), nanos: vec![Some(5), Some(700), None].into() };
         let time = RowTime::of(&table, Some((Clock::Boot, vec![5, 20, 30])), Some(joined), Some(&tie));
-        assert_eq!(time.utc_beside(), Some(&[Some(1005), Some(1700), None][..]));
+        assert_eq!(time.utc_beside(), Some(&vec![Some(1005), Some(1700), None].into()));
         assert_eq!(time.as_logged().nanos, [5, 20, 30]);
     }
 
@@ -392,7 +396,7 @@ mod tests {
         // 2026-11-22 00:00:00 UTC is 18 s into GPS week 2446.
         let gps = (2446 * 604_800 + 18) * NANOS_PER_SECOND;
         let unix = 1_795_305_600 * NANOS_PER_SECOND;
-        assert_eq!(utc_of(Clock::Gps, &[Some(gps), None], None), Some(vec![Some(unix), None]));
-        assert_eq!(utc_of(Clock::Boot, &[Some(gps)], None), None);
+        assert_eq!(utc_of(Clock::Gps, &vec![Some(gps), None].into(), None), Some(vec![Some(unix), None].into()));
+        assert_eq!(utc_of(Clock::Boot, &vec![gps].into(), None), None);
     }
 }

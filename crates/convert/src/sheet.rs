@@ -7,6 +7,8 @@ pub use parquet::{ReadTable, read_parquet, read_parquet_columns, write_parquet, 
 pub(crate) use text::with_zero_bytes;
 pub use text::write_csv;
 
+use ingest::Values;
+
 /// Columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
@@ -27,11 +29,11 @@ pub struct SheetColumn {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
     /// Integers.
-    I64(Vec<Option<i64>>),
+    I64(Values<i64>),
     /// Integers without sign, some of them above `i64::MAX`.
-    U64(Vec<Option<u64>>),
+    U64(Values<u64>),
     /// Numbers. A NaN that a log holds stays a NaN.
-    F64(Vec<Option<f64>>),
+    F64(Values<f64>),
     /// Texts.
     Text(Vec<Option<String>>),
 }
@@ -52,8 +54,8 @@ impl Cells {
     pub(crate) fn whole(self) -> Cells {
         const EXACT: f64 = 9_007_199_254_740_992.0;
         let Cells::F64(values) = &self else { return self };
-        let is_whole = |x: &f64| x.fract() == 0.0 && x.abs() < EXACT && !(*x == 0.0 && x.is_sign_negative());
-        if !values.iter().flatten().all(is_whole) {
+        let is_whole = |x: f64| x.fract() == 0.0 && x.abs() < EXACT && !(x == 0.0 && x.is_sign_negative());
+        if !values.given().all(is_whole) {
             return self;
         }
         Cells::I64(values.iter().map(|x| x.map(|x| x as i64)).collect())

@@ -161,7 +161,7 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     };
     let (t, height) = (needed("t_s")?, needed("height_m")?);
     let utc = match sheet.cells("utc_ns") {
-        Some(Cells::I64(utc)) => utc.clone(),
+        Some(Cells::I64(utc)) => utc.iter().collect(),
         _ => vec![None; t.len()],
     };
     let mut lines = vec![];
@@ -170,12 +170,12 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     }
     let place = |line: usize, row: usize| {
         let (latitude, longitude) = &lines[line];
-        Some(Place { latitude_deg: latitude[row]?, longitude_deg: longitude[row]?, height_m: height[row]? })
+        Some(Place { latitude_deg: latitude.get(row)?, longitude_deg: longitude.get(row)?, height_m: height.get(row)? })
     };
     let mut instants: Vec<Instant> = vec![];
     let mut last = None;
     for row in 0..t.len() {
-        let Some(t_s) = t[row] else { continue };
+        let Some(t_s) = t.get(row) else { continue };
         // The first row of each interval: a clock that is a little slow or fast leaves no interval empty.
         let interval = order.most_hz.map(|hz| (t_s * hz + 1e-6).floor());
         if interval.is_none() || interval != last {

@@ -64,9 +64,9 @@ mod with_polars {
 
     fn cell(cells: &Cells, row: usize) -> serde_json::Value {
         match cells {
-            Cells::I64(values) => values[row].into(),
-            Cells::U64(values) => values[row].into(),
-            Cells::F64(values) => values[row].into(),
+            Cells::I64(values) => values.get(row).into(),
+            Cells::U64(values) => values.get(row).into(),
+            Cells::F64(values) => values.get(row).into(),
             Cells::Text(values) => values[row].clone().into(),
         }
     }

@@ -73,11 +73,9 @@ fn frame_of(sheet: Sheet) -> PolarsResult<DataFrame> {
     let column = |column: convert::SheetColumn| {
         let name = column.name.as_str().into();
         let series = match column.cells {
-            Cells::I64(values) => Series::new(name, values),
-            Cells::U64(values) => {
-                Series::new(name, values.into_iter().map(|v| v.map(u64::cast_signed)).collect::<Vec<_>>())
-            }
-            Cells::F64(values) => Series::new(name, values),
+            Cells::I64(values) => Series::new(name, values.iter().collect::<Vec<_>>()),
+            Cells::U64(values) => Series::new(name, values.iter().map(|v| v.map(u64::cast_signed)).collect::<Vec<_>>()),
+            Cells::F64(values) => Series::new(name, values.iter().collect::<Vec<_>>()),
             Cells::Text(values) => Series::new(name, values),
         };
         Column::from(series)
@@ -308,12 +306,8 @@ mod tests {
         assert_eq!((found.matched, found.of), (4, 6));
         assert_eq!(texts(&found, "firmware"), [None, Some("3.01".to_owned()), Some("4.04".to_owned())]);
         let medians = found.table.cells("median(delay_s)");
-        assert_eq!(
-            medians,
-            Some(&Cells::F64(vec![Some(0.5), Some(0.5), Some(0.32)])),
-            "0.6 and 0.4 have the median 0.5"
-        );
-        assert_eq!(found.table.cells("count()"), Some(&Cells::I64(vec![Some(1), Some(2), Some(1)])));
+        assert_eq!(medians, Some(&Cells::F64(vec![0.5, 0.5, 0.32].into())), "0.6 and 0.4 have the median 0.5");
+        assert_eq!(found.table.cells("count()"), Some(&Cells::I64(vec![1, 2, 1].into())));
     }
 
     #[test]
@@ -337,18 +331,18 @@ mod tests {
             Some("count(), min(delay_s), max(delay_s), sum(delay_s), quantile(delay_s, 0.5), std(delay_s)"),
         );
         let number = |name: &str| match found.table.cells(name) {
-            Some(Cells::F64(values)) => values[0].unwrap(),
+            Some(Cells::F64(values)) => values.get(0).unwrap(),
             other => panic!("{other:?}"),
         };
-        assert_eq!(found.table.cells("count()"), Some(&Cells::I64(vec![Some(6)])));
+        assert_eq!(found.table.cells("count()"), Some(&Cells::I64(vec![6].into())));
         assert_eq!((number("min(delay_s)"), number("max(delay_s)")), (0.1, 0.6));
         assert!(
             (number("sum(delay_s)") - 1.92).abs() < 1e-12 && (number("quantile(delay_s, 0.5)") - 0.4).abs() < 1e-12
         );
         assert!((number("std(delay_s)") - 0.190_473).abs() < 1e-6);
         let none = ask(Some("delay_s > 9"), &[], Some("count(), median(delay_s)"));
-        assert_eq!(none.table.cells("count()"), Some(&Cells::I64(vec![Some(0)])));
-        assert_eq!(none.table.cells("median(delay_s)"), Some(&Cells::F64(vec![None])));
+        assert_eq!(none.table.cells("count()"), Some(&Cells::I64(vec![0].into())));
+        assert_eq!(none.table.cells("median(delay_s)"), Some(&Cells::F64(vec![None].into())));
     }
 
     #[test]
@@ -364,7 +358,7 @@ mod tests {
         for column in &mut sheet.columns {
             if column.name == "lateness_s" {
                 column.name = "lateness_ms".into();
-                column.cells = Cells::F64(vec![Some(400.0)]);
+                column.cells = Cells::F64(vec![400.0].into());
             }
             if column.name == "run_ns" {
                 column.name = "run_at".into();
@@ -376,6 +370,6 @@ mod tests {
         let query = Query::parse(Some("delay_s > 0.3"), &[], Some("median(delay_s)"), false).unwrap();
         let found = answer(&history, &query).unwrap();
         assert_eq!(found.unreadable, [] as [String; 0]);
-        assert_eq!(found.table.cells("median(delay_s)"), Some(&Cells::F64(vec![Some(0.4)])));
+        assert_eq!(found.table.cells("median(delay_s)"), Some(&Cells::F64(vec![0.4].into())));
     }
 }

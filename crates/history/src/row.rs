@@ -23,12 +23,12 @@ impl Cell for Option<String> {
 
 impl Cell for Option<f64> {
     fn gather(values: Vec<Self>) -> Cells {
-        Cells::F64(values)
+        Cells::F64(values.into())
     }
 
     fn scatter(cells: Cells) -> Option<Vec<Self>> {
         match cells {
-            Cells::F64(values) => Some(values),
+            Cells::F64(values) => Some(values.iter().collect()),
             _ => None,
         }
     }
@@ -36,12 +36,12 @@ impl Cell for Option<f64> {
 
 impl Cell for Option<i64> {
     fn gather(values: Vec<Self>) -> Cells {
-        Cells::I64(values)
+        Cells::I64(values.into())
     }
 
     fn scatter(cells: Cells) -> Option<Vec<Self>> {
         match cells {
-            Cells::I64(values) => Some(values),
+            Cells::I64(values) => Some(values.iter().collect()),
             _ => None,
         }
     }
@@ -59,7 +59,7 @@ impl Cell for String {
 
 impl Cell for i64 {
     fn gather(values: Vec<Self>) -> Cells {
-        Cells::I64(values.into_iter().map(Some).collect())
+        Cells::I64(values.into())
     }
 
     fn scatter(cells: Cells) -> Option<Vec<Self>> {

@@ -26,7 +26,7 @@ pub use self::times::{RowTimes, TableTimes, row_times};
 
 use self::parted::Parted;
 use self::restarts::Joined;
-use self::rows::{StepBack, bind_rows};
+use self::rows::{StepBack, bind_rows, take_rows};
 use self::stamps::{Tied, tie_of};
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
@@ -34,6 +34,7 @@ use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, TimeSource};
 use crate::reader::Log;
 use crate::table::Table;
 use crate::time::set_back_for;
+use crate::values::Values;
 use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices, Quantity, Severity, StampKind};
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -73,7 +74,7 @@ struct Chosen<'m> {
 
 fn choose<'m>(log: &Log, library: &'m MapLibrary, forced: Option<&str>) -> Result<Chosen<'m>, IngestError> {
     let maps = library.candidates(forced)?;
-    let mut trials: Vec<Trial<'_>> = maps.iter().map(|map| Trial::new(map, log)).collect();
+    let mut trials = Trial::of_all(&maps, log);
     trials.sort_by_key(|t| std::cmp::Reverse(t.rank()));
     let Some(best) = trials.first().filter(|t| t.fits()) else { return Err(nothing_fits(&trials, log)) };
     let equals: Vec<&str> = trials.iter().filter(|t| t.rank() == best.rank()).map(|t| t.map.name.as_str()).collect();
@@ -87,8 +88,7 @@ fn choose<'m>(log: &Log, library: &'m MapLibrary, forced: Option<&str>) -> Resul
         let joined = restarts::join(&best.plans, &best.map.ties, log)?;
         for plan in &mut best.plans {
             for stamps in &mut plan.stamps {
-                let nanos: &mut Vec<_> = Rc::make_mut(&mut stamps.nanos);
-                joined.shift(plan.table, stamps.clock, nanos);
+                Rc::make_mut(&mut stamps.nanos).change(|nanos| joined.shift(plan.table, stamps.clock, nanos));
             }
         }
         Some(joined)
@@ -124,7 +124,7 @@ fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
 }
 
 /// The clock and the stamps, ns, that one source gives to the rows of a table.
-pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Vec<Option<i64>>)> {
+pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Values<i64>)> {
     let stamps = stamps::read_stamps(StampKind::Logged, source, table, || None)?;
     Some((stamps.clock, Rc::unwrap_or_clone(stamps.nanos)))
 }
@@ -136,7 +136,7 @@ fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
     parted::keep_columns_of(&parts, log);
     for of_units in units {
         let part = parts.remove(0);
-        let Some(bound) = part.make(map, log, &parts, bind_rows) else { continue };
+        let Some(bound) = part.make(map, log, &parts, take_rows, bind_rows) else { continue };
         flight.notices.extend(bound.notices);
         flight.notices.extend(of_units);
         match bound.channel {

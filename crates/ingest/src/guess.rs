@@ -56,6 +56,17 @@ pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
     any.then_some(Wanted(tables))
 }
 
+/// Whether the names of some columns say a position, and those of some a velocity.
+pub(crate) fn may_hold_both(heads: &[TableHead]) -> bool {
+    let of_all = |holds: fn(&[Named]) -> bool| {
+        heads.iter().any(|head| {
+            let named: Vec<Named> = head.names.iter().filter_map(|path| names::named(head, path)).collect();
+            holds(&named)
+        })
+    };
+    of_all(sets::has_position) && of_all(sets::has_velocity)
+}
+
 /// What of tables whose names say nothing is to be read for [`guess_by_motion`]: every column.
 pub(crate) fn wanted_by_motion(heads: &[TableHead]) -> Option<Wanted> {
     let tables = heads.iter().filter(|head| bare::may_be_tried(head));

@@ -26,6 +26,7 @@ pub mod stamps;
 mod table;
 mod texts;
 mod time;
+mod values;
 mod written_unit;
 
 pub use bind::{RowTimes, TableTimes, bind, row_times};
@@ -48,3 +49,4 @@ pub use reader::{
 pub use sniff::LogKind;
 pub use table::{Column, ColumnData, PAYLOAD_HEX, Places, Table, TopicInfo};
 pub use texts::{Text, Texts};
+pub use values::Values;

@@ -72,7 +72,9 @@ pub fn load(
         return Err(IngestError::Changed { file });
     }
     let bound = bind(&mut log, library, forced);
-    let may_guess = unit.kind == LogKind::Csv && forced.is_none() && needs_guess(&bound, library);
+    let is_table = unit.kind == LogKind::Csv && forced.is_none();
+    // Of a flight, only a guess with both a position and a velocity takes the place.
+    let may_guess = is_table && needs_guess(&bound, library) && (bound.is_err() || guess::may_hold_both(&log.heads));
     let guessed = if may_guess { guessed(unit, &log.heads, context)? } else { Ok(None) };
     let (bound, refused) = match (bound, guessed) {
         (bound, Ok(None)) => (bound, None),

@@ -328,7 +328,8 @@ fn specificity(topics: &[String], types: &[String]) -> Specificity {
 /// How closely a topic meets the names and types of a rule.
 fn closeness(topics: &[String], types: &[String], topic: &TopicInfo) -> Option<Closeness> {
     let text = topic.encoding == "csv";
-    let type_choice = types.iter().position(|t| plain_type(&topic.type_name) == *t);
+    let type_name = if types.is_empty() { String::new() } else { plain_type(&topic.type_name) };
+    let type_choice = types.iter().position(|t| type_name == *t);
     match specificity(topics, types) {
         Specificity::AnyTable => text.then_some(Closeness { choice: 0, distance: 0, instance: 0 }),
         Specificity::ByType => type_choice.map(|choice| Closeness { choice, distance: 0, instance: 0 }),
@@ -428,8 +429,14 @@ fn instance_matches(topic: &TopicInfo, pattern: &str) -> Option<(u8, u32, usize)
 
 /// A file stem is a topic's name with `/` written as `-` or `_`, a prefix before it and perhaps an instance behind it.
 fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
+    let pattern = pattern.trim_start_matches('/');
+    // Every name of every map is compared with every file, and nearly all of them end otherwise.
+    let before = stem.rsplit_once(['/', '-', '_']).map_or(stem, |(before, _)| before);
+    if !ends_alike(stem, pattern) && !ends_alike(before, pattern) {
+        return None;
+    }
     let plain = |text: &str| text.replace(['/', '-'], "_");
-    let pattern = plain(pattern.trim_start_matches('/'));
+    let pattern = plain(pattern);
     let whole = plain(stem);
     let (bare, instance) = match whole.rsplit_once('_') {
         // One word with a number behind it, as gps_105, is as good a name for anything.
@@ -443,6 +450,13 @@ fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     let at_boundary = front == 0 || bare.get(..front)?.ends_with('_');
     let telling = front == 0 || pattern.contains('_');
     (bare.ends_with(&pattern) && at_boundary && telling).then_some((u8::from(front > 0), instance, front))
+}
+
+/// Whether a name ends with another, whatever separates their words.
+fn ends_alike(name: &str, end: &str) -> bool {
+    let plain = |byte| if matches!(byte, b'/' | b'-') { b'_' } else { byte };
+    let last = name.bytes().rev().take(end.len());
+    last.map(plain).eq(end.bytes().rev().map(plain))
 }
 
 /// All channel maps that may be taken, and definitions of messages for logs that lack them. The default has none: enough to

@@ -1,7 +1,7 @@
 //! Texts of a column in little memory: the digits of each one apart from what stands around them.
 //!
 //! Times, numbers and words of status are most of what columns of text hold. Of thousands of them only the digits differ,
-//! so a cell takes nine bytes; other texts take these and their own bytes.
+//! so a cell takes five bytes, or nine if a number is longer than nine digits; other texts take these and their own bytes.
 
 use std::collections::HashMap;
 use std::ops::Deref;
@@ -22,12 +22,57 @@ struct Columns {
     /// For each row the number of its shape, or [`NO_SHAPE`].
     shape_of: Vec<u8>,
     /// For each row its digits as a number, or where it stands in `others`.
-    digits: Vec<u64>,
+    digits: Digits,
     shapes: Vec<Shape>,
     by_text: HashMap<Box<[u8]>, u8>,
     /// Texts without a shape, each after its length: seven bits a byte, the lowest first, and the eighth bit where more
     /// follow.
     others: Vec<u8>,
+}
+
+/// Numbers in as many bytes as the longest of them takes.
+#[derive(Clone)]
+enum Digits {
+    Narrow(Vec<u32>),
+    Wide(Vec<u64>),
+}
+
+impl Default for Digits {
+    fn default() -> Digits {
+        Digits::Narrow(vec![])
+    }
+}
+
+impl Digits {
+    #[inline]
+    fn get(&self, row: usize) -> Option<u64> {
+        match self {
+            Digits::Narrow(all) => all.get(row).map(|digits| u64::from(*digits)),
+            Digits::Wide(all) => all.get(row).copied(),
+        }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = u64> {
+        (0..).map_while(|row| self.get(row))
+    }
+
+    #[inline]
+    fn push(&mut self, digits: u64) {
+        match self {
+            Digits::Wide(all) => all.push(digits),
+            Digits::Narrow(all) => match u32::try_from(digits) {
+                Ok(digits) => all.push(digits),
+                Err(_) => *self = Digits::Wide(self.iter().chain([digits]).collect()),
+            },
+        }
+    }
+
+    fn truncate(&mut self, rows: usize) {
+        match self {
+            Digits::Narrow(all) => all.truncate(rows),
+            Digits::Wide(all) => all.truncate(rows),
+        }
+    }
 }
 
 /// A text whose digits are all `0`.
@@ -63,7 +108,7 @@ impl Texts {
     /// The text of a row.
     #[must_use]
     pub fn get(&self, row: usize) -> Option<Text<'_>> {
-        let (number, digits) = (*self.0.shape_of.get(row)?, *self.0.digits.get(row)?);
+        let (number, digits) = (*self.0.shape_of.get(row)?, self.0.digits.get(row)?);
         match self.0.shapes.get(usize::from(number)) {
             Some(shape) => Some(shape.with(digits)),
             None => Some(Text(Held::Other(self.other(digits as usize)))),
@@ -98,9 +143,10 @@ impl Texts {
         }
         self.push("");
         let number = self.0.shape_of.last().copied().unwrap_or(NO_SHAPE);
-        let digits = self.0.digits.last().copied().unwrap_or_default();
+        let last = self.len() - 1;
+        let digits = self.0.digits.get(last).unwrap_or_default();
         self.0.shape_of.resize(rows, number);
-        self.0.digits.resize(rows, digits);
+        (last + 1..rows).for_each(|_| self.0.digits.push(digits));
     }
 
     /// Takes the texts of another column after these, and leaves it without any, but with its room.
@@ -111,8 +157,13 @@ impl Texts {
             Some(numbers) => {
                 let behind = self.0.others.len() as u64;
                 let number_of = |of_more: &u8| numbers.get(usize::from(*of_more)).copied().unwrap_or(NO_SHAPE);
-                let place = |(number, digits): (&u8, &u64)| digits + if *number == NO_SHAPE { behind } else { 0 };
-                self.0.digits.extend(more.0.shape_of.iter().zip(&more.0.digits).map(place));
+                let place = |(number, digits): (&u8, u64)| digits + if *number == NO_SHAPE { behind } else { 0 };
+                more.0
+                    .shape_of
+                    .iter()
+                    .zip(more.0.digits.iter())
+                    .map(place)
+                    .for_each(|digits| self.0.digits.push(digits));
                 self.0.shape_of.extend(more.0.shape_of.iter().map(number_of));
                 self.0.others.extend_from_slice(&more.0.others);
             }
@@ -125,7 +176,7 @@ impl Texts {
     /// Without rows, but with the room for as many.
     pub(crate) fn clear(&mut self) {
         self.0.shape_of.clear();
-        self.0.digits.clear();
+        self.0.digits.truncate(0);
         self.0.others.clear();
     }
 

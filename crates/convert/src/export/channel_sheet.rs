@@ -4,6 +4,7 @@ use super::{About, Source};
 use crate::row_time::{utc_of, way_to_utc};
 use crate::sheet::{Cells, Sheet};
 use flight::{Channel, Clock, Dimension, Quantity, Stamp, Unit, UtcTie};
+use ingest::Values;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
@@ -96,7 +97,7 @@ pub(super) fn source(name: &str, channel: &Channel, zeros: &HashMap<Clock, Stamp
     };
     let nanos = |stamps: &[Stamp]| Cells::I64(stamps.iter().map(|s| Some(s.0)).collect());
     let timeline = channel.series.timeline();
-    let own_ns: Vec<Option<i64>> = timeline.stamps().iter().map(|s| Some(s.0)).collect();
+    let own_ns: Values<i64> = timeline.stamps().iter().map(|s| Some(s.0)).collect();
     let utc_ns = utc_of(timeline.clock(), &own_ns, utc);
     let main = format!("{}_ns", timeline.kind());
     push(main.clone(), nanos(timeline.stamps()), json!({ "unit": "ns", "clock": timeline.clock() }));
@@ -129,7 +130,7 @@ pub(super) fn source(name: &str, channel: &Channel, zeros: &HashMap<Clock, Stamp
         Some(way) => format!("UTC: {way}"),
         None => format!("{main}, clock {}, not UTC", timeline.clock()),
     };
-    let log_time = utc_ns.unwrap_or(own_ns).into_iter().map(Option::unwrap_or_default).collect();
+    let (log_time, _) = utc_ns.unwrap_or(own_ns).into_parts();
     let about = json!({
         "quantity": channel.quantity,
         "topic": channel.source.topic,

@@ -1,6 +1,7 @@
 //! Sheets as Parquet files. The one file that knows the `parquet` crate.
 
 use super::{Cells, Sheet, SheetColumn};
+use ingest::Values;
 use parquet::basic::{Compression, Encoding, LogicalType, Repetition, Type as Stored, ZstdLevel};
 use parquet::column::reader::get_typed_column_reader;
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
@@ -58,11 +59,14 @@ pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl
         for column in &sheet.columns {
             let Some(mut out) = group.next_column()? else { break };
             match &column.cells {
-                Cells::I64(v) => write_column::<Int64Type, _>(&mut out, &v[rows.clone()], |x| *x)?,
-                Cells::U64(v) => write_column::<Int64Type, _>(&mut out, &v[rows.clone()], |x| x.cast_signed())?,
-                Cells::F64(v) => write_column::<DoubleType, _>(&mut out, &v[rows.clone()], |x| *x)?,
+                Cells::I64(v) => write_column::<Int64Type, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
+                Cells::U64(v) => {
+                    write_column::<Int64Type, _>(&mut out, rows.clone().map(|row| v.get(row)), u64::cast_signed)?;
+                }
+                Cells::F64(v) => write_column::<DoubleType, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
                 Cells::Text(v) => {
-                    write_column::<ByteArrayType, _>(&mut out, &v[rows.clone()], |x| ByteArray::from(x.as_str()))?;
+                    let texts = v[rows.clone()].iter().map(Option::as_deref);
+                    write_column::<ByteArrayType, _>(&mut out, texts, ByteArray::from)?;
                 }
             }
             out.close()?;
@@ -77,8 +81,8 @@ pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl
 /// share their first bytes: so they take a quarter less.
 fn encoding(cells: &Cells) -> Option<Encoding> {
     // Not one that is held, nor one of few values.
-    let is_varied = |values: &[Option<f64>]| {
-        let moves = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    let is_varied = |values: &Values<f64>| {
+        let moves = values.iter().zip(values.iter().skip(1)).filter(|(before, now)| before != now).count();
         let step = values.len() / LOOKED_AT + 1;
         let seen: BTreeSet<u64> = values.iter().step_by(step).flatten().map(|value| value.to_bits()).collect();
         2 * moves > values.len() && 4 * seen.len() > LOOKED_AT
@@ -108,11 +112,11 @@ fn schema(sheet: &Sheet) -> io::Result<TypePtr> {
 /// Cells that are there, and for each cell whether it is: the definition level, 1 or 0.
 fn write_column<T: DataType, C>(
     out: &mut SerializedColumnWriter<'_>,
-    cells: &[Option<C>],
-    stored: impl Fn(&C) -> T::T,
+    cells: impl Iterator<Item = Option<C>> + Clone,
+    stored: impl Fn(C) -> T::T,
 ) -> io::Result<()> {
-    let levels: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
-    let values: Vec<T::T> = cells.iter().flatten().map(stored).collect();
+    let levels: Vec<i16> = cells.clone().map(|cell| i16::from(cell.is_some())).collect();
+    let values: Vec<T::T> = cells.flatten().map(stored).collect();
     out.typed::<T>().write_batch(&values, Some(&levels), None)?;
     Ok(())
 }
@@ -151,10 +155,10 @@ pub fn read_parquet_columns(file: File, is_wanted: &dyn Fn(&str) -> bool) -> io:
         let unsigned = matches!(column.logical_type_ref(), Some(LogicalType::Integer(i)) if !i.is_signed);
         let cells = match column.physical_type() {
             Stored::INT64 if unsigned => {
-                Cells::U64(read_column::<Int64Type, _>(&reader, number, |x| Ok(x.cast_unsigned()))?)
+                Cells::U64(read_column::<Int64Type, _>(&reader, number, |x| Ok(x.cast_unsigned()))?.into())
             }
-            Stored::INT64 => Cells::I64(read_column::<Int64Type, _>(&reader, number, |x| Ok(*x))?),
-            Stored::DOUBLE => Cells::F64(read_column::<DoubleType, _>(&reader, number, |x| Ok(*x))?),
+            Stored::INT64 => Cells::I64(read_column::<Int64Type, _>(&reader, number, |x| Ok(*x))?.into()),
+            Stored::DOUBLE => Cells::F64(read_column::<DoubleType, _>(&reader, number, |x| Ok(*x))?.into()),
             Stored::BYTE_ARRAY => {
                 Cells::Text(read_column::<ByteArrayType, _>(&reader, number, |x| Ok(x.as_utf8()?.to_owned()))?)
             }
@@ -195,12 +199,13 @@ mod tests {
 
     fn every_kind() -> Sheet {
         let mut sheet = Sheet::default();
-        sheet.push("stamp_ns", Cells::I64(vec![Some(i64::MIN), None, Some(1_700_000_000_123_456_789), Some(-1)]));
-        sheet.push("count", Cells::U64(vec![Some(u64::MAX), Some(0), None, Some(7)]));
-        sheet.push("north_m", Cells::F64(vec![Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)]));
+        sheet
+            .push("stamp_ns", Cells::I64(vec![Some(i64::MIN), None, Some(1_700_000_000_123_456_789), Some(-1)].into()));
+        sheet.push("count", Cells::U64(vec![Some(u64::MAX), Some(0), None, Some(7)].into()));
+        sheet.push("north_m", Cells::F64(vec![Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)].into()));
         let text = |s: &str| Some(s.to_owned());
         sheet.push("text", Cells::Text(vec![text(""), text("Grüße, 高度"), None, text("=1+1")]));
-        sheet.push("nothing_m", Cells::F64(vec![None; 4]));
+        sheet.push("nothing_m", Cells::F64(vec![None; 4].into()));
         sheet
     }
 
@@ -217,7 +222,7 @@ mod tests {
         let of = |c: &SheetColumn| match &c.cells {
             Cells::F64(v) => v.iter().map(|x| x.map(f64::to_bits)).collect(),
             Cells::I64(v) => v.iter().map(|x| x.map(i64::cast_unsigned)).collect(),
-            Cells::U64(v) => v.clone(),
+            Cells::U64(v) => v.iter().collect(),
             Cells::Text(_) => vec![],
         };
         sheet.columns.iter().map(|c| (c.name.clone(), of(c))).collect()
@@ -269,15 +274,18 @@ mod tests {
         let (file, _) = written(&sheet);
         let frame: DataFrame = ParquetReader::new(file.try_clone().unwrap()).finish().unwrap();
         assert_eq!(bits(&read_parquet(file).unwrap().sheet), bits(&sheet));
-        assert_eq!(Cells::I64(frame.column("stamp_ns").unwrap().i64().unwrap().to_vec()), sheet.columns[0].cells);
-        assert_eq!(Cells::F64(frame.column("north_m").unwrap().f64().unwrap().to_vec()), sheet.columns[1].cells);
+        assert_eq!(
+            Cells::I64(frame.column("stamp_ns").unwrap().i64().unwrap().to_vec().into()),
+            sheet.columns[0].cells
+        );
+        assert_eq!(Cells::F64(frame.column("north_m").unwrap().f64().unwrap().to_vec().into()), sheet.columns[1].cells);
     }
 
     #[test]
     fn a_table_of_two_row_groups_keeps_its_order() {
         let stamps: Vec<Option<i64>> = (0..ROWS_OF_A_GROUP as i64 + 3).map(Some).collect();
         let mut sheet = Sheet::default();
-        sheet.push("stamp_ns", Cells::I64(stamps));
+        sheet.push("stamp_ns", Cells::I64(stamps.into()));
         let (file, bytes) = written(&sheet);
         assert_eq!(read_parquet(file).unwrap().sheet, sheet);
         assert_eq!(bytes, written(&sheet).1, "the same table gives the same bytes");
@@ -286,7 +294,7 @@ mod tests {
     #[test]
     fn a_table_without_rows_keeps_its_columns() {
         let mut sheet = Sheet::default();
-        sheet.push("stamp_ns", Cells::I64(vec![]));
+        sheet.push("stamp_ns", Cells::I64(vec![None; 0].into()));
         sheet.push("text", Cells::Text(vec![]));
         assert_eq!(read_parquet(written(&sheet).0).unwrap().sheet, sheet);
     }
@@ -294,7 +302,7 @@ mod tests {
     #[test]
     fn columns_of_unequal_length_and_files_that_are_cut_are_refused() {
         let mut sheet = every_kind();
-        sheet.push("short", Cells::I64(vec![Some(1)]));
+        sheet.push("short", Cells::I64(vec![1].into()));
         let said = write_parquet(&sheet, vec![]).unwrap_err().to_string();
         assert_eq!(said, "column short has 1 rows, not 4");
         let (_, bytes) = written(&every_kind());

@@ -43,13 +43,15 @@ pub(crate) fn with_zero_bytes(sheet: &Sheet) -> u64 {
 
 fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
     use std::fmt::Write;
-    let short = || io::Error::other("columns of unequal length");
+    if row >= cells.len() {
+        return Err(io::Error::other("columns of unequal length"));
+    }
     let written = match cells {
-        Cells::I64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x}")),
-        Cells::U64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x}")),
-        Cells::F64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x:?}")),
+        Cells::I64(v) => v.get(row).map_or(Ok(()), |x| write!(out, "{x}")),
+        Cells::U64(v) => v.get(row).map_or(Ok(()), |x| write!(out, "{x}")),
+        Cells::F64(v) => v.get(row).map_or(Ok(()), |x| write!(out, "{x:?}")),
         Cells::Text(v) => {
-            out.push_str(&text(v.get(row).ok_or_else(short)?.as_deref().unwrap_or_default()));
+            out.push_str(&text(v.get(row).and_then(Option::as_deref).unwrap_or_default()));
             Ok(())
         }
     };
@@ -75,7 +77,7 @@ mod tests {
         let values = [0.1 + 0.2, -0.0, f64::MIN_POSITIVE, 1e308, f64::NAN, f64::INFINITY];
         let mut sheet = Sheet::default();
         sheet.push("x_m", Cells::F64(values.iter().map(|x| Some(*x)).chain([None]).collect()));
-        sheet.push("=n", Cells::I64(vec![Some(i64::MIN); 7]));
+        sheet.push("=n", Cells::I64(vec![i64::MIN; 7].into()));
         sheet.push("t", Cells::Text(vec![Some("=a,\"b\"".into()); 7]));
         let mut bytes = vec![];
         write_csv(&sheet, &mut bytes).unwrap();

@@ -111,7 +111,7 @@ fn a_track_without_places_or_a_file_that_is_none_is_refused() {
     fs::write(&track, "no table").unwrap();
     assert!(export_track(&order).unwrap_err().to_string().contains("no track"));
     let mut sheet = Sheet::default();
-    sheet.push("t_s", Cells::F64(vec![Some(0.0)]));
+    sheet.push("t_s", Cells::F64(vec![0.0].into()));
     write_track_table(&sheet, "{}", File::create(&track).unwrap()).unwrap();
     assert!(export_track(&order).unwrap_err().to_string().contains("no column height_m"));
     assert!(!out.exists());

@@ -5,6 +5,7 @@ use super::repair::Repair;
 use crate::map::TimeSource;
 use crate::table::{Table, numbers};
 use crate::time::unwrap;
+use crate::values::Values;
 use flight::{Code, Severity};
 
 const COUNTED: &str = "rows without a date, or with one more than a day off those of most rows, are dated by the device's \
@@ -12,18 +13,15 @@ const COUNTED: &str = "rows without a date, or with one more than a day off thos
 
 /// Dates the rows of a calendar with a counter that have no date, and those whose date is more than a day off what most
 /// rows say: a device counts from a day of its own until it hears the time.
-pub(super) fn date_by_counter(
-    source: &TimeSource,
-    table: &Table,
-    dates: &mut [Option<i64>],
-    repairs: &mut Vec<Repair>,
-) {
+pub(super) fn date_by_counter(source: &TimeSource, table: &Table, dates: &mut Values<i64>, repairs: &mut Vec<Repair>) {
     let TimeSource::Calendar { counter: Some((field, tick)), .. } = source else { return };
     let Some(column) = numbers(table, field) else { return };
-    let mut counts: Vec<Option<i64>> =
+    let mut counts: Values<i64> =
         (0..table.rows).map(|row| tick.of_integer(column.integer(row)?).filter(|ns| *ns >= 0)).collect();
     unwrap(&mut counts, tick.nanos() << 32);
-    let count = date_rows(dates, &counts);
+    let counts: Vec<Option<i64>> = counts.iter().collect();
+    let mut count = 0;
+    dates.change(|dates| count = date_rows(dates, &counts));
     if count > 0 {
         repairs.push(Repair { what: Code::DateInferred.at(Severity::Warning), count, text: COUNTED.into() });
     }

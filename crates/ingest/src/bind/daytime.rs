@@ -4,6 +4,7 @@ use super::repair::Repair;
 use crate::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, year_begin_unix_ns};
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::{TOLERATED, unwrap};
+use crate::values::Values;
 use flight::{Clock, Code, NANOS_PER_SECOND};
 
 pub(super) const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
@@ -50,9 +51,9 @@ fn is_compact(text: &str) -> bool {
 }
 
 /// Stamps since the midnight before the first row; `None` if the table has no such column.
-pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
+pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>) -> Option<Values<i64>> {
     let times = TimesOfDay::of(table, field)?;
-    let mut stamps: Vec<Option<i64>> = (0..table.rows).map(|row| since_midnight_ns(&times.at(row)?)).collect();
+    let mut stamps: Values<i64> = (0..table.rows).map(|row| since_midnight_ns(&times.at(row)?)).collect();
     note_wraps(unwrap(&mut stamps, DAY_NS), "the time of day began anew; the stamps run on", repairs);
     Some(stamps)
 }
@@ -65,7 +66,7 @@ pub(super) fn days_of_year(
     zone: Option<&str>,
     table: &Table,
     repairs: &mut Vec<Repair>,
-) -> Option<(Clock, Vec<Option<i64>>)> {
+) -> Option<(Clock, Values<i64>)> {
     let column = texts(table, field)?;
     let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(&column.text(row)?)).collect();
     let since_begin = |day: &DayOfYear| (day.day - 1) * DAY_NS + day.nanos;
@@ -78,22 +79,18 @@ pub(super) fn days_of_year(
             |day: &DayOfYear| year_begin_unix_ns(day.year?)?.checked_add(since_begin(day))?.checked_sub(east_ns(day));
         return Some((Clock::Unix, days.iter().map(|day| day.as_ref().and_then(stamp)).collect()));
     }
-    let mut stamps: Vec<Option<i64>> = days.iter().map(|day| day.as_ref().map(since_begin)).collect();
+    let since = days.iter().map(|day| day.as_ref().map(since_begin));
     let begin = year.and_then(year_begin_unix_ns);
     let length = match year.and_then(|year| year_begin_unix_ns(year.checked_add(1)?)).zip(begin) {
         Some((next, begin)) => next - begin,
         None if days.iter().flatten().any(|day| day.day == 366) => 366 * DAY_NS,
         None => 365 * DAY_NS,
     };
-    if begin.is_some() {
-        // The year is known and has no such day.
-        stamps.iter_mut().for_each(|stamp| *stamp = stamp.filter(|since| *since < length));
-    }
+    // The year is known and has no such day.
+    let mut stamps: Values<i64> = since.map(|since| since.filter(|ns| begin.is_none() || *ns < length)).collect();
     note_wraps(unwrap(&mut stamps, length), "the day of the year began anew; the stamps run on", repairs);
     let dated = |since: i64, day: &DayOfYear| since.checked_add(begin.unwrap_or(0))?.checked_sub(east_ns(day));
-    for (stamp, day) in stamps.iter_mut().zip(&days) {
-        *stamp = stamp.zip(day.as_ref()).and_then(|(since, day)| dated(since, day));
-    }
+    let stamps = stamps.iter().zip(&days).map(|(since, day)| dated(since?, day.as_ref()?)).collect();
     Some((if begin.is_some() { Clock::Unix } else { Clock::Elapsed }, stamps))
 }
 

@@ -16,17 +16,34 @@ const DEEP_STEPS: u64 = 4;
 /// Rows that leap out of line together.
 const FEW: usize = 5;
 
-const NEVER_FILLED: &str = "stamp zero, long before the others: never filled in";
-const FAR: &str = "stamp more than a day away from the others";
-const PASSED_TWICE: &str = "the clock went back over a time that other rows have";
-const OUT_OF_LINE: &str = "stamp out of line with the rows around it";
-const REPEATED: &str = "stamp equal to the one before";
-/// Which of the two was then nobody knows.
-pub(super) const SHARED: &str = "stamp equal to the one before, and another value";
+/// Why a row is left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reason {
+    NeverFilled,
+    Far,
+    PassedTwice,
+    OutOfLine,
+    Repeated,
+    /// Which of the two was then nobody knows.
+    Shared,
+}
+
+impl Reason {
+    pub(super) fn text(self) -> &'static str {
+        match self {
+            Reason::NeverFilled => "stamp zero, long before the others: never filled in",
+            Reason::Far => "stamp more than a day away from the others",
+            Reason::PassedTwice => "the clock went back over a time that other rows have",
+            Reason::OutOfLine => "stamp out of line with the rows around it",
+            Reason::Repeated => "stamp equal to the one before",
+            Reason::Shared => "stamp equal to the one before, and another value",
+        }
+    }
+}
 
 /// Whether rows that are left out for this reason are as good as the others, and only their time is not known.
 pub(super) fn is_of_clock(reason: &str) -> bool {
-    [FAR, PASSED_TWICE].contains(&reason)
+    [Reason::Far, Reason::PassedTwice].iter().any(|of_clock| of_clock.text() == reason)
 }
 
 /// Rows that are used, column by column: where each stood, when it was, what it says. A log may have many millions.
@@ -35,22 +52,45 @@ pub(super) struct Samples {
     /// The row of each sample, counted from 1.
     rows: Places,
     stamps: Vec<i64>,
-    /// One for each component of the quantity.
+    /// One for each component of the quantity; empty as long as all values are zero, as of a height that the log does not hold.
     values: Vec<Vec<f64>>,
 }
 
-impl Samples {
-    pub(super) fn new(components: usize) -> Samples {
-        Samples { values: vec![vec![]; components], ..Samples::default() }
+/// Samples whose stamps are still with the stamps of all rows.
+#[derive(Default)]
+pub(super) struct Unstamped {
+    count: usize,
+    rows: Places,
+    values: Vec<Vec<f64>>,
+}
+
+impl Unstamped {
+    pub(super) fn new(components: usize) -> Unstamped {
+        Unstamped { values: vec![vec![]; components], ..Unstamped::default() }
     }
 
     /// Takes as many of the values as there are components.
-    pub(super) fn push(&mut self, row: usize, stamp: i64, values: [f64; 4]) {
-        self.rows.push(self.stamps.len(), row as u64 + 1);
-        self.stamps.push(stamp);
-        self.values.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+    pub(super) fn push(&mut self, row: usize, values: [f64; 4]) {
+        let before = self.count;
+        self.rows.push(before, row as u64 + 1);
+        self.count += 1;
+        for (column, value) in self.values.iter_mut().zip(values) {
+            if !column.is_empty() || value.to_bits() != 0 {
+                column.resize(before, 0.0);
+                column.push(value);
+            }
+        }
     }
 
+    /// With the stamp of each row.
+    pub(super) fn stamped(self, stamp_of: impl Fn(usize) -> i64) -> Samples {
+        let Unstamped { count, rows, values } = self;
+        let stamps = (0..count).map(|sample| stamp_of(row_of(&rows, sample))).collect();
+        Samples { rows, stamps, values }
+    }
+}
+
+impl Samples {
     pub(super) fn len(&self) -> usize {
         self.stamps.len()
     }
@@ -65,7 +105,7 @@ impl Samples {
 
     /// The row of the table that a sample is.
     pub(super) fn row(&self, sample: usize) -> usize {
-        self.rows.of(sample).saturating_sub(1) as usize
+        row_of(&self.rows, sample)
     }
 
     /// The rows of all samples.
@@ -80,12 +120,15 @@ impl Samples {
 
     /// Stamps and components.
     pub(super) fn into_columns(self) -> (Vec<i64>, Vec<Vec<f64>>) {
-        (self.stamps, self.values)
+        let rows = self.stamps.len();
+        // Zeros that nobody writes are given by the system when they are read, and take no memory.
+        let whole = |values: Vec<f64>| if values.is_empty() { vec![0.0; rows] } else { values };
+        (self.stamps, self.values.into_iter().map(whole).collect())
     }
 
     /// Leaves out those for which there is a reason.
-    fn keep(&mut self, rejected: Reject<'_>, mut why: impl FnMut(&Samples, usize) -> Option<&'static str>) {
-        let reasons: Vec<Option<&'static str>> = (0..self.len()).map(|sample| why(self, sample)).collect();
+    fn keep(&mut self, rejected: Reject<'_>, mut why: impl FnMut(&Samples, usize) -> Option<Reason>) {
+        let reasons: Vec<Option<Reason>> = (0..self.len()).map(|sample| why(self, sample)).collect();
         if reasons.iter().all(Option::is_none) {
             return;
         }
@@ -93,7 +136,7 @@ impl Samples {
         let mut kept = 0;
         for (sample, reason) in reasons.iter().enumerate() {
             match reason {
-                Some(reason) => rejected(reason, self.row(sample)),
+                Some(reason) => rejected(*reason, self.row(sample)),
                 None => {
                     rows.push(kept, self.rows.of(sample));
                     kept += 1;
@@ -121,13 +164,18 @@ impl Samples {
     }
 }
 
-fn retain<T>(values: &mut Vec<T>, reasons: &[Option<&'static str>]) {
+fn row_of(rows: &Places, sample: usize) -> usize {
+    rows.of(sample).saturating_sub(1) as usize
+}
+
+fn retain<T>(values: &mut Vec<T>, reasons: &[Option<Reason>]) {
     let mut reasons = reasons.iter();
     values.retain(|_| reasons.next().is_none_or(Option::is_none));
+    values.shrink_to_fit();
 }
 
 /// Calls `rejected` with the row of each sample that is left out, and why.
-pub(super) type Reject<'r> = &'r mut dyn FnMut(&'static str, usize);
+pub(super) type Reject<'r> = &'r mut dyn FnMut(Reason, usize);
 
 /// Leaves out rows that are years or days off, and zeros before the first true stamp of a clock that does not know the day.
 pub(super) fn leave_out_far(samples: &mut Samples, clock: Clock, rejected: Reject<'_>) {
@@ -142,7 +190,7 @@ pub(super) fn leave_out_far(samples: &mut Samples, clock: Clock, rejected: Rejec
     };
     let is_far = |stamp: &i64| stamp.abs_diff(median) > FAR_NS;
     if samples.stamps.iter().any(is_far) {
-        samples.keep(rejected, |all, sample| all.stamps.get(sample).is_some_and(is_far).then_some(FAR));
+        samples.keep(rejected, |all, sample| all.stamps.get(sample).is_some_and(is_far).then_some(Reason::Far));
     }
 }
 
@@ -153,7 +201,7 @@ fn leave_out_unset(samples: &mut Samples, clock: Clock, rejected: Reject<'_>) {
     }
     let (Some(first), Some(step)) = (samples.stamps.get(zeros), usual_step(&samples.stamps)) else { return };
     if first.unsigned_abs() > DEEP_STEPS * step {
-        samples.keep(rejected, |_, sample| (sample < zeros).then_some(NEVER_FILLED));
+        samples.keep(rejected, |_, sample| (sample < zeros).then_some(Reason::NeverFilled));
     }
 }
 
@@ -171,7 +219,7 @@ pub(super) fn sort(samples: &mut Samples, rejected: Reject<'_>) {
     let mut last: Option<usize> = None;
     samples.keep(rejected, |all, sample| match last {
         Some(kept) if all.stamps.get(kept) == all.stamps.get(sample) => {
-            Some(if all.is_same(kept, sample, all.values.len()) { REPEATED } else { SHARED })
+            Some(if all.is_same(kept, sample, all.values.len()) { Reason::Repeated } else { Reason::Shared })
         }
         _ => {
             last = Some(sample);
@@ -192,7 +240,7 @@ fn usual_step(stamps: &[i64]) -> Option<u64> {
 }
 
 /// Why each row is left out, in the order of the log. Of nothing but disorder nothing is.
-fn misplaced(samples: &Samples) -> Vec<Option<&'static str>> {
+fn misplaced(samples: &Samples) -> Vec<Option<Reason>> {
     if samples.stamps.is_sorted() {
         return vec![];
     }
@@ -254,7 +302,7 @@ enum Place {
 }
 
 impl Placed<'_> {
-    fn add(&mut self, piece: &Piece, reasons: &mut [Option<&'static str>]) {
+    fn add(&mut self, piece: &Piece, reasons: &mut [Option<Reason>]) {
         let places: Vec<Place> = piece.rows.clone().map(|row| self.place(row)).collect();
         let count = |of: &[Place]| places.iter().filter(|p| of.contains(p)).count();
         let taken = count(&[Place::Taken]);
@@ -262,10 +310,10 @@ impl Placed<'_> {
         let leap = piece.out_of_order && piece.rows.len() <= FEW;
         for (row, place) in piece.rows.clone().zip(places) {
             let reason = match place {
-                Place::Taken if leap => Some(OUT_OF_LINE),
-                Place::Taken => Some(PASSED_TWICE),
-                Place::Hole if mixed => Some(PASSED_TWICE),
-                Place::Beyond if leap => Some(OUT_OF_LINE),
+                Place::Taken if leap => Some(Reason::OutOfLine),
+                Place::Taken => Some(Reason::PassedTwice),
+                Place::Hole if mixed => Some(Reason::PassedTwice),
+                Place::Beyond if leap => Some(Reason::OutOfLine),
                 _ => None,
             };
             match (reason, self.samples.stamps.get(row)) {
@@ -299,11 +347,12 @@ mod tests {
     use super::*;
 
     /// Stamps and rows that are kept, and reasons and rows that are left out.
-    type Sorted = (Vec<(i64, usize)>, Vec<(&'static str, usize)>);
+    type Sorted = (Vec<(i64, usize)>, Vec<(Reason, usize)>);
 
     fn sorted(clock: Clock, stamps: &[i64]) -> Sorted {
-        let mut samples = Samples::new(3);
-        stamps.iter().enumerate().for_each(|(row, stamp)| samples.push(row, *stamp, [row as f64, 0.0, 0.0, 0.0]));
+        let mut samples = Unstamped::new(3);
+        (0..stamps.len()).for_each(|row| samples.push(row, [row as f64, 0.0, 0.0, 0.0]));
+        let mut samples = samples.stamped(|row| stamps[row]);
         let mut rejected = vec![];
         leave_out_far(&mut samples, clock, &mut |why, row| rejected.push((why, row)));
         sort(&mut samples, &mut |why, row| rejected.push((why, row)));
@@ -342,7 +391,7 @@ mod tests {
         // A device that starts anew: its first three hundred rows are those before the flight.
         let (kept, rejected) = sorted(Clock::Boot, &[line(1000, 300), line(1050, 900)].concat());
         assert!(kept.iter().all(|(_, row)| *row >= 300 || *row == 0), "{kept:?}");
-        assert!(rejected.iter().all(|(why, row)| *why == PASSED_TWICE && (1..300).contains(row)));
+        assert!(rejected.iter().all(|(why, row)| *why == Reason::PassedTwice && (1..300).contains(row)));
         // Set back by a second in the middle: ten rows are passed twice.
         let (kept, rejected) = sorted(Clock::Unix, &[line(0, 500), line(49_000, 400)].concat());
         assert_eq!((kept.len(), rejected.len()), (890, 10));
@@ -371,7 +420,7 @@ mod tests {
     #[test]
     fn zeros_before_the_first_stamp_are_none_and_a_time_that_begins_at_zero_is_one() {
         let (kept, rejected) = sorted(Clock::Boot, &[vec![0; 3], line(60_000, 20)].concat());
-        assert_eq!((kept[0].0, rejected.len(), rejected[0].0), (60_000, 3, NEVER_FILLED));
+        assert_eq!((kept[0].0, rejected.len(), rejected[0].0), (60_000, 3, Reason::NeverFilled));
         assert_eq!(sorted(Clock::Elapsed, &line(0, 20)).1, []);
         // A clock of whole seconds repeats its zero as it does every other.
         let coarse: Vec<i64> = (0..60).map(|i| 1000 * (i / 10)).collect();

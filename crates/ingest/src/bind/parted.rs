@@ -4,7 +4,7 @@
 use super::conditions::{Condition, Values};
 use super::stamps::Stamps;
 use super::trial::{Found, Plan};
-use crate::map::ChannelMap;
+use crate::map::{ChannelMap, ChannelRule};
 use crate::map_schema::HeightAbove;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table};
@@ -85,33 +85,34 @@ impl Parted {
         found.chain(asked).map(|column| (self.table, column))
     }
 
-    /// The table of the columns that it reads, taken out of the log but for those that others read `later`, and which
-    /// columns these were.
-    fn take_columns(&self, log: &mut Log, later: &[Parted]) -> Option<(Table, Vec<usize>)> {
+    /// The table of the columns that it reads, taken out of the log, and which columns these were.
+    fn take_columns(&self, log: &mut Log) -> Option<(Table, Vec<usize>)> {
         let mut held: Vec<usize> = self.reads().map(|(_, column)| column).collect();
         held.sort_unstable();
         held.dedup();
         let table = log.tables.get_mut(self.table)?;
-        let mut columns = vec![];
-        for column in &held {
-            let found = table.columns.get_mut(*column)?;
-            let is_last = !later.iter().flat_map(Parted::reads).any(|read| read == (self.table, *column));
-            columns.push(if is_last { std::mem::replace(found, empty()) } else { found.clone() });
-        }
+        let take = |column: &usize| Some(std::mem::replace(table.columns.get_mut(*column)?, empty()));
+        let columns = held.iter().map(take).collect::<Option<_>>()?;
         let (topic, origin) = (table.topic.clone(), table.origin.clone());
         let own = Table { topic, rows: table.rows, logged_ns: None, published_ns: None, origin, columns };
         Some((own, held))
     }
 
-    /// Gives the plan to `make` once more, with columns that are gone from the log afterwards.
-    pub(super) fn make<T>(
-        mut self,
-        map: &ChannelMap,
-        log: &mut Log,
-        later: &[Parted],
-        make: impl FnOnce(&Plan<'_>) -> T,
-    ) -> Option<T> {
-        let (table, held) = self.take_columns(log, later)?;
+    /// Leaves the table the names of its columns alone. Those that others read `later` go back into the log.
+    fn give_back(&self, table: &mut Table, held: &[usize], log: &mut Log, later: &[Parted]) {
+        for (column, place) in table.columns.iter_mut().zip(held) {
+            let named = Column { path: column.path.clone(), ..empty() };
+            let values = std::mem::replace(column, named);
+            let is_read = later.iter().flat_map(Parted::reads).any(|read| read == (self.table, *place));
+            let of_log = log.tables.get_mut(self.table).and_then(|table| table.columns.get_mut(*place));
+            if let Some(of_log) = of_log.filter(|_| is_read) {
+                *of_log = values;
+            }
+        }
+    }
+
+    /// The plan once more, with the columns of this table.
+    fn plan<'p>(&self, rule: &'p ChannelRule, table: &'p Table, held: &[usize], stamps: Vec<Stamps>) -> Plan<'p> {
         let column = |of: usize| table.columns.get(held.binary_search(&of).ok()?);
         let found = |place: &Place| {
             Some(Found {
@@ -122,17 +123,36 @@ impl Parted {
                 said: None,
             })
         };
-        let (rule, stamps) = (map.rules.get(self.rule)?, std::mem::take(&mut self.stamps));
         let columns = self.columns.iter().map(|place| place.as_ref().and_then(found)).collect();
+        Plan { rule, table, distance: 0, columns, stamps, remarks: vec![], conditions: vec![] }
+    }
+
+    /// Gives the plan to `take` with its columns, and then to `make` with what that took. Before that, columns that nobody
+    /// reads `later` are gone from memory.
+    pub(super) fn make<S, T>(
+        mut self,
+        map: &ChannelMap,
+        log: &mut Log,
+        later: &[Parted],
+        take: impl FnOnce(&Plan<'_>) -> S,
+        make: impl FnOnce(&Plan<'_>, S) -> T,
+    ) -> Option<T> {
+        let (mut table, held) = self.take_columns(log)?;
+        let rule = map.rules.get(self.rule)?;
+        let (stamps, conditions) = (std::mem::take(&mut self.stamps), std::mem::take(&mut self.conditions));
         let condition = |on_rows: OnRows| {
             let values = match on_rows.values {
-                OfRows::Own(own) => Values::Own(column(own)?),
+                OfRows::Own(own) => Values::Own(table.columns.get(held.binary_search(&own).ok()?)?),
                 OfRows::Topic(topic, values) => Values::Of(topic.into(), values),
             };
             Some(Condition { entry: rule.require.get(on_rows.entry)?, values })
         };
-        let conditions = std::mem::take(&mut self.conditions).into_iter().filter_map(condition).collect();
-        Some(make(&Plan { rule, table: &table, distance: 0, columns, stamps, remarks: vec![], conditions }))
+        let conditions = conditions.into_iter().filter_map(condition).collect();
+        let whole = Plan { conditions, ..self.plan(rule, &table, &held, stamps) };
+        let taken = take(&whole);
+        let stamps = whole.stamps;
+        self.give_back(&mut table, &held, log, later);
+        Some(make(&self.plan(rule, &table, &held, stamps), taken))
     }
 }
 

@@ -51,7 +51,7 @@ pub(super) fn placed(kind: StampKind, rules: &[TieRule], log: &Log, table: &Tabl
     let repairs = vec![Repair { what: Code::StampKind.into(), count: wide.len() as u64, text: text.into() }];
     let nanos = rows.into_iter().map(|row| row.map(|(boot, _)| boot)).collect::<Vec<_>>();
     let label = TimeSource::LoggedOnBoot.label();
-    Some(Stamps { kind, clock: Clock::Boot, label, nanos: nanos.into(), repairs, counts: vec![], turn: None })
+    Some(Stamps { kind, clock: Clock::Boot, label, nanos: Rc::new(nanos.into()), repairs, counts: vec![], turn: None })
 }
 
 /// Which vehicle, component and run a topic is of: `@2` of `ATTITUDE@2`.
@@ -62,9 +62,9 @@ fn sender(table: &Table) -> &str {
 
 fn pairs_of(rule: &TieRule, table: &Table) -> Vec<Pair> {
     let stamps = read_stamps(StampKind::Logged, &rule.stamp, table, || None).filter(|s| s.clock == Clock::Boot);
-    let boot = stamps.map(|stamps| Rc::unwrap_or_clone(stamps.nanos)).unwrap_or_default();
+    let boot = stamps.map(|stamps| stamps.nanos).unwrap_or_default();
     let logged = table.logged_ns.iter().flatten();
-    logged.zip(boot).filter_map(|(logged, boot)| Some(Pair { logged: *logged, boot: boot? })).collect()
+    logged.zip(boot.iter()).filter_map(|(logged, boot)| Some(Pair { logged: *logged, boot: boot? })).collect()
 }
 
 /// The boot time of what was received at a time, and how far the messages around it are apart, ns.

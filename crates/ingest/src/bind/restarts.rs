@@ -187,7 +187,7 @@ fn ends(plans: &[Plan<'_>], restarts: &[Restart]) -> Vec<Option<[i64; 2]>> {
         let mut own: Vec<Vec<i64>> = vec![vec![]; restarts.len() + 1];
         for (row, stamp) in stamps.nanos.iter().enumerate() {
             let session = session_of(plan.table, restarts, row).and_then(|session| own.get_mut(session));
-            session.zip(*stamp).into_iter().for_each(|(own, stamp)| own.push(stamp));
+            session.zip(stamp).into_iter().for_each(|(own, stamp)| own.push(stamp));
         }
         let longer = most.iter_mut().zip(own).filter(|(most, own)| own.len() > most.len());
         longer.for_each(|(most, own)| *most = own);

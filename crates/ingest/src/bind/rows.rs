@@ -3,7 +3,7 @@
 use super::attitude::{from_euler, from_quaternion, rotate};
 use super::conditions::failed;
 use super::ecef;
-use super::order::{self, FAR_NS, Samples};
+use super::order::{self, FAR_NS, Reason, Samples, Unstamped};
 use super::stamps::Stamps;
 use super::trial::{Found, Plan};
 use crate::map::{ChannelRule, Combine, Part, Presence};
@@ -70,20 +70,37 @@ impl Rejects {
     }
 }
 
-/// Makes the channel of a plan.
-pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
+/// What a channel is made of: its columns are needed no more.
+pub(super) struct Taken {
+    samples: Unstamped,
+    rejects: Rejects,
+    /// Which columns were used.
+    used: Vec<bool>,
+    notices: Notices,
+}
+
+/// Takes the rows of a plan that can be used.
+pub(super) fn take_rows(plan: &Plan<'_>) -> Taken {
     let mut notices = Notices::new();
     let mut rejects = Rejects::default();
     let columns = drop_thin_verticals(plan, &mut notices);
-    let Some(primary) = plan.stamps.first() else {
-        // A plan without stamps is never made; should it be, no row has one.
-        return unusable(plan, &columns, rejects, notices);
-    };
-    let mut samples = usable_rows(plan, &columns, primary, &mut rejects);
-    order::leave_out_far(&mut samples, primary.clock, &mut |why, row| rejects.add(why, || place(plan, row)));
+    // A plan without stamps is never made; should it be, no row has one.
+    let samples = plan.stamps.first().map(|primary| usable_rows(plan, &columns, primary, &mut rejects));
+    let used = columns.iter().map(Option::is_some).collect();
+    Taken { samples: samples.unwrap_or_default(), rejects, used, notices }
+}
+
+/// Makes the channel of a plan of what was taken.
+pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
+    let Taken { samples, mut rejects, used, mut notices } = taken;
+    let columns = plan.columns.iter().zip(used).map(|(found, used)| found.as_ref().filter(|_| used));
+    let columns: Vec<Option<&Found<'_>>> = columns.collect();
+    let Some(primary) = plan.stamps.first() else { return unusable(plan, &columns, rejects, notices) };
+    let mut samples = samples.stamped(|row| primary.nanos.get(row).unwrap_or_default());
+    order::leave_out_far(&mut samples, primary.clock, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
     let as_logged = describe(primary, &samples);
     let back = as_logged.as_ref().and_then(|logged| StepBack::of(samples.stamps(), logged));
-    order::sort(&mut samples, &mut |why, row| rejects.add(why, || place(plan, row)));
+    order::sort(&mut samples, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
     let stamps = as_logged.map(|logged| as_used(logged, primary, &samples));
     let coarse_s = coarse(&rejects, samples.stamps());
     assumptions(plan, &columns, &mut notices);
@@ -156,11 +173,11 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
         .collect()
 }
 
-fn usable_rows(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, rejects: &mut Rejects) -> Samples {
-    let mut samples = Samples::new(plan.rule.quantity.components().len());
+fn usable_rows(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, rejects: &mut Rejects) -> Unstamped {
+    let mut samples = Unstamped::new(plan.rule.quantity.components().len());
     for row in 0..plan.table.rows {
         match sample_of(plan, columns, primary, row) {
-            Ok((stamp, values)) => samples.push(row, stamp, values),
+            Ok(values) => samples.push(row, values),
             Err(reason) => rejects.add(&reason, || place(plan, row)),
         }
     }
@@ -177,9 +194,9 @@ fn sample_of(
     columns: &[Option<&Found<'_>>],
     primary: &Stamps,
     row: usize,
-) -> Result<(i64, [f64; 4]), String> {
+) -> Result<[f64; 4], String> {
     let parts = values_of(plan.rule, columns, row)?;
-    let stamp = primary.nanos.get(row).copied().flatten().ok_or("no stamp")?;
+    primary.nanos.get(row).ok_or("no stamp")?;
     if let Some(reason) = failed(&plan.conditions, row) {
         return Err(reason);
     }
@@ -190,7 +207,7 @@ fn sample_of(
     if plan.rule.quantity == Quantity::PositionGeodetic {
         plausible(values)?;
     }
-    Ok((stamp, values))
+    Ok(values)
 }
 
 /// The parts of a row in SI units, zero where the log has no such field.
@@ -273,7 +290,7 @@ const SHARED_BY: u64 = 4;
 /// How coarse a clock is that gives one stamp to several rows, as one of whole seconds, or of a logger that writes its rows in
 /// blocks, s.
 fn coarse(rejects: &Rejects, sorted: &[i64]) -> Option<f64> {
-    let shared = rejects.of(order::SHARED);
+    let shared = rejects.of(Reason::Shared.text());
     let all = shared + sorted.len() as u64;
     let steps = || sorted.windows(2).map(seconds_between).collect::<Vec<f64>>();
     (shared > FEW_ROWS && SHARED_BY * shared >= all).then(|| distribution(&steps()))?.map(|steps| steps.median)
@@ -293,7 +310,7 @@ const FEW_ROWS: u64 = 5;
 /// Of a channel without one usable row [`no_rows`](super::no_rows) says why, and of coarse stamps
 /// [`note_coarse`](super::told::note_coarse).
 fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, notices: &mut Notices) {
-    let told = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == order::SHARED);
+    let told = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == Reason::Shared.text());
     for reject in rejects.0.iter().filter(told) {
         let duplicate = reject.reason.starts_with("stamp equal");
         let many = reject.count > FEW_ROWS && LOST_BY_CLOCK * reject.count >= plan.table.rows as u64;
@@ -404,7 +421,7 @@ fn offsets(plan: &Plan<'_>, samples: &Samples, notices: &mut Notices) -> (Vec<St
 /// When the first sample was, by any of its stamps that knows.
 fn first_unix(plan: &Plan<'_>, samples: &Samples) -> Option<Stamp> {
     let row = samples.rows().next()?;
-    plan.stamps.iter().find_map(|s| s.clock.unix(Stamp(s.nanos.get(row).copied().flatten()?)))
+    plan.stamps.iter().find_map(|s| s.clock.unix(Stamp(s.nanos.get(row)?)))
 }
 
 fn offset(plan: &Plan<'_>, samples: &Samples, (of, against): (StampKind, StampKind)) -> Option<StampOffset> {
@@ -412,7 +429,7 @@ fn offset(plan: &Plan<'_>, samples: &Samples, (of, against): (StampKind, StampKi
     let (later, earlier) = (of_kind(of)?, of_kind(against)?);
     // GPS time and UTC are compared as UTC; clocks of unknown begin only with their own kind.
     let on_axis = |stamps: &Stamps, row: usize| {
-        let stamp = Stamp(stamps.nanos.get(row).copied().flatten()?);
+        let stamp = Stamp(stamps.nanos.get(row)?);
         if later.clock == earlier.clock { Some(stamp) } else { stamps.clock.unix(stamp) }
     };
     let on_row = |row: usize| Some(on_axis(later, row)?.seconds_since(on_axis(earlier, row)?));
@@ -517,8 +534,7 @@ fn other_stamps(
 ) -> Vec<(StampKind, flight::Clock, Vec<Stamp>)> {
     let mut others = vec![];
     for stamps in plan.stamps.iter().skip(1) {
-        let on_rows: Option<Vec<Stamp>> =
-            samples.rows().map(|row| stamps.nanos.get(row).copied().flatten().map(Stamp)).collect();
+        let on_rows: Option<Vec<Stamp>> = samples.rows().map(|row| stamps.nanos.get(row).map(Stamp)).collect();
         match on_rows {
             Some(values) => others.push((stamps.kind, stamps.clock, values)),
             None => {

@@ -9,6 +9,7 @@ use crate::map::{TieRule, TimeSource, USUAL_BITS};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
+use crate::values::Values;
 use flight::{Clock, Code, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
 use std::ops::Range;
 use std::rc::Rc;
@@ -22,7 +23,7 @@ pub(super) struct Stamps {
     pub(super) clock: Clock,
     pub(super) label: String,
     /// Channels of one table share them.
-    pub(super) nanos: Rc<Vec<Option<i64>>>,
+    pub(super) nanos: Rc<Values<i64>>,
     pub(super) repairs: Vec<Repair>,
     /// What the stamps may count to before they begin anew; nothing for those of 64 bits, of containers, and of seconds since boot.
     pub(super) counts: Vec<Count>,
@@ -50,21 +51,23 @@ impl Stamps {
     /// Takes the stamps of another source of the same clock for rows that have none, if no row has both: devices of two
     /// generations may have written one log. A source that was never filled in is none.
     pub(super) fn fill(&mut self, other: Stamps) {
-        let both = self.nanos.iter().zip(&*other.nanos).any(|(own, other)| own.is_some() && other.is_some());
+        let both = self.nanos.iter().zip(other.nanos.iter()).any(|(own, other)| own.is_some() && other.is_some());
         if both || other.clock != self.clock || is_constant(&other.nanos) {
             return;
         }
         self.turn = self.turn.or(other.turn);
         self.counts.retain(|count| other.counts.contains(count));
-        Rc::make_mut(&mut self.nanos).iter_mut().zip(&*other.nanos).for_each(|(own, other)| *own = own.or(*other));
+        let filled: Vec<Option<i64>> =
+            self.nanos.iter().zip(other.nanos.iter()).map(|(own, other)| own.or(other)).collect();
+        self.nanos = Rc::new(filled.into());
         self.label = format!("{} or {}", self.label, other.label);
         self.repairs.extend(other.repairs);
     }
 }
 
 /// A stamp that was never filled in is no stamp.
-pub(super) fn is_constant(nanos: &[Option<i64>]) -> bool {
-    let mut values = nanos.iter().flatten();
+pub(super) fn is_constant(nanos: &Values<i64>) -> bool {
+    let mut values = nanos.given();
     let first = values.next();
     nanos.len() > 1 && values.all(|v| Some(v) == first)
 }
@@ -74,7 +77,7 @@ pub(super) fn is_constant(nanos: &[Option<i64>]) -> bool {
 pub(super) fn written_at<'s>(sources: impl Iterator<Item = &'s TimeSource>, table: &Table) -> Option<i64> {
     let utc = sources.filter(|s| s.clock() == Clock::Unix).chain([&TimeSource::ContainerLogged]);
     utc.filter_map(|source| {
-        let mut stamps: Vec<i64> = nanos_of(source, table, &mut vec![])?.into_iter().flatten().collect();
+        let mut stamps: Vec<i64> = nanos_of(source, table, &mut vec![])?.given().collect();
         stamps.sort_unstable();
         let median = *stamps.get(stamps.len() / 2)?;
         // A container may count from boot.
@@ -98,7 +101,7 @@ pub(super) fn read_stamps(
             let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
             note(&mut repairs, Code::GpsWeek, ten_bit, rule);
             if let Some(nanos) = nanos.as_ref().and_then(|nanos| numbers(table, nanos)) {
-                add(nanos, &mut stamps);
+                stamps.change(|stamps| add(nanos, stamps));
             }
             stamps
         }
@@ -113,14 +116,14 @@ pub(super) fn read_stamps(
     if is_wide(source, table) {
         counts.clear();
     }
-    let any = nanos.iter().any(Option::is_some);
+    let any = nanos.given().next().is_some();
     let clock = clock_of(source, table, &nanos);
     let silent = if any && clock == Clock::Unix { without_zone(source, table) } else { 0 };
     if silent > 0 {
         repairs.push(Repair { what: Code::DateInferred.into(), count: silent, text: NO_ZONE.into() });
     }
     if clock != source.clock() && source.clock() == Clock::Boot {
-        note(&mut repairs, Code::DateInferred, nanos.iter().flatten().count() as u64, UNIX_STAMPS);
+        note(&mut repairs, Code::DateInferred, nanos.given().count() as u64, UNIX_STAMPS);
     }
     any.then(|| Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
 }
@@ -135,7 +138,7 @@ const LOGGED_SINCE_BOOT: [&str; 2] = ["dataflash", "ulog"];
 
 /// What the stamps count. MAVLink's `time_usec` is "UNIX Epoch time or time since system boot", to be told apart by its
 /// size (<https://mavlink.io/en/messages/common.html>); the median of the rows decides for all of them.
-fn clock_of(source: &TimeSource, table: &Table, nanos: &[Option<i64>]) -> Clock {
+fn clock_of(source: &TimeSource, table: &Table, nanos: &Values<i64>) -> Clock {
     let clock = source.clock();
     if matches!(source, TimeSource::ContainerLogged) && LOGGED_SINCE_BOOT.contains(&table.topic.encoding.as_str()) {
         return Clock::Boot;
@@ -147,7 +150,7 @@ fn clock_of(source: &TimeSource, table: &Table, nanos: &[Option<i64>]) -> Clock 
     if clock != Clock::Boot || table.topic.encoding != "mavlink" {
         return clock;
     }
-    let mut stamps: Vec<i64> = nanos.iter().flatten().copied().collect();
+    let mut stamps: Vec<i64> = nanos.given().collect();
     let middle = stamps.len() / 2;
     let median = (middle < stamps.len()).then(|| *stamps.select_nth_unstable(middle).1);
     if median.is_some_and(|median| UNIX_AND_NOT_BOOT.contains(&median)) { Clock::Unix } else { clock }
@@ -185,12 +188,7 @@ fn is_wide(source: &TimeSource, table: &Table) -> bool {
 }
 
 /// Puts right what the clock of a source is known to do wrong. The count that began anew is returned.
-fn repair(
-    source: &TimeSource,
-    counts: &[Count],
-    nanos: &mut [Option<i64>],
-    repairs: &mut Vec<Repair>,
-) -> Option<Count> {
+fn repair(source: &TimeSource, counts: &[Count], nanos: &mut Values<i64>, repairs: &mut Vec<Repair>) -> Option<Count> {
     let TimeSource::Number { clock, bits, .. } = source else {
         if matches!(source, TimeSource::GpsWeek { .. }) {
             note(repairs, Code::GpsWeek, redate_weeks(nanos), WEEK_OFF);
@@ -219,22 +217,22 @@ fn repair(
 
 const WEEK_OFF: &str = "stamps a week off their neighbours were put back";
 
-fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
+fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Values<i64>> {
     let rows = 0..table.rows;
     Some(match source {
-        TimeSource::ContainerLogged => table.logged_ns.as_ref()?.iter().copied().map(Some).collect(),
+        TimeSource::ContainerLogged => table.logged_ns.clone()?.into(),
         // Writers that know no publish time repeat the log time there.
         TimeSource::ContainerPublished if table.published_ns == table.logged_ns => return None,
         // Other messages of the log place it.
         TimeSource::LoggedOnBoot => return None,
-        TimeSource::ContainerPublished => table.published_ns.as_ref()?.iter().copied().map(Some).collect(),
+        TimeSource::ContainerPublished => table.published_ns.clone()?.into(),
         TimeSource::Number { field, tick, zero_s, .. } => ticks(field, *tick, *zero_s, table)?,
         TimeSource::Iso { field, zone } => {
             let column = texts(table, field)?;
             let offset = zone.as_deref().unwrap_or("Z");
             rows.map(|row| local_to_unix_ns(&column.text(row)?, offset)).collect()
         }
-        TimeSource::Civil { .. } => dated(source, table, repairs)?,
+        TimeSource::Civil { .. } => dated(source, table, repairs)?.into(),
         TimeSource::DayOfYear { field, year, zone } => days_of_year(field, *year, zone.as_deref(), table, repairs)?.1,
         TimeSource::TimeOfDay { field } => times_of_day(field, table, repairs)?,
         TimeSource::Calendar { fields, zone, .. } => {
@@ -247,7 +245,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
 }
 
 /// A number of ticks for each row, since so many seconds.
-fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Vec<Option<i64>>> {
+fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Values<i64>> {
     let rows = 0..table.rows;
     match (texts(table, field), numbers(table, field)) {
         (Some(text), _) => Some(rows.map(|row| tick.text_since(&text.text(row)?, zero_s)).collect()),
@@ -264,17 +262,11 @@ fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Vec<Opti
 
 /// GPS time from a week and the time in it, and how many weeks were counters of ten bits. `logged` is the week in which
 /// the log was written, if another clock says it.
-fn gps_weeks(
-    week: &Column,
-    field: &str,
-    tick: Tick,
-    logged: Option<i64>,
-    table: &Table,
-) -> Option<(Vec<Option<i64>>, u64)> {
+fn gps_weeks(week: &Column, field: &str, tick: Tick, logged: Option<i64>, table: &Table) -> Option<(Values<i64>, u64)> {
     let in_week = ticks(field, tick, 0, table)?;
     let count = WeekCount::of((0..table.rows).filter_map(|row| week.integer(row)), logged);
     let mut ten_bit = 0;
-    let nanos = in_week.into_iter().enumerate().map(|(row, in_week)| {
+    let nanos = in_week.iter().enumerate().map(|(row, in_week)| {
         let in_week = in_week.filter(|ns| (0..WEEK_S * NANOS_PER_SECOND).contains(ns))?;
         let week = count.week(week.integer(row)?)?;
         ten_bit += u64::from(matches!(week, Week::TenBit(_)));
@@ -365,8 +357,8 @@ fn pairs_in(rule: &TieRule, table: &Table) -> Option<Pairs> {
         return None;
     }
     let pair = |row: usize| {
-        let unix = utc.clock.unix(Stamp(utc.nanos.get(row).copied().flatten()?))?.0;
-        Some((row, stamps.nanos.get(row).copied().flatten()?, unix)).filter(|_| unix > NO_UTC_BEFORE_NS && meets(row))
+        let unix = utc.clock.unix(Stamp(utc.nanos.get(row)?))?.0;
+        Some((row, stamps.nanos.get(row)?, unix)).filter(|_| unix > NO_UTC_BEFORE_NS && meets(row))
     };
     let pairs = (0..table.rows).filter_map(pair).collect();
     let source = format!("{}: {} and {}", table.topic.name, stamps.label, utc.label);

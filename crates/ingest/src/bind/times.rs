@@ -9,6 +9,7 @@ use crate::error::IngestError;
 use crate::map::{ChannelMap, ChannelRule, MapLibrary};
 use crate::reader::Log;
 use crate::table::{Column, Places, Table};
+use crate::values::Values;
 use flight::{Clock, Notices, Stamp, UtcTie};
 use std::collections::HashSet;
 use std::rc::Rc;
@@ -32,8 +33,8 @@ pub struct TableTimes {
     pub clock: Clock,
     /// The fields that they were read from.
     pub source: String,
-    /// For each row, ns; `None` for a row without. Counts that begin anew run on.
-    pub nanos: Vec<Option<i64>>,
+    /// For each row. Counts that begin anew run on.
+    pub nanos: Values<i64>,
 }
 
 /// Finds the times of all rows. The map is the one that [`bind`](crate::bind) would take, or if none fits the one that comes
@@ -43,8 +44,8 @@ pub struct TableTimes {
 /// # Errors
 /// [`IngestError::Map`] for a library that cannot be used.
 pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestError> {
-    let trials = library.candidates(None)?.into_iter().map(|map| Trial::new(map, log));
-    let best = trials.filter(|t| !t.plans.is_empty()).max_by_key(Trial::rank);
+    let trials = Trial::of_all(&library.candidates(None)?, log);
+    let best = trials.into_iter().filter(|t| !t.plans.is_empty()).max_by_key(Trial::rank);
     let Some(Trial { map, mut plans, .. }) = best else {
         let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
         let said: Vec<Option<Stamps>> = log.tables.iter().map(dated).collect();
@@ -57,11 +58,17 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
         let table = exact.as_ref().unwrap_or(table);
         times_of(map, table).or_else(|| dated_by_any(library, table))
     };
-    let of_rows = |table: &Table| if table.logged_ns.is_none() { stamps(table) } else { None };
+    let of_rows = |table: &Table| {
+        let mut own = if table.logged_ns.is_none() { stamps(table)? } else { return None };
+        let of_table = plans.iter().filter(|plan| std::ptr::eq(plan.table, table));
+        of_table.flat_map(|plan| &plan.stamps).for_each(|other| own.share(other));
+        Some(own)
+    };
     let mut said: Vec<Option<Stamps>> = log.tables.iter().map(of_rows).collect();
     align(&mut plans, log, &mut said);
     let notices = repairs(log, &said);
     let joined = restarts::join(&plans, &map.ties, log);
+    drop(plans);
     let times = |(table, said): (&Table, Option<Stamps>)| match (&table.logged_ns, &joined) {
         (None, _) => said.map(TableTimes::of),
         (Some(logged), Some(joined)) => Some(joined_times(joined, table, logged)),
@@ -125,7 +132,7 @@ fn exact(log: &Log, library: &MapLibrary, table: &Table) -> Option<Table> {
 fn joined_times(joined: &Joined, table: &Table, logged: &[i64]) -> TableTimes {
     let mut nanos: Vec<Option<i64>> = logged.iter().copied().map(Some).collect();
     joined.shift(table, Clock::Boot, &mut nanos);
-    TableTimes { clock: Clock::Boot, source: "log".to_owned(), nanos }
+    TableTimes { clock: Clock::Boot, source: "log".to_owned(), nanos: nanos.into() }
 }
 
 /// Of the rules that are made for the table, then of all others.
@@ -156,8 +163,8 @@ fn dated_by_any(library: &MapLibrary, table: &Table) -> Option<Stamps> {
 
 /// Whether stamps are UTC or GPS time, and of this century.
 fn is_dated(stamps: &Stamps) -> bool {
-    let unix = |ns: &i64| stamps.clock.unix(Stamp(*ns)).is_some_and(|unix| unix.0 > NO_UTC_BEFORE_NS);
-    stamps.nanos.iter().flatten().all(unix) && stamps.nanos.iter().any(Option::is_some)
+    let unix = |ns: i64| stamps.clock.unix(Stamp(ns)).is_some_and(|unix| unix.0 > NO_UTC_BEFORE_NS);
+    stamps.nanos.given().all(unix) && stamps.nanos.given().next().is_some()
 }
 
 impl TableTimes {

@@ -1,6 +1,6 @@
 //! What is said of the stamps of a topic: once, however many channels have them.
 
-use super::order::SHARED;
+use super::order::Reason;
 use super::trial::Plan;
 use flight::{ChannelHealth, Code, Graded, Notices, Severity, StampOffset};
 
@@ -76,7 +76,7 @@ pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut N
 /// one that was then, nobody knows.
 pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices) {
     let shared = |health: &ChannelHealth| -> u64 {
-        health.rejected.iter().filter(|r| r.reason == SHARED).map(|r| r.count).sum()
+        health.rejected.iter().filter(|r| r.reason == Reason::Shared.text()).map(|r| r.count).sum()
     };
     for (at, (health, step_s)) in coarse.iter().enumerate() {
         let same = |other: &&(ChannelHealth, f64)| other.0.source.topic == health.source.topic;

@@ -81,7 +81,17 @@ enum Miss {
 }
 
 impl<'a> Trial<'a> {
-    pub(super) fn new(map: &'a ChannelMap, log: &'a Log) -> Trial<'a> {
+    /// Of each map. Stamps that several of them read alike are in memory once.
+    pub(super) fn of_all(maps: &[&'a ChannelMap], log: &'a Log) -> Vec<Trial<'a>> {
+        let mut trials: Vec<Trial<'_>> = vec![];
+        for map in maps {
+            let trial = Trial::new(map, log, &trials);
+            trials.push(trial);
+        }
+        trials
+    }
+
+    fn new(map: &'a ChannelMap, log: &'a Log, others: &[Trial<'a>]) -> Trial<'a> {
         let mut trial = Trial { map, plans: vec![], near: vec![], far: vec![], unknown: vec![], nearness: 0 };
         for rule in &map.rules {
             if rule.when.as_ref().is_some_and(|when| !when.met_by(log)) {
@@ -92,7 +102,8 @@ impl<'a> Trial<'a> {
             }
             match plan(rule, map, log) {
                 Ok(mut plan) => {
-                    let same = trial.plans.iter().filter(|other| std::ptr::eq(other.table, plan.table));
+                    let all = trial.plans.iter().chain(others.iter().flat_map(|other| &other.plans));
+                    let same = all.filter(|other| std::ptr::eq(other.table, plan.table));
                     let known: Vec<&Stamps> = same.flat_map(|other| &other.stamps).collect();
                     plan.stamps.iter_mut().for_each(|own| known.iter().for_each(|other| own.share(other)));
                     trial.plans.push(plan);
@@ -357,7 +368,7 @@ pub(super) fn stamps_of(
     for (kind, sources) in &rule.times {
         let mut first: Option<Stamps> = None;
         for source in sources {
-            if first.as_ref().is_some_and(|first| first.nanos.iter().all(Option::is_some)) {
+            if first.as_ref().is_some_and(|first| first.nanos.is_whole()) {
                 break;
             }
             let read = match source {

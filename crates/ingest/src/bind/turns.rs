@@ -54,7 +54,7 @@ pub(super) fn align<'s>(topics: impl Iterator<Item = &'s mut Stamps>) {
     let mut topics: Vec<&mut Stamps> = topics.collect();
     let mut turned: Vec<(Clock, Count, Span)> = vec![];
     for stamps in &topics {
-        let Some((count, span)) = stamps.turn.zip(Span::of(stamps.nanos.iter().flatten().copied())) else { continue };
+        let Some((count, span)) = stamps.turn.zip(Span::of(stamps.nanos.given())) else { continue };
         match turned.iter_mut().find(|(clock, known, _)| (*clock, *known) == (stamps.clock, count)) {
             Some((_, _, all)) => *all = all.and(span),
             None => turned.push((stamps.clock, count, span)),
@@ -70,9 +70,9 @@ pub(super) fn align<'s>(topics: impl Iterator<Item = &'s mut Stamps>) {
 
 fn put_into_turn(stamps: &mut Stamps, range: i64, all: Span) {
     let counts = |stamp: &i64| (0..range).contains(stamp);
-    let given = stamps.nanos.iter().flatten().count();
-    let count = stamps.nanos.iter().flatten().filter(|stamp| counts(stamp)).count();
-    let Some(own) = Span::of(stamps.nanos.iter().flatten().copied().filter(counts)) else { return };
+    let given = stamps.nanos.given().count();
+    let count = stamps.nanos.given().filter(counts).count();
+    let Some(own) = Span::of(stamps.nanos.given().filter(counts)) else { return };
     if TOLERATED * (given - count) > given {
         return;
     }
@@ -84,9 +84,10 @@ fn put_into_turn(stamps: &mut Stamps, range: i64, all: Span) {
         (None, _) | (Some(0), None) => return,
         (Some(turns), None) => {
             let behind = |stamp: i64| i64::try_from(i128::from(stamp) + turns * wide).ok();
-            let counted =
-                Rc::make_mut(&mut stamps.nanos).iter_mut().filter(|stamp| stamp.is_some_and(|stamp| counts(&stamp)));
-            counted.for_each(|stamp| *stamp = stamp.and_then(behind));
+            Rc::make_mut(&mut stamps.nanos).change(|nanos| {
+                let counted = nanos.iter_mut().filter(|stamp| stamp.is_some_and(|stamp| counts(&stamp)));
+                counted.for_each(|stamp| *stamp = stamp.and_then(behind));
+            });
             SHIFTED
         }
         (Some(_), Some(_)) => UNCLEAR,

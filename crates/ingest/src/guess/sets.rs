@@ -122,11 +122,11 @@ pub(super) fn lacks_time(named: &[Named]) -> bool {
     named.iter().all(|c| c.role != Role::Time) && has_position(named) && has_velocity(named)
 }
 
-fn has_position(named: &[Named]) -> bool {
+pub(super) fn has_position(named: &[Named]) -> bool {
     named.iter().any(|c| !positions(named, &c.source).is_empty())
 }
 
-fn has_velocity(named: &[Named]) -> bool {
+pub(super) fn has_velocity(named: &[Named]) -> bool {
     named.iter().any(|c| !velocities(named, &c.source).is_empty())
 }
 

@@ -139,10 +139,10 @@ fn timing(
 ) -> Option<Timing> {
     let source = time_source_of(&entry)?;
     let (clock, nanos) = stamps_by(&source, table)?;
-    let first = nanos.iter().flatten().next().copied()?;
-    let times = || nanos.iter().flatten();
+    let first = nanos.given().next()?;
+    let times = || nanos.given();
     let goes_on = times().zip(times().skip(1)).filter(|(a, b)| b >= a).count();
-    let moves = times().any(|t| *t != first);
+    let moves = times().any(|t| t != first);
     let most = |count: usize| 10 * count >= 9 * table.rows.saturating_sub(1);
     let is_time = moves && most(times().count()) && most(goes_on);
     let times_s = nanos.iter().map(|ns| ns.map_or(f64::NAN, |ns| ns as f64 * 1e-9)).collect();

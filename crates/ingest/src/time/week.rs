@@ -1,5 +1,6 @@
 //! GPS weeks: counters of ten bits, and epochs a week off.
 
+use crate::values::Values;
 use flight::{NANOS_PER_SECOND, WEEK_S};
 
 /// A ten-bit counter of weeks begins anew after so many.
@@ -84,23 +85,25 @@ pub(crate) fn weeks_of(counts: i64) -> i64 {
 /// Puts epochs that are a week off back to their place, and says how many. At midnight from Saturday to Sunday a
 /// receiver may give the new time of week with the old week, or the other way round, for some epochs
 /// (ArduPilot#31914). The week that most epochs agree on is the right one; of two equally frequent the later.
-pub(crate) fn redate_weeks(stamps: &mut [Option<i64>]) -> u64 {
+pub(crate) fn redate_weeks(stamps: &mut Values<i64>) -> u64 {
     // Whole weeks to add to each stamp so that none steps by a week from the one before.
-    let mut weeks = Vec::with_capacity(stamps.len());
-    let (mut shift, mut before) = (0_i64, None);
-    for stamp in stamps.iter().flatten() {
+    let shifts = stamps.given().scan((0_i64, None), |(shift, before), stamp| {
         let step = before.map_or(0, |before: i64| stamp.saturating_sub(before));
         if step.saturating_add(WEEK_NS).unsigned_abs() <= NEAR_NS {
-            shift += 1;
+            *shift += 1;
         } else if step.saturating_sub(WEEK_NS).unsigned_abs() <= NEAR_NS {
-            shift -= 1;
+            *shift -= 1;
         }
-        before = Some(*stamp);
-        weeks.push(shift);
+        *before = Some(stamp);
+        Some(*shift)
+    });
+    if shifts.clone().all(|shift| shift == 0) {
+        return 0;
     }
+    let weeks: Vec<i64> = shifts.collect();
     let Some(right) = most_frequent(&weeks) else { return 0 };
     let mut moved = 0;
-    for (stamp, weeks) in stamps.iter_mut().flatten().zip(weeks) {
+    for (stamp, weeks) in stamps.given_mut().zip(weeks) {
         if weeks != right {
             moved += 1;
             *stamp = stamp.saturating_add((weeks - right).saturating_mul(WEEK_NS));
@@ -120,6 +123,13 @@ fn most_frequent(values: &[i64]) -> Option<i64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn redate_weeks(stamps: &mut [Option<i64>]) -> u64 {
+        let mut values = Values::from(stamps.to_vec());
+        let moved = super::redate_weeks(&mut values);
+        stamps.iter_mut().zip(values.iter()).for_each(|(stamp, value)| *stamp = value);
+        moved
+    }
 
     #[test]
     fn a_ten_bit_week_means_the_one_near_this_release_and_a_full_one_itself() {

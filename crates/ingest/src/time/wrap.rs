@@ -1,6 +1,7 @@
 //! Counts that begin anew: 32 bits of microseconds after 71.6 minutes, of milliseconds after 49.7 days; 16 bits of
 //! milliseconds after a minute; a time of week on Sunday, a time of day at midnight.
 
+use crate::values::Values;
 use flight::NANOS_PER_SECOND;
 
 /// Across the end of the count, stamps follow one another within this time, or a quarter of the count; a longer step is a new
@@ -13,15 +14,15 @@ pub(crate) const TOLERATED: usize = 100;
 /// the order of the log.
 ///
 /// The log must show the wrap: a step back by nearly the whole range. One that stays below is taken as it stands.
-pub(crate) fn unwrap(stamps: &mut [Option<i64>], range: i64) -> u64 {
+pub(crate) fn unwrap(stamps: &mut Values<i64>, range: i64) -> u64 {
     let counts = |s: &i64| (0..range).contains(s);
-    let (all, beyond) = stamps.iter().flatten().fold((0, 0), |(all, n), s| (all + 1, n + usize::from(!counts(s))));
+    let (all, beyond) = stamps.given().fold((0, 0), |(all, n), s| (all + 1, n + usize::from(!counts(&s))));
     if TOLERATED * beyond > all {
         return 0;
     }
     let close = CLOSE_NS.min(range / 4);
     let (mut wraps, mut most, mut before) = (0_i64, 0, None);
-    for stamp in stamps.iter_mut().flatten().filter(|s| counts(s)) {
+    for stamp in stamps.given_mut().filter(|s| counts(s)) {
         let raw = *stamp;
         // Forward across the end, or back again for a row that came late.
         let step = before.map_or(0, |before: i64| raw - before);
@@ -41,9 +42,16 @@ pub(crate) fn unwrap(stamps: &mut [Option<i64>], range: i64) -> u64 {
 mod tests {
     use super::*;
 
+    fn unwrap_range(stamps: &mut [Option<i64>], range: i64) -> u64 {
+        let mut values = Values::from(stamps.to_vec());
+        let wraps = super::unwrap(&mut values, range);
+        stamps.iter_mut().zip(values.iter()).for_each(|(stamp, value)| *stamp = value);
+        wraps
+    }
+
     /// 32 bits of ticks.
     fn unwrap(stamps: &mut [Option<i64>], tick: i64) -> u64 {
-        super::unwrap(stamps, tick << 32)
+        unwrap_range(stamps, tick << 32)
     }
 
     const MICRO: i64 = 1000;
@@ -70,7 +78,7 @@ mod tests {
         for range_s in [604_800, 86_400] {
             let truth: Vec<Option<i64>> = (0..40).map(|i| Some((range_s - 4) * S + i * S / 5)).collect();
             let mut stamps: Vec<Option<i64>> = truth.iter().map(|s| s.map(|s| s % (range_s * S))).collect();
-            assert_eq!(super::unwrap(&mut stamps, range_s * S), 1);
+            assert_eq!(unwrap_range(&mut stamps, range_s * S), 1);
             assert_eq!(stamps, truth);
         }
     }
@@ -97,7 +105,7 @@ mod tests {
             })
             .collect();
         let mut stamps: Vec<Option<i64>> = truth.iter().map(|s| s.map(|s| s % (MILLI << 16))).collect();
-        assert_eq!(super::unwrap(&mut stamps, MILLI << 16), (now >> 16) as u64);
+        assert_eq!(unwrap_range(&mut stamps, MILLI << 16), (now >> 16) as u64);
         assert_eq!(stamps, truth);
     }
 

@@ -508,7 +508,7 @@ fn the_times_of_rows_for_a_table_are_those_of_their_boot() {
     let times = ingest::row_times(&log, &MapLibrary::shipped().unwrap()).unwrap();
     let at = log.tables.iter().position(|t| t.topic.name == "GPS").unwrap();
     let table = times.tables[at].as_ref().unwrap();
-    let utc = |ns: &Option<i64>| match table.clock {
+    let utc = |ns: Option<i64>| match table.clock {
         Clock::Boot => times.utc.as_ref().unwrap().unix(Stamp(ns.unwrap())).unwrap().0,
         clock => clock.unix(Stamp(ns.unwrap())).unwrap().0,
     };
