@@ -174,13 +174,13 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     };
     let mut instants: Vec<Instant> = vec![];
     let mut last = None;
-    for row in 0..t.len() {
+    for (row, utc_ns) in utc.into_iter().enumerate() {
         let Some(t_s) = t.get(row) else { continue };
         // The first row of each interval: a clock that is a little slow or fast leaves no interval empty.
         let interval = order.most_hz.map(|hz| (t_s * hz + 1e-6).floor());
         if interval.is_none() || interval != last {
             last = interval;
-            instants.push(Instant { t_s, utc_ns: utc[row], places: [place(0, row), place(1, row)] });
+            instants.push(Instant { t_s, utc_ns, places: [place(0, row), place(1, row)] });
         }
     }
     if !instants.iter().any(|i| i.places[1].is_some()) {
