@@ -347,7 +347,7 @@ fn lags_and_what_a_loop_sees_of_a_held_channel_have_their_uncertainty() {
     let baro = card.channels.iter_mut().find(|c| c.name == "height.baro").unwrap();
     (baro.lags_s, baro.lags_standard_uncertainty_s) = (vec![0.158], vec![0.011]);
     (baro.slow_motion_delay_s, baro.slow_motion_standard_uncertainty_s) = (Some(0.163), Some(0.0085));
-    let html = text(&card_of(&card, &records), "index.html");
+    let html = words(&text(&card_of(&card, &records), "index.html")).replace('\u{a0}', " ");
     for wanted in ["521 ± 13", "; lag 158 ± 22 ms", "; slow motion 163 ± 17 ms"] {
         assert!(html.contains(wanted), "{wanted}");
     }
