@@ -75,20 +75,29 @@ pub fn load(
     let is_table = unit.kind == LogKind::Csv && forced.is_none();
     // Of a flight, only a guess with both a position and a velocity takes the place.
     let may_guess = is_table && needs_guess(&bound, library) && (bound.is_err() || guess::may_hold_both(&log.heads));
-    let guessed = if may_guess { guessed(unit, &log.heads, context)? } else { Ok(None) };
-    let (bound, refused) = match (bound, guessed) {
-        (bound, Ok(None)) => (bound, None),
-        (Ok(bound), Err(_)) => (Ok(bound), None),
-        (Err(error), Err(why)) => (Err(error), Some(why)),
-        (Ok(bound), Ok(Some(guess))) if !guess.both => (Ok(bound), None),
-        (bound, Ok(Some(guess))) => {
-            // A flight in memory is enough.
-            drop(bound);
+    // A table in memory is enough: what a map binds of it is bound again if the guess is no better.
+    let bound = if may_guess { bound.map(drop) } else { return finished(log, bound, None) };
+    let (bound, refused) = match (bound, guessed(unit, &log.heads, context)?) {
+        (bound, Ok(guess)) if bound.is_err() || guess.both => {
             let map = ChannelMap::from_toml(Path::new("guess.toml"), &guess.text)?;
             log = open(unit).read(&MapSelect::of(&map), &again(context))?;
             (by_guess(&mut log, &guess, map), None)
         }
+        (Ok(()), _) => {
+            log = open(unit).read(&select, &again(context))?;
+            (bind(&mut log, library, forced), None)
+        }
+        (Err(error), guessed) => (Err(error), guessed.err()),
     };
+    finished(log, bound, refused)
+}
+
+/// What was read, with why nothing was bound. `refused` is why no columns were bound by guess, where that was tried.
+fn finished(
+    mut log: Log,
+    bound: Result<(Flight, Binding), IngestError>,
+    refused: Option<NoGuess>,
+) -> Result<Loaded, IngestError> {
     let (flight, binding) = match bound {
         Ok((flight, binding)) => {
             note_stamps(&mut log, &binding);
@@ -137,8 +146,8 @@ fn needs_guess(bound: &Result<(Flight, Binding), IngestError>, library: &MapLibr
     }
 }
 
-/// A guess, or why there is none. Nothing where none was asked for.
-type Guessed = Result<Option<Guess>, NoGuess>;
+/// A guess, or why there is none.
+type Guessed = Result<Guess, NoGuess>;
 
 /// Why the columns of a table are not bound by guess.
 enum NoGuess {
@@ -154,7 +163,7 @@ fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) ->
         return Ok(Err(if guess::has_bare(heads) { NoGuess::Refused(why) } else { NoGuess::Nameless(why) }));
     };
     let log = open(unit).read(&wanted, &again(context))?;
-    Ok(guess::guess(&log).map(Some).map_err(NoGuess::Refused))
+    Ok(guess::guess(&log).map_err(NoGuess::Refused))
 }
 
 /// For another reading of bytes that were counted when they were read first.

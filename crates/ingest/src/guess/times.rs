@@ -121,12 +121,16 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
 /// The value and the step in the middle of all.
 fn middles(table: &Table, column: &Named) -> Option<(f64, f64)> {
     let values = numbers(table, &column.path)?;
-    let mut all: Vec<f64> = (0..table.rows).filter_map(|row| values.number(row)).collect();
-    let mut steps: Vec<f64> =
-        all.iter().zip(all.iter().skip(1)).map(|(a, b)| b - a).filter(|step| *step > 0.0).collect();
-    all.sort_by(f64::total_cmp);
-    steps.sort_by(f64::total_cmp);
-    Some((*all.get(all.len() / 2)?, *steps.get(steps.len() / 2)?))
+    let all = || (0..table.rows).filter_map(|row| values.number(row));
+    // One after the other: a copy of the column is enough in memory.
+    let step = middle(all().zip(all().skip(1)).map(|(a, b)| b - a).filter(|step| *step > 0.0).collect())?;
+    Some((middle(all().collect())?, step))
+}
+
+/// The value in the middle, the upper one of two; `None` without any.
+fn middle(mut values: Vec<f64>) -> Option<f64> {
+    let half = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
 }
 
 /// Stamps that nine rows of ten have, and that go on in as many.
