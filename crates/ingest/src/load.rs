@@ -68,9 +68,11 @@ pub fn load(
     let select = library.select(forced)?;
     let before = states(&unit.files)?;
     let mut log = open(unit).read(&select, context)?;
-    if let Some(file) = changed(&before, &states(&unit.files)?) {
-        return Err(IngestError::Changed { file });
-    }
+    let unchanged = || match changed(&before, &states(&unit.files)?) {
+        Some(file) => Err(IngestError::Changed { file }),
+        None => Ok(()),
+    };
+    unchanged()?;
     let bound = bind(&mut log, library, forced);
     let is_table = unit.kind == LogKind::Csv && forced.is_none();
     // Of a flight, only a guess with both a position and a velocity takes the place.
@@ -89,6 +91,7 @@ pub fn load(
         }
         (Err(error), guessed) => (Err(error), guessed.err()),
     };
+    unchanged()?;
     finished(log, bound, refused)
 }
 

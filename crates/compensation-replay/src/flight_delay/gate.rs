@@ -162,7 +162,7 @@ pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64
     Some(if fastest < SLOW_MPS {
         format!(
             "the vehicle does not travel: 95 % of ground speeds are below {:.2} m/s, and the part of its motion that is not \
-             steady is {unsteady:.2} {unit}, where noise asks for {needed:.2} {unit}; standing still, late and on time look \
+             steady is {unsteady:.2} {unit}, of at least {needed:.2} {unit} that noise requires; standing still, late and on time look \
              alike. Fly a minute of circles at 3 m/s or more",
             fastest.max(0.01)
         )
