@@ -22,9 +22,12 @@ submit() {
 
 # supervised COMMAND: runs it, passes SIGTERM on, and returns its exit code.
 supervised() {
+    local pid='' termed='' code again
+    # Before the command starts: SIGTERM may come at any moment.
+    trap 'if [ -n "$pid" ]; then kill -TERM "$pid" 2>/dev/null; else termed=1; fi' TERM
     "$@" &
-    local pid=$! code
-    trap 'kill -TERM "$pid" 2>/dev/null' TERM
+    pid=$!
+    [ -z "$termed" ] || kill -TERM "$pid" 2>/dev/null
     wait "$pid"
     code=$?
     # A trap ends the wait, and not the command.
@@ -32,7 +35,13 @@ supervised() {
         wait "$pid"
         code=$?
     done
+    # The command may have ended between the trap and the loop. bash keeps its exit code.
+    wait "$pid" 2>/dev/null
+    again=$?
+    [ "$again" = 127 ] || code=$again
     trap - TERM
+    # 128 + 15: SIGTERM came before the command could ask for it. Time heals that.
+    [ "$code" != 143 ] || code=75
     return "$code"
 }
 

@@ -413,6 +413,7 @@ fn a_step_on_slurm_that_gets_term_while_it_plans_goes_back_to_the_queue() {
         r#"#!/bin/bash
 if [ "$2" = plan ] && mkdir "$SLURM_STUB/once" 2> /dev/null; then
     trap 'exit 75' TERM
+    until [ -s "$SLURM_STUB/script" ]; do sleep 0.1; done
     kill -TERM "$(cat "$SLURM_STUB/script")"
     sleep 60 & wait
 fi

@@ -10,7 +10,8 @@ use crate::process::Process;
 use crate::store::{Store, StoreError};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -24,6 +25,8 @@ const HEARTBEAT: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(16);
 /// How long two runs that start at once on a file system without locks wait for one another's name.
 const SETTLE: Duration = Duration::from_secs(1);
+/// How often a lock is tried whose file others remove at that moment.
+const ATTEMPTS: u32 = 5;
 const LOOK: Duration = Duration::from_millis(100);
 /// Size of the text in the lock's file, so that a shorter text leaves nothing of a longer one.
 const WIDTH: usize = 240;
@@ -67,33 +70,47 @@ impl OutputLock {
     }
 
     fn take_after(store: &Store, desk: &Desk<'_>, silence: Duration) -> Result<OutputLock, CampaignError> {
+        for _ in 1..ATTEMPTS {
+            match OutputLock::try_take(store, desk, silence) {
+                Ok(Some(lock)) => return Ok(lock),
+                // A run that failed removed its new folder at this moment.
+                Ok(None) => {}
+                Err(CampaignError::Store(error)) if error.source.kind() == ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
+            }
+        }
+        OutputLock::try_take(store, desk, silence)?.ok_or_else(|| busy(store, None))
+    }
+
+    /// `None` if the lock's file was removed while it was taken.
+    fn try_take(store: &Store, desk: &Desk<'_>, silence: Duration) -> Result<Option<OutputLock>, CampaignError> {
         let path = store.path(LOCK)?;
         let failed = |doing| move |source| StoreError { path: path.clone(), doing, source };
         let folder = store.path(".flightlag")?;
         std::fs::create_dir_all(&folder).map_err(failed.clone()("make the folder of"))?;
         let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(store.path(LOCK)?);
         let mut file = open.map_err(failed.clone()("open"))?;
-        let busy = |owner: Option<Owner>| CampaignError::Busy {
-            out: store.root().to_owned(),
-            owner: owner.map_or("its process is not known".to_owned(), |owner| owner.owner),
-        };
         let locked = match file.try_lock() {
             Ok(()) => true,
-            Err(TryLockError::WouldBlock) => return Err(busy(read(&mut file))),
+            Err(TryLockError::WouldBlock) => return Err(busy(store, read(&mut file))),
             Err(TryLockError::Error(_)) => false,
         };
         if let Some(owner) = owner_at_work(&mut file, silence, desk)? {
-            return Err(busy(Some(owner)));
+            return Err(busy(store, Some(owner)));
         }
         let mine = Owner::this();
-        write(&mut file, &mine).map_err(failed("write"))?;
+        write(&mut file, &mine).map_err(failed.clone()("write"))?;
         if !locked {
             std::thread::sleep(SETTLE);
             if let Some(other) = read(&mut file).filter(|owner| *owner != mine) {
-                return Err(busy(Some(other)));
+                return Err(busy(store, Some(other)));
             }
         }
-        Ok(OutputLock::with_heart(move |stopped| beat(file, mine, stopped)))
+        let mut there = File::open(store.path(LOCK)?).map_err(failed("open"))?;
+        if read(&mut there).as_ref() != Some(&mine) {
+            return Ok(None);
+        }
+        Ok(Some(OutputLock::with_heart(move |stopped| beat(file, mine, stopped))))
     }
 
     /// The lock is held while `beat` is at work, which ends when it is told to.
@@ -110,6 +127,25 @@ impl Drop for OutputLock {
         if let Some(heart) = self.heart.take() {
             let _ = heart.join();
         }
+    }
+}
+
+fn busy(store: &Store, owner: Option<Owner>) -> CampaignError {
+    CampaignError::Busy {
+        out: store.root().to_owned(),
+        owner: owner.map_or("its process is not known".to_owned(), |owner| owner.owner),
+    }
+}
+
+/// Does `work` on a local output folder while nobody else may take its lock. Does nothing if somebody has it.
+pub(crate) fn while_unused(out: &Path, work: impl FnOnce()) {
+    let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(out.join(LOCK));
+    // Without a folder for the lock nobody has taken it.
+    let Ok(mut file) = open else { return work() };
+    let unused = file.try_lock().is_ok()
+        && read(&mut file).is_none_or(|owner| owner.released || owner.has_ended() == Some(true));
+    if unused {
+        work();
     }
 }
 
@@ -178,7 +214,7 @@ fn read(file: &mut File) -> Option<Owner> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::AtomicBool;
+    use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
     const SHORT: Duration = Duration::from_millis(400);
 
@@ -202,6 +238,31 @@ mod tests {
         assert_eq!(refusal.exit(), crate::Exit::TryAgain);
         drop(first);
         take(&store).unwrap();
+    }
+
+    /// Runs that fail remove the lock with their new folder; others take it at the same moment. Two never hold it at once.
+    #[test]
+    fn a_lock_whose_file_is_removed_meanwhile_is_held_by_one_at_a_time() {
+        let (folder, store) = store();
+        let out = folder.path();
+        let (held, taken) = (AtomicU32::new(0), AtomicU32::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..100 {
+                        if let Ok(lock) = take(&store) {
+                            assert_eq!(held.fetch_add(1, Ordering::SeqCst), 0, "two hold the lock");
+                            taken.fetch_add(1, Ordering::SeqCst);
+                            std::thread::yield_now();
+                            held.fetch_sub(1, Ordering::SeqCst);
+                            drop(lock);
+                        }
+                        while_unused(out, || drop(std::fs::remove_file(out.join(LOCK))));
+                    }
+                });
+            }
+        });
+        assert!(taken.into_inner() >= 10);
     }
 
     /// The file that an owner without a lock of the system leaves.

@@ -1,6 +1,7 @@
 //! Whose report an output folder holds: that of the logs which it was made from, and of no others of the same name.
 
 use crate::error::CampaignError;
+use crate::lock::while_unused;
 use crate::s3;
 use crate::store::{Keep, Store, look_into};
 use std::path::{Path, PathBuf};
@@ -72,12 +73,21 @@ pub(crate) fn leaving_no_empty_folder<T>(
     let missing: Vec<&Path> = out.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).collect();
     let ended = work();
     let stopped = matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_)));
-    if ended.is_err() && !stopped && !missing.is_empty() && holds_no_more_than_leftovers(out) {
-        LEFTOVERS.iter().for_each(|name| drop(std::fs::remove_file(out.join(".flightlag").join(name))));
-        let made = [out.join(".flightlag")].into_iter().chain(missing.into_iter().map(Path::to_owned));
-        made.for_each(|folder| drop(std::fs::remove_dir(folder)));
+    if ended.is_err() && !stopped && !missing.is_empty() {
+        // Another run may be at work there by now.
+        while_unused(out, || remove_leftovers(out, &missing));
     }
     ended
+}
+
+/// Removes what a run writes before its first result, and the folders that it made, if there is nothing else.
+fn remove_leftovers(out: &Path, made: &[&Path]) {
+    if !holds_no_more_than_leftovers(out) {
+        return;
+    }
+    let own = out.join(".flightlag");
+    LEFTOVERS.iter().for_each(|name| drop(std::fs::remove_file(own.join(name))));
+    [own.as_path()].iter().chain(made).for_each(|folder| drop(std::fs::remove_dir(folder)));
 }
 
 /// A bucket has no folders. Where a run failed before any result, only its claim goes: another run may have the lock by now.
@@ -103,6 +113,7 @@ fn holds_no_more_than_leftovers(out: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lock::OutputLock;
 
     #[test]
     fn a_report_of_other_logs_is_refused_by_name_unless_it_may_be_replaced() {
@@ -142,5 +153,23 @@ mod tests {
         std::fs::create_dir_all(folder.path().join("mine")).unwrap();
         fails(&folder.path().join("mine"), None);
         assert!(folder.path().join("mine").exists());
+    }
+    #[test]
+    fn a_run_that_is_refused_removes_nothing_of_the_run_that_made_the_folder_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("reports/data");
+        let cancel = std::sync::atomic::AtomicBool::new(false);
+        let desk = crate::plan::Desk { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
+        let take = || OutputLock::take(&Store::open(&out).unwrap(), &desk);
+        let mut first = None;
+        let refused = leaving_no_empty_folder(&out, || {
+            first = Some(take()?);
+            claim(&Store::open(&out)?, &[])?;
+            take().map(drop)
+        });
+        assert!(matches!(refused, Err(CampaignError::Busy { .. })), "{refused:?}");
+        assert!(out.join(SOURCE).exists() && out.join(".flightlag/lock").exists());
+        drop(first);
+        take().unwrap();
     }
 }
