@@ -20,7 +20,7 @@ pub(crate) fn write_track(
         let cells = match values {
             TrackColumn::I64(v) => Cells::I64(v.iter().copied().map(Some).collect()),
             TrackColumn::F64(v) => Cells::F64(v.iter().map(|x| x.map(|x| rounded(name, x))).collect()),
-            TrackColumn::Text(v) => Cells::Text(v.iter().map(|t| Some((*t).to_owned())).collect()),
+            TrackColumn::Text(v) => Cells::Text(v.iter().copied().map(Some).collect()),
         };
         sheet.push(name.as_str(), cells);
         if let ("stamp_ns", TrackColumn::I64(stamps)) = (name.as_str(), values) {

@@ -15,18 +15,25 @@ use std::io::Write;
 /// Most bytes of the packed rows. An hour at 100 Hz needs about half of it.
 const MOST_BYTES: usize = 1_000_000;
 
+/// Most bytes before they are packed. Rows of more are left out without a try: only constant values pack so well.
+const MOST_UNPACKED: usize = 64 << 20;
+
 /// A column before it is packed.
-struct Column {
+struct Column<'a> {
     name: String,
     differences: u8,
-    values: Vec<Option<i64>>,
+    /// Of each row. A long record is not held once more.
+    value: Box<dyn Fn(usize) -> Option<i64> + 'a>,
 }
+
+/// Fewer rows hold about as many extremes.
+const FEWEST: usize = 16;
 
 /// Time, raw, the paper's compensator, the exact form and the reference, if there is one.
 pub(crate) fn explorer_rows(input: &Input, rows: &Rows, estimates: &[Positions]) -> ExplorerRows {
     let columns = columns(input, rows, estimates);
     let of = rows.t.len();
-    let mut extremes_of = 1;
+    let mut extremes_of = if 4 * columns.len() * of > MOST_UNPACKED { FEWEST } else { 1 };
     loop {
         let kept = extremes(&columns, of, extremes_of);
         let data = packed(&columns, &kept);
@@ -41,24 +48,23 @@ pub(crate) fn explorer_rows(input: &Input, rows: &Rows, estimates: &[Positions])
                 data,
             };
         }
-        // Fewer than 16 rows hold about as many extremes.
-        extremes_of = (2 * extremes_of).max(16);
+        extremes_of = (2 * extremes_of).max(FEWEST);
     }
 }
 
-fn columns(input: &Input, rows: &Rows, estimates: &[Positions]) -> Vec<Column> {
+fn columns<'a>(input: &Input, rows: &'a Rows, estimates: &'a [Positions]) -> Vec<Column<'a>> {
     let whole = |value: f64| value.is_finite().then(|| value.round() as i64);
-    let t = rows.t.iter().map(|t| whole(1e3 * t)).collect();
-    let mut columns = vec![Column { name: "t".to_owned(), differences: 2, values: t }];
+    let t = move |row: usize| whole(1e3 * rows.t[row]);
+    let mut columns = vec![Column { name: "t".to_owned(), differences: 2, value: Box::new(t) }];
     let axes = || AXES.into_iter().zip(["north", "east"]);
     for estimate in estimates.iter().filter(|e| e.is_raw() || [PAPER, EXACT_ASYNC].contains(&e.name.as_str())) {
         let name = estimate.name.replace('-', "_");
         // Held fixes are steps, the others are smooth.
         let differences = if estimate.is_raw() { 1 } else { 2 };
         for (axis, axis_name) in axes() {
-            let values = estimate.axes[axis].iter().enumerate();
-            let values = values.map(|(row, v)| whole(1e2 * v).filter(|_| is_counted(estimate, rows, row))).collect();
-            columns.push(Column { name: format!("{name}_{axis_name}"), differences, values });
+            let place =
+                move |row: usize| whole(1e2 * estimate.axes[axis][row]).filter(|_| is_counted(estimate, rows, row));
+            columns.push(Column { name: format!("{name}_{axis_name}"), differences, value: Box::new(place) });
         }
     }
     if let Some(reference) = &input.reference {
@@ -66,7 +72,8 @@ fn columns(input: &Input, rows: &Rows, estimates: &[Positions]) -> Vec<Column> {
         for (axis, axis_name) in axes() {
             let mut values = vec![None; rows.t.len()];
             truth.row.iter().zip(&truth.axes[axis]).for_each(|(&row, v)| values[row] = whole(1e2 * v));
-            columns.push(Column { name: format!("truth_{axis_name}"), differences: 2, values });
+            let value = move |row: usize| values[row];
+            columns.push(Column { name: format!("truth_{axis_name}"), differences: 2, value: Box::new(value) });
         }
     }
     columns
@@ -79,7 +86,7 @@ fn is_counted(estimate: &Positions, rows: &Rows, row: usize) -> bool {
 
 /// Of every `bucket` rows the first and those in which a column has its least or its greatest value; rows without a
 /// value beside them, so that a gap stays one.
-fn extremes(columns: &[Column], rows: usize, bucket: usize) -> Vec<usize> {
+fn extremes(columns: &[Column<'_>], rows: usize, bucket: usize) -> Vec<usize> {
     if bucket <= 1 {
         return (0..rows).collect();
     }
@@ -88,7 +95,7 @@ fn extremes(columns: &[Column], rows: usize, bucket: usize) -> Vec<usize> {
         let within = start..(start + bucket).min(rows);
         let mut here = vec![start, within.end - 1];
         for column in columns {
-            let value = |row: &usize| column.values[*row];
+            let value = |row: &usize| (column.value)(*row);
             here.extend(within.clone().filter(|row| value(row).is_some()).min_by_key(value));
             here.extend(within.clone().filter(|row| value(row).is_some()).max_by_key(value));
             here.extend(within.clone().find(|row| value(row).is_none()));
@@ -102,10 +109,10 @@ fn extremes(columns: &[Column], rows: usize, bucket: usize) -> Vec<usize> {
 
 /// Zigzag differences as little-endian integers of four bytes, all lowest bytes of a column first: so the higher bytes of
 /// small negative numbers are zeros too, and an hour at 100 Hz packs into less than half.
-fn packed(columns: &[Column], kept: &[usize]) -> String {
+fn packed(columns: &[Column<'_>], kept: &[usize]) -> String {
     let mut bytes = Vec::with_capacity(4 * columns.len() * kept.len());
     for column in columns {
-        let steps = differences(kept.iter().map(|&row| column.values[row]), column.differences);
+        let steps = differences(kept.iter().map(|&row| (column.value)(row)), column.differences);
         for byte in 0..4 {
             bytes.extend(steps.iter().map(|&step| zigzag(step).to_le_bytes()[byte]));
         }
@@ -219,7 +226,7 @@ mod tests {
     fn a_spike_of_one_row_and_a_gap_of_one_row_stay_when_rows_are_left_out() {
         let mut values: Vec<Option<i64>> = (0..1000).map(|n| Some(n / 10)).collect();
         (values[517], values[803]) = (Some(9999), None);
-        let column = Column { name: "raw_north".to_owned(), differences: 1, values };
+        let column = Column { name: "raw_north".to_owned(), differences: 1, value: Box::new(move |row| values[row]) };
         let kept = extremes(&[column], 1000, 64);
         assert!(kept.contains(&517) && kept.contains(&803) && kept.len() < 100, "{}", kept.len());
         assert!(kept.is_sorted() && kept[0] == 0 && kept.last() == Some(&999));

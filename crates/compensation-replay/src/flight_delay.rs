@@ -22,6 +22,7 @@ mod reference;
 pub(crate) mod residual;
 mod skew;
 mod split;
+mod thin;
 mod varies;
 
 use flight::{Flight, Notices};
@@ -59,6 +60,8 @@ pub struct FlightDelaySettings {
     pub enough_s: f64,
     /// Most samples of a channel that take part in the second look.
     pub most_samples: usize,
+    /// Most samples of the channel that another one is compared with: of a longer record neighbours are averaged.
+    pub most_compared: usize,
 }
 
 impl Default for FlightDelaySettings {
@@ -78,6 +81,7 @@ impl Default for FlightDelaySettings {
             first_look_hz: 25.0,
             enough_s: 2.5e-4,
             most_samples: 40_000,
+            most_compared: 500_000,
         }
     }
 }

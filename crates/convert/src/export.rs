@@ -14,7 +14,7 @@ use crate::output::Output;
 use crate::recording::{Entry, Recording};
 use crate::row_time::{self, LogTime, LogTimes, RowTime};
 use crate::sheet::{Cells, Sheet, SheetColumn, with_zero_bytes, write_csv, write_parquet_about};
-use flight::{Binding, Channel, Clock, Code, Flight, LogHealth, Notices, Severity, UtcTie};
+use flight::{Binding, Clock, Code, Flight, LogHealth, Notices, Severity, UtcTie};
 use ingest::{
     Column, ColumnData, Extra, FlightUnit, IngestError, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo,
     Values, load,
@@ -162,7 +162,8 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
     let names = channels.keys().cloned().collect();
     let tie = utc.clone();
     let zeros = channel_sheet::zeros(channels.values());
-    let source = move |(name, channel): (String, Channel)| channel_sheet::source(&name, &channel, &zeros, tie.as_ref());
+    let to = order.to;
+    let source = move |(name, channel)| channel_sheet::source(name, channel, to, &zeros, tie.as_ref());
     let sources = Box::new(channels.into_iter().map(source));
     Ok(Read { names, sources, health: loaded.health, notices, binding: Some(binding), utc })
 }
@@ -272,9 +273,7 @@ fn cells(column: Column, rows: usize) -> Cells {
         ColumnData::F64(_) => Cells::F64((0..rows).map(|row| column.number(row)).collect()),
         ColumnData::I64(_) => Cells::I64((0..rows).map(|row| column.integer(row)).collect()),
         ColumnData::U64(_) => Cells::U64((0..rows).map(|row| column.unsigned(row)).collect()),
-        ColumnData::Text(_) => {
-            Cells::Text((0..rows).map(|row| column.text(row).map(|text| text.to_string())).collect())
-        }
+        ColumnData::Text(_) => Cells::Text((0..rows).map(|row| column.text(row)).collect()),
     }
 }
 
@@ -422,8 +421,8 @@ fn as_table(sheet: Sheet, topic: TopicInfo) -> Table {
             Cells::U64(v) => of_parts(v, ColumnData::U64),
             Cells::F64(v) => of_parts(v, ColumnData::F64),
             Cells::Text(v) => {
-                let valid = v.iter().map(Option::is_some).collect();
-                (ColumnData::Text(v.iter().map(|x| x.as_deref().unwrap_or_default()).collect()), Some(valid))
+                let (texts, given) = v.into_parts();
+                (ColumnData::Text(texts), given)
             }
         };
         Column { path: c.name, data, valid }

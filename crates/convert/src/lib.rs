@@ -25,7 +25,7 @@ pub use error::ConvertError;
 pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};
 pub use recover::{How, Recovered, RecoveredExtra, RecoveredTopic, recover};
 pub use sheet::{
-    Cells, ReadTable, Sheet, SheetColumn, read_parquet, read_parquet_columns, write_csv, write_parquet,
+    Cells, ReadTable, Sheet, SheetColumn, TextCells, read_parquet, read_parquet_columns, write_csv, write_parquet,
     write_parquet_about,
 };
 pub use track::{TrackOrder, TrackTo, WrittenTrack, export_track, layouts_of, write_track_table};

@@ -7,7 +7,7 @@ pub use parquet::{ReadTable, read_parquet, read_parquet_columns, write_parquet, 
 pub(crate) use text::with_zero_bytes;
 pub use text::write_csv;
 
-use ingest::Values;
+use ingest::{Text, Texts, Values};
 
 /// Columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -35,7 +35,63 @@ pub enum Cells {
     /// Numbers. A NaN that a log holds stays a NaN.
     F64(Values<f64>),
     /// Texts.
-    Text(Vec<Option<String>>),
+    Text(TextCells),
+}
+
+/// Texts of a column; `None` where there is none. A log may have many millions: they take no more memory than in the log.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TextCells {
+    texts: Texts,
+    /// Which rows have one; `None` if all.
+    given: Option<Vec<bool>>,
+}
+
+impl TextCells {
+    /// Of texts and of which of them there are; `None` if all.
+    pub(crate) fn of_parts(texts: Texts, given: Option<Vec<bool>>) -> TextCells {
+        let given = given.filter(|given| given.contains(&false));
+        TextCells { texts, given }
+    }
+
+    /// As [`TextCells::of_parts`].
+    pub(crate) fn into_parts(self) -> (Texts, Option<Vec<bool>>) {
+        (self.texts, self.given)
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.texts.len()
+    }
+
+    /// Without rows.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.texts.is_empty()
+    }
+
+    /// The text of a row.
+    #[must_use]
+    pub fn get(&self, row: usize) -> Option<Text<'_>> {
+        let is_given = self.given.as_ref().is_none_or(|given| given.get(row) == Some(&true));
+        self.texts.get(row).filter(|_| is_given)
+    }
+
+    /// The text of each row.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Option<Text<'_>>> + Clone {
+        (0..self.len()).map(|row| self.get(row))
+    }
+}
+
+impl<T: AsRef<str>> FromIterator<Option<T>> for TextCells {
+    fn from_iter<I: IntoIterator<Item = Option<T>>>(cells: I) -> TextCells {
+        let (mut texts, mut given) = (Texts::default(), vec![]);
+        for cell in cells {
+            given.push(cell.is_some());
+            texts.push(cell.as_ref().map_or("", AsRef::as_ref));
+        }
+        TextCells::of_parts(texts, Some(given))
+    }
 }
 
 impl Cells {

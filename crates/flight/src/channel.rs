@@ -99,7 +99,18 @@ impl Channel {
     /// Rows at which the value was updated: all rows, less the held ones.
     #[must_use]
     pub fn update_rows(&self) -> Vec<usize> {
-        self.held.iter().enumerate().filter(|(_, held)| !**held).map(|(row, _)| row).collect()
+        self.updates().collect()
+    }
+
+    /// [`Channel::update_rows`] one after another: those of a long record take much memory.
+    pub fn updates(&self) -> impl Iterator<Item = usize> + '_ {
+        self.held.iter().enumerate().filter(|(_, held)| !**held).map(|(row, _)| row)
+    }
+
+    /// How many rows were updated.
+    #[must_use]
+    pub fn update_count(&self) -> usize {
+        self.held.iter().filter(|held| !**held).count()
     }
 
     /// Whether any row repeats a held value.

@@ -155,6 +155,12 @@ impl Series {
         &self.components
     }
 
+    /// All components, without the timeline: a long record is not held twice.
+    #[must_use]
+    pub fn into_components(self) -> Vec<Vec<f64>> {
+        self.components
+    }
+
     /// One component.
     ///
     /// # Panics

@@ -67,7 +67,7 @@ mod with_polars {
             Cells::I64(values) => values.get(row).into(),
             Cells::U64(values) => values.get(row).into(),
             Cells::F64(values) => values.get(row).into(),
-            Cells::Text(values) => values[row].clone().into(),
+            Cells::Text(values) => values.get(row).map(|text| text.to_string()).into(),
         }
     }
 

@@ -10,12 +10,12 @@ pub(crate) trait Cell: Sized {
 
 impl Cell for Option<String> {
     fn gather(values: Vec<Self>) -> Cells {
-        Cells::Text(values)
+        Cells::Text(values.into_iter().collect())
     }
 
     fn scatter(cells: Cells) -> Option<Vec<Self>> {
         match cells {
-            Cells::Text(values) => Some(values),
+            Cells::Text(values) => Some(values.iter().map(|text| text.map(|text| text.to_string())).collect()),
             _ => None,
         }
     }

@@ -76,7 +76,14 @@ fn with_empty(mut sheet: Sheet, columns: &[&str]) -> Sheet {
     let missing: Vec<&str> = columns.iter().copied().filter(|name| sheet.cells(name).is_none()).collect();
     for name in missing {
         let is_text = !name.ends_with("_s");
-        sheet.push(name, if is_text { Cells::Text(vec![None; rows]) } else { Cells::F64(vec![None; rows].into()) });
+        sheet.push(
+            name,
+            if is_text {
+                Cells::Text((0..rows).map(|_| None::<&str>).collect())
+            } else {
+                Cells::F64(vec![None; rows].into())
+            },
+        );
     }
     sheet
 }

@@ -1,8 +1,9 @@
 //! The two channels of a pair in seconds and metres: north and east of one place, held rows left out.
 
 use super::pairs::{Pair, Second};
+use super::thin::{Averaged, thinned_rows};
 use crate::input::Horizontal;
-use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
+use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Stamp};
 use nalgebra::Vector3;
 use record::DelayOrigin;
 
@@ -31,6 +32,15 @@ pub(crate) struct Prepared {
     pub(crate) stamps_s: f64,
 }
 
+/// With how many samples a pair is measured.
+#[derive(Clone, Copy)]
+pub(crate) struct Most {
+    /// Of the first channel, and how many a second.
+    pub(crate) of_first: (usize, f64),
+    /// Of the second channel.
+    pub(crate) of_second: usize,
+}
+
 /// Body axes forward, right and down, each with its north and its east component.
 pub(crate) type BodyAxes = [[Vec<f64>; 2]; 3];
 
@@ -45,13 +55,8 @@ fn counted(quantity: Quantity, rows: usize) -> &'static str {
     }
 }
 
-/// Reads the channels of `pair`, with at most so many samples of the first and so many a second; says in words why that cannot be.
-pub(crate) fn prepare(
-    flight: &Flight,
-    pair: &Pair,
-    most: (usize, f64),
-    notices: &mut Notices,
-) -> Result<Prepared, String> {
+/// Reads the channels of `pair`, with at most so many samples; says in words why that cannot be.
+pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut Notices) -> Result<Prepared, String> {
     let channel = |name: &str| flight.channels.get(name).ok_or_else(|| format!("no channel {name}"));
     let first = channel(&pair.first)?;
     let names: Vec<&String> = match &pair.second {
@@ -74,17 +79,19 @@ pub(crate) fn prepare(
         _ => None,
     };
     let frame = place.map(|p| LocalFrame::new(median_fix(p)));
-    let located = |channel: &Channel, name: &str, notices: &mut Notices| match channel.quantity {
-        Quantity::PositionGeodetic | Quantity::PositionNed => track(channel, name, origin, frame.as_ref(), notices),
-        _ => components(channel, &channel.update_rows(), origin),
-    };
-    let (first_local, one_in) = thinned(located(first, &pair.first, notices), most, &pair.first, notices);
+    let axes = Axes { origin, frame: frame.as_ref() };
+    let (rows, one_in) = thinned_rows(first, most.of_first, &pair.first, notices);
+    let first_local = located((first, &pair.first), rows.into_iter(), &axes, Averaged::none(), notices);
+    let averaged = |name: &str, notices: &mut Notices| Averaged::new(second, most.of_second, name, notices);
     let (second_local, integrate, body) = match &pair.second {
-        Second::Position(name) => (located(second, name, notices), false, None),
-        Second::Rate(_) => (components(second, &second.update_rows(), origin), false, None),
-        Second::Velocity(_) => (turned(second, first, origin, frame.as_ref()), true, None),
-        Second::Acceleration { attitude, .. } => {
-            let (force, body) = rotated(second, channel(attitude)?, origin);
+        Second::Position(name) | Second::Rate(name) => {
+            let out = averaged(name, notices);
+            (located((second, name), second.updates(), &axes, out, notices), false, None)
+        }
+        Second::Velocity(name) => (turned(second, first, &axes, averaged(name, notices)), true, None),
+        Second::Acceleration { attitude, specific_force } => {
+            let out = Averaged::new(second, most.of_second, specific_force, notices);
+            let (force, body) = rotated(second, channel(attitude)?, origin, out);
             (force, true, Some(body))
         }
     };
@@ -109,7 +116,7 @@ fn check(channel: &Channel, name: &str, first: &str, clock: Clock) -> Result<(),
             "{first} is stamped by the clock {clock}, {name} by {other}: nobody has related them; log both with one clock"
         ));
     }
-    let rows = channel.update_rows().len();
+    let rows = channel.update_count();
     if rows < LEAST_SAMPLES {
         let what = counted(channel.quantity, rows);
         return Err(format!("{name} has {rows} {what}; at least {LEAST_SAMPLES} are needed: log a longer flight"));
@@ -135,99 +142,94 @@ fn geodetic(channel: &Channel, row: usize) -> Geodetic {
     Geodetic { latitude: at(0), longitude: at(1), height: if channel.present[2] { at(2) } else { 0.0 } }
 }
 
-/// North and east of a position, m.
-fn track(
-    channel: &Channel,
-    name: &str,
+/// Where and when zero is.
+struct Axes<'a> {
     origin: Stamp,
-    frame: Option<&LocalFrame>,
+    frame: Option<&'a LocalFrame>,
+}
+
+/// The first two components of these rows; of a geodetic position north and east, m.
+fn located(
+    (channel, name): (&Channel, &str),
+    rows: impl Iterator<Item = usize>,
+    axes: &Axes<'_>,
+    mut out: Averaged<2>,
     notices: &mut Notices,
 ) -> Horizontal {
-    let rows = channel.update_rows();
-    let Some(frame) = frame.filter(|_| channel.quantity == Quantity::PositionGeodetic) else {
-        return components(channel, &rows, origin);
-    };
+    let frame = axes.frame.filter(|_| channel.quantity == Quantity::PositionGeodetic);
     let stamps = channel.series.timeline().stamps();
-    let mut out = Horizontal::default();
+    let component = |k: usize| channel.series.component(k);
     let mut far = 0;
     for row in rows {
+        let t = stamps[row].seconds_since(axes.origin);
+        let Some(frame) = frame else {
+            out.push(t, [component(0)[row], component(1)[row]]);
+            continue;
+        };
         let ned = frame.to_ned(geodetic(channel, row));
         if ned.iter().any(|x| x.abs() > FARTHEST_M) {
             far += 1;
             continue;
         }
-        out.t.push(stamps[row].seconds_since(origin));
-        (0..2).for_each(|k| out.axes[k].push(ned[k]));
+        out.push(t, [ned[0], ned[1]]);
     }
     if far > 0 {
         let text = format!("{far} fix(es) more than {:.0} km from the median fix left out", FARTHEST_M / 1e3);
         notices.push(Code::SamplesLeftOut, name, far, text);
     }
-    out
-}
-
-fn components(channel: &Channel, rows: &[usize], origin: Stamp) -> Horizontal {
-    let stamps = channel.series.timeline().stamps();
-    let column = |k: usize| rows.iter().map(|&r| channel.series.component(k)[r]).collect();
-    Horizontal { t: rows.iter().map(|&r| stamps[r].seconds_since(origin)).collect(), axes: [column(0), column(1)] }
+    out.horizontal()
 }
 
 /// A velocity in the axes of the frame, so that its integral is a difference of local positions. It is turned at the
 /// newest fix of `position` that is part of the flight.
-fn turned(velocity: &Channel, position: &Channel, origin: Stamp, frame: Option<&LocalFrame>) -> Horizontal {
-    let rows = velocity.update_rows();
-    let Some(frame) = frame.filter(|_| position.quantity == Quantity::PositionGeodetic) else {
-        return components(velocity, &rows, origin);
-    };
+fn turned(velocity: &Channel, position: &Channel, axes: &Axes<'_>, mut out: Averaged<2>) -> Horizontal {
+    let frame = axes.frame.filter(|_| position.quantity == Quantity::PositionGeodetic);
+    let place = |row: usize| (position.series.timeline().stamps()[row], geodetic(position, row));
+    let is_of_flight = |frame: &LocalFrame, place| frame.to_ned(place).iter().all(|x| x.abs() <= FARTHEST_M);
     let mut fixes = position
-        .update_rows()
-        .into_iter()
-        .map(|row| (position.series.timeline().stamps()[row], geodetic(position, row)))
-        .filter(|(_, place)| frame.to_ned(*place).iter().all(|x| x.abs() <= FARTHEST_M))
+        .updates()
+        .take_while(|_| frame.is_some())
+        .map(place)
+        .filter(|(_, place)| frame.is_some_and(|frame| is_of_flight(frame, *place)))
         .peekable();
-    let rotation_at = |(_, place): (Stamp, Geodetic)| frame.rotation_from(place);
-    let mut rotation = fixes.next().map(rotation_at);
+    let rotation_at = |(_, place): (Stamp, Geodetic)| Some(frame?.rotation_from(place));
+    let mut rotation = fixes.next().and_then(rotation_at);
     let stamps = velocity.series.timeline().stamps();
-    let mut out = Horizontal::default();
-    for row in rows {
+    for row in velocity.updates() {
         let mut newest = None;
         while let Some(fix) = fixes.next_if(|(stamp, _)| *stamp <= stamps[row]) {
             newest = Some(fix);
         }
-        rotation = newest.map(rotation_at).or(rotation);
+        rotation = newest.and_then(rotation_at).or(rotation);
         let own = [0, 1, 2].map(|k| velocity.series.component(k)[row]);
         let ned = rotation.map_or(own, |rotation| (rotation * Vector3::from(own)).into());
-        out.t.push(stamps[row].seconds_since(origin));
-        (0..2).for_each(|k| out.axes[k].push(ned[k]));
+        out.push(stamps[row].seconds_since(axes.origin), [ned[0], ned[1]]);
     }
-    out
+    out.horizontal()
 }
 
 /// Specific force in north and east: gravity has no part there. Attitude is interpolated between its samples; where
 /// there is none, no acceleration.
-fn rotated(force: &Channel, attitude: &Channel, origin: Stamp) -> (Horizontal, BodyAxes) {
-    let known = attitude.update_rows();
+fn rotated(force: &Channel, attitude: &Channel, origin: Stamp, mut out: Averaged<8>) -> (Horizontal, BodyAxes) {
     let turns = attitude.series.timeline().stamps();
     let stamps = force.series.timeline().stamps();
-    let mut out = Horizontal::default();
-    let mut body = BodyAxes::default();
-    let mut next = 0;
-    for row in force.update_rows() {
-        while next < known.len() && turns[known[next]] <= stamps[row] {
-            next += 1;
+    let mut known = attitude.updates().peekable();
+    let mut before = None;
+    for row in force.updates() {
+        while let Some(turn) = known.next_if(|turn| turns[*turn] <= stamps[row]) {
+            before = Some(turn);
         }
-        let (Some(before), Some(&after)) = (next.checked_sub(1).map(|k| known[k]), known.get(next)) else { continue };
+        let (Some(before), Some(&after)) = (before, known.peek()) else { continue };
         let share = stamps[row].seconds_since(turns[before]) / turns[after].seconds_since(turns[before]);
         let Some(q) = between(quaternion(attitude, before), quaternion(attitude, after), share) else { continue };
         let ned = turn(q, [0, 1, 2].map(|k| force.series.component(k)[row]));
-        out.t.push(stamps[row].seconds_since(origin));
-        (0..2).for_each(|k| out.axes[k].push(ned[k]));
-        for (axis, columns) in body.iter_mut().enumerate() {
-            let along = turn(q, std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 }));
-            (0..2).for_each(|k| columns[k].push(along[k]));
-        }
+        let along = |axis: usize| turn(q, std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 }));
+        let [forward, right, down] = [along(0), along(1), along(2)];
+        let values = [ned[0], ned[1], forward[0], forward[1], right[0], right[1], down[0], down[1]];
+        out.push(stamps[row].seconds_since(origin), values);
     }
-    (out, body)
+    let (t, [north, east, a, b, c, d, e, f]) = out.finish();
+    (Horizontal { t, axes: [north, east] }, [[a, b], [c, d], [e, f]])
 }
 
 type Quaternion = [f64; 4];
@@ -252,24 +254,6 @@ fn turn([w, x, y, z]: Quaternion, v: [f64; 3]) -> [f64; 3] {
     let inner = cross(q, v);
     let outer = cross(q, [0, 1, 2].map(|k| inner[k] + w * v[k]));
     [0, 1, 2].map(|k| v[k] + 2.0 * outer[k])
-}
-
-/// Every n-th sample, so that no more than `most` are left, and about no more than `most_hz` a second, and n; said.
-fn thinned(all: Horizontal, (most, most_hz): (usize, f64), name: &str, notices: &mut Notices) -> (Horizontal, usize) {
-    let steps: Vec<f64> = all.t.windows(2).map(|w| w[1] - w[0]).collect();
-    let usual_s = signal::median_by_selection(&steps).unwrap_or(1.0);
-    // A little above the rate is as good.
-    let by_rate = (1.0 / (usual_s * most_hz) + 1e-6).floor();
-    let by_rate = if by_rate.is_finite() { by_rate.max(1.0) as usize } else { 1 };
-    let every = all.t.len().div_ceil(most.max(1)).max(by_rate).max(1);
-    if every == 1 {
-        return (all, 1);
-    }
-    let text =
-        format!("{name}: one sample in {every} is used for the delay, {} of {}", all.t.len() / every, all.t.len());
-    notices.push(Code::SamplesLeftOut.at(Severity::Info), name, (all.t.len() - all.t.len() / every) as u64, text);
-    let thin = |x: &[f64]| x.iter().step_by(every).copied().collect();
-    (Horizontal { t: thin(&all.t), axes: [thin(&all.axes[0]), thin(&all.axes[1])] }, every)
 }
 
 /// Ground speed by whichever channel tells it: a velocity, or the track's steps.

@@ -3,7 +3,7 @@
 use super::coarse::{self, Coarse};
 use super::fit::{Record, View, estimate, fit_shared, walk_of};
 use super::gate::{self, SEARCH_STEP_S};
-use super::local::prepare;
+use super::local::{Most, prepare};
 use super::pairs::{Pair, Second};
 use super::pieces::{self, Names, Piece, Stretch};
 use super::{FlightDelaySettings, doubt, injection, over_time, skew, split, varies};
@@ -90,7 +90,8 @@ fn delay_of(
     notices: &mut Notices,
     finding: &mut PairDelay,
 ) -> Result<MeasuredDelay, NoDelay> {
-    let mut prepared = prepare(flight, pair, (look.most_samples, look.most_hz), notices)?;
+    let most = Most { of_first: (look.most_samples, look.most_hz), of_second: settings.most_compared };
+    let mut prepared = prepare(flight, pair, most, notices)?;
     finding.origin = Some(prepared.origin);
     if let Some(reason) = gate::refuse_stamps(prepared.stamps_s, settings) {
         return Err(reason.into());

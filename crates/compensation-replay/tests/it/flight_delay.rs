@@ -394,6 +394,25 @@ fn more_samples_are_taken_where_a_first_look_does_not_know_enough() {
     }
 }
 
+/// Of a long record neighbouring samples of the velocity are averaged, which shifts nothing: every third of 100 Hz.
+#[test]
+fn a_velocity_of_very_many_samples_is_averaged_and_the_delay_stays() {
+    for seed in 20..24 {
+        let mut flight = receiver(seed);
+        flight.velocity = SensorSettings { white_std: 0.05, ..SensorSettings::clean(100.0) };
+        let flight = flown(&flight);
+        let (all, notices) = only(&flight, &quick());
+        assert!(notices.iter().all(|n| n.place != "velocity.gps"), "{notices:?}");
+        let (averaged, notices) = only(&flight, &FlightDelaySettings { most_compared: 4001, ..quick() });
+        let text = "velocity.gps: 3 neighbouring samples are averaged for the delay, 12001 to 4000";
+        assert!(notices.iter().any(|n| n.code == "samples-left-out" && n.text == text), "{notices:?}");
+        let (all, averaged) = (found(&all).delay_s, found(&averaged).delay_s);
+        let u = all.standard_uncertainty.unwrap();
+        assert!((averaged.value - all.value).abs() < 0.1 * u, "{averaged:?} {all:?}");
+        assert!((averaged.value - 0.4).abs() < 4.0 * u && averaged.standard_uncertainty.unwrap() < 1.1 * u);
+    }
+}
+
 /// A flight whose fixes show the truth as `shown` says for each stamp, with 0.1 m of noise.
 fn reshown(
     settings: &FlightSettings,

@@ -1,6 +1,6 @@
 //! A channel as a sheet: stamps, values in units that a person reads, and what the columns are.
 
-use super::{About, Source};
+use super::{About, ExportTo, Source};
 use crate::row_time::{utc_of, way_to_utc};
 use crate::sheet::{Cells, Sheet};
 use flight::{Channel, Clock, Dimension, Quantity, Stamp, Unit, UtcTie};
@@ -87,8 +87,14 @@ pub(super) fn zeros<'c>(channels: impl Iterator<Item = &'c Channel>) -> HashMap<
 }
 
 /// Stamps, seconds since the zero of their clock, UTC where the stamps are not, components with their units, and 1 where a value was held
-/// since an earlier row.
-pub(super) fn source(name: &str, channel: &Channel, zeros: &HashMap<Clock, Stamp>, utc: Option<&UtcTie>) -> Source {
+/// since an earlier row. Takes the memory of the channel.
+pub(super) fn source(
+    name: String,
+    channel: Channel,
+    to: ExportTo,
+    zeros: &HashMap<Clock, Stamp>,
+    utc: Option<&UtcTie>,
+) -> Source {
     let mut sheet = Sheet::default();
     let mut columns = About::new();
     let mut push = |name: String, cells, about: Value| {
@@ -99,39 +105,31 @@ pub(super) fn source(name: &str, channel: &Channel, zeros: &HashMap<Clock, Stamp
     let timeline = channel.series.timeline();
     let own_ns: Values<i64> = timeline.stamps().iter().map(|s| Some(s.0)).collect();
     let utc_ns = utc_of(timeline.clock(), &own_ns, utc);
+    let is_utc = utc_ns.is_some();
+    let log_time = match to {
+        ExportTo::Mcap => utc_ns.clone().unwrap_or(own_ns).into_parts().0,
+        ExportTo::Parquet | ExportTo::Csv => {
+            drop(own_ns);
+            vec![]
+        }
+    };
     let main = format!("{}_ns", timeline.kind());
     push(main.clone(), nanos(timeline.stamps()), json!({ "unit": "ns", "clock": timeline.clock() }));
     let zero = zeros.get(&timeline.clock()).copied().unwrap_or(Stamp(0));
-    let seconds = timeline.seconds_since(zero).into_iter().map(Some).collect();
     let about = json!({ "unit": "s", "clock": timeline.clock(), "zero_ns": zero.0 });
-    push("t_s".to_owned(), Cells::F64(seconds), about);
-    if let Some(utc_ns) = utc_ns.as_ref().filter(|_| timeline.clock() != Clock::Unix) {
-        push("utc_ns".to_owned(), Cells::I64(utc_ns.clone()), json!({ "unit": "ns", "clock": Clock::Unix }));
+    push("t_s".to_owned(), Cells::F64(timeline.seconds_since(zero).into()), about);
+    if let Some(utc_ns) = utc_ns.filter(|_| timeline.clock() != Clock::Unix) {
+        push("utc_ns".to_owned(), Cells::I64(utc_ns), json!({ "unit": "ns", "clock": Clock::Unix }));
     }
     for (kind, clock, stamps) in &channel.other_stamps {
         push(format!("{kind}_ns"), nanos(stamps), json!({ "unit": "ns", "clock": clock }));
     }
-    let components = channel.quantity.components().iter().zip(&channel.present).enumerate();
-    for (k, (component, _)) in components.filter(|(_, (_, present))| **present) {
-        let written = Written::of(channel, component);
-        let values = channel.series.component(k).iter().map(|x| Some((written.from_si)(*x))).collect();
-        let mut about = json!({ "unit": written.unit });
-        if let (Quantity::Scalar, [field]) = (channel.quantity, channel.source.fields.as_slice()) {
-            about["as_logged"] = field.as_str().into();
-        }
-        push(format!("{component}{}", written.end), Cells::F64(values), about);
-    }
-    if channel.is_held() {
-        let held = channel.held.iter().map(|h| Some(i64::from(*h))).collect();
-        push("held".to_owned(), Cells::I64(held), json!({ "unit": "1" }));
-    }
-    let way = utc_ns.as_ref().map(|_| format!("{main}{}", way_to_utc(timeline.clock())));
+    let way = is_utc.then(|| format!("{main}{}", way_to_utc(timeline.clock())));
     let log_time_how = match &way {
         Some(way) => format!("UTC: {way}"),
         None => format!("{main}, clock {}, not UTC", timeline.clock()),
     };
-    let (log_time, _) = utc_ns.unwrap_or(own_ns).into_parts();
-    let about = json!({
+    let whole = json!({
         "quantity": channel.quantity,
         "topic": channel.source.topic,
         "type": channel.source.type_name,
@@ -140,7 +138,34 @@ pub(super) fn source(name: &str, channel: &Channel, zeros: &HashMap<Clock, Stamp
         "stamps": timeline.kind(),
         "utc": way,
     });
-    Source { name: name.to_owned(), sheet, columns, about, log_time, log_time_how }
+    for (name, cells, about) in values_of(channel) {
+        push(name, cells, about);
+    }
+    Source { name, sheet, columns, about: whole, log_time, log_time_how }
+}
+
+/// The components that the log holds, and which values are held, as columns.
+fn values_of(channel: Channel) -> Vec<(String, Cells, Value)> {
+    let held = channel.is_held().then(|| channel.held.iter().map(|h| Some(i64::from(*h))).collect());
+    let as_logged = match (channel.quantity, channel.source.fields.as_slice()) {
+        (Quantity::Scalar, [field]) => Some(field.clone()),
+        _ => None,
+    };
+    let components = channel.quantity.components().iter().zip(&channel.present);
+    let written: Vec<(&str, Option<Written>)> =
+        components.map(|(name, present)| (*name, present.then(|| Written::of(&channel, name)))).collect();
+    let mut columns = vec![];
+    for ((name, written), mut values) in written.into_iter().zip(channel.series.into_components()) {
+        let Some(written) = written else { continue };
+        values.iter_mut().for_each(|x| *x = (written.from_si)(*x));
+        let mut about = json!({ "unit": written.unit });
+        if let Some(field) = &as_logged {
+            about["as_logged"] = field.as_str().into();
+        }
+        columns.push((format!("{name}{}", written.end), Cells::F64(values.into()), about));
+    }
+    columns.extend(held.map(|held| ("held".to_owned(), Cells::I64(held), json!({ "unit": "1" }))));
+    columns
 }
 
 #[cfg(test)]

@@ -65,8 +65,8 @@ pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl
                 }
                 Cells::F64(v) => write_column::<DoubleType, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
                 Cells::Text(v) => {
-                    let texts = v[rows.clone()].iter().map(Option::as_deref);
-                    write_column::<ByteArrayType, _>(&mut out, texts, ByteArray::from)?;
+                    let texts = rows.clone().map(|row| v.get(row));
+                    write_column::<ByteArrayType, _>(&mut out, texts, |text| ByteArray::from(&*text))?;
                 }
             }
             out.close()?;
@@ -160,7 +160,8 @@ pub fn read_parquet_columns(file: File, is_wanted: &dyn Fn(&str) -> bool) -> io:
             Stored::INT64 => Cells::I64(read_column::<Int64Type, _>(&reader, number, |x| Ok(*x))?.into()),
             Stored::DOUBLE => Cells::F64(read_column::<DoubleType, _>(&reader, number, |x| Ok(*x))?.into()),
             Stored::BYTE_ARRAY => {
-                Cells::Text(read_column::<ByteArrayType, _>(&reader, number, |x| Ok(x.as_utf8()?.to_owned()))?)
+                let texts = read_column::<ByteArrayType, _>(&reader, number, |x| Ok(x.as_utf8()?.to_owned()))?;
+                Cells::Text(texts.into_iter().collect())
             }
             other => return Err(io::Error::other(format!("column {} holds {other} values", column.name()))),
         };
@@ -195,6 +196,7 @@ fn read_column<T: DataType, C>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sheet::TextCells;
     use polars::prelude::{DataFrame, ParquetReader, SerReader};
 
     fn every_kind() -> Sheet {
@@ -204,7 +206,7 @@ mod tests {
         sheet.push("count", Cells::U64(vec![Some(u64::MAX), Some(0), None, Some(7)].into()));
         sheet.push("north_m", Cells::F64(vec![Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)].into()));
         let text = |s: &str| Some(s.to_owned());
-        sheet.push("text", Cells::Text(vec![text(""), text("Grüße, 高度"), None, text("=1+1")]));
+        sheet.push("text", Cells::Text([text(""), text("Grüße, 高度"), None, text("=1+1")].into_iter().collect()));
         sheet.push("nothing_m", Cells::F64(vec![None; 4].into()));
         sheet
     }
@@ -295,7 +297,7 @@ mod tests {
     fn a_table_without_rows_keeps_its_columns() {
         let mut sheet = Sheet::default();
         sheet.push("stamp_ns", Cells::I64(vec![None; 0].into()));
-        sheet.push("text", Cells::Text(vec![]));
+        sheet.push("text", Cells::Text(TextCells::default()));
         assert_eq!(read_parquet(written(&sheet).0).unwrap().sheet, sheet);
     }
 

@@ -51,7 +51,7 @@ fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
         Cells::U64(v) => v.get(row).map_or(Ok(()), |x| write!(out, "{x}")),
         Cells::F64(v) => v.get(row).map_or(Ok(()), |x| write!(out, "{x:?}")),
         Cells::Text(v) => {
-            out.push_str(&text(v.get(row).and_then(Option::as_deref).unwrap_or_default()));
+            out.push_str(&text(&v.get(row).unwrap_or_default()));
             Ok(())
         }
     };
@@ -65,7 +65,7 @@ mod tests {
     #[test]
     fn no_zero_byte_goes_into_a_table() {
         let mut sheet = Sheet::default();
-        sheet.push("a\0", Cells::Text(vec![Some("\0=1".into()), Some("x\0y".into()), Some("plain".into()), None]));
+        sheet.push("a\0", Cells::Text([Some("\0=1"), Some("x\0y"), Some("plain"), None].into_iter().collect()));
         let mut bytes = vec![];
         write_csv(&sheet, &mut bytes).unwrap();
         assert_eq!(String::from_utf8(bytes).unwrap(), "a␀\n'␀=1\nx␀y\nplain\n\"\"\n");
@@ -78,7 +78,7 @@ mod tests {
         let mut sheet = Sheet::default();
         sheet.push("x_m", Cells::F64(values.iter().map(|x| Some(*x)).chain([None]).collect()));
         sheet.push("=n", Cells::I64(vec![i64::MIN; 7].into()));
-        sheet.push("t", Cells::Text(vec![Some("=a,\"b\"".into()); 7]));
+        sheet.push("t", Cells::Text([Some("=a,\"b\""); 7].into_iter().collect()));
         let mut bytes = vec![];
         write_csv(&sheet, &mut bytes).unwrap();
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
