@@ -112,6 +112,69 @@ fn tables(size: Size, bytes: u64) {
     }
 }
 
+/// Columns of [`flight`]; a text counts as a number.
+const FLIGHT: u64 = 6;
+
+/// Rows of a flight at 100 Hz in about so many bytes: a late position, a velocity, both with noise, and a mode; and how many.
+fn flight(path: &Path, bytes: u64) -> u64 {
+    let mut out = BufWriter::new(File::create(path).unwrap());
+    out.write_all(b"time_s,latitude_deg,longitude_deg,vel_north_mps,vel_east_mps,mode\n").unwrap();
+    let mut noise = 0_u64;
+    let mut uniform = || {
+        noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (noise >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    let (mut row, mut rows, mut written) = (String::new(), 0, 0);
+    while written < bytes {
+        let t = rows as f64 * 0.01;
+        let (now, then) = (0.05 * t, 0.05 * (t - 0.2));
+        let latitude = 37.0 + 400.0 * then.sin() / 111_000.0 + 1e-6 * uniform();
+        let longitude = 127.0 - 400.0 * then.cos() / 88_800.0 + 1e-6 * uniform();
+        let (north, east) = (20.0 * now.cos() + 0.3 * uniform(), 20.0 * now.sin() + 0.3 * uniform());
+        let mode = ["auto", "loiter", "manual"][rows as usize / 1000 % 3];
+        row.clear();
+        writeln!(row, "{t:.2},{latitude:.7},{longitude:.7},{north:.2},{east:.2},{mode}").unwrap();
+        out.write_all(row.as_bytes()).unwrap();
+        written += row.len() as u64;
+        rows += 1;
+    }
+    out.flush().unwrap();
+    rows
+}
+
+fn long_flight(size: Size, bytes: u64) {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("flight.csv");
+    let rows = flight(&log, size.of(bytes));
+    let out = folder.path().join("out");
+    // What the analysis takes does not grow beyond half a million samples, and a quarter has fewer.
+    if size == Size::Whole {
+        let what = format!("delay, {rows} rows");
+        assert_bound(&what, size, FLIGHT * rows, peak(&["delay"], &[&log], &[0]));
+    }
+    for (arguments, writes) in [
+        (&["inspect"][..], false),
+        (&["export", "--force"], true),
+        (&["export", "--force", "--topics"], true),
+        (&["export", "--force", "--topics", "--to", "csv"], true),
+    ] {
+        let paths = if writes { vec![log.as_path(), Path::new("--out"), &out] } else { vec![log.as_path()] };
+        let what = format!("{}, {rows} rows", arguments.join(" "));
+        assert_bound(&what, size, FLIGHT * rows, peak(arguments, &paths, &[0]));
+    }
+}
+
+#[test]
+fn a_long_flight_takes_the_memory_of_its_columns() {
+    long_flight(Size::Quarter, 64 << 20);
+}
+
+#[test]
+#[ignore = "a minute; `just memory`"]
+fn a_long_flight_of_256_mib_takes_the_memory_of_its_columns() {
+    long_flight(Size::Whole, 256 << 20);
+}
+
 #[test]
 fn a_table_takes_the_memory_of_its_columns() {
     tables(Size::Quarter, 64 << 20);

@@ -294,7 +294,7 @@ catalogue! {
                 "Nothing, if they are known. Many splits make the interval of the delay wider.";
             SamplesLeftOut, "samples-left-out", [Warning, Info],
                 "Samples take no part in the delay: jumps, spikes, fixes far away, stretches where the channels contradict each other, rest, \
-                 parts that are too short. Of very many samples only every n-th is used.",
+                 parts that are too short. Of very many samples only every n-th is used, or neighbours are averaged.",
                 "Look at the marked samples on the page of the flight.";
             FlightDelayChanges, "flight-delay-changes", [Warning],
                 "The delay measured in this flight changes.",
