@@ -4,7 +4,7 @@ use crate::made::lost;
 use crate::stream::*;
 use crate::support::*;
 use flight::{Clock, Severity, Stamp, StampKind};
-use ingest::{Limits, Log, LogKind, NmeaReader};
+use ingest::{Log, LogKind, NmeaReader};
 use simulate::Container;
 
 const READER: Reader = |path| Box::new(NmeaReader::new(vec![path]));
@@ -407,7 +407,7 @@ fn what_a_logger_put_behind_a_sentence_costs_it_nothing() {
     assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 0), "{:?}", log.health.damage);
     // The end of a line is damaged, and a sentence is longer than the standard has it.
     let log = read_bytes(READER, fixes(0..50, true).replacen("\r\n", "\u{1d}\n", 9).as_bytes()).unwrap();
-    assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 18), "{:?}", log.health.damage);
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 9), "{:?}", log.health.damage);
     let long = sealed(&format!("PUBX,03,30{}", ",23,-,,,45,010".repeat(60)));
     let log = read_bytes(READER, [fixes(0..3, true), long + "\r\n"].concat().as_bytes()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (4, 0), "{:?}", log.health.damage);
@@ -604,11 +604,12 @@ fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
 }
 
 #[test]
-fn a_line_longer_than_the_limit_is_damage() {
+fn a_long_line_that_is_no_sentence_is_damage_but_for_its_end() {
     let good = sealed("GPGLL,4807.038,N,01131.000,E,123520,A");
-    let bytes = format!("{good}\n{}\n{good}\n", "x".repeat(5000));
-    let log = read_within(Limits { line_bytes: 100, ..Limits::default() }, READER, bytes.as_bytes());
-    assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 5001));
+    let long = "x ".repeat(2500);
+    let log = read_bytes(READER, format!("{good}\n{long}\n{good}\n").as_bytes()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 5000));
+    assert_eq!(log.health.damage[0].reason, "line 2: no sentence");
 }
 
 #[test]
@@ -963,8 +964,9 @@ fn what_frames_sentences_or_colours_them_on_a_screen_is_no_damage() {
 }
 
 #[test]
-fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
+fn a_binary_frame_among_lines_with_the_times_of_a_logger_is_read_and_a_damaged_one_costs_the_time_behind_it() {
     let frame = crate::wire::ubx_frame(1, 3, &[0; 16]);
+    let damaged = [&frame[..10], &[1], &frame[11..]].concat();
     let ns = |fifth: usize| (1_795_262_400_100 + 200 * fifth as i64) * 1_000_000;
     let stamped = |fifth: usize| format!("{}.{:03} ", ns(fifth) / 1_000_000_000, ns(fifth) / 1_000_000 % 1000);
     let tagged = |fifth: usize| {
@@ -972,7 +974,9 @@ fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
         format!("\\{said}*{:02X}\\", said.bytes().fold(0, |sum, b| sum ^ b))
     };
     let prefixes: [&dyn Fn(usize) -> String; 2] = [&stamped, &tagged];
-    for prefix in prefixes {
+    for (prefix, (frame, is_intact)) in
+        prefixes.into_iter().flat_map(|prefix| [(prefix, (&frame, true)), (prefix, (&damaged, false))])
+    {
         let mut bytes = vec![];
         for fifth in 0..100 {
             let frame = if fifth == 60 { &frame[..] } else { &[] };
@@ -982,11 +986,15 @@ fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
         let (_folder, path) = file("f.nmea", &bytes);
         let loaded = load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap();
         assert_ledger(&loaded);
-        assert_eq!((loaded.health.format.as_str(), loaded.health.damage_count), ("NMEA 0183", 1));
-        assert_eq!(loaded.health.bytes.damaged, frame.len() as u64);
+        let format = if is_intact { "NMEA 0183 among UBX or RTCM 3" } else { "NMEA 0183" };
+        assert_eq!((loaded.health.format.as_str(), lossy(&loaded)), (format, !is_intact));
         let log = read_bytes(READER, &bytes).unwrap();
+        let lost = if is_intact { 0 } else { (frame.len() + prefix(60).len()) as u64 };
+        assert_eq!((log.health.bytes.damaged, table(&log, "GNGGA").rows), (lost, 100), "{:?}", log.health.damage);
         let column = table(&log, "GNGGA").column("logged_ns").unwrap();
-        assert!((0..100).all(|row| column.integer(row) == Some(ns(row))));
+        let truth = |row| Some(ns(row)).filter(|_| is_intact || row != 60);
+        assert!((0..100).all(|row| column.integer(row) == truth(row)));
+        assert_eq!(log.health.topics.iter().any(|topic| topic.name == "NAV-STATUS"), is_intact);
     }
 }
 

@@ -80,6 +80,16 @@ impl<'t> Sentence<'t> {
         }
     }
 
+    /// The sentence that these bytes are, which was found to be one.
+    pub(crate) fn of(bytes: &'t [u8]) -> Sentence<'t> {
+        let inner = bytes.get(1..).unwrap_or_default();
+        let (body, checked) = match inner.split_last_chunk() {
+            Some((body, [b'*', _, _])) => (body, true),
+            _ => (inner, false),
+        };
+        Sentence { body: std::str::from_utf8(body).unwrap_or_default(), length: bytes.len(), checked }
+    }
+
     /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it, with the message as in `PUBX,00`, or
     /// its maker where a text begins without a comma, as in `$PSRFTXTWK: 1488`.
     pub(crate) fn address(&self) -> (&'t str, &'t str) {
