@@ -834,7 +834,7 @@ fn the_time_in_a_tag_block_is_when_it_was_logged_and_a_damaged_block_costs_itsel
 }
 
 #[test]
-fn a_velocity_that_stands_in_front_of_its_epoch_has_the_time_of_that() {
+fn a_velocity_that_stands_in_front_of_its_epoch_is_not_used_and_told() {
     // VTG first, in the middle or last; a flight whose speed changes, and one that does not.
     let lines = |place_of_vtg: usize, faster: usize| -> Vec<String> {
         let second = |second: usize| {
@@ -851,85 +851,19 @@ fn a_velocity_that_stands_in_front_of_its_epoch_has_the_time_of_that() {
     };
     for (place, faster) in [(0, 1), (1, 1), (2, 1), (2, 0)] {
         let loaded = bound(&lines(place, faster));
-        let [rmc, vtg] = ["velocity.gps", "velocity.vtg"].map(|name| &loaded.flight.channels[name].series);
-        // What stands before any time has none.
-        let missing = usize::from(place == 0);
-        assert_eq!((rmc.len(), vtg.len()), (30, 30 - missing), "{place} {faster}");
-        assert_eq!(vtg.timeline().stamps(), &rmc.timeline().stamps()[missing..], "{place} {faster}");
-        assert_eq!(vtg.component(0), &rmc.component(0)[missing..]);
-        let told = loaded.flight.notices.iter().filter(|n| n.code == "read-leniently").count();
-        assert_eq!(told, missing, "{:?}", loaded.flight.notices);
+        let leads = place == 0;
+        assert_eq!(length(&loaded, "velocity.gps"), 30, "{place} {faster}");
+        // The first stands before any time, and is counted as such.
+        let refused = loaded.flight.notices.iter().filter(|n| n.code == "undated" && n.place == "VTG");
+        assert_eq!(refused.map(|n| n.count).sum::<u64>(), if leads { 29 } else { 0 }, "{place} {faster}");
+        let Some(vtg) = loaded.flight.channels.get("velocity.vtg") else {
+            assert!(leads, "{place} {faster}");
+            continue;
+        };
+        let rmc = &loaded.flight.channels["velocity.gps"].series;
+        assert!(!leads && vtg.series.timeline().stamps() == rmc.timeline().stamps(), "{place} {faster}");
+        assert_eq!(vtg.series.component(0), rmc.component(0));
     }
-}
-
-/// Fifth `fifth` of a second of a flight that turns and changes its speed, VTG in front of the sentences of its epoch.
-fn turn(fifth: usize) -> [String; 3] {
-    let time = format!("12{:02}{:02}.{}0", fifth / 300, fifth / 5 % 60, 2 * (fifth % 5));
-    let (place, speed, track) = ("4807.0000,N,01131.0000,E", 20.0 + 0.1 * (fifth % 97) as f64, fifth % 360);
-    [
-        sealed(&format!("GPVTG,{track}.0,T,,M,{speed:.1},N,,K,A")),
-        sealed(&format!("GPGGA,{time},{place},1,08,0.9,545.4,M,46.9,M,,")),
-        sealed(&format!("GPRMC,{time},A,{place},{speed:.1},{track}.0,211126,,,A")),
-    ]
-}
-
-/// That each VTG that is used has the time of the RMC that says its track, and that so many are not used.
-fn assert_vtg(loaded: &ingest::Loaded, used: usize, refused: u64) {
-    let [rmc, vtg] = ["velocity.gps", "velocity.vtg"].map(|name| &loaded.flight.channels[name].series);
-    assert_eq!(vtg.len(), used);
-    for (row, stamp) in vtg.timeline().stamps().iter().enumerate() {
-        let at = rmc.timeline().stamps().binary_search(stamp).unwrap();
-        assert_eq!([0, 1].map(|i| vtg.component(i)[row]), [0, 1].map(|i| rmc.component(i)[at]), "{row}");
-    }
-    let moved = count_saying(loaded, "read-leniently", "stands in front of the other sentences");
-    let of_no_epoch = loaded.flight.notices.iter().filter(|n| n.code == "undated" && n.severity == Severity::Warning);
-    let told = of_no_epoch.map(|n| n.count).sum::<u64>();
-    assert_eq!((moved, told), (used as u64, refused), "{:?}", loaded.flight.notices);
-}
-
-#[test]
-fn a_velocity_in_front_of_a_gap_is_not_moved_over_it() {
-    let lines = |fifths: std::ops::Range<usize>| fifths.flat_map(turn).collect::<Vec<_>>();
-    // A hole of a minute that begins behind a VTG, or behind its epoch, and ends in front of a VTG, or behind one.
-    // 50 epochs before it and 51 behind; what stands in front of the first time has none.
-    for (last, first, used, refused) in [(1, 0, 98, 2), (3, 0, 99, 1), (1, 1, 98, 1), (3, 1, 99, 0)] {
-        let before = [lines(0..49), turn(49)[..last].to_vec()].concat();
-        let behind = [turn(350)[first..].to_vec(), lines(351..401)].concat();
-        assert_vtg(&bound(&[before, behind].concat()), used, refused);
-    }
-    // A log that ends behind one.
-    assert_vtg(&bound(&[lines(0..50), turn(50)[..1].to_vec()].concat()), 49, 1);
-    // A flight of two files, the second of which begins later.
-    let (folder, first) =
-        file("a.nmea", ([lines(0..49), turn(49)[..1].to_vec()].concat().join("\r\n") + "\r\n").as_bytes());
-    let second = folder.path().join("b.nmea");
-    std::fs::write(&second, lines(350..401).join("\r\n") + "\r\n").unwrap();
-    let unit = ingest::FlightUnit { id: "f".into(), files: vec![first, second], kind: LogKind::Nmea };
-    assert_vtg(&load(&unit).unwrap(), 98, 2);
-}
-
-#[test]
-fn a_velocity_in_front_of_its_epoch_is_used_at_every_rate_that_the_receiver_is_told() {
-    // One a second and five a second, in fifths of a second.
-    let slow = |seconds: std::ops::Range<usize>| seconds.map(|second| 5 * second);
-    for fifths in [
-        slow(0..300).chain(1500..1900).collect::<Vec<_>>(),
-        (0..1500).chain(slow(300..400)).collect(),
-        (0..100).chain(slow(20..200)).chain(1000..1400).collect(),
-    ] {
-        let loaded = bound(&fifths.iter().copied().flat_map(turn).collect::<Vec<_>>());
-        // What stands in front of the first time has none.
-        assert_vtg(&loaded, fifths.len() - 1, 0);
-    }
-}
-
-#[test]
-fn a_gap_among_fast_epochs_is_one_also_where_most_of_the_log_has_epochs_as_far_apart() {
-    let slow = (0..400).flat_map(|second| turn(5 * second));
-    let before = (2000..2150).flat_map(turn).chain(turn(2150).into_iter().take(1));
-    let lines: Vec<String> = slow.chain(before).chain((2155..2200).flat_map(turn)).collect();
-    // Of 596 the first has no time yet, and nobody can tell when the two at the gap were.
-    assert_vtg(&bound(&lines), 593, 2);
 }
 
 #[test]
