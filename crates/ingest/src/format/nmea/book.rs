@@ -172,8 +172,11 @@ impl Book {
 
     /// What receivers say of themselves.
     fn note(&mut self, name: &str, sentence: &Sentence<'_>) {
+        if name != "TXT" {
+            return;
+        }
         let text = sentence.field(4);
-        if name == "TXT" && self.texts.len() < MOST_TEXTS && !self.texts.iter().any(|known| known == text) {
+        if self.texts.len() < MOST_TEXTS && !self.texts.iter().any(|known| known == text) {
             self.texts.push(text.to_owned());
         }
     }
