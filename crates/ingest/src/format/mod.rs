@@ -145,12 +145,7 @@ fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(
-            Code::ExtraBytes,
-            "",
-            bytes,
-            "bytes of text stand before the first frame, or between frames as whole lines",
-        );
+        notices.push(Code::ExtraBytes, "", bytes, "bytes of text stand before the first frame");
     }
 }
 

@@ -1,7 +1,8 @@
 //! Where VTG, which says no time, stands among the sentences of its epoch: behind one of them, as receivers have it by
 //! themselves, or in front, as receivers may be told. In front it would have the time of the epoch before. Speed and track
 //! are told by RMC too, which has a time: most of the time they change from one to the next, and then VTG agrees with one
-//! of its neighbours alone. VTG that stands in front is not used: the RMC that shows it says the same.
+//! of its neighbours alone. VTG that comes before its epoch is not used:
+//! the RMC that shows it has the same speed and track.
 
 use super::kind::Kind;
 use super::sentence::{Sentence, plain};
@@ -134,8 +135,8 @@ impl Order {
             }
         };
         say("", doubtful.elapsed.len() as u64, text);
-        let text = "VTG, which says no time, stands in front of the other sentences of its epoch, for it agrees with the RMC \
-                    behind it and not with that before: it is not used, for RMC says the same";
+        let text = "VTG has no time and comes before the other sentences of its epoch: it agrees with the next RMC and not with \
+                    the previous one. It is not used; RMC has the same speed and track";
         say("VTG", if doubtful.vtg { self.count } else { 0 }, text);
         doubtful
     }
