@@ -27,10 +27,9 @@ pub use db3::Db3Reader;
 pub(crate) use db3::write_ahead_log_of;
 pub use mcap::{McapReader, OriginalLog, OriginalTopic, mcap_indexed_records, mcap_records};
 pub(crate) use nmea::looks_like as looks_like_nmea;
-pub use receiver::NmeaReader;
+pub use receiver::{NmeaReader, UbxReader};
 pub use tlog::TlogReader;
 pub(crate) use tlog::looks_like as looks_like_tlog;
-pub use ubx::UbxReader;
 pub(crate) use ubx::looks_like as looks_like_ubx;
 pub use ulog::UlogReader;
 pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, UnpackingReader, members, named_text};
@@ -146,12 +145,7 @@ fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(
-            Code::ExtraBytes,
-            "",
-            bytes,
-            "bytes of text stand before the first frame, or between frames as whole lines",
-        );
+        notices.push(Code::ExtraBytes, "", bytes, "bytes of text stand before the first frame");
     }
 }
 

@@ -18,35 +18,29 @@ mod order;
 mod sentence;
 mod talkers;
 
-pub(super) use self::book::{Book, Dates};
+use self::book::Book;
+pub(super) use self::book::Dates;
 use self::kind::Kind;
-use self::sentence::Fault;
-pub(super) use self::sentence::Sentence;
-use crate::bytes::{is_plain, is_zero};
+use self::sentence::{Fault, Sentence};
+use crate::bytes::is_plain;
 use crate::civil::{Tick, iso_to_unix_ns};
 use crate::decode::Topics;
 use crate::error::IngestError;
-use crate::format::Reading;
-use crate::reader::{Log, ReadContext, Select};
+use crate::reader::Log;
 use flight::{Code, Graded, Notices, Severity};
-use logscan::LogFile;
-use logscan::{Fate, Ledger};
+use logscan::{Fate, LogFile, Parsed, Trust};
 use memchr::{memchr, memchr_iter, memchr2, memchr3};
 use std::borrow::Cow;
-use std::fmt::Display;
-use std::path::PathBuf;
-
-/// Bytes looked through for lines in one go.
-const BLOCK: usize = 256 << 10;
 
 /// Bytes looked through for the first sentence.
 const SOUGHT: u64 = 64 << 20;
 /// Lines by which sentences are told from other text.
 const LOOKED_AT: usize = 100;
-/// So many lines in a row show whether a logger keeps checksums.
+/// So many lines in a row show whether a logger keeps checksums, of so many bytes at most.
 const DECIDED_BY: usize = 20;
-/// Topics in one log: talkers and types of sentences.
-const MOST_TOPICS: usize = 4096;
+const DECIDING: usize = 8 << 10;
+/// Longest line of text, or text in front of a sentence with it, bytes.
+const LONGEST_LINE: usize = 4096;
 
 /// Longest text behind a sentence, as a time, that is passed over.
 const LONGEST_SUFFIX: usize = 64;
@@ -54,35 +48,6 @@ const LONGEST_SUFFIX: usize = 64;
 const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
 const ESC: u8 = 0x1b;
-
-/// Reads the sentences of one log, or of several that make up one flight.
-pub(super) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-    let context = &super::with_topics(context, MOST_TOPICS);
-    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
-    let mut log = Log::default();
-    log.health.format = "NMEA 0183".to_owned();
-    let mut book = Book::new();
-    for file in &mut files {
-        let foreign = is_zero(file.up_to(0, crate::sniff::HEAD)?);
-        if foreign {
-            super::refuse_foreign(file, "", context)?;
-        }
-        let bare = has_bare_sentences(file)?;
-        book.breaks();
-        let mut walk = Walk::new(file, context, &mut ledger, &mut book, &mut topics, bare);
-        walk.run()?;
-        walk.tell(&mut notices);
-    }
-    let dates = book.finish(&mut log, &mut notices);
-    let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
-    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
-    if log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
-        return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
-    }
-    dates.put(&mut log);
-    super::forget_log_times(&mut log);
-    Ok(log)
-}
 
 /// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is; or
 /// sentences of the types that are read, and no checksum anywhere.
@@ -134,7 +99,7 @@ fn begin_of(line: &[u8]) -> Option<usize> {
 
 /// Whether there are sentences and most have no checksum: some loggers take it off. What follows the last line's end does
 /// not count, for it may be cut.
-pub(super) fn is_bare(head: &[u8]) -> bool {
+fn is_bare(head: &[u8]) -> bool {
     let (bare, checked) = bare_and_checked(head);
     bare > checked
 }
@@ -158,7 +123,7 @@ fn bare_and_checked(head: &[u8]) -> (usize, usize) {
 }
 
 /// As [`is_bare`], of the first block of a file that holds sentences: what stands before may be zeros or junk.
-fn has_bare_sentences(file: &mut LogFile) -> Result<bool, IngestError> {
+pub(super) fn has_bare_sentences(file: &mut LogFile) -> Result<bool, IngestError> {
     let mut at = 0;
     while at < file.size().min(SOUGHT) {
         let (bare, checked) = bare_and_checked(file.up_to(at, crate::sniff::HEAD)?);
@@ -183,32 +148,6 @@ fn are_all(lines: &[u8], checked: bool) -> bool {
     2 * seen >= DECIDED_BY
 }
 
-/// Whether most of the first lines with a sentence have text in front of it: the time of a logger, a tag block, or what
-/// nobody knows.
-pub(super) fn is_prefixed(head: &[u8]) -> bool {
-    let (mut prefixed, mut others) = (0, 0);
-    for line in head.split(|b| *b == b'\n').take(1000) {
-        let Some((prefix, rest)) = begin_of(line).and_then(|at| line.split_at_checked(at)) else { continue };
-        if Sentence::at(rest, false).is_ok() {
-            let prefix = unmarked(prefix);
-            let blank = prefix.iter().all(|b| b.is_ascii_whitespace() || *b == b'$');
-            *if !blank && is_plain(&prefix) { &mut prefixed } else { &mut others } += 1;
-        }
-    }
-    prefixed > others
-}
-
-/// How much of what stands in front of a sentence is binary: an intact frame, or of what is no text all up to the last
-/// control character.
-fn binary_length(prefix: &[u8]) -> usize {
-    if is_plain(&unmarked(prefix)) {
-        return 0;
-    }
-    let is_binary = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
-    let whole = super::ubx::frame_length(prefix);
-    whole.or_else(|| Some(prefix.iter().rposition(is_binary)? + 1)).unwrap_or(0)
-}
-
 /// Text without STX and ETX, which may frame a sentence, and without what colours it on a screen: ESC and the control
 /// sequence that it begins, `ESC[32m` (ECMA-48, 5.4).
 fn unmarked(text: &[u8]) -> Cow<'_, [u8]> {
@@ -229,20 +168,16 @@ fn behind_sequence(piece: &[u8]) -> Option<&[u8]> {
     (b'@'..=b'~').contains(does).then_some(rest)
 }
 
-/// A walk in progress.
-struct Walk<'w, 'c, 't, 's> {
-    file: &'w mut LogFile,
-    name: String,
-    context: &'w ReadContext<'c>,
-    ledger: &'w mut Ledger,
-    book: &'w mut Book,
-    topics: &'t mut Topics<'s>,
-    at: u64,
-    line: u64,
-    /// The line has no end: the file ends in it.
-    is_open: bool,
+/// The lines of a log: sentences, what a logger wrote around them, and text.
+pub(super) struct Lines {
+    book: Book,
+    /// Text may stand between the sentences, and in front of them; else there are frames and sentences alone.
+    has_text: bool,
     /// Sentences may have no checksum.
     bare: bool,
+    number: u64,
+    /// A line begins here.
+    is_begin: bool,
     counts: Counts,
 }
 
@@ -259,177 +194,160 @@ struct Counts {
     headless: u64,
 }
 
-impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
-    fn new(
-        file: &'w mut LogFile,
-        context: &'w ReadContext<'c>,
-        ledger: &'w mut Ledger,
-        book: &'w mut Book,
-        topics: &'t mut Topics<'s>,
-        bare: bool,
-    ) -> Walk<'w, 'c, 't, 's> {
-        let name = file.name().to_owned();
-        Walk {
-            file,
-            name,
-            context,
-            ledger,
-            book,
-            topics,
-            at: 0,
-            line: 0,
-            is_open: false,
-            bare,
-            counts: Counts::default(),
-        }
+impl Lines {
+    pub(super) fn new(has_text: bool) -> Lines {
+        let (book, counts) = (Book::new(), Counts::default());
+        Lines { book, has_text, bare: false, number: 1, is_begin: true, counts }
     }
 
-    /// From the first byte to the last.
-    fn run(&mut self) -> Result<(), IngestError> {
-        while self.at < self.file.size() {
-            let (longest, size) = (self.context.limits.line_bytes.max(1), self.file.size());
-            let mut block = self.file.up_to(self.at, BLOCK.min(longest))?;
-            if memchr(b'\n', block).is_none() {
-                block = self.file.up_to(self.at, longest)?;
+    /// A file begins.
+    pub(super) fn begin(&mut self, bare: bool) {
+        (self.bare, self.number, self.is_begin, self.counts) = (bare, 1, true, Counts::default());
+        self.breaks();
+    }
+
+    /// Something is missing here.
+    pub(super) fn breaks(&mut self) {
+        self.book.breaks();
+    }
+
+    pub(super) fn has_text(&self) -> bool {
+        self.has_text
+    }
+
+    /// A frame is between the lines.
+    pub(super) fn begin_line(&mut self) {
+        self.is_begin = true;
+    }
+
+    /// What these bytes begin with: a sentence with what is in front of it, the end of a line, or text.
+    pub(super) fn parse(&self, bytes: &[u8]) -> Parsed {
+        let length = match bytes {
+            [b'\r', b'\n', ..] => Some(2),
+            [b'\r' | b'\n', ..] => Some(1),
+            // Some receivers double it.
+            [b'$', rest @ ..] if rest.starts_with(b"$") => self.sentence(rest).ok().map(|_| 1),
+            [b'$' | b'!', ..] => self.sentence(bytes).ok().map(|sentence| sentence.length),
+            _ if self.has_text => self.text(bytes),
+            _ => None,
+        };
+        match length {
+            Some(length) => Parsed::Frame(length, Trust::Proven),
+            None if bytes.len() < LONGEST_LINE
+                && memchr(b'\n', bytes).is_none()
+                && (self.has_text || bytes.starts_with(b"$")) =>
+            {
+                Parsed::Cut
             }
-            let is_last = self.at + block.len() as u64 == size;
-            let end = match memchr::memrchr(b'\n', block) {
-                _ if is_last => block.len(),
-                Some(end) => end + 1,
-                None => {
-                    self.long_line()?;
-                    continue;
-                }
-            };
-            // The lines are taken from a copy: sentences go on while the file stays borrowed.
-            let lines = block.get(..end).unwrap_or_default().to_vec();
-            self.lines(&lines);
-            self.file.progress(self.at, self.context)?;
+            None => Parsed::Not(1),
         }
-        Ok(())
     }
 
-    /// Whole lines, or the last one without its end.
-    fn lines(&mut self, block: &[u8]) {
-        let mut from = 0;
-        for end in memchr_iter(b'\n', block).map(|end| end + 1).chain([block.len()]) {
-            let line = block.get(from..end).unwrap_or_default();
-            if !line.is_empty() {
-                self.line += 1;
-                self.is_open = !line.ends_with(b"\n");
-                self.line(line, block.get(from..).unwrap_or_default());
-                self.at += line.len() as u64;
+    fn sentence<'b>(&self, bytes: &'b [u8]) -> Result<Sentence<'b>, Fault> {
+        let sentence = Sentence::at(bytes, self.bare);
+        let is_next_bare = || are_all(bytes.get(..DECIDING).unwrap_or(bytes), false);
+        match sentence {
+            // Another logger took over.
+            Err(Fault::Unchecked) if self.has_text && !self.bare && is_next_bare() => Sentence::at(bytes, true),
+            sentence => sentence,
+        }
+    }
+
+    /// Bytes of what a line begins with that is no sentence yet: one with text in front, or nothing but text.
+    fn text(&self, bytes: &[u8]) -> Option<usize> {
+        let line = line_of(bytes);
+        if self.is_comment(line) {
+            return Some(line.len());
+        }
+        if let Some(length) = self.headless(line) {
+            return Some(length);
+        }
+        let Some(at) = begin_of(line) else { return self.is_aside(line).then_some(line.len()) };
+        let (prefix, rest) = bytes.split_at_checked(at)?;
+        let text = unmarked(prefix);
+        let sentence = self.sentence(rest).ok().filter(|_| is_plain(&text) && !is_damaged_tag(&text))?;
+        Some(at + sentence.length)
+    }
+
+    fn is_comment(&self, line: &[u8]) -> bool {
+        self.is_begin && line.starts_with(b"#") && line.ends_with(b"\n") && is_plain(line)
+    }
+
+    /// Bytes of a sentence without its `$`. Where others have one, it has lost it with what stood before.
+    fn headless(&self, line: &[u8]) -> Option<usize> {
+        let whole = with_dollar(line).filter(|_| self.is_begin && self.counts.sentences == self.counts.headless)?;
+        Sentence::at(&whole, false).ok().map(|sentence| sentence.length - 1)
+    }
+
+    /// Whether text without a sentence is no damage: blanks, what stands before the first sentence or behind one, and
+    /// whole lines that a receiver or a logger put between, which are no pieces of sentences: these have commas, and no
+    /// blanks. Where text stands in front of the sentences too, it may look as it likes.
+    fn is_aside(&self, text: &[u8]) -> bool {
+        let plain = unmarked(text);
+        let is_line = || self.is_begin && text.ends_with(b"\n") && (self.counts.prefixes > 0 || is_prose(text));
+        let is_suffix =
+            || !self.is_begin && text.first().is_some_and(|b| b",; \t".contains(b)) && text.len() <= LONGEST_SUFFIX;
+        is_blank(&plain)
+            || (is_plain(&plain)
+                && memchr(b'*', text).is_none()
+                && (self.counts.sentences == 0 || is_line() || is_suffix()))
+    }
+
+    /// Takes what was found to be here; `after` is what follows it.
+    pub(super) fn take(&mut self, piece: &[u8], after: &[u8], topics: &mut Topics<'_>) -> Fate {
+        let ends_line = piece.ends_with(b"\n");
+        let headless = if ends_line { None } else { self.headless(piece) };
+        let fate = match begin_of(piece) {
+            _ if headless.is_some() => {
+                self.counts.headless += 1;
+                let whole = [b"$", piece].concat();
+                self.take_sentence(&Sentence::of(&whole), &[], after, topics)
             }
-            from = end;
-        }
-    }
-
-    /// One line with its end, and what there is from it on. Where a line's end is damaged, two sentences stand in one.
-    fn line(&mut self, line: &[u8], ahead: &[u8]) {
-        if line.starts_with(b"#") && is_plain(line) {
-            return self.aside(line);
-        }
-        let mut from = 0;
-        // Where others have a `$`, one without has lost it with what stood before.
-        if self.counts.sentences == self.counts.headless
-            && let Some(whole) = with_dollar(line)
-            && let Ok(sentence) = Sentence::at(&whole, false)
-        {
-            from = sentence.length - 1;
-            self.counts.headless += 1;
-            self.sentence(&sentence, &[], from as u64);
-        }
-        while let Some(dollar) = line.get(from..).and_then(begin_of).map(|at| from + at) {
-            let rest = line.get(dollar..).unwrap_or_default();
-            let prefix = line.get(from..dollar).unwrap_or_default();
-            let next = rest.get(1..).and_then(|r| memchr2(b'$', b'!', r)).map_or(line.len(), |at| dollar + 1 + at);
-            match Sentence::at(rest, self.bare) {
-                Ok(sentence) => {
-                    let binary = binary_length(prefix);
-                    if binary > 0 {
-                        self.damaged(from, from + binary, "no sentence");
-                        from += binary;
-                    }
-                    let mut prefix = unmarked(line.get(from..dollar).unwrap_or_default());
-                    if is_damaged_tag(&prefix) {
-                        self.damaged(from, dollar, "the checksum of a tag block is wrong");
-                        (from, prefix) = (dollar, Cow::default());
-                    }
-                    // Another logger took over.
-                    if self.bare && sentence.checked && are_all(ahead, true) {
-                        self.bare = false;
-                    }
-                    let end = dollar + sentence.length;
-                    self.sentence(&sentence, &prefix, (end - from) as u64);
-                    from = end;
-                }
-                Err(Fault::Unchecked) if !self.bare && are_all(ahead, false) => self.bare = true,
-                Err(reason) => {
-                    self.damaged(from, next, reason);
-                    from = next;
-                }
+            Some(at) if !ends_line && piece.len() > 1 => {
+                let (prefix, sentence) = piece.split_at_checked(at).unwrap_or_default();
+                self.take_sentence(&Sentence::of(sentence), prefix, after, topics)
             }
-        }
-        let rest = line.get(from..).unwrap_or_default();
-        let text = unmarked(rest);
-        if text.iter().all(u8::is_ascii_whitespace) {
-            self.ledger.count(Fate::Structure, rest.len() as u64);
-        } else if is_plain(&text)
-            && memchr(b'*', rest).is_none()
-            && (self.counts.sentences == 0 || self.is_text(line, rest) || is_suffix(from, rest))
-        {
-            self.aside(rest);
-        } else {
-            self.damaged(from, line.len(), "no sentence");
-        }
+            // The end of a line, or the first of two `$`.
+            _ if is_blank(&unmarked(piece)) || piece == b"$" => Fate::Structure,
+            _ => {
+                self.counts.preamble += piece.len() as u64;
+                Fate::Skipped
+            }
+        };
+        self.number += u64::from(ends_line);
+        self.is_begin = ends_line;
+        fate
     }
 
-    /// Whether a whole line is text that a receiver or a logger put between the sentences, and no piece of one: these have
-    /// commas, and no blanks. Where text stands in front of the sentences too, it may look as it likes.
-    fn is_text(&self, line: &[u8], rest: &[u8]) -> bool {
-        line == rest && line.ends_with(b"\n") && (self.counts.prefixes > 0 || is_prose(line))
-    }
-
-    /// A comment, text in front of the first sentence, behind one, or a line of text between.
-    fn aside(&mut self, text: &[u8]) {
-        self.counts.preamble += text.len() as u64;
-        self.ledger.count(Fate::Skipped, text.len() as u64);
-    }
-
-    fn sentence(&mut self, sentence: &Sentence<'_>, prefix: &[u8], bytes: u64) {
+    fn take_sentence(&mut self, sentence: &Sentence<'_>, prefix: &[u8], after: &[u8], topics: &mut Topics<'_>) -> Fate {
         self.counts.sentences += 1;
         self.counts.unchecked += u64::from(!sentence.checked);
-        let logged_ns = logged(prefix);
-        self.counts.prefixes += u64::from(logged_ns.is_none() && !prefix.iter().all(u8::is_ascii_whitespace));
-        let fate = self.book.sentence(sentence, logged_ns, self.topics);
-        self.ledger.count(fate, bytes);
-    }
-
-    fn damaged(&mut self, from: usize, to: usize, reason: impl Display) {
-        self.book.breaks();
-        let at = self.at + from as u64;
-        let (length, reason) = ((to - from) as u64, format!("line {}: {reason}", self.line));
-        if self.is_open && at + length == self.file.size() {
-            self.ledger.cut(&self.name, at, length, format!("{reason}; the log ends inside it"));
-        } else {
-            self.ledger.damaged(&self.name, at, length, reason);
+        if !sentence.checked || (self.bare && are_all(after.get(..DECIDING).unwrap_or(after), true)) {
+            self.bare = !sentence.checked;
         }
+        let prefix = unmarked(prefix);
+        let logged_ns = logged(&prefix);
+        self.counts.prefixes += u64::from(logged_ns.is_none() && !is_blank(&prefix));
+        self.book.sentence(sentence, logged_ns, topics)
     }
 
-    /// A line that is longer than the limit.
-    fn long_line(&mut self) -> Result<(), IngestError> {
-        self.line += 1;
-        let start = self.at;
-        (self.at, _) = self.file.line_end(start, self.context)?;
-        let reason = format!("line {}: longer than the limit", self.line);
-        self.ledger.damaged(&self.name, start, self.at - start, reason);
-        Ok(())
+    /// What is wrong where nothing was found.
+    pub(super) fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
+        let line = line_of(bytes);
+        let (prefix, rest) = begin_of(line).and_then(|at| line.split_at_checked(at)).unwrap_or((line, b""));
+        let reason = match self.sentence(rest) {
+            Ok(_) if is_damaged_tag(&unmarked(prefix)) => "the checksum of a tag block is wrong".to_owned(),
+            Err(fault) if !rest.is_empty() => fault.to_string(),
+            _ => "no sentence".to_owned(),
+        };
+        if self.has_text { format!("line {}: {reason}", self.number).into() } else { reason.into() }
     }
 
-    fn tell(&self, notices: &mut Notices) {
+    /// Says what of a file was not as the standard has it.
+    pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
         let mut say = |what: Graded, count, text: &str| {
             if count > 0 {
-                notices.push(what, self.name.as_str(), count, text);
+                notices.push(what, file, count, text);
             }
         };
         let Counts { unchecked, prefixes, preamble, headless, .. } = self.counts;
@@ -446,16 +364,26 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             "bytes of text that is no sentence: comments, what stands before the first or behind one, and whole lines between",
         );
     }
+
+    /// Writes what the receiver says of itself. What is returned dates the tables when they are made.
+    pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
+        self.book.finish(log, notices)
+    }
+}
+
+/// A line with its end, or as much of it as is looked at.
+fn line_of(bytes: &[u8]) -> &[u8] {
+    let head = bytes.get(..LONGEST_LINE).unwrap_or(bytes);
+    head.get(..memchr(b'\n', head).map_or(head.len(), |end| end + 1)).unwrap_or_default()
+}
+
+fn is_blank(text: &[u8]) -> bool {
+    text.iter().all(u8::is_ascii_whitespace)
 }
 
 /// Whether a line of text is no piece of a sentence.
 fn is_prose(line: &[u8]) -> bool {
     memchr(b' ', line).is_some() && memchr(b',', line).is_none()
-}
-
-/// Whether the rest of a line from `from` on, behind a sentence, is what a logger put there.
-fn is_suffix(from: usize, rest: &[u8]) -> bool {
-    from > 0 && rest.first().is_some_and(|b| b",; \t".contains(b)) && rest.len() <= LONGEST_SUFFIX
 }
 
 /// The time in front of a sentence, ns of UTC, if that is all there is: the Unix time, or a date and time with its zone.

@@ -1,13 +1,24 @@
-//! Logs of receivers that say sentences, among which they may have been told to send binary frames.
+//! Streams of GNSS receivers: binary frames of UBX and RTCM 3, and lines with NMEA sentences, in any mixture.
 
-use super::nmea;
-use super::ubx::{self, UbxReader};
+use super::Reading;
+use super::nmea::{self, Lines};
+use super::ubx::{self, Frames};
+use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::reader::{Log, LogReader, ReadContext, Select};
-use logscan::LogFile;
+use crate::sniff::HEAD;
+use logscan::{Fate, Framing, LogFile, Parsed, is_plain, is_zero, scan};
+use memchr::{memchr, memchr3};
+use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// Reads one NMEA log, or several that make up one flight.
+/// Topics in one log: talkers and types of sentences, and some two hundred messages of u-blox.
+const MOST_TOPICS: usize = 4096;
+
+/// Said of a stream of frames where neither frame nor sentence begins.
+const NOTHING: &str = "bytes that are neither a frame nor a sentence";
+
+/// Reads one NMEA log, or several that make up one flight. The receiver may have been told to send binary frames too.
 #[derive(Debug, Clone)]
 pub struct NmeaReader {
     files: Vec<PathBuf>,
@@ -19,32 +30,129 @@ impl NmeaReader {
     pub fn new(files: Vec<PathBuf>) -> NmeaReader {
         NmeaReader { files }
     }
-
-    /// Whether binary frames stand between the sentences, however far behind the first. What a logger wrote in front of
-    /// the lines the reader of frames does not know: there they are damage among sentences.
-    fn holds_frames(&self, context: &ReadContext<'_>) -> Result<bool, IngestError> {
-        for path in &self.files {
-            if nmea::is_prefixed(LogFile::open(path)?.up_to(0, crate::sniff::HEAD)?) {
-                return Ok(false);
-            }
-        }
-        for path in &self.files {
-            let mut file = LogFile::open(path)?;
-            if !nmea::is_bare(file.up_to(0, crate::sniff::HEAD)?) && ubx::holds_frames(&mut file, context)? {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
 }
 
 impl LogReader for NmeaReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        if !self.holds_frames(context)? {
-            return nmea::read(&self.files, want, context);
+        read(&self.files, true, want, context)
+    }
+}
+
+/// Reads one UBX log, or several that make up one flight.
+#[derive(Debug, Clone)]
+pub struct UbxReader {
+    files: Vec<PathBuf>,
+}
+
+impl UbxReader {
+    /// A reader of these files. Nothing is opened yet.
+    #[must_use]
+    pub fn new(files: Vec<PathBuf>) -> UbxReader {
+        UbxReader { files }
+    }
+}
+
+impl LogReader for UbxReader {
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        read(&self.files, false, want, context)
+    }
+}
+
+/// Reads a stream of lines, or else of frames.
+fn read(paths: &[PathBuf], of_lines: bool, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let context = &super::with_topics(context, MOST_TOPICS);
+    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(paths, want, context)?;
+    let mut stream = Stream { topics: &mut topics, frames: Frames::default(), lines: Lines::new(of_lines) };
+    let mut preamble = 0;
+    for file in &mut files {
+        refuse_foreign(file, of_lines, context)?;
+        stream.lines.begin(of_lines && nmea::has_bare_sentences(file)?);
+        preamble += scan(file, &mut ledger, context, &mut stream)?.preamble;
+        stream.lines.tell(file.name(), &mut notices);
+    }
+    super::tell_preamble(preamble, &mut notices);
+    let mut log = Log::default();
+    log.health.format = match (of_lines, stream.frames.any) {
+        (true, false) => "NMEA 0183",
+        (true, true) => "NMEA 0183 among UBX or RTCM 3",
+        (false, _) => "u-blox UBX",
+    }
+    .to_owned();
+    let Stream { frames, lines, .. } = stream;
+    let (weeks, marks) = frames.finish(&mut log, &mut notices);
+    let dates = lines.finish(&mut log, &mut notices);
+    let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
+    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    if of_lines && log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
+        return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
+    }
+    weeks.put(&mut log);
+    marks.put(&mut log);
+    dates.put(&mut log);
+    super::forget_log_times(&mut log);
+    Ok(log)
+}
+
+fn refuse_foreign(file: &mut LogFile, of_lines: bool, context: &ReadContext<'_>) -> Result<(), IngestError> {
+    let head = file.up_to(0, HEAD)?;
+    match of_lines {
+        true if is_zero(head) => super::refuse_foreign(file, "", context),
+        false if !nmea::looks_like(head) && !ubx::looks_like(head) => super::refuse_foreign(file, NOTHING, context),
+        _ => Ok(()),
+    }
+}
+
+/// The way of frames and lines to their topics.
+struct Stream<'b, 't> {
+    topics: &'b mut Topics<'t>,
+    frames: Frames,
+    lines: Lines,
+}
+
+impl Framing for Stream<'_, '_> {
+    fn longest(&self) -> usize {
+        ubx::LONGEST
+    }
+
+    fn parse(&self, bytes: &[u8]) -> Parsed {
+        if ubx::begins(bytes) { ubx::parse(bytes) } else { self.lines.parse(bytes) }
+    }
+
+    fn begins(&self, bytes: &[u8]) -> bool {
+        ubx::begins(bytes) || bytes.first().is_some_and(|first| b"$!\r\n".contains(first))
+    }
+
+    fn candidate(&self, block: &[u8], from: usize) -> Option<usize> {
+        let rest = block.get(from..)?;
+        let frame = memchr3(ubx::SYNC[0], b'$', ubx::RTCM, rest);
+        let before = rest.get(..frame.unwrap_or(rest.len())).filter(|_| self.lines.has_text());
+        let line = before.and_then(|before| memchr(b'\n', before));
+        line.or(frame).map(|at| from + at)
+    }
+
+    fn take(&mut self, bytes: &[u8], after: &[u8], _: u64) -> Result<Fate, Cow<'static, str>> {
+        if ubx::begins(bytes) {
+            self.lines.begin_line();
+            return Ok(self.frames.take(bytes, self.topics));
         }
-        let mut log = UbxReader::new(self.files.clone()).read(want, context)?;
-        log.health.format = "NMEA 0183 among UBX or RTCM 3".to_owned();
-        Ok(log)
+        Ok(self.lines.take(bytes, after, self.topics))
+    }
+
+    fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
+        match bytes {
+            _ if ubx::begins(bytes) => ubx::fault(bytes).into(),
+            [b'$' | b'!', ..] => self.lines.fault(bytes),
+            _ if self.lines.has_text() => self.lines.fault(bytes),
+            _ => NOTHING.into(),
+        }
+    }
+
+    fn is_preamble(&self, bytes: &[u8]) -> bool {
+        // A star ends a sentence: what stands before it is a piece of one.
+        is_plain(bytes) && bytes.ends_with(b"\n") && memchr(b'*', bytes).is_none()
+    }
+
+    fn breaks(&mut self) {
+        self.lines.breaks();
     }
 }

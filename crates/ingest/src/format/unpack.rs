@@ -4,14 +4,11 @@
 //! The ledger of such a log counts the unpacked bytes: it is exact for what was unpacked. Bytes of the packed file that
 //! could not be unpacked are a notice of severity loss with their place.
 
-mod resuming;
 mod utf16;
 mod zip;
 
-use self::resuming::{Holes, Marks, Resuming};
 use super::db3::write_ahead_log_of;
 use crate::bytes::{Bytes, is_zero};
-use crate::decode::Tally;
 use crate::discover::FlightUnit;
 use crate::error::IngestError;
 use crate::load::reader_of;
@@ -21,10 +18,11 @@ use crate::sniff::{self, Content};
 use bzip2::bufread::BzDecoder;
 use flate2::bufread::GzDecoder;
 use flight::{Code, Notices};
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, BufRead, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Unpacked in one go; between two the user may stop.
@@ -119,17 +117,18 @@ pub(crate) struct Member {
 pub(crate) fn members(path: &Path, packing: Packing) -> io::Result<Vec<Member>> {
     let mut file = File::open(path)?;
     if packing != Packing::Zip {
-        let (marks, holes) = (Marks::default(), RefCell::default());
-        let unpacked = Resuming::new(&file, packing, named_text(path), &marks, &holes);
-        let unpacked = unpacked.map(|unpacked| Box::new(unpacked) as Box<dyn Read + '_>);
-        let (head, fault) = head_of(unpacked, packing, sniff::HEAD);
+        let (at, bad) = (Cell::new(0), Cell::new(0));
+        let packed = Packed::new(&file, 0..u64::MAX, &at);
+        let (head, fault) = head_of(decoder(packing, packed, &bad), packing, sniff::HEAD);
         return Ok(vec![Member { name: inner_name(path, packing), head, fault, entry: None }]);
     }
     let entries = zip::entries(&mut file, MOST_MEMBERS)?;
     let most = sniff::HEAD.min(MOST_HEADS / entries.len().max(1));
     let member = |entry: zip::Entry| {
-        let opened = zip::open(&mut file, &entry).map_err(|e| e.to_string());
-        let (head, fault) = head_of(opened.and_then(|packed| zip::decoder(&entry, packed)), packing, most);
+        let at = Cell::new(0);
+        let place = zip::place(&mut file, &entry).map_err(|e| e.to_string());
+        let unpacked = place.and_then(|place| zip::decoder(&entry, Packed::new(&file, place, &at)));
+        let (head, fault) = head_of(unpacked, packing, most);
         Member { name: entry.file_name(), head, fault, entry: Some(entry) }
     };
     Ok(entries.into_iter().map(member).collect())
@@ -165,14 +164,15 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
     }
 }
 
-fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, marks: &'r Marks) -> Result<Box<dyn Read + 'r>, String> {
+/// Unpacks a file; `bad` counts characters of UTF-16 that are none.
+fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) -> Result<Box<dyn Read + 'r>, String> {
     let text = |error: io::Error| error.to_string();
     Ok(match packing {
-        Packing::Gzip => Box::new(Parts::<_, GzDecoder<_>>::begin(packed, marks).map_err(text)?),
+        Packing::Gzip => Box::new(Parts::<_, GzDecoder<_>>::begin(packed).map_err(text)?),
         Packing::Zstd => zstandard(packed)?,
-        Packing::Bzip2 => Box::new(Parts::<_, BzDecoder<_>>::begin(packed, marks).map_err(text)?),
-        Packing::Lz4 => Box::new(Parts::<_, lz4::Decoder<_>>::begin(packed, marks).map_err(text)?),
-        Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, &marks.bad)),
+        Packing::Bzip2 => Box::new(Parts::<_, BzDecoder<_>>::begin(packed).map_err(text)?),
+        Packing::Lz4 => Box::new(Parts::<_, lz4::Decoder<_>>::begin(packed).map_err(text)?),
+        Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, bad)),
         Packing::Zip => return Err("a ZIP archive in a packed file".to_owned()),
     })
 }
@@ -259,21 +259,19 @@ impl<R: BufRead> Part<R> for lz4::Decoder<R> {
     }
 }
 
-/// All parts of a file; `marks` know where each begins.
-struct Parts<'r, R, D> {
+/// All parts of a file.
+struct Parts<R, D> {
     decoder: Option<D>,
-    marks: &'r Marks,
     packed: PhantomData<R>,
 }
 
-impl<'r, R, D: Part<R>> Parts<'r, R, D> {
-    fn begin(packed: R, marks: &'r Marks) -> io::Result<Parts<'r, R, D>> {
-        marks.begun.set(marks.at.get());
-        Ok(Parts { decoder: Some(D::begin(packed)?), marks, packed: PhantomData })
+impl<R, D: Part<R>> Parts<R, D> {
+    fn begin(packed: R) -> io::Result<Parts<R, D>> {
+        Ok(Parts { decoder: Some(D::begin(packed)?), packed: PhantomData })
     }
 }
 
-impl<R: BufRead, D: Part<R>> Read for Parts<'_, R, D> {
+impl<R: BufRead, D: Part<R>> Read for Parts<R, D> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         while let Some(mut decoder) = self.decoder.take() {
             let got = decoder.read(buffer)?;
@@ -284,7 +282,7 @@ impl<R: BufRead, D: Part<R>> Read for Parts<'_, R, D> {
             let mut packed = decoder.end()?;
             let is_more = if D::PADDED { pass_zeros(&mut packed)? } else { !packed.fill_buf()?.is_empty() };
             if is_more {
-                *self = Parts::begin(packed, self.marks)?;
+                *self = Parts::begin(packed)?;
             }
         }
         Ok(0)
@@ -400,16 +398,14 @@ impl<'c> Unpacking<'c> {
         let mut file = File::open(path).map_err(|e| io_error(path, e))?;
         let size = file.metadata().map_err(|e| io_error(path, e))?.len();
         if packing != Packing::Zip {
-            let (marks, holes) = (Marks::default(), RefCell::new(Holes::default()));
-            let lines = matches!(self.kind, LogKind::Csv | LogKind::Nmea);
-            let decoder = Resuming::new(&file, packing, lines, &marks, &holes).map_err(unusable)?;
+            let (at, bad) = (Cell::new(0), Cell::new(0));
+            let decoder = decoder(packing, Packed::new(&file, 0..size, &at), &bad).map_err(unusable)?;
             let target = self.target(&inner_name(path, packing))?;
-            self.copy((path, size), packing, &target, Box::new(decoder), (&marks.at, 0, size))?;
-            self.tell_holes(path, &holes.take());
+            self.copy((path, size), packing, &target, decoder, (&at, 0..size))?;
             self.newest_pages(&newest_pages(path, packing), &target)?;
-            if marks.bad.get() > 0 {
+            if bad.get() > 0 {
                 let text = "characters of UTF-16 that are none became replacement characters";
-                self.notices.push(Code::Corrupt, file_name(path), marks.bad.get(), text);
+                self.notices.push(Code::Corrupt, file_name(path), bad.get(), text);
             }
             return Ok(());
         }
@@ -436,31 +432,15 @@ impl<'c> Unpacking<'c> {
             wanted.extend([Some((entry, target)), ahead].into_iter().flatten());
         }
         for (entry, target) in wanted {
-            let read = Cell::new(0);
-            let packed = zip::open(&mut file, entry).map_err(|e| io_error(path, e))?;
-            let start = packed.start;
-            let packed = zip::Packed { inner: Counted { inner: packed.inner, read: &read }, start, end: packed.end };
-            let decoder = zip::decoder(entry, packed).map_err(unusable)?;
-            let place = (&read, start, start.saturating_add(entry.packed_bytes));
-            self.copy((path, size), packing, &target, decoder, place)?;
+            let at = Cell::new(0);
+            let place = zip::place(&mut file, entry).map_err(|e| io_error(path, e))?;
+            let decoder = zip::decoder(entry, Packed::new(&file, place.clone(), &at)).map_err(unusable)?;
+            self.copy((path, size), packing, &target, decoder, (&at, place))?;
         }
         if self.files.is_empty() {
             return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
         }
         Ok(())
-    }
-
-    fn tell_holes(&mut self, path: &Path, holes: &Holes) {
-        let Tally { count, first } = &holes.count;
-        if *count > 0 {
-            let text = format!(
-                "{first}; what was unpacked before that is read, and so is what is packed behind it, after {} bytes{}",
-                holes.bytes,
-                if *count > 1 { format!(" in {count} such places") } else { String::new() }
-            );
-            let place = format!("{}, near byte {}", file_name(path), holes.first_at);
-            self.notices.push(Code::Corrupt, place, *count, text);
-        }
     }
 
     /// Where the next log is unpacked to.
@@ -488,18 +468,18 @@ impl<'c> Unpacking<'c> {
         std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| io_error(ahead, e))
     }
 
-    /// Unpacks one file of a packed one of this size; `(read, start, end)` count its packed bytes.
+    /// Unpacks one file of a packed one of this size; `at` says how far of its packed bytes at `place` was used.
     fn copy(
         &mut self,
         (path, size): (&Path, u64),
         packing: Packing,
         target: &Path,
         mut decoder: Box<dyn Read + '_>,
-        (read, start, end): (&Cell<u64>, u64, u64),
+        (at, place): (&Cell<u64>, Range<u64>),
     ) -> Result<(), IngestError> {
         let mut out = File::create(target).map_err(|e| io_error(target, e))?;
         let mut buffer = vec![0; STEP];
-        let (mut told, mut bytes) = (0, 0_u64);
+        let (mut told, mut bytes) = (place.start, 0_u64);
         let fault = loop {
             let got = match decoder.read(&mut buffer) {
                 Ok(0) => break None,
@@ -507,8 +487,7 @@ impl<'c> Unpacking<'c> {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
                 // The disk or the network fails, and not the log: the next time all of it may be there.
                 Err(source) if source.raw_os_error().is_some() => {
-                    let offset = (start + read.get()).min(end);
-                    return Err(IngestError::Io { file: file_name(path), offset, source });
+                    return Err(IngestError::Io { file: file_name(path), offset: at.get(), source });
                 }
                 Err(error) => break Some(fault_of(&error, packing)),
             };
@@ -525,24 +504,18 @@ impl<'c> Unpacking<'c> {
                 break Some(format!("the {name} content is more than {MOST_TIMES} times as large, which no log is"));
             }
             write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(target, e))?;
-            // What a wrong length took along is read again.
-            self.context.advance(read.get().saturating_sub(told))?;
-            told = told.max(read.get());
+            self.context.advance(at.get() - told)?;
+            told = at.get();
         };
         out.set_len(bytes).map_err(|e| io_error(target, e))?;
         if let Some(fault) = fault {
-            let at = (start + read.get()).min(end);
             let file = file_name(path);
             if bytes == 0 {
                 return Err(IngestError::Unusable { file, what: format!("{fault}; nothing of it could be unpacked") });
             }
             let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
-            let place = match packing {
-                // It was read ahead.
-                Packing::Zip => format!("{file}, {}, before byte {at}", file_name(target)),
-                _ => format!("{file}, near byte {at}"),
-            };
-            self.notices.push(Code::Corrupt, place, end - at + 1, what);
+            let lost = place.end - at.get().min(place.end) + 1;
+            self.notices.push(Code::Corrupt, format!("{file}, near byte {}", at.get()), lost, what);
         }
         Ok(())
     }
@@ -573,22 +546,48 @@ fn write_sparse(out: &mut File, bytes: &[u8]) -> io::Result<()> {
     out.write_all(bytes)
 }
 
-/// Counts the bytes that are read.
-struct Counted<'r, R> {
-    inner: R,
-    read: &'r Cell<u64>,
+/// Packed bytes of a file, and how far of them was used.
+struct Packed<'r> {
+    inner: BufReader<io::Take<At<'r>>>,
+    at: &'r Cell<u64>,
 }
 
-impl<R: Read> Read for Counted<'_, R> {
+impl<'r> Packed<'r> {
+    fn new(file: &'r File, place: Range<u64>, at: &'r Cell<u64>) -> Packed<'r> {
+        at.set(place.start);
+        let bytes = At { file, next: place.start }.take(place.end - place.start);
+        Packed { inner: BufReader::with_capacity(STEP, bytes), at }
+    }
+}
+
+impl Read for Packed<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let got = self.inner.read(buffer)?;
-        self.read.set(self.read.get() + got as u64);
+        let got = self.fill_buf()?.read(buffer)?;
+        self.consume(got);
         Ok(got)
     }
 }
 
-impl<R: Seek> Seek for Counted<'_, R> {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.inner.seek(to)
+impl BufRead for Packed<'_> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        self.inner.fill_buf()
+    }
+
+    fn consume(&mut self, bytes: usize) {
+        self.inner.consume(bytes);
+        self.at.set(self.at.get() + bytes as u64);
+    }
+}
+
+struct At<'r> {
+    file: &'r File,
+    next: u64,
+}
+
+impl Read for At<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let got = logscan::read_at(self.file, buffer, self.next)?;
+        self.next += got as u64;
+        Ok(got)
     }
 }

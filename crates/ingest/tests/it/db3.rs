@@ -249,20 +249,17 @@ fn a_write_ahead_log_that_is_cut_or_damaged_gives_its_whole_transactions_and_a_l
         flipped[cut] ^= 1;
         fs::write(&wal, &flipped).unwrap();
         let log = read_files(std::slice::from_ref(&bag)).unwrap();
-        // What stands behind the frame that is damaged is proven by its own sum.
-        let read = assert_subset(&log, &sent, false);
-        assert!(read >= 55 && read >= *seen.last().unwrap(), "{read}");
+        // As SQLite has it, the log ends with the frame before the damaged one.
+        assert_eq!(assert_subset(&log, &sent, false), *seen.last().unwrap());
         assert!(is_loss(&log, "write-ahead-log"), "{:?}", log.notices);
     }
     assert!(seen[0] >= 30 && seen[0] < seen[1] && seen[1] < seen[2] && seen[2] < 60, "{seen:?}");
-    // Without its header the frames prove each other; with none left it is of no use.
-    fs::write(&wal, [&[0xff; 32][..], &whole[32..]].concat()).unwrap();
-    let log = read_files(std::slice::from_ref(&bag)).unwrap();
-    assert!(assert_subset(&log, &sent, false) >= 55);
-    assert!(is_loss(&log, "write-ahead-log"), "{:?}", log.notices);
-    fs::write(&wal, vec![0xff; whole.len()]).unwrap();
-    let log = read_files(std::slice::from_ref(&bag)).unwrap();
-    assert_eq!((assert_subset(&log, &sent, false), log.health.bytes.damaged), (30, whole.len() as u64));
+    // Without its header it is of no use.
+    for useless in [[&[0xff; 32][..], &whole[32..]].concat(), vec![0xff; whole.len()]] {
+        fs::write(&wal, useless).unwrap();
+        let log = read_files(std::slice::from_ref(&bag)).unwrap();
+        assert_eq!((assert_subset(&log, &sent, false), log.health.bytes.damaged), (30, whole.len() as u64));
+    }
 }
 
 /// Pages of the database by what they are: leaves with rows of messages, and the pages above them.
@@ -571,7 +568,7 @@ fn a_write_ahead_log_that_was_begun_anew_hides_nothing() {
 }
 
 #[test]
-fn every_bit_of_a_frame_of_the_write_ahead_log_costs_little_and_none_in_silence() {
+fn no_bit_of_a_frame_of_the_write_ahead_log_costs_anything_in_silence() {
     let folder = tempfile::tempdir().unwrap();
     let sent = flight(60);
     let bag = killed(folder.path(), &sent);
@@ -583,18 +580,17 @@ fn every_bit_of_a_frame_of_the_write_ahead_log_costs_little_and_none_in_silence(
         fs::write(&wal, &lying).unwrap();
         let log = read_files(std::slice::from_ref(&bag)).unwrap();
         let read = assert_subset(&log, &sent, false);
-        assert!(read >= 40 && (read == 60 || lost(&log)), "byte {at}: {read}, {:?}", log.notices);
+        assert!(read >= 30 && (read == 60 || lost(&log)), "byte {at}: {read}, {:?}", log.notices);
     }
-    // A block that is lost costs the frames that it hits, be it zeros or missing.
+    // A block that is lost, be it zeros or missing.
     for block in 0..whole.len() / 4096 {
         let (from, to) = (block * 4096, (block + 1) * 4096);
-        // Without its beginning nothing tells where frames begin.
-        let missing = [&whole[..from], if block == 0 { &whole } else { &whole[to..] }].concat();
+        let missing = [&whole[..from], &whole[to..]].concat();
         for lying in [[&whole[..from], &[0; 4096], &whole[to..]].concat(), missing] {
             fs::write(&wal, &lying).unwrap();
             let log = read_files(std::slice::from_ref(&bag)).unwrap();
             let read = assert_subset(&log, &sent, false);
-            assert!(read >= 40 && (read == 60 || lost(&log)), "block {block}: {read}, {:?}", log.notices);
+            assert!(read >= 30 && (read == 60 || lost(&log)), "block {block}: {read}, {:?}", log.notices);
         }
     }
     // Frames of this log that stand behind it once more are older than what they would replace.

@@ -4,7 +4,7 @@ use crate::made::lost;
 use crate::stream::*;
 use crate::support::*;
 use flight::{Clock, Severity, Stamp, StampKind};
-use ingest::{Limits, Log, LogKind, NmeaReader};
+use ingest::{Log, LogKind, NmeaReader};
 use simulate::Container;
 
 const READER: Reader = |path| Box::new(NmeaReader::new(vec![path]));
@@ -407,7 +407,7 @@ fn what_a_logger_put_behind_a_sentence_costs_it_nothing() {
     assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 0), "{:?}", log.health.damage);
     // The end of a line is damaged, and a sentence is longer than the standard has it.
     let log = read_bytes(READER, fixes(0..50, true).replacen("\r\n", "\u{1d}\n", 9).as_bytes()).unwrap();
-    assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 18), "{:?}", log.health.damage);
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 9), "{:?}", log.health.damage);
     let long = sealed(&format!("PUBX,03,30{}", ",23,-,,,45,010".repeat(60)));
     let log = read_bytes(READER, [fixes(0..3, true), long + "\r\n"].concat().as_bytes()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (4, 0), "{:?}", log.health.damage);
@@ -604,11 +604,12 @@ fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
 }
 
 #[test]
-fn a_line_longer_than_the_limit_is_damage() {
+fn a_long_line_that_is_no_sentence_is_damage_but_for_its_end() {
     let good = sealed("GPGLL,4807.038,N,01131.000,E,123520,A");
-    let bytes = format!("{good}\n{}\n{good}\n", "x".repeat(5000));
-    let log = read_within(Limits { line_bytes: 100, ..Limits::default() }, READER, bytes.as_bytes());
-    assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 5001));
+    let long = "x ".repeat(2500);
+    let log = read_bytes(READER, format!("{good}\n{long}\n{good}\n").as_bytes()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 5000));
+    assert_eq!(log.health.damage[0].reason, "line 2: no sentence");
 }
 
 #[test]
@@ -833,7 +834,7 @@ fn the_time_in_a_tag_block_is_when_it_was_logged_and_a_damaged_block_costs_itsel
 }
 
 #[test]
-fn a_velocity_that_stands_in_front_of_its_epoch_has_the_time_of_that() {
+fn a_velocity_that_stands_in_front_of_its_epoch_is_not_used_and_told() {
     // VTG first, in the middle or last; a flight whose speed changes, and one that does not.
     let lines = |place_of_vtg: usize, faster: usize| -> Vec<String> {
         let second = |second: usize| {
@@ -850,85 +851,19 @@ fn a_velocity_that_stands_in_front_of_its_epoch_has_the_time_of_that() {
     };
     for (place, faster) in [(0, 1), (1, 1), (2, 1), (2, 0)] {
         let loaded = bound(&lines(place, faster));
-        let [rmc, vtg] = ["velocity.gps", "velocity.vtg"].map(|name| &loaded.flight.channels[name].series);
-        // What stands before any time has none.
-        let missing = usize::from(place == 0);
-        assert_eq!((rmc.len(), vtg.len()), (30, 30 - missing), "{place} {faster}");
-        assert_eq!(vtg.timeline().stamps(), &rmc.timeline().stamps()[missing..], "{place} {faster}");
-        assert_eq!(vtg.component(0), &rmc.component(0)[missing..]);
-        let told = loaded.flight.notices.iter().filter(|n| n.code == "read-leniently").count();
-        assert_eq!(told, missing, "{:?}", loaded.flight.notices);
+        let leads = place == 0;
+        assert_eq!(length(&loaded, "velocity.gps"), 30, "{place} {faster}");
+        // The first stands before any time, and is counted as such.
+        let refused = loaded.flight.notices.iter().filter(|n| n.code == "undated" && n.place == "VTG");
+        assert_eq!(refused.map(|n| n.count).sum::<u64>(), if leads { 29 } else { 0 }, "{place} {faster}");
+        let Some(vtg) = loaded.flight.channels.get("velocity.vtg") else {
+            assert!(leads, "{place} {faster}");
+            continue;
+        };
+        let rmc = &loaded.flight.channels["velocity.gps"].series;
+        assert!(!leads && vtg.series.timeline().stamps() == rmc.timeline().stamps(), "{place} {faster}");
+        assert_eq!(vtg.series.component(0), rmc.component(0));
     }
-}
-
-/// Fifth `fifth` of a second of a flight that turns and changes its speed, VTG in front of the sentences of its epoch.
-fn turn(fifth: usize) -> [String; 3] {
-    let time = format!("12{:02}{:02}.{}0", fifth / 300, fifth / 5 % 60, 2 * (fifth % 5));
-    let (place, speed, track) = ("4807.0000,N,01131.0000,E", 20.0 + 0.1 * (fifth % 97) as f64, fifth % 360);
-    [
-        sealed(&format!("GPVTG,{track}.0,T,,M,{speed:.1},N,,K,A")),
-        sealed(&format!("GPGGA,{time},{place},1,08,0.9,545.4,M,46.9,M,,")),
-        sealed(&format!("GPRMC,{time},A,{place},{speed:.1},{track}.0,211126,,,A")),
-    ]
-}
-
-/// That each VTG that is used has the time of the RMC that says its track, and that so many are not used.
-fn assert_vtg(loaded: &ingest::Loaded, used: usize, refused: u64) {
-    let [rmc, vtg] = ["velocity.gps", "velocity.vtg"].map(|name| &loaded.flight.channels[name].series);
-    assert_eq!(vtg.len(), used);
-    for (row, stamp) in vtg.timeline().stamps().iter().enumerate() {
-        let at = rmc.timeline().stamps().binary_search(stamp).unwrap();
-        assert_eq!([0, 1].map(|i| vtg.component(i)[row]), [0, 1].map(|i| rmc.component(i)[at]), "{row}");
-    }
-    let moved = count_saying(loaded, "read-leniently", "stands in front of the other sentences");
-    let of_no_epoch = loaded.flight.notices.iter().filter(|n| n.code == "undated" && n.severity == Severity::Warning);
-    let told = of_no_epoch.map(|n| n.count).sum::<u64>();
-    assert_eq!((moved, told), (used as u64, refused), "{:?}", loaded.flight.notices);
-}
-
-#[test]
-fn a_velocity_in_front_of_a_gap_is_not_moved_over_it() {
-    let lines = |fifths: std::ops::Range<usize>| fifths.flat_map(turn).collect::<Vec<_>>();
-    // A hole of a minute that begins behind a VTG, or behind its epoch, and ends in front of a VTG, or behind one.
-    // 50 epochs before it and 51 behind; what stands in front of the first time has none.
-    for (last, first, used, refused) in [(1, 0, 98, 2), (3, 0, 99, 1), (1, 1, 98, 1), (3, 1, 99, 0)] {
-        let before = [lines(0..49), turn(49)[..last].to_vec()].concat();
-        let behind = [turn(350)[first..].to_vec(), lines(351..401)].concat();
-        assert_vtg(&bound(&[before, behind].concat()), used, refused);
-    }
-    // A log that ends behind one.
-    assert_vtg(&bound(&[lines(0..50), turn(50)[..1].to_vec()].concat()), 49, 1);
-    // A flight of two files, the second of which begins later.
-    let (folder, first) =
-        file("a.nmea", ([lines(0..49), turn(49)[..1].to_vec()].concat().join("\r\n") + "\r\n").as_bytes());
-    let second = folder.path().join("b.nmea");
-    std::fs::write(&second, lines(350..401).join("\r\n") + "\r\n").unwrap();
-    let unit = ingest::FlightUnit { id: "f".into(), files: vec![first, second], kind: LogKind::Nmea };
-    assert_vtg(&load(&unit).unwrap(), 98, 2);
-}
-
-#[test]
-fn a_velocity_in_front_of_its_epoch_is_used_at_every_rate_that_the_receiver_is_told() {
-    // One a second and five a second, in fifths of a second.
-    let slow = |seconds: std::ops::Range<usize>| seconds.map(|second| 5 * second);
-    for fifths in [
-        slow(0..300).chain(1500..1900).collect::<Vec<_>>(),
-        (0..1500).chain(slow(300..400)).collect(),
-        (0..100).chain(slow(20..200)).chain(1000..1400).collect(),
-    ] {
-        let loaded = bound(&fifths.iter().copied().flat_map(turn).collect::<Vec<_>>());
-        // What stands in front of the first time has none.
-        assert_vtg(&loaded, fifths.len() - 1, 0);
-    }
-}
-
-#[test]
-fn a_gap_among_fast_epochs_is_one_also_where_most_of_the_log_has_epochs_as_far_apart() {
-    let slow = (0..400).flat_map(|second| turn(5 * second));
-    let before = (2000..2150).flat_map(turn).chain(turn(2150).into_iter().take(1));
-    let lines: Vec<String> = slow.chain(before).chain((2155..2200).flat_map(turn)).collect();
-    // Of 596 the first has no time yet, and nobody can tell when the two at the gap were.
-    assert_vtg(&bound(&lines), 593, 2);
 }
 
 #[test]
@@ -963,8 +898,9 @@ fn what_frames_sentences_or_colours_them_on_a_screen_is_no_damage() {
 }
 
 #[test]
-fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
+fn a_binary_frame_among_lines_with_the_times_of_a_logger_is_read_and_a_damaged_one_costs_the_time_behind_it() {
     let frame = crate::wire::ubx_frame(1, 3, &[0; 16]);
+    let damaged = [&frame[..10], &[1], &frame[11..]].concat();
     let ns = |fifth: usize| (1_795_262_400_100 + 200 * fifth as i64) * 1_000_000;
     let stamped = |fifth: usize| format!("{}.{:03} ", ns(fifth) / 1_000_000_000, ns(fifth) / 1_000_000 % 1000);
     let tagged = |fifth: usize| {
@@ -972,7 +908,9 @@ fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
         format!("\\{said}*{:02X}\\", said.bytes().fold(0, |sum, b| sum ^ b))
     };
     let prefixes: [&dyn Fn(usize) -> String; 2] = [&stamped, &tagged];
-    for prefix in prefixes {
+    for (prefix, (frame, is_intact)) in
+        prefixes.into_iter().flat_map(|prefix| [(prefix, (&frame, true)), (prefix, (&damaged, false))])
+    {
         let mut bytes = vec![];
         for fifth in 0..100 {
             let frame = if fifth == 60 { &frame[..] } else { &[] };
@@ -982,11 +920,15 @@ fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
         let (_folder, path) = file("f.nmea", &bytes);
         let loaded = load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap();
         assert_ledger(&loaded);
-        assert_eq!((loaded.health.format.as_str(), loaded.health.damage_count), ("NMEA 0183", 1));
-        assert_eq!(loaded.health.bytes.damaged, frame.len() as u64);
+        let format = if is_intact { "NMEA 0183 among UBX or RTCM 3" } else { "NMEA 0183" };
+        assert_eq!((loaded.health.format.as_str(), lossy(&loaded)), (format, !is_intact));
         let log = read_bytes(READER, &bytes).unwrap();
+        let lost = if is_intact { 0 } else { (frame.len() + prefix(60).len()) as u64 };
+        assert_eq!((log.health.bytes.damaged, table(&log, "GNGGA").rows), (lost, 100), "{:?}", log.health.damage);
         let column = table(&log, "GNGGA").column("logged_ns").unwrap();
-        assert!((0..100).all(|row| column.integer(row) == Some(ns(row))));
+        let truth = |row| Some(ns(row)).filter(|_| is_intact || row != 60);
+        assert!((0..100).all(|row| column.integer(row) == truth(row)));
+        assert_eq!(log.health.topics.iter().any(|topic| topic.name == "NAV-STATUS"), is_intact);
     }
 }
 

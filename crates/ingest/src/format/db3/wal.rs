@@ -3,8 +3,7 @@
 
 use crate::error::IngestError;
 use logscan::read_exactly;
-use memchr::memmem;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -12,8 +11,6 @@ const HEADER_BYTES: usize = 32;
 const FRAME_HEAD_BYTES: usize = 24;
 /// The last bit says in which byte order the checksums are taken.
 const MAGIC: u32 = 0x377f_0682;
-/// Frames that are found where none should be: there may be as many salts as one likes.
-const MOST_MOVES: usize = 100;
 
 /// The committed pages of a log.
 #[derive(Debug)]
@@ -112,24 +109,12 @@ impl Wal {
         if is_sound && (page_bytes.unwrap_or(own) != own || !is_size) {
             return Ok(Beside::Useless(size, "its pages are not as large as those of the database".to_owned()));
         }
-        let page_bytes = if is_sound { own } else { page_bytes.or(is_size.then_some(own)).unwrap_or(4096) };
-        let mut wal = Wal { file, name, size, page_bytes, pages: 0, places: HashMap::new(), unfinished: 0 };
-        if is_sound {
-            wal.walk(head.get(16..24).unwrap_or_default(), sum)?;
-        } else {
-            // What it says of its frames is proven by them: each is summed up on top of the one before.
-            for big_endian in [false, true] {
-                let start = Sum { big_endian, value: stated };
-                let salt = wal.salt_of_proven(start)?;
-                wal.walk(&salt, start)?;
-                if !wal.places.is_empty() {
-                    break;
-                }
-            }
-            wal.unfinished += 1;
+        if !is_sound {
+            return Ok(Beside::Useless(size, "its header is damaged".to_owned()));
         }
+        let mut wal = Wal { file, name, size, page_bytes: own, pages: 0, places: HashMap::new(), unfinished: 0 };
+        wal.walk(head.get(16..24).unwrap_or_default(), sum)?;
         Ok(match wal.places.len() {
-            0 if !is_sound => Beside::Useless(size, "its header is damaged".to_owned()),
             0 if wal.unfinished > 0 => Beside::Useless(size, "no transaction in it is whole".to_owned()),
             0 => Beside::Idle(size),
             _ => Beside::Wal(wal),
@@ -140,95 +125,39 @@ impl Wal {
         FRAME_HEAD_BYTES as u64 + u64::from(self.page_bytes)
     }
 
-    /// The salt of the first frame that the sum before proves, or else of the first. Behind the frames of this round stand those
-    /// of earlier ones: where the first frame is of a later round than that, nothing else is known of its round.
-    fn salt_of_proven(&self, start: Sum) -> Result<[u8; 8], IngestError> {
-        const MOST_ROUNDS: u32 = 1 << 20;
-        let frame_bytes = self.frame_bytes();
-        let mut frame = vec![0; frame_bytes as usize];
-        let (mut at, mut before, mut first) = (HEADER_BYTES as u64, start.value, None::<[u8; 8]>);
-        // The first half is counted up with every round.
-        let is_later = |a: &[u8], b: &[u8]| (1..MOST_ROUNDS).contains(&u32_at(a, 0).wrapping_sub(u32_at(b, 0)));
-        while at + frame_bytes <= self.size {
-            read_exactly(&self.file, &self.name, &mut frame, at)?;
-            let salt = frame.get(8..).and_then(|b| b.first_chunk::<8>()).copied().unwrap_or_default();
-            let is_proven = sum_of(&frame, Sum { value: before, ..start }) == stated_in(&frame);
-            if is_proven && u32_at(&frame, 0) != 0 {
-                return Ok(first.filter(|first| is_later(first, &salt)).unwrap_or(salt));
-            }
-            first = first.or(Some(salt));
-            before = stated_in(&frame);
-            at += frame_bytes;
-        }
-        Ok(first.unwrap_or_default())
-    }
-
-    /// Takes the frames of this log. Each is summed up on top of the sum that the one before states, which proves both.
+    /// Takes the frames up to the first that is damaged, as SQLite does. Each is summed up on top of the one before.
     ///
     /// A log is written again from its start: behind the last frame of a round stand those of an earlier one, with another
-    /// salt. Behind a frame that is damaged those with the salt of this round are taken again as soon as one proves the next.
-    fn walk(&mut self, salt: &[u8], start: Sum) -> Result<(), IngestError> {
+    /// salt. Those with the salt of this round, behind one that is damaged, are lost.
+    fn walk(&mut self, salt: &[u8], mut sum: Sum) -> Result<(), IngestError> {
         let frame_bytes = self.frame_bytes();
         let mut frame = vec![0; frame_bytes as usize];
         let mut open: Vec<(u32, u64)> = vec![];
-        let (mut at, mut before, mut in_sequence) = (HEADER_BYTES as u64, start.value, true);
+        let (mut at, mut is_sound) = (HEADER_BYTES as u64, true);
         // Frames that were not taken, and how many of them are known to be of this round.
         let (mut passed, mut lost) = (0, 0);
-        let (mut seen, mut moves) = (HashSet::new(), 0);
-        self.unfinished = 0;
         while at + frame_bytes <= self.size {
             read_exactly(&self.file, &self.name, &mut frame, at)?;
-            let sum = sum_of(&frame, Sum { value: before, ..start });
             let (page, commit) = (u32_at(&frame, 0), u32_at(&frame, 4));
-            before = stated_in(&frame);
             let is_of_round = frame.get(8..16) == Some(salt);
-            // One that stands there twice is no newer the second time.
-            let is_new = seen.insert(before);
-            in_sequence = sum == before && page != 0 && (in_sequence || is_of_round) && is_new;
-            passed += 1;
-            if in_sequence || is_of_round {
-                lost += passed - u64::from(in_sequence);
-                passed = 0;
-            }
-            if in_sequence {
+            sum.value = sum_of(&frame, sum);
+            is_sound &= is_of_round && page != 0 && sum.value == stated_in(&frame);
+            if is_sound {
                 open.push((page, at + FRAME_HEAD_BYTES as u64));
+            } else {
+                passed += 1;
+                lost = if is_of_round { passed } else { lost };
             }
-            if in_sequence && commit > 0 {
+            if is_sound && commit > 0 {
                 self.places.extend(open.drain(..));
                 self.pages = commit;
             }
-            at = match self.moved_frame(at, salt, in_sequence || is_of_round, &mut moves)? {
-                Some(moved) => moved,
-                None => at + frame_bytes,
-            };
+            at += frame_bytes;
         }
         // A frame that the file ends inside of.
         let cut = u64::from(at < self.size);
         self.unfinished = lost + open.len() as u64 + cut;
         Ok(())
-    }
-
-    /// Where the next frame of this round begins behind one that is none, if it is not where it should be: bytes are missing
-    /// in front of it.
-    fn moved_frame(
-        &self,
-        at: u64,
-        salt: &[u8],
-        is_in_place: bool,
-        moves: &mut usize,
-    ) -> Result<Option<u64>, IngestError> {
-        const SALT_AT: u64 = 8;
-        if is_in_place || *moves >= MOST_MOVES || salt.iter().all(|&byte| byte == 0) {
-            return Ok(None);
-        }
-        let from = at + SALT_AT + 1;
-        let length = (self.frame_bytes() - 1 + salt.len() as u64).min(self.size.saturating_sub(from));
-        let mut bytes = vec![0; usize::try_from(length).unwrap_or(0)];
-        read_exactly(&self.file, &self.name, &mut bytes, from)?;
-        let moved = memmem::find(&bytes, salt).map(|found| at + 1 + found as u64);
-        let moved = moved.filter(|&moved| moved < at + self.frame_bytes());
-        *moves += usize::from(moved.is_some());
-        Ok(moved)
     }
 
     /// Where the newest content of a page begins in the log.

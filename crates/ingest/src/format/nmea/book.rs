@@ -1,7 +1,7 @@
 //! The way of each sentence to its topic, and the time that it is given.
 
 use super::kind::{Kind, UTC, is_valid, whole_layout};
-use super::order::{Order, Stamps, Steps};
+use super::order::{Doubtful, Order, Stamps};
 use super::sentence::{Sentence, plain, time_of_day_ns};
 use super::talkers;
 use crate::civil::calendar_to_unix_ns;
@@ -109,7 +109,7 @@ impl Book {
         let (utc_ns, elapsed_ns) = self.epochs.stamp(date, kind.time, (talker, name), sentence);
         if let Some(elapsed_ns) = elapsed_ns {
             match name {
-                "VTG" => self.order.vtg(sentence, Stamps { utc_ns: utc_cell(utc_ns, elapsed_ns), elapsed_ns }),
+                "VTG" => self.order.vtg(sentence),
                 _ if kind.time.is_some() => self.order.timed(name, sentence, elapsed_ns),
                 _ => {}
             }
@@ -172,8 +172,11 @@ impl Book {
 
     /// What receivers say of themselves.
     fn note(&mut self, name: &str, sentence: &Sentence<'_>) {
+        if name != "TXT" {
+            return;
+        }
         let text = sentence.field(4);
-        if name == "TXT" && self.texts.len() < MOST_TEXTS && !self.texts.iter().any(|known| known == text) {
+        if self.texts.len() < MOST_TEXTS && !self.texts.iter().any(|known| known == text) {
             self.texts.push(text.to_owned());
         }
     }
@@ -207,7 +210,7 @@ impl Book {
         }
         log.health.about.texts.extend(self.texts);
         log.health.extras.extend(self.heights.remark());
-        Dates { begin_ns: self.epochs.begin_ns, steps: self.order.finish(notices) }
+        Dates { begin_ns: self.epochs.begin_ns, doubtful: self.order.finish(notices) }
     }
 }
 
@@ -216,18 +219,18 @@ fn utc_cell(utc_ns: Option<i64>, elapsed_ns: i64) -> i64 {
     utc_ns.unwrap_or(BEFORE_ANY_DATE_NS + elapsed_ns)
 }
 
-/// The dates of sentences that stood before the first one, and the times of those that stood in front of their epoch.
+/// The dates of sentences that stood before the first one, and the times that sentences should not have.
 #[must_use]
 pub(crate) struct Dates {
     begin_ns: Option<i64>,
-    steps: Steps,
+    doubtful: Doubtful,
 }
 
 impl Dates {
     /// Puts them into the tables; without any date in the log such sentences have no UTC. Then what one receiver said
     /// under several addresses is one table.
     pub(crate) fn put(&self, log: &mut Log) {
-        self.steps.put(log);
+        self.doubtful.put(log);
         for table in log.tables.iter_mut().filter(|table| table.topic.encoding == "nmea") {
             table.columns.retain_mut(|column| column.path != UTC || self.put_into(column));
         }

@@ -1,5 +1,6 @@
 //! A sentence: what stands between `$` and its checksum, and the values in its fields.
 
+use memchr::{memchr, memchr_iter};
 use std::fmt;
 
 /// Longest sentence that is looked for, bytes. The standard says 82; receivers send more.
@@ -80,13 +81,24 @@ impl<'t> Sentence<'t> {
         }
     }
 
+    /// The sentence that these bytes are, which was found to be one.
+    pub(crate) fn of(bytes: &'t [u8]) -> Sentence<'t> {
+        let inner = bytes.get(1..).unwrap_or_default();
+        let (body, checked) = match inner.split_last_chunk() {
+            Some((body, [b'*', _, _])) => (body, true),
+            _ => (inner, false),
+        };
+        Sentence { body: std::str::from_utf8(body).unwrap_or_default(), length: bytes.len(), checked }
+    }
+
     /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it, with the message as in `PUBX,00`, or
     /// its maker where a text begins without a comma, as in `$PSRFTXTWK: 1488`.
     pub(crate) fn address(&self) -> (&'t str, &'t str) {
-        let address = self.body.split(',').next().unwrap_or_default();
+        let end = memchr(b',', self.body.as_bytes()).unwrap_or(self.body.len());
+        let address = self.body.get(..end).unwrap_or_default();
         let plain = |b: u8| b.is_ascii_uppercase() || b.is_ascii_digit();
-        let message = self.field(1);
-        if NUMBERED.contains(&address) && (2..=3).contains(&message.len()) && message.bytes().all(plain) {
+        let message = if NUMBERED.contains(&address) { self.field(1) } else { "" };
+        if (2..=3).contains(&message.len()) && message.bytes().all(plain) {
             return ("", self.body.get(..address.len() + 1 + message.len()).unwrap_or(address));
         }
         let address = if address.bytes().all(plain) { address } else { address.get(..MAKER).unwrap_or(address) };
@@ -96,7 +108,9 @@ impl<'t> Sentence<'t> {
 
     /// Field `index`, from 1; empty if there is none.
     pub(crate) fn field(&self, index: usize) -> &'t str {
-        self.body.split(',').nth(index).unwrap_or_default()
+        let mut commas = memchr_iter(b',', self.body.as_bytes());
+        let Some(start) = index.checked_sub(1).and_then(|before| commas.nth(before)) else { return "" };
+        self.body.get(start + 1..commas.next().unwrap_or(self.body.len())).unwrap_or_default()
     }
 }
 
@@ -104,7 +118,7 @@ impl<'t> Sentence<'t> {
 /// which does not begin with a character, is neither.
 fn is_apart(behind: &[u8]) -> bool {
     let rest = behind.split(|b| b"\n$".contains(b)).next().unwrap_or_default();
-    let is_other = |b: &u8| !b.is_ascii() || (hexadecimal(*b).is_none() && memchr::memchr(b'*', rest).is_none());
+    let is_other = |b: &u8| !b.is_ascii() || (hexadecimal(*b).is_none() && memchr(b'*', rest).is_none());
     behind.first().is_none_or(is_other)
 }
 

@@ -1,16 +1,14 @@
 //! A frame of UBX, one of RTCM 3 between them, and their checksums.
 
 /// First bytes of a UBX frame.
-pub(super) const SYNC: [u8; 2] = [0xb5, 0x62];
+pub(crate) const SYNC: [u8; 2] = [0xb5, 0x62];
 /// First byte of an RTCM 3 frame.
-pub(super) const RTCM: u8 = 0xd3;
-/// Bytes of the longest.
-pub(super) const LONGEST_RTCM: usize = 3 + 1023 + 3;
+pub(crate) const RTCM: u8 = 0xd3;
 /// Sync, class, number and length.
 pub(super) const HEADER: usize = 6;
 const CHECKSUM: usize = 2;
 /// The longest frame.
-pub(super) const LONGEST: usize = HEADER + u16::MAX as usize + CHECKSUM;
+pub(crate) const LONGEST: usize = HEADER + u16::MAX as usize + CHECKSUM;
 
 /// An intact frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -159,11 +159,11 @@ impl Pulses {
 
 /// GPS week and time of week, ms, of the first rows of TIM-TM2.
 #[derive(Debug, Default)]
-pub(super) struct EarlyMarks(Vec<Option<(i64, i64)>>);
+pub(crate) struct EarlyMarks(Vec<Option<(i64, i64)>>);
 
 impl EarlyMarks {
     /// Puts them into the table.
-    pub(super) fn put(&self, log: &mut Log) {
+    pub(crate) fn put(&self, log: &mut Log) {
         let tables = log.tables.iter_mut().filter(|t| t.topic.encoding == "ubx" && t.topic.name == "TIM-TM2");
         for column in tables.flat_map(|table| &mut table.columns) {
             let part: fn((i64, i64)) -> i64 = match &*column.path {

@@ -206,7 +206,7 @@ impl Receiver {
 
 /// The weeks of messages that came before the first one that told its week.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Weeks {
+pub(crate) struct Weeks {
     ahead: Option<i64>,
     /// The run of the clock in which it was told.
     run: i64,
@@ -234,7 +234,7 @@ impl Weeks {
     }
 
     /// Puts the weeks into the tables, none for runs of a clock that did not know the time; 0 if none was ever told.
-    pub(super) fn put(self, log: &mut Log) {
+    pub(crate) fn put(self, log: &mut Log) {
         let tables = log.tables.iter_mut().filter(|table| table.topic.encoding == "ubx");
         for column in tables.flat_map(|table| &mut table.columns).filter(|column| column.path == "gps_week") {
             let ColumnData::F64(weeks) = &mut column.data else { continue };

@@ -2,7 +2,8 @@
 
 use crate::bytes::Bytes;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// The end record has a comment of at most 64 KiB behind it.
@@ -47,14 +48,6 @@ impl Entry {
         let hidden = self.name.rsplit('/').next().is_some_and(|name| name.starts_with('.'));
         !self.name.ends_with('/') && !hidden && !self.name.split('/').any(|part| part == "__MACOSX")
     }
-}
-
-/// The packed bytes of an entry.
-pub(super) struct Packed<R> {
-    pub(super) inner: R,
-    /// Where they begin and end in the archive.
-    pub(super) start: u64,
-    pub(super) end: u64,
 }
 
 /// The files of an archive in the order of its list.
@@ -239,25 +232,23 @@ fn header(head: &[u8], at: u64) -> Option<(Entry, u64)> {
     Some((entry, content_at))
 }
 
-/// Goes to the packed bytes of an entry.
-pub(super) fn open<'f>(file: &'f mut File, entry: &Entry) -> io::Result<Packed<&'f mut File>> {
+/// Where the packed bytes of an entry are.
+pub(super) fn place(file: &mut File, entry: &Entry) -> io::Result<Range<u64>> {
     let head = read_at(file, entry.header_at, 30 + 2 * MOST_COMMENT)?;
     let broken = || io::Error::new(io::ErrorKind::InvalidData, "the list points to no header");
     let (_, start) = header(&head, entry.header_at).ok_or_else(broken)?;
-    file.seek(SeekFrom::Start(start))?;
-    Ok(Packed { inner: file, start, end: start.saturating_add(entry.packed_bytes) })
+    Ok(start..start.saturating_add(entry.packed_bytes))
 }
 
 /// The content of an entry; an error where it ends if its CRC is wrong.
 ///
 /// # Errors
 /// Why it cannot be unpacked.
-pub(super) fn decoder<'r>(entry: &Entry, packed: Packed<impl Read + 'r>) -> Result<Box<dyn Read + 'r>, String> {
+pub(super) fn decoder<'r>(entry: &Entry, packed: impl BufRead + 'r) -> Result<Box<dyn Read + 'r>, String> {
     if entry.encrypted {
         return Err("the ZIP archive is encrypted".to_owned());
     }
-    let bounded = BufReader::with_capacity(super::STEP, packed.inner.take(packed.end - packed.start));
-    let content = unpacked(entry.method, bounded)?;
+    let content = unpacked(entry.method, packed)?;
     Ok(Box::new(Checked { inner: content, crc: crc32fast::Hasher::new(), expected: entry.crc }))
 }
 
