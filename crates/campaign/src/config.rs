@@ -8,6 +8,7 @@ use crate::answer;
 use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::criteria::Criteria;
 use crate::delay::{Case, Decided, DelayRule, FixedDelay, Known, measured_pair};
+use crate::error::CampaignError;
 use crate::lever::Antenna;
 use crate::reference::ReferenceRule;
 use compensation_replay::{
@@ -604,15 +605,22 @@ impl Pipeline {
     }
 
     /// The same pipeline with a second file for each flight: a path, or a pattern relative to the flight's folder.
-    #[must_use]
-    pub fn with_reference(mut self, file: Option<String>, clock: Option<ClockRule>) -> Pipeline {
+    ///
+    /// # Errors
+    /// The rule for the clock of a second file, where there is none.
+    pub fn with_reference(mut self, file: Option<String>, clock: Option<ClockRule>) -> Result<Pipeline, CampaignError> {
         let known = self.meant.reference.take();
+        if clock.is_some() && file.is_none() && known.is_none() {
+            let what =
+                "--reference-clock is for the clock of a reference file, and there is none: add --reference FILE";
+            return Err(CampaignError::Asked(what.to_owned()));
+        }
         let clock = clock.or(known.as_ref().map(|rule| rule.clock)).unwrap_or_default();
         self.meant.reference = file.or(known.map(|rule| rule.file)).map(|file| ReferenceRule { file, clock });
         if self.meant.reference.is_some() {
             self.meant.channels.with_reference_file();
         }
-        self
+        Ok(self)
     }
 
     /// Where the second file of each flight is.

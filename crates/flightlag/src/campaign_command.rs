@@ -8,8 +8,8 @@ use crate::listen::listener;
 use crate::show::{count, visible};
 use crate::stop::Stop;
 use campaign::{
-    ClockRule, Criteria, Desk, EventSink, Exit, GroupLine, LogCache, Manifest, Order, Pipeline, Status, TaskReport,
-    Verdict,
+    CampaignError, ClockRule, Criteria, Desk, EventSink, Exit, GroupLine, LogCache, Manifest, Order, Pipeline, Status,
+    TaskReport, Verdict,
 };
 use record::{CampaignCriteria, CriterionSummary, VerdictTally};
 use std::io::Write;
@@ -233,7 +233,11 @@ pub(crate) fn pipeline_of(
 }
 
 /// The pipeline with the second file that the arguments name. A path that leads to a file from here is that file.
-pub(crate) fn with_reference(pipeline: Pipeline, file: Option<&str>, clock: Option<ClockRule>) -> Pipeline {
+pub(crate) fn with_reference(
+    pipeline: Pipeline,
+    file: Option<&str>,
+    clock: Option<ClockRule>,
+) -> Result<Pipeline, CampaignError> {
     let here = |file: &str| std::path::absolute(file).ok().filter(|path| path.is_file());
     let file = file.map(|file| here(file).map_or_else(|| file.to_owned(), |path| path.display().to_string()));
     pipeline.with_reference(file, clock)
@@ -241,7 +245,7 @@ pub(crate) fn with_reference(pipeline: Pipeline, file: Option<&str>, clock: Opti
 
 fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
     let pipeline = pipeline_of(arguments.pipeline.as_deref(), arguments.map.clone(), arguments.maps.clone())?;
-    let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock);
+    let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock)?;
     let criteria = arguments.criteria.as_deref().map(Criteria::read).transpose();
     let pipeline = pipeline.with_criteria(criteria.map_err(campaign::CampaignError::from)?);
     Ok(Order {

@@ -21,7 +21,7 @@ const MOST_ALARMS: usize = 20;
 pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failure> {
     let mut out = std::io::stdout().lock();
     let pipeline = pipeline_of(arguments.pipeline.as_deref(), arguments.map.clone(), arguments.maps.clone())?;
-    let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock);
+    let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock)?;
     let order = DelayOrder { paths: arguments.logs.clone(), pipeline, filter_values: arguments.ekf.is_some() };
     let quiet = arguments.quiet || arguments.logs.iter().all(|path| path.is_file());
     let asked = DeskArguments { threads: arguments.threads, json: false, quiet, cache: arguments.cache.clone() };

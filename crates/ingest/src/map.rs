@@ -4,8 +4,8 @@ use crate::civil::{DateOrder, Tick, offset_seconds};
 use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
-    ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
-    OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
+    ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, KindName, MapFile,
+    OneOrMore, OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
@@ -300,17 +300,15 @@ impl ChannelRule {
     fn requests_of<'r>(&'r self, topic: &'r TopicInfo) -> impl Iterator<Item = FieldRequest> + 'r {
         let number = |path: &String| FieldRequest { path: path.clone(), kind: ValueKind::Number };
         let require = self.require.iter().filter(|r| r.of.contains(&topic.name));
-        require.flat_map(move |r| std::iter::once(&r.field).chain(r.same.all()).map(number))
+        require.flat_map(move |r| std::iter::once(&r.field).chain(&r.same.0).map(number))
     }
 
     /// What is to be decoded for it.
     pub(crate) fn requests(&self) -> impl Iterator<Item = FieldRequest> {
         let number = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
         let parts = self.parts.iter().flat_map(|p| &p.fields).map(move |source| number(&source.path));
-        let require = self
-            .require
-            .iter()
-            .flat_map(|r| if r.of.is_empty() { std::slice::from_ref(&r.field) } else { r.same.all() });
+        let require =
+            self.require.iter().flat_map(|r| if r.of.is_empty() { std::slice::from_ref(&r.field) } else { &r.same.0 });
         let require = require.map(move |path| number(path));
         let times = self.times.iter().flat_map(|(_, sources)| sources).flat_map(TimeSource::requests);
         parts.chain(require).chain(times)
@@ -704,7 +702,7 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
         if require.min.is_none() && require.max.is_none() && require.bit.is_none() {
             return Err(format!("require {}: neither min nor max nor bit", require.field));
         }
-        if require.of.is_empty() != require.same.all().is_empty() {
+        if require.of.is_empty() != require.same.0.is_empty() {
             return Err(format!("require {}: `of` goes with `same`", require.field));
         }
     }
@@ -745,12 +743,12 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
 struct Slot<'a> {
     role: &'static str,
     dimension: Dimension,
-    written: &'a Option<OneOrMore>,
+    written: &'a Option<OneOrMore<FieldEntry>>,
     presence: Presence,
     opposite: bool,
 }
 
-fn slot<'a>(role: &'static str, dimension: Dimension, written: &'a Option<OneOrMore>) -> Slot<'a> {
+fn slot<'a>(role: &'static str, dimension: Dimension, written: &'a Option<OneOrMore<FieldEntry>>) -> Slot<'a> {
     Slot { role, dimension, written, presence: Presence::Required, opposite: false }
 }
 
@@ -883,7 +881,7 @@ fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> 
 
 /// A field that the recipe does not use is a mistake of the author.
 fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
-    let all: [(&str, &Option<OneOrMore>); 31] = [
+    let all: [(&str, &Option<OneOrMore<FieldEntry>>); 31] = [
         ("latitude", &f.latitude),
         ("longitude", &f.longitude),
         ("height", &f.height),
@@ -925,12 +923,11 @@ fn part(slot: &Slot<'_>) -> Result<Part, String> {
     let entries = match slot.written {
         None if matches!(slot.presence, Presence::Vertical | Presence::Axis) => vec![],
         None => return Err(format!("the field {role} is missing")),
-        Some(OneOrMore::One(entry)) => vec![entry.clone()],
-        Some(OneOrMore::More(entries)) => entries.clone(),
+        Some(OneOrMore(entries)) => entries.clone(),
     };
     let mut fields = vec![];
     for entry in entries {
-        let unit: Unit = entry.unit.parse().map_err(|e| format!("{role}: {e}"))?;
+        let unit = entry.unit;
         let numbered = role == "second" && unit.dimension() == Dimension::None;
         if unit.dimension() != slot.dimension && role != "value" && !numbered {
             return Err(format!("{role}: {unit} is no unit of {:?}", slot.dimension));

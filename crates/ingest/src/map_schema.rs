@@ -1,10 +1,15 @@
 //! A channel map as its author writes it. Every struct refuses fields that it does not know.
 
 use crate::reader::Log;
+use flight::Unit;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer, StrDeserializer};
+use serde::de::{Error, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use std::collections::BTreeSet;
+use std::fmt::Formatter;
+use std::marker::PhantomData;
 use toml::Spanned;
 
 /// A channel map: which topic and field becomes which channel, in which unit, frame and timeline.
@@ -367,79 +372,119 @@ impl WhenEntry {
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct FieldTable {
     /// Latitude, positive north.
-    pub(crate) latitude: Option<OneOrMore>,
+    pub(crate) latitude: Option<OneOrMore<FieldEntry>>,
     /// Longitude, positive east.
-    pub(crate) longitude: Option<OneOrMore>,
+    pub(crate) longitude: Option<OneOrMore<FieldEntry>>,
     /// Height, positive up.
-    pub(crate) height: Option<OneOrMore>,
+    pub(crate) height: Option<OneOrMore<FieldEntry>>,
     /// North.
-    pub(crate) north: Option<OneOrMore>,
+    pub(crate) north: Option<OneOrMore<FieldEntry>>,
     /// East; instead of `west`.
-    pub(crate) east: Option<OneOrMore>,
+    pub(crate) east: Option<OneOrMore<FieldEntry>>,
     /// West; instead of `east`.
-    pub(crate) west: Option<OneOrMore>,
+    pub(crate) west: Option<OneOrMore<FieldEntry>>,
     /// Down; instead of `up`. In the body's frame, along its downward axis.
-    pub(crate) down: Option<OneOrMore>,
+    pub(crate) down: Option<OneOrMore<FieldEntry>>,
     /// Up; instead of `down`. In the body's frame, along its upward axis.
-    pub(crate) up: Option<OneOrMore>,
+    pub(crate) up: Option<OneOrMore<FieldEntry>>,
     /// Speed over ground.
-    pub(crate) speed: Option<OneOrMore>,
+    pub(crate) speed: Option<OneOrMore<FieldEntry>>,
     /// Direction of travel, clockwise from north: from true north, or with `variation` from magnetic north.
-    pub(crate) track: Option<OneOrMore>,
+    pub(crate) track: Option<OneOrMore<FieldEntry>>,
     /// Magnetic variation, positive east: true track = magnetic track + variation.
-    pub(crate) variation: Option<OneOrMore>,
+    pub(crate) variation: Option<OneOrMore<FieldEntry>>,
     /// Along the body's forward axis.
-    pub(crate) forward: Option<OneOrMore>,
+    pub(crate) forward: Option<OneOrMore<FieldEntry>>,
     /// Along the body's left axis; instead of `right`.
-    pub(crate) left: Option<OneOrMore>,
+    pub(crate) left: Option<OneOrMore<FieldEntry>>,
     /// Along the body's right axis; instead of `left`.
-    pub(crate) right: Option<OneOrMore>,
+    pub(crate) right: Option<OneOrMore<FieldEntry>>,
     /// Along or about the first axis of `frame`.
-    pub(crate) x: Option<OneOrMore>,
+    pub(crate) x: Option<OneOrMore<FieldEntry>>,
     /// Along or about the second axis of `frame`.
-    pub(crate) y: Option<OneOrMore>,
+    pub(crate) y: Option<OneOrMore<FieldEntry>>,
     /// Along or about the third axis of `frame`.
-    pub(crate) z: Option<OneOrMore>,
+    pub(crate) z: Option<OneOrMore<FieldEntry>>,
     /// With a velocity in the frame `ecef`: where it is, along the first axis.
-    pub(crate) at_x: Option<OneOrMore>,
+    pub(crate) at_x: Option<OneOrMore<FieldEntry>>,
     /// Where it is, along the second axis.
-    pub(crate) at_y: Option<OneOrMore>,
+    pub(crate) at_y: Option<OneOrMore<FieldEntry>>,
     /// Where it is, along the third axis.
-    pub(crate) at_z: Option<OneOrMore>,
+    pub(crate) at_z: Option<OneOrMore<FieldEntry>>,
     /// About the first axis of `frame`, last of the three turns (3-2-1).
-    pub(crate) roll: Option<OneOrMore>,
+    pub(crate) roll: Option<OneOrMore<FieldEntry>>,
     /// About the second axis of `frame`, second of the three turns.
-    pub(crate) pitch: Option<OneOrMore>,
+    pub(crate) pitch: Option<OneOrMore<FieldEntry>>,
     /// About the third axis of `frame`, first of the three turns.
-    pub(crate) yaw: Option<OneOrMore>,
+    pub(crate) yaw: Option<OneOrMore<FieldEntry>>,
     /// Counts of an encoder.
-    pub(crate) count: Option<OneOrMore>,
+    pub(crate) count: Option<OneOrMore<FieldEntry>>,
     /// Angle of an encoder.
-    pub(crate) angle: Option<OneOrMore>,
+    pub(crate) angle: Option<OneOrMore<FieldEntry>>,
     /// Second of the device's clock at a pulse, or the pulse's number.
-    pub(crate) second: Option<OneOrMore>,
+    pub(crate) second: Option<OneOrMore<FieldEntry>>,
     /// Orientation: quaternion, x. Of an attitude in the axes of `frame`, else of the body (forward, left, up) in
     /// east, north, up.
-    pub(crate) orientation_x: Option<OneOrMore>,
+    pub(crate) orientation_x: Option<OneOrMore<FieldEntry>>,
     /// Quaternion, y.
-    pub(crate) orientation_y: Option<OneOrMore>,
+    pub(crate) orientation_y: Option<OneOrMore<FieldEntry>>,
     /// Quaternion, z.
-    pub(crate) orientation_z: Option<OneOrMore>,
+    pub(crate) orientation_z: Option<OneOrMore<FieldEntry>>,
     /// Quaternion, scalar part.
-    pub(crate) orientation_w: Option<OneOrMore>,
+    pub(crate) orientation_w: Option<OneOrMore<FieldEntry>>,
     /// The number of a scalar.
-    pub(crate) value: Option<OneOrMore>,
+    pub(crate) value: Option<OneOrMore<FieldEntry>>,
 }
 
-/// One field, or several of which the first that exists is read.
-#[derive(Debug, Clone, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(untagged)]
-pub(crate) enum OneOrMore {
-    /// One.
-    One(FieldEntry),
-    /// Several.
-    More(Vec<FieldEntry>),
+/// One entry, or a list of them. Not an untagged enum of serde, whose error would not say what is wrong in which line.
+#[derive(Debug, Clone)]
+pub(crate) struct OneOrMore<T>(pub(crate) Vec<T>);
+
+impl<T> Default for OneOrMore<T> {
+    fn default() -> OneOrMore<T> {
+        OneOrMore(vec![])
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for OneOrMore<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<OneOrMore<T>, D::Error> {
+        deserializer.deserialize_any(EntryOrList(PhantomData))
+    }
+}
+
+struct EntryOrList<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for EntryOrList<T> {
+    type Value = OneOrMore<T>;
+
+    fn expecting(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        f.write_str("an entry, or a list of them")
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<OneOrMore<T>, E> {
+        T::deserialize(StrDeserializer::new(text)).map(|one| OneOrMore(vec![one]))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<OneOrMore<T>, A::Error> {
+        T::deserialize(MapAccessDeserializer::new(map)).map(|one| OneOrMore(vec![one]))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<OneOrMore<T>, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(list)).map(OneOrMore)
+    }
+}
+
+#[cfg(feature = "schema")]
+impl<T: JsonSchema> JsonSchema for OneOrMore<T> {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        format!("OneOrMore_{}", T::schema_name()).into()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "anyOf": [generator.subschema_for::<T>(), generator.subschema_for::<Vec<T>>()]
+        })
+    }
 }
 
 /// A field and its unit.
@@ -450,7 +495,9 @@ pub(crate) struct FieldEntry {
     /// Dotted path.
     pub(crate) field: String,
     /// Unit, as `deg`, `1e-7 deg`, `m`, `mm`, `ft`, `m/s`, `kt`, `ft/min`; `1` for a pure number.
-    pub(crate) unit: String,
+    #[serde(deserialize_with = "unit")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
+    pub(crate) unit: Unit,
     /// Of a height: what it is above, if that is not what the channel says.
     pub(crate) above: Option<HeightAbove>,
 }
@@ -469,7 +516,7 @@ pub(crate) struct RequireEntry {
     /// With other topics: the fields that number the epochs, here and there: one, or several that do it together, as a week
     /// and the time in it.
     #[serde(default)]
-    pub(crate) same: FieldNames,
+    pub(crate) same: OneOrMore<String>,
     /// Its least value.
     pub(crate) min: Option<f64>,
     /// Its largest value.
@@ -478,30 +525,9 @@ pub(crate) struct RequireEntry {
     pub(crate) bit: Option<u32>,
 }
 
-/// One field, or several that mean something together.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(untagged)]
-pub(crate) enum FieldNames {
-    /// None.
-    #[default]
-    #[serde(skip)]
-    None,
-    /// One.
-    One(String),
-    /// Several.
-    More(Vec<String>),
-}
-
-impl FieldNames {
-    /// The fields.
-    pub(crate) fn all(&self) -> &[String] {
-        match self {
-            FieldNames::None => &[],
-            FieldNames::One(field) => std::slice::from_ref(field),
-            FieldNames::More(fields) => fields,
-        }
-    }
+/// A unit by its name: an unknown one is refused with its line.
+fn unit<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Unit, D::Error> {
+    String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
 }
 
 impl RequireEntry {

@@ -39,7 +39,7 @@ pub(super) fn conditions<'a>(require: &'a [RequireEntry], table: &'a Table, log:
 /// The field in the rows of `other` that have the numbers of the epoch that each row of `table` has. Where several have
 /// them, one that fails the condition speaks for all: which of them is of the row nobody can tell.
 fn same_epoch(entry: &RequireEntry, table: &Table, other: &Table) -> Option<Vec<Option<f64>>> {
-    let epochs = |table| entry.same.all().iter().map(|field| numbers(table, field)).collect::<Option<Vec<_>>>();
+    let epochs = |table| entry.same.0.iter().map(|field| numbers(table, field)).collect::<Option<Vec<_>>>();
     let (here, there, field) = (epochs(table)?, epochs(other)?, numbers(other, &entry.field)?);
     let epoch = |columns: &[&Column], row| columns.iter().map(|c| c.integer(row)).collect::<Option<Vec<i64>>>();
     let mut said: HashMap<Vec<i64>, f64> = HashMap::new();

@@ -40,7 +40,10 @@ fn a_wrong_map_is_refused_with_its_file_its_line_and_what_is_wrong() {
     assert!(of(GOOD).is_ok());
     for (from, to, expected) in [
         ("title =", "titel =", ":3: unknown key `titel`: did you mean `title`?"),
-        ("unit = \"kt\"", "unit = \"knots\"", ":6: channel velocity.x: east: unknown unit \"knots\""),
+        ("unit = \"kt\"", "unit = \"knots\"", ":12: unknown unit \"knots\"; known are 1, rad, deg, "),
+        ("unit = \"kt\"", "units = \"kt\"", ":12: unknown key `units`: did you mean `unit`?"),
+        ("{ field = \"b\", unit = \"kt\" }", "\"b\"", ":12: channel.fields.east = \"b\": must be a table"),
+        ("{ field = \"b\", unit = \"kt\" }", "[{ field = \"b\", units = \"kt\" }]", ":12: unknown key `units`"),
         ("unit = \"kt\"", "unit = \"deg\"", "deg is no unit of Speed"),
         ("east =", "height =", "the field height does not fit"),
         ("east = { field = \"b\", unit = \"kt\" }\n", "", "the field east is missing"),
