@@ -25,7 +25,7 @@ const HEARTBEAT: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(16);
 /// How long two runs that start at once on a file system without locks wait for one another's name.
 const SETTLE: Duration = Duration::from_secs(1);
-/// How often a lock is tried whose file others remove at that moment.
+/// Attempts to take a lock while others remove its file.
 const ATTEMPTS: u32 = 5;
 const LOOK: Duration = Duration::from_millis(100);
 /// Size of the text in the lock's file, so that a shorter text leaves nothing of a longer one.

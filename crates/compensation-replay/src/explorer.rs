@@ -15,14 +15,14 @@ use std::io::Write;
 /// Most bytes of the packed rows. An hour at 100 Hz needs about half of it.
 const MOST_BYTES: usize = 1_000_000;
 
-/// Most bytes before they are packed. Rows of more are left out without a try: only constant values pack so well.
+/// Longer records are not packed row by row first: of so many bytes only constant values fit into [`MOST_BYTES`].
 const MOST_UNPACKED: usize = 64 << 20;
 
 /// A column before it is packed.
 struct Column<'a> {
     name: String,
     differences: u8,
-    /// Of each row. A long record is not held once more.
+    /// The value of a row, computed when asked: a copy of a long record would double its memory.
     value: Box<dyn Fn(usize) -> Option<i64> + 'a>,
 }
 

@@ -436,7 +436,7 @@ pub(crate) struct FieldTable {
     pub(crate) value: Option<OneOrMore<FieldEntry>>,
 }
 
-/// One entry, or a list of them. Not an untagged enum of serde, whose error would not say what is wrong in which line.
+/// One entry, or a list of them. An untagged enum of serde would not say which line is wrong, and why.
 #[derive(Debug, Clone)]
 pub(crate) struct OneOrMore<T>(pub(crate) Vec<T>);
 

@@ -1,11 +1,11 @@
-//! Fewer samples of long records: what is measured is thinned, what it is compared with is averaged. Memory and time then do
-//! not grow with the length of a flight.
+//! Fewer samples of long records: what is measured is thinned, what it is compared with is averaged. The memory of a
+//! pair then does not grow with the length of a flight.
 
 use crate::input::Horizontal;
 use flight::{Channel, Code, Notices, Severity, Stamp};
 
 /// Every n-th row of a channel that is an update, so that no more than `most` are left, and about no more than `most_hz` a
-/// second, and n; said.
+/// second, and n. A notice says how many.
 pub(super) fn thinned_rows(
     channel: &Channel,
     (most, most_hz): (usize, f64),
@@ -52,7 +52,7 @@ pub(super) struct Averaged<const N: usize> {
 const UNEVEN: f64 = 1.5;
 
 impl<const N: usize> Averaged<N> {
-    /// So that about `most` samples are left of the updates of `channel`; said.
+    /// So that about `most` samples are left of the updates of `channel`. A notice says how many are averaged.
     pub(super) fn new(channel: &Channel, most: usize, name: &str, notices: &mut Notices) -> Averaged<N> {
         let rows = channel.update_count();
         let each = rows.div_ceil(most.max(1)).max(1);
