@@ -151,6 +151,19 @@ fn long_flight(size: Size, bytes: u64) {
     if size == Size::Whole {
         let what = format!("delay, {rows} rows");
         assert_bound(&what, size, FLIGHT * rows, peak(&["delay"], &[&log], &[0]));
+        let removes = folder.path().join("removes.toml");
+        fs::write(&removes, "schema = 1\n[delay]\nfrom = \"fixed\"\nposition_s = 0.2\n").unwrap();
+        let flights = folder.path().join("flights");
+        fs::create_dir(&flights).unwrap();
+        fs::rename(&log, flights.join("flight.csv")).unwrap();
+        for settings in [None, Some(removes.as_path())] {
+            let report = folder.path().join(if settings.is_some() { "removed" } else { "measured" });
+            let mut paths = vec![flights.as_path(), Path::new("--out"), &report];
+            paths.extend(settings.iter().flat_map(|settings| [Path::new("--pipeline"), settings]));
+            let what = format!("campaign, {rows} rows, {}", report.file_name().unwrap().display());
+            assert_bound(&what, size, FLIGHT * rows, peak(&["campaign"], &paths, &[0]));
+        }
+        fs::rename(flights.join("flight.csv"), &log).unwrap();
     }
     for (arguments, writes) in [
         (&["inspect"][..], false),

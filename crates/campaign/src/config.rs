@@ -299,6 +299,9 @@ struct WrittenReplay {
     /// Rows at this rate instead of one for each velocity sample, Hz.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>"))]
     output_rate_hz: Option<Spanned<f64>>,
+    /// Of a record with more samples of a channel, neighbouring samples are averaged; 500000 take some 100 MB. Default: 500000.
+    #[cfg_attr(feature = "schema", schemars(with = "Option<u64>", range(min = 1000)))]
+    most_samples: Option<Spanned<f64>>,
     /// Compensators beside those that always run (raw, pade-1-1-tustin, the same told of the age of held fixes,
     /// exact-async): pade-M-N-tustin, pade-M-N-foh, pade-M-N-zoh, exact-fir, kalman, and for a bound the offline-shift
     /// and rts-smoother, which are not causal. All are in the tables and the track, the first two in the figures.
@@ -429,6 +432,7 @@ struct MeantReplay {
     zoom_s: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     output_rate_hz: Option<f64>,
+    most_samples: usize,
     /// Without those that run anyway: to name them changes nothing.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_name")]
     compensators: Vec<CompensatorKind>,
@@ -699,7 +703,7 @@ impl Pipeline {
     /// The settings with this delay, of which nothing is said.
     fn settings(&self, delay: Delay) -> Settings {
         let MeantChannels { position, velocity, reference, onboard } = self.meant.channels.clone();
-        let MeantReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz, compensators } =
+        let MeantReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz, most_samples, compensators } =
             self.meant.replay.clone();
         Settings {
             delay,
@@ -714,6 +718,7 @@ impl Pipeline {
             min_speed_mps,
             zoom_s,
             output_rate_hz,
+            most_samples,
             compensators,
             position,
             velocity,
@@ -1111,6 +1116,7 @@ impl Checker<'_> {
         let min_speed_mps = self.optional(&written.min_speed_mps, "replay.min_speed_mps", 0.0, 1000.0);
         let zoom_s = self.optional(&written.zoom_s, "replay.zoom_s", 1.0, 3600.0);
         let output_rate_hz = self.optional(&written.output_rate_hz, "replay.output_rate_hz", 1.0, 10_000.0);
+        let most_samples = self.optional(&written.most_samples, "replay.most_samples", 1000.0, 1e9);
         let compensators = self.compensators(written.compensators.as_deref().unwrap_or_default());
         Ok(MeantReplay {
             start: written.start.unwrap_or(WrittenStart::Warm).into(),
@@ -1118,6 +1124,7 @@ impl Checker<'_> {
             min_speed_mps: min_speed_mps?.unwrap_or(0.5),
             zoom_s: zoom_s?.unwrap_or(20.0),
             output_rate_hz: output_rate_hz?,
+            most_samples: most_samples?.map_or(Settings::MOST_SAMPLES, |most| most as usize),
             compensators: compensators?,
         })
     }

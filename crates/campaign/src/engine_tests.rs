@@ -66,7 +66,7 @@ impl Study for Scripted {
             Some("bad") => Ok(Studied { record: failed, track: None, explorer: None }),
             _ => Ok(Studied {
                 record: FlightRecord { outcome: Outcome::Compensated, ..failed },
-                track: Some(track(&text)),
+                track: Some(Box::new(track(&text))),
                 explorer: None,
             }),
         }

@@ -152,7 +152,7 @@ pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignErro
     let mut writer = Writer::begin(store, &record.key);
     match track {
         Some(track) => {
-            let kept = table::write_track(store, &name(&record.key, TRACK), record, track)?;
+            let kept = table::write_track(store, &name(&record.key, TRACK), record, track.as_ref())?;
             writer.add(TRACK, kept);
         }
         None => writer.without(TRACK)?,

@@ -9,8 +9,8 @@ use crate::logs::Library;
 use crate::manifest::{Manifest, Planned, PlannedReference};
 use crate::plan::Desk;
 use crate::reference::ReferenceLog;
-use compensation_replay::{Replay, Sweeper, Track, TruthEffect, effect, replay, sketch};
-use flight::{Flight, Notices};
+use compensation_replay::{Replay, Sweeper, TrackRows, TruthEffect, effect, replay, sketch};
+use flight::{Code, Flight, Notices};
 use ingest::{IngestError, Limits, Loaded, ReadContext};
 use record::{Decision, Effect, ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
 
@@ -18,7 +18,7 @@ use record::{Decision, Effect, ExplorerRows, FlightLateness, FlightRecord, Measu
 #[derive(Debug)]
 pub(crate) struct Studied {
     pub(crate) record: FlightRecord,
-    pub(crate) track: Option<Track>,
+    pub(crate) track: Option<Box<dyn TrackRows>>,
     pub(crate) explorer: Option<ExplorerRows>,
 }
 
@@ -113,14 +113,14 @@ impl Replaying {
             Ok(done) => {
                 draft.notices.extend_unsaid(done.notices);
                 let record = FlightRecord { outcome: Outcome::Compensated, replay: Some(done.record), ..draft };
-                Studied { record, track: Some(done.track), explorer: Some(done.explorer) }
+                Studied { record, track: Some(Box::new(done.track)), explorer: Some(done.explorer) }
             }
             Err(reason) => {
                 let outcome = match lateness.lateness {
                     Some(_) => Outcome::Uncompensated { reason },
                     None => Outcome::NotMeasurable { reason },
                 };
-                let trial = self.trial(case).ok();
+                let trial = self.trial(case, &mut draft.notices).ok();
                 let (trial, explorer) = trial.unzip();
                 Studied { record: FlightRecord { outcome, trial, ..draft }, track: None, explorer }
             }
@@ -142,22 +142,29 @@ impl Replaying {
 
     /// The same as if the difference between position and velocity were removed, or nothing where the position is not later:
     /// so that the page of a flight from which nothing is removed can show its track.
-    fn trial(&self, case: &FlightCase<'_>) -> Result<(ReplayRecord, ExplorerRows), String> {
-        sketch(case.flight, &self.pipeline.trial_settings(case)?).map_err(|refusal| refusal.to_string())
+    fn trial(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<(ReplayRecord, ExplorerRows), String> {
+        let settings = self.pipeline.trial_settings(case)?;
+        let done = sketch(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
+        // Nothing was removed, so that of its notices only those of what is drawn belong to the flight.
+        let left_out = done.notices.iter().filter(|notice| notice.code == Code::SamplesLeftOut.name());
+        left_out.for_each(|notice| notices.add(notice.clone()));
+        Ok((done.record, done.explorer))
     }
 
     /// Removes the delay that was decided on, and says what others would have done.
     fn compensated(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<Replay, String> {
         let (settings, mut decided) = self.pipeline.settings_for(case)?;
         notices.extend_unsaid(decided.found.notices);
-        let mut done = replay(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
-        done.record.sweep = Sweeper::of(case.flight, &settings).ok().and_then(|sweeper| {
-            let pair = &done.record.pair;
+        // Before the replay: a long record does not have room for both.
+        let sweep = Sweeper::of(case.flight, &settings).ok().and_then(|sweeper| {
+            let pair = sweeper.pair();
             let measured = measured_pair(case.delays, &pair.position, &pair.velocity);
             let candidates = decided.choice.candidates.iter();
             let found: Vec<_> = candidates.filter_map(|c| Some((c.source, *c.delay_s.found()?))).collect();
             sweeper.sweep(&found, decided.optimum.unwrap_or_else(|| sweeper.best(&measured)))
         });
+        let mut done = replay(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
+        done.record.sweep = sweep;
         decided.choice.compare(done.record.sweep.as_ref());
         done.record.choice = Some(decided.choice);
         Ok(done)

@@ -3,8 +3,8 @@
 use crate::error::CampaignError;
 use crate::line::DelayLine;
 use crate::store::{Files, Keep, Kept, Store};
-use compensation_replay::{Track, TrackColumn};
-use convert::{Cells, Sheet, SheetColumn, write_csv, write_parquet, write_track_table};
+use compensation_replay::{Track, TrackColumn, TrackRows};
+use convert::{Cells, ROWS_OF_A_GROUP, Sheet, SheetColumn, write_csv, write_parquet, write_track_table};
 use flight::Stamp;
 use record::{Estimate, FlightRecord, FlightRow, RowVerdicts};
 
@@ -13,22 +13,38 @@ pub(crate) fn write_track(
     store: &Store,
     name: &str,
     record: &FlightRecord,
-    track: &Track,
+    track: &dyn TrackRows,
 ) -> Result<Kept, CampaignError> {
+    let about = provenance(record).to_string();
+    let end = |from: usize| track.rows().min(from + ROWS_OF_A_GROUP);
+    let sheet = |from: usize| track_sheet(record, track.part(from..end(from)));
+    Ok(store.write_with(name, Keep::Part, |file| {
+        let others = (end(0)..track.rows()).step_by(ROWS_OF_A_GROUP).map(sheet);
+        write_track_table(&sheet(0), others, &about, file)
+    })?)
+}
+
+/// A part of the track with UTC beside its timestamps.
+fn track_sheet(record: &FlightRecord, part: Track) -> Sheet {
     let mut sheet = Sheet::default();
-    for (name, values) in &track.columns {
-        let cells = match values {
-            TrackColumn::I64(v) => Cells::I64(v.iter().copied().map(Some).collect()),
-            TrackColumn::F64(v) => Cells::F64(v.iter().map(|x| x.map(|x| rounded(name, x))).collect()),
-            TrackColumn::Text(v) => Cells::Text(v.iter().copied().map(Some).collect()),
+    for (name, values) in part.columns {
+        let utc = match (name.as_str(), &values) {
+            ("stamp_ns", TrackColumn::I64(stamps)) => {
+                Some(Cells::I64(stamps.iter().map(|ns| utc_ns(record, Stamp(*ns))).collect()))
+            }
+            _ => None,
         };
-        sheet.push(name.as_str(), cells);
-        if let ("stamp_ns", TrackColumn::I64(stamps)) = (name.as_str(), values) {
-            sheet.push("utc_ns", Cells::I64(stamps.iter().map(|ns| utc_ns(record, Stamp(*ns))).collect()));
+        let cells = match values {
+            TrackColumn::I64(v) => Cells::I64(v.into_iter().map(Some).collect()),
+            TrackColumn::F64(v) => Cells::F64(v.into_iter().map(|x| x.map(|x| rounded(&name, x))).collect()),
+            TrackColumn::Text(v) => Cells::Text(v.into_iter().map(Some).collect()),
+        };
+        sheet.push(name, cells);
+        if let Some(utc) = utc {
+            sheet.push("utc_ns", utc);
         }
     }
-    let about = provenance(record).to_string();
-    Ok(store.write_with(name, Keep::Part, |file| write_track_table(&sheet, &about, file))?)
+    sheet
 }
 
 /// Lengths are kept to 2^-13 m = 0.12 mm and degrees to 2^-30, which is 0.10 mm on the ground: the digits below these are noise,

@@ -34,23 +34,30 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
     let estimates = &drawn(estimates);
     let whole = (rows.t[0], rows.t[rows.t.len() - 1]);
     Curves {
-        axes: axes(input, rows, estimates, whole),
+        axes: axes(input, settings, rows, estimates, whole),
         zoom: hardest(input, rows, settings).map(|(start_s, end_s, why)| Zoom {
             start_s,
             end_s,
             why,
-            axes: axes(input, rows, estimates, (start_s, end_s)),
+            axes: axes(input, settings, rows, estimates, (start_s, end_s)),
         }),
         track: estimates.iter().map(|e| path(rows, e)).collect(),
         lead: lead::lead(input, rows, estimates),
     }
 }
 
-fn axes(input: &Input, rows: &Rows, estimates: &[&Positions], window: (f64, f64)) -> Vec<AxisCurves> {
+fn axes(
+    input: &Input,
+    settings: &Settings,
+    rows: &Rows,
+    estimates: &[&Positions],
+    window: (f64, f64),
+) -> Vec<AxisCurves> {
     let axis = |(k, name): (usize, &str)| {
         let raw = &estimates[0].axes[k];
         let difference = |e: &Positions| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
-        let predicted: Vec<f64> = rows.predicted[k].iter().map(|p| -p).collect();
+        let mut predicted = rows.predicted(input, settings, k);
+        predicted.iter_mut().for_each(|way| *way = -*way);
         let mut position_m: Vec<Curve> =
             estimates.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], |r| e.shown(rows, r), window)).collect();
         position_m.extend(

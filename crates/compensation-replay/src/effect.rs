@@ -41,6 +41,9 @@ impl TruthEffect {
     /// # Errors
     /// As [`crate::replay`], when the channels cannot be compared.
     pub fn of(flight: &Flight, settings: &Settings, delay_s: f64) -> Result<Option<TruthEffect>, Refusal> {
+        if flight.first_of(&settings.reference).is_none() {
+            return Ok(None);
+        }
         Ok(Sweeper::of(flight, settings)?.truth_effect(delay_s))
     }
 }

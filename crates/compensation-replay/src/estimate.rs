@@ -14,7 +14,7 @@ use std::ops::Range;
 
 /// A compensator's position at every row; where the row's state gives none, or the compensator is silent, the raw one
 /// stands in and is not shown.
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Positions {
     pub(crate) name: String,
     pub(crate) title: String,
@@ -58,7 +58,7 @@ pub(crate) fn estimates(
     notices: &mut Notices,
 ) -> Vec<Positions> {
     let td = settings.delay;
-    let raw = AXES.map(|k| rows.fix.iter().map(|&j| input.position.axes[k][j]).collect::<Vec<f64>>());
+    let raw = AXES.map(|k| (0..rows.t.len()).map(|row| input.position.axes[k][rows.fix(row)]).collect::<Vec<f64>>());
     let pade = |name, title, delay| {
         Positions::always(name, title, delay, AXES.map(|k| pade_axis(rows, settings.start, delay, &raw[k], k)))
     };
@@ -66,7 +66,7 @@ pub(crate) fn estimates(
         Positions::always("raw", "raw, newest fix held", Delay::ZERO, raw.clone()),
         pade(PAPER, "Padé [1/1], Tustin (the paper)", td),
     ];
-    let age = rows.mean_age_s();
+    let age = rows.mean_age_s(input);
     if let Some(as_seen) = Delay::from_seconds(td.seconds() + age).filter(|_| age >= 1e-3) {
         out.push(pade("pade-1-1-as-seen", "Padé [1/1], Tustin, Td + mean age of the held fix", as_seen));
     }
@@ -90,8 +90,8 @@ fn pade_axis(rows: &Rows, start: StartRule, delay: Delay, raw: &[f64], axis: usi
     let mut out = raw.to_vec();
     for row in 0..rows.t.len() {
         let h = if row == 0 { 0.0 } else { rows.t[row] - rows.t[row - 1] };
-        let fresh = row == 0 || rows.segment[row] != rows.segment[row - 1];
-        match (&mut filter, rows.segment[row]) {
+        let fresh = row == 0 || rows.segment(row) != rows.segment(row - 1);
+        match (&mut filter, rows.segment(row)) {
             (_, None) => filter = None,
             (Some(running), Some(_)) if !fresh => {
                 running.step(h, v[row]);
@@ -113,8 +113,8 @@ fn exact_axis(input: &Input, settings: &Settings, segments: &[Range<usize>], row
     let compensators = of_segments(input, settings, segments, axis);
     (0..rows.t.len())
         .map(|row| {
-            let (raw, stamp) = (input.position.axes[axis][rows.fix[row]], input.position.t[rows.fix[row]]);
-            let Some(s) = rows.segment[row] else { return raw };
+            let (raw, stamp) = (input.position.axes[axis][rows.fix(row)], input.position.t[rows.fix(row)]);
+            let Some(s) = rows.segment(row) else { return raw };
             let from = match settings.start {
                 // Cold: nothing was flown before the first velocity.
                 StartRule::Cold => stamp.max(input.velocity.t[segments[s].start] + settings.delay.seconds()),

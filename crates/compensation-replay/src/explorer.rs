@@ -68,7 +68,7 @@ fn columns<'a>(input: &Input, rows: &'a Rows, estimates: &'a [Positions]) -> Vec
         }
     }
     if let Some(reference) = &input.reference {
-        let truth = Reference::at(reference, rows, &(0..rows.t.len()).collect::<Vec<_>>());
+        let truth = Reference::at(reference, rows, 0..rows.t.len());
         for (axis, axis_name) in axes() {
             let mut values = vec![None; rows.t.len()];
             truth.row.iter().zip(&truth.axes[axis]).for_each(|(&row, v)| values[row] = whole(1e2 * v));
@@ -144,7 +144,7 @@ fn differences(values: impl Iterator<Item = Option<i64>>, order: u8) -> Vec<i32>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Settings, Track, TrackColumn, replay};
+    use crate::{Settings, Track, TrackColumn, TrackRows, replay};
     use flate2::read::DeflateDecoder;
     use flight::Delay;
     use simulate::{FlightSettings, simulate};
@@ -182,8 +182,8 @@ mod tests {
         let flight = simulate(&FlightSettings { duration_s: 60.0, ..FlightSettings::default() }).unwrap();
         let settings = Settings::with_delay(Delay::from_seconds(0.4).unwrap(), "test");
         let played = replay(&flight.to_flight().unwrap(), &settings).unwrap();
-        let rows = played.explorer;
-        let Some((_, TrackColumn::Text(state))) = played.track.columns.iter().find(|(name, _)| name == "state") else {
+        let (rows, track) = (played.explorer, played.track.whole());
+        let Some((_, TrackColumn::Text(state))) = track.columns.iter().find(|(name, _)| name == "state") else {
             panic!("no states")
         };
         assert!(state.contains(&"warm-up") && played.record.coverage.valid_rows < rows.of);
@@ -196,7 +196,7 @@ mod tests {
                 other => (format!("{other}_m"), 1e2),
             };
             let is_raw = name.starts_with("raw_") || name == "t_s";
-            for ((want, got), state) in of_track(&played.track, &name).iter().zip(values).zip(state) {
+            for ((want, got), state) in of_track(&track, &name).iter().zip(values).zip(state) {
                 let want = want.filter(|_| is_raw || *state == "valid");
                 assert_eq!(want.is_some(), got.is_some(), "{name}");
                 assert!(want.zip(*got).is_none_or(|(want, got)| (scale * want - got as f64).abs() <= 0.5 + 1e-6));

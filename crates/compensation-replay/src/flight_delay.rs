@@ -22,7 +22,6 @@ mod reference;
 pub(crate) mod residual;
 mod skew;
 mod split;
-mod thin;
 mod varies;
 
 use flight::{Flight, Notices};

@@ -1,7 +1,8 @@
 //! The flight as the compensators see it: seconds and metres from one origin.
 
 use crate::settings::Settings;
-use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Stamp, StampKind};
+use crate::thin::Averaged;
+use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp, StampKind};
 
 /// Why a flight cannot be replayed. Each says what would help.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -105,14 +106,19 @@ pub(crate) struct Horizontal {
 }
 
 impl Horizontal {
-    /// One axis at an instant, linear between samples and constant beyond them.
-    pub(crate) fn at(&self, t: f64, axis: usize) -> f64 {
+    /// One axis at instants that rise, linear between samples and constant beyond them.
+    pub(crate) fn walk(&self, axis: usize) -> impl FnMut(f64) -> f64 {
         let y = &self.axes[axis];
-        let after = self.t.partition_point(|&x| x <= t);
-        match (after.checked_sub(1), self.t.get(after)) {
-            (None, _) => y[0],
-            (Some(k), None) => y[k],
-            (Some(k), Some(next)) => y[k] + (t - self.t[k]) / (next - self.t[k]) * (y[after] - y[k]),
+        let mut after = 0;
+        move |t| {
+            while after < self.t.len() && self.t[after] <= t {
+                after += 1;
+            }
+            match (after.checked_sub(1), self.t.get(after)) {
+                (None, _) => y[0],
+                (Some(k), None) => y[k],
+                (Some(k), Some(next)) => y[k] + (t - self.t[k]) / (next - self.t[k]) * (y[after] - y[k]),
+            }
         }
     }
 }
@@ -130,12 +136,14 @@ pub(crate) struct Input {
     pub(crate) down: Vec<f64>,
     pub(crate) velocity: Horizontal,
     pub(crate) reference: Option<Horizontal>,
+    /// So many neighbouring samples of the velocity are averaged.
+    pub(crate) averaged: usize,
 }
 
 const LEAST_ROWS: usize = 3;
 
 impl Input {
-    pub(crate) fn of(flight: &Flight, settings: &Settings) -> Result<Input, Refusal> {
+    pub(crate) fn of(flight: &Flight, settings: &Settings, notices: &mut Notices) -> Result<Input, Refusal> {
         if settings.delay.seconds() <= 0.0 {
             return Err(Refusal::DelayNotPositive(settings.delay.seconds()));
         }
@@ -150,22 +158,30 @@ impl Input {
                 b: velocity.series.timeline().clock(),
             });
         }
-        let fixes = updates(position_name, position)?;
-        let samples = updates(velocity_name, velocity)?;
-        let origin = position.series.timeline().stamps()[fixes[0]].min(velocity.series.timeline().stamps()[samples[0]]);
+        let first_fix = first_update(position_name, position)?;
+        let first_sample = first_update(velocity_name, velocity)?;
+        let stamp = |channel: &Channel, row: usize| channel.series.timeline().stamps()[row];
+        let origin = stamp(position, first_fix).min(stamp(velocity, first_sample));
         let reference = settings.reference.iter().find_map(|name| {
             let channel = flight.channels.get(name)?;
             (channel.quantity == position.quantity && channel.series.timeline().clock() == clock)
                 .then_some((name, channel))
         });
         let frame =
-            (position.quantity == Quantity::PositionGeodetic).then(|| LocalFrame::new(geodetic(position, fixes[0])));
-        let (position_local, down) = local(position_name, position, &fixes, origin, frame.as_ref())?;
-        let velocity_local = turned(velocity, &samples, origin, frame.as_ref(), position, &fixes);
+            (position.quantity == Quantity::PositionGeodetic).then(|| LocalFrame::new(geodetic(position, first_fix)));
+        let most = settings.most_samples;
+        let out = Averaged::new((velocity, velocity_name), most, "the replay", notices);
+        let averaged = out.each();
+        let velocity_local = turned(velocity, position, origin, frame.as_ref(), out);
+        let fixes = replayed_fixes((position, position_name), &velocity_local.t, origin, most, notices);
+        let place = (origin, frame.as_ref());
+        let out = Averaged::none(fixes.len());
+        let (position_local, down) = local((position, position_name), fixes.into_iter(), place, out)?;
         let reference_local = match reference {
             Some((name, channel)) => {
-                let rows: Vec<usize> = (0..channel.series.len()).collect();
-                Some(local(name, channel, &rows, origin, frame.as_ref())?.0)
+                let out = Averaged::new((channel, name), most, "the replay", notices);
+                let rows = (0..channel.series.len()).filter(|row| out.each() == 1 || !channel.held[*row]);
+                Some(local((channel, name), rows.collect::<Vec<_>>().into_iter(), place, out)?.0)
             }
             None => None,
         };
@@ -182,6 +198,7 @@ impl Input {
             down,
             velocity: velocity_local,
             reference: reference_local,
+            averaged,
         };
         input.check_overlap()?;
         Ok(input)
@@ -302,12 +319,45 @@ fn held_instead(flight: &Flight, what: &str) -> String {
     }
 }
 
-fn updates(name: &str, channel: &Channel) -> Result<Vec<usize>, Refusal> {
-    let rows = channel.update_rows();
-    if rows.len() < LEAST_ROWS {
-        return Err(Refusal::TooShort { channel: name.to_owned(), rows: rows.len(), least: LEAST_ROWS });
+/// Of a channel that has enough of them.
+fn first_update(name: &str, channel: &Channel) -> Result<usize, Refusal> {
+    let rows = channel.update_count();
+    match channel.updates().next() {
+        Some(first) if rows >= LEAST_ROWS => Ok(first),
+        _ => Err(Refusal::TooShort { channel: name.to_owned(), rows, least: LEAST_ROWS }),
     }
-    Ok(rows)
+}
+
+/// Rows of the fixes that are replayed: all, or of a long record those that are the newest at a velocity sample, with the first
+/// and the last. A fix is never averaged: its age counts from its own stamp.
+fn replayed_fixes(
+    (position, name): (&Channel, &str),
+    velocity_t: &[f64],
+    origin: Stamp,
+    most: usize,
+    notices: &mut Notices,
+) -> Vec<usize> {
+    let fixes = position.update_count();
+    if fixes <= most {
+        return position.update_rows();
+    }
+    let stamps = position.series.timeline().stamps();
+    let mut next = 0;
+    let mut rows = position.updates().peekable();
+    let mut kept = vec![];
+    while let Some(row) = rows.next() {
+        let until = rows.peek().map_or(f64::INFINITY, |&after| stamps[after].seconds_since(origin));
+        let seen = next;
+        while next < velocity_t.len() && velocity_t[next] < until {
+            next += 1;
+        }
+        if next > seen || kept.is_empty() || rows.peek().is_none() {
+            kept.push(row);
+        }
+    }
+    let text = format!("{name}: {} of {fixes} fixes are replayed, the newest at each velocity sample", kept.len());
+    notices.push(Code::SamplesLeftOut.at(Severity::Info), name, (fixes - kept.len()) as u64, text);
+    kept
 }
 
 fn geodetic(channel: &Channel, row: usize) -> Geodetic {
@@ -317,17 +367,13 @@ fn geodetic(channel: &Channel, row: usize) -> Geodetic {
 
 /// North and east of a position channel in metres, and down beside them.
 pub(crate) fn local(
-    name: &str,
-    channel: &Channel,
-    rows: &[usize],
-    origin: Stamp,
-    frame: Option<&LocalFrame>,
+    (channel, name): (&Channel, &str),
+    rows: impl Iterator<Item = usize>,
+    (origin, frame): (Stamp, Option<&LocalFrame>),
+    mut out: Averaged<3>,
 ) -> Result<(Horizontal, Vec<f64>), Refusal> {
     let stamps = channel.series.timeline().stamps();
-    let mut out =
-        Horizontal { t: rows.iter().map(|&r| stamps[r].seconds_since(origin)).collect(), ..Horizontal::default() };
-    let mut down = Vec::with_capacity(rows.len());
-    for &row in rows {
+    for row in rows {
         let ned = match (channel.quantity, frame) {
             (Quantity::PositionGeodetic, Some(frame)) => frame.to_ned(geodetic(channel, row)),
             (Quantity::PositionNed, _) => [0, 1, 2].map(|k| channel.series.component(k)[row]),
@@ -335,10 +381,10 @@ pub(crate) fn local(
                 return Err(Refusal::WrongQuantity { channel: name.to_owned(), quantity, what: "position" });
             }
         };
-        AXES.into_iter().for_each(|k| out.axes[k].push(ned[k]));
-        down.push(ned[2]);
+        out.push(stamps[row].seconds_since(origin), ned);
     }
-    Ok((out, down))
+    let (t, [north, east, down]) = out.finish();
+    Ok((Horizontal { t, axes: [north, east] }, down))
 }
 
 /// North and east velocity, turned from the aircraft's own north-east-down (at its newest fix)
@@ -347,24 +393,22 @@ pub(crate) fn local(
 /// at 200 m/s, 60° and 0.4 s.
 fn turned(
     velocity: &Channel,
-    samples: &[usize],
+    position: &Channel,
     origin: Stamp,
     frame: Option<&LocalFrame>,
-    position: &Channel,
-    fixes: &[usize],
+    mut out: Averaged<2>,
 ) -> Horizontal {
     let stamps = velocity.series.timeline().stamps();
     let fix_stamps = position.series.timeline().stamps();
-    let mut out = Horizontal::default();
-    let mut newest = 0;
-    for &row in samples {
-        while newest + 1 < fixes.len() && fix_stamps[fixes[newest + 1]] <= stamps[row] {
-            newest += 1;
+    let mut fixes = position.updates().peekable();
+    let mut newest = fixes.next();
+    for row in velocity.updates() {
+        while let Some(fix) = fixes.next_if(|fix| fix_stamps[*fix] <= stamps[row]) {
+            newest = Some(fix);
         }
         let own = [0, 1, 2].map(|k| velocity.series.component(k)[row]);
-        let ned = frame.map_or(own, |f| f.from_local_ned(geodetic(position, fixes[newest]), own));
-        out.t.push(stamps[row].seconds_since(origin));
-        AXES.into_iter().for_each(|k| out.axes[k].push(ned[k]));
+        let ned = frame.zip(newest).map_or(own, |(frame, fix)| frame.from_local_ned(geodetic(position, fix), own));
+        out.push(stamps[row].seconds_since(origin), [ned[0], ned[1]]);
     }
-    out
+    out.horizontal()
 }

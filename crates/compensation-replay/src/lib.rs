@@ -29,6 +29,7 @@ mod rows;
 mod score;
 mod settings;
 mod sweep;
+mod thin;
 mod track;
 mod validity;
 
@@ -58,5 +59,5 @@ pub use reference_file::{
 pub use replay::{Replay, replay, sketch};
 pub use settings::Settings;
 pub use sweep::Sweeper;
-pub use track::{RowState, Track, TrackColumn};
+pub use track::{ReplayedTrack, RowState, Track, TrackColumn, TrackRows};
 pub use validity::{DelayModel, Delays, MotionShare, ValidityBand, compensation_error};

@@ -7,20 +7,15 @@ use flight::{Code, Notices, RejectCount};
 use record::{Coverage, StartRule};
 use std::ops::Range;
 
-/// The instants of the replay, and what is known at each.
-#[derive(Debug, Default)]
+/// The instants of the replay, and what is known at each. There may be a million, so that what follows from the rest is computed
+/// when it is asked for.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rows {
     pub(crate) t: Vec<f64>,
-    /// Newest fix.
-    pub(crate) fix: Vec<usize>,
-    /// Seconds since that fix.
-    pub(crate) age: Vec<f64>,
+    fix: Vec<u32>,
     /// Velocity as the loop sees it: the newest sample.
     pub(crate) velocity: [Vec<f64>; 2],
-    /// What one velocity, taken half way back to when the fix was true, flies in all that time, m:
-    /// the midpoint rule, no integral and no filter.
-    pub(crate) predicted: [Vec<f64>; 2],
-    pub(crate) segment: Vec<Option<usize>>,
+    segment: Vec<u32>,
     pub(crate) state: Vec<RowState>,
     pub(crate) start: Option<StartRule>,
     /// A step between rows longer than this is a gap: the pen is lifted, s.
@@ -49,9 +44,18 @@ impl Rows {
             note_outside(samples, fixes[0], last_useful, notices);
         }
         let gap_s = 2.5 * median_step(&instants);
-        let mut rows = Rows { start: Some(settings.start), gap_s, ..Rows::default() };
+        let count = instants.len();
+        let mut rows = Rows {
+            t: vec![],
+            fix: Vec::with_capacity(count),
+            velocity: AXES.map(|_| Vec::with_capacity(count)),
+            segment: Vec::with_capacity(count),
+            state: Vec::with_capacity(count),
+            start: Some(settings.start),
+            gap_s,
+        };
         let (mut fix, mut sample, mut segment) = (0, 0, 0);
-        for t in instants {
+        for &t in &instants {
             while fix + 1 < fixes.len() && fixes[fix + 1] <= t {
                 fix += 1;
             }
@@ -62,19 +66,58 @@ impl Rows {
                 segment += 1;
             }
             let inside = t <= samples[segments[segment].end - 1];
-            rows.t.push(t);
-            rows.fix.push(fix);
-            rows.age.push(t - fixes[fix]);
+            rows.fix.push(small(fix));
             AXES.into_iter().for_each(|k| rows.velocity[k].push(input.velocity.axes[k][sample]));
-            let delay = settings.delay.seconds() + (t - fixes[fix]);
-            AXES.into_iter().for_each(|k| rows.predicted[k].push(delay * input.velocity.at(t - 0.5 * delay, k)));
-            rows.segment.push(inside.then_some(segment));
+            rows.segment.push(if inside { small(segment) } else { NO_SEGMENT });
             rows.state.push(state(settings, fixes[fix], inside.then(|| samples[segments[segment].start])));
         }
+        rows.t = instants;
         if rows.t.len() < 3 {
             return Err(Refusal::TooShort { channel: input.names.velocity.clone(), rows: rows.t.len(), least: 3 });
         }
         Ok(rows)
+    }
+
+    /// The newest fix of a row.
+    pub(crate) fn fix(&self, row: usize) -> usize {
+        self.fix[row] as usize
+    }
+
+    /// Whether the fix of a row was not there at the row before.
+    pub(crate) fn has_new_fix(&self, row: usize) -> bool {
+        row == 0 || self.fix[row] != self.fix[row - 1]
+    }
+
+    /// Seconds since the newest fix of a row.
+    pub(crate) fn age_s(&self, input: &Input, row: usize) -> f64 {
+        self.t[row] - input.position.t[self.fix(row)]
+    }
+
+    /// The stretch of velocity that a row lies in.
+    pub(crate) fn segment(&self, row: usize) -> Option<usize> {
+        Some(self.segment[row]).filter(|segment| *segment != NO_SEGMENT).map(|segment| segment as usize)
+    }
+
+    /// Runs of rows of one segment, with it.
+    pub(crate) fn runs(&self) -> impl Iterator<Item = (Option<usize>, Range<usize>)> {
+        let mut first = 0;
+        self.segment.chunk_by(|a, b| a == b).map(move |same| {
+            let rows = first..first + same.len();
+            first = rows.end;
+            (self.segment(rows.start), rows)
+        })
+    }
+
+    /// What one velocity, taken half way back to when the fix was true, flies in all that time at each row, m: the midpoint rule,
+    /// no integral and no filter.
+    pub(crate) fn predicted(&self, input: &Input, settings: &Settings, axis: usize) -> Vec<f64> {
+        let mut velocity = input.velocity.walk(axis);
+        let of_row = |row: usize| {
+            let delay = settings.delay.seconds() + self.age_s(input, row);
+            // Rises from row to row: it lies half way between the row and when its fix was true.
+            delay * velocity(self.t[row] - 0.5 * delay)
+        };
+        (0..self.t.len()).map(of_row).collect()
     }
 
     /// Whether the compensated position of a row is given out.
@@ -86,13 +129,14 @@ impl Rows {
         }
     }
 
-    pub(crate) fn valid(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn valid(&self) -> impl Iterator<Item = usize> + Clone {
         (0..self.t.len()).filter(|&row| self.state[row] == RowState::Valid)
     }
 
     /// Mean age of the fix over valid rows, s: what holding adds to the delay that a loop sees (design note 3.8).
-    pub(crate) fn mean_age_s(&self) -> f64 {
-        let (sum, count) = self.valid().fold((0.0, 0_u32), |(sum, count), row| (sum + self.age[row], count + 1));
+    pub(crate) fn mean_age_s(&self, input: &Input) -> f64 {
+        let (sum, count) =
+            self.valid().fold((0.0, 0_u32), |(sum, count), row| (sum + self.age_s(input, row), count + 1));
         if count == 0 { 0.0 } else { sum / f64::from(count) }
     }
 
@@ -131,6 +175,14 @@ impl Rows {
             longest_position_gap_s: input.position.t.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max),
         }
     }
+}
+
+/// A row outside all segments.
+const NO_SEGMENT: u32 = u32::MAX;
+
+/// A place in a record, which has fewer than 2³² − 1 samples: so many would take 100 GB.
+fn small(place: usize) -> u32 {
+    u32::try_from(place).unwrap_or(NO_SEGMENT - 1)
 }
 
 fn state(settings: &Settings, fix: f64, segment_start: Option<f64>) -> RowState {

@@ -13,7 +13,7 @@ pub(crate) use all::{Played, scores};
 pub(crate) use jackknife::{Blocks, root_mean};
 pub(crate) use onboard::onboard;
 
-use self::jackknife::{percentiles, recorded};
+use self::jackknife::percentiles;
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
 use crate::input::{AXES, Horizontal, Input};
@@ -24,12 +24,9 @@ use record::{CompensatorResult, Estimate};
 use std::ops::Range;
 
 /// Steps of two kinds at each fix: against the fix before, and against what velocity carried it to.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Innovations {
-    /// Stamp of the fix, s.
-    t: Vec<f64>,
-    /// Squared distance to the fix before, m².
-    raw2: Vec<f64>,
+    fix: Vec<u32>,
     /// The fix less the dead-reckoned fix before, m: north and east.
     exact: [Vec<f64>; 2],
     /// What velocity flew between the two, m: north and east.
@@ -40,13 +37,15 @@ pub(crate) struct Innovations {
 pub(crate) fn innovations(input: &Input, settings: &Settings, segments: &[Range<usize>]) -> Innovations {
     let flown = AXES.map(|k| of_segments(input, settings, segments, k));
     let td = settings.delay.seconds();
-    let mut out = Innovations::default();
-    for j in 1..input.position.t.len() {
+    let fixes = input.position.t.len();
+    let column = || Vec::with_capacity(fixes);
+    let mut out =
+        Innovations { fix: Vec::with_capacity(fixes), exact: AXES.map(|_| column()), flown: AXES.map(|_| column()) };
+    for j in 1..fixes {
         let (from, to) = (input.position.t[j - 1] - td, input.position.t[j] - td);
         let Some(s) = covering(input, segments, from, to) else { continue };
-        let step = AXES.map(|k| input.position.axes[k][j] - input.position.axes[k][j - 1]);
-        out.t.push(input.position.t[j]);
-        out.raw2.push(step[0] * step[0] + step[1] * step[1]);
+        let step = step_to(input, j);
+        out.fix.push(j as u32);
         for k in AXES {
             let way = flown[k][s].flown(from, to);
             out.exact[k].push(step[k] - way);
@@ -54,6 +53,11 @@ pub(crate) fn innovations(input: &Input, settings: &Settings, segments: &[Range<
         }
     }
     out
+}
+
+/// From the fix before to fix `j`, m.
+fn step_to(input: &Input, j: usize) -> [f64; 2] {
+    AXES.map(|k| input.position.axes[k][j] - input.position.axes[k][j - 1])
 }
 
 /// The segment of velocity that covers an interval whole.
@@ -65,16 +69,16 @@ fn covering(input: &Input, segments: &[Range<usize>], from: f64, to: f64) -> Opt
 
 /// Fixes that jump by more than five robust sigma against velocity (design note 5.8): passed on and
 /// counted. Sigma is that of the fixes around, for a parked receiver must not make every turn a jump.
-pub(crate) fn resets(innovations: &Innovations, notices: &mut Notices) -> u64 {
+pub(crate) fn resets(input: &Input, innovations: &Innovations, notices: &mut Notices) -> u64 {
     let sigma = innovations.exact.each_ref().map(|axis| local_sigma(axis));
-    let jumps: Vec<usize> = (0..innovations.t.len())
+    let jumps: Vec<usize> = (0..innovations.fix.len())
         .filter(|&i| AXES.into_iter().any(|k| innovations.exact[k][i].abs() > 5.0 * sigma[k][i / SIGMA_BLOCK]))
         .collect();
     if let Some(&first) = jumps.first() {
         let size = innovations.exact[0][first].hypot(innovations.exact[1][first]);
         notices.push(
             Code::PositionReset,
-            format!("t = {:.3} s", innovations.t[first]),
+            format!("t = {:.3} s", input.position.t[innovations.fix[first] as usize]),
             jumps.len() as u64,
             format!("fixes jump by more than five sigma against the integrated velocity, the first by {size:.2} m; they are passed on as they are"),
         );
@@ -132,22 +136,23 @@ pub(crate) fn warn_of_contradiction(
 }
 
 /// rms with its standard uncertainty, if the record is long enough for one; `None` without rows.
-fn rms(squares: &[f64]) -> Option<Estimate> {
-    signal::block_jackknife_rms(squares).map(recorded)
+fn rms(squares: impl Iterator<Item = f64> + Clone) -> Option<Estimate> {
+    Blocks::of(squares.clone().count(), squares.map(|square| [square, 1.0])).size(root_mean)
 }
 
 /// What velocity predicts for raw − compensated, m.
-pub(crate) fn predicted(rows: &Rows, settings: &Settings) -> Estimate {
-    let squares: Vec<f64> = rows.valid().map(|row| AXES.map(|k| rows.predicted[k][row].powi(2)).iter().sum()).collect();
-    with_delay_uncertainty(rms(&squares), rows, settings)
+pub(crate) fn predicted(input: &Input, rows: &Rows, settings: &Settings) -> Estimate {
+    let way = AXES.map(|k| rows.predicted(input, settings, k));
+    let squares = rows.valid().map(|row| AXES.map(|k| way[k][row].powi(2)).iter().sum());
+    with_delay_uncertainty(rms(squares), rows, settings)
 }
 
 /// Adds U · u(Td) in quadrature: a displacement during Td is known no better than Td is.
 fn with_delay_uncertainty(estimate: Option<Estimate>, rows: &Rows, settings: &Settings) -> Estimate {
     let mut estimate = estimate.expect("a flight without a valid row is refused before it is scored");
-    let speeds: Vec<f64> = rows.valid().map(|r| rows.velocity[0][r].powi(2) + rows.velocity[1][r].powi(2)).collect();
+    let speeds = rows.valid().map(|r| rows.velocity[0][r].powi(2) + rows.velocity[1][r].powi(2));
     if let (Some(u), Some(delay_u), Some(speed)) =
-        (estimate.standard_uncertainty, settings.delay_uncertainty_s, rms(&speeds))
+        (estimate.standard_uncertainty, settings.delay_uncertainty_s, rms(speeds))
     {
         estimate.standard_uncertainty = Some(u.hypot(speed.value * delay_u));
     }
@@ -161,17 +166,13 @@ pub(crate) fn compensators(
     tracks: &[Positions],
     innovations: &Innovations,
 ) -> Vec<CompensatorResult> {
-    let valid: Vec<usize> = rows.valid().collect();
-    let reference = input.reference.as_ref().map(|r| Reference::at(r, rows, &valid));
-    let exact2: Vec<f64> = innovations.exact[0].iter().zip(&innovations.exact[1]).map(|(n, e)| n * n + e * e).collect();
+    let reference = input.reference.as_ref().map(|r| Reference::at(r, rows, rows.valid()));
     tracks
         .iter()
         .map(|track| {
-            let difference: Vec<f64> = valid
-                .iter()
-                .filter(|&&r| track.speaks(r))
-                .map(|&r| AXES.map(|k| (tracks[0].axes[k][r] - track.axes[k][r]).powi(2)).iter().sum())
-                .collect();
+            let said = rows.valid().filter(|&row| track.speaks(row));
+            let difference =
+                said.map(|row| AXES.map(|k| (tracks[0].axes[k][row] - track.axes[k][row]).powi(2)).iter().sum());
             let errors = reference.as_ref().map(|r| r.squared_errors(track));
             CompensatorResult {
                 name: track.name.clone(),
@@ -180,23 +181,27 @@ pub(crate) fn compensators(
                 raw_minus_this_rms_m: if track.is_raw() {
                     Estimate { value: 0.0, standard_uncertainty: Some(0.0) }
                 } else {
-                    with_delay_uncertainty(rms(&difference), rows, settings)
+                    with_delay_uncertainty(rms(difference), rows, settings)
                 },
-                step_at_fix_rms_m: steps_at_fix(track, &innovations.raw2, &exact2).and_then(rms),
-                error_rms_m: errors.as_deref().and_then(rms),
+                step_at_fix_rms_m: step_at_fix(input, track, innovations),
+                error_rms_m: errors.as_deref().and_then(|errors| rms(errors.iter().copied())),
                 error_p95_m: errors.as_deref().and_then(percentile_95),
             }
         })
         .collect()
 }
 
-/// Squared steps of the output at the fixes, m². A filter's displacement is continuous, so its position steps at a fix as
+/// Rms step of the output at the fixes, m. A filter's displacement is continuous, so its position steps at a fix as
 /// the raw one does; what smooths takes a fix over slowly or knew it before, and has no such step.
-fn steps_at_fix<'a>(track: &Positions, raw2: &'a [f64], exact2: &'a [f64]) -> Option<&'a [f64]> {
+fn step_at_fix(input: &Input, track: &Positions, innovations: &Innovations) -> Option<Estimate> {
+    let square = |[n, e]: [f64; 2]| n * n + e * e;
     match track.further {
         Some(CompensatorKind::Kalman | CompensatorKind::OfflineShift | CompensatorKind::RtsSmoother) => None,
-        _ if track.name == EXACT_ASYNC => Some(exact2),
-        _ => Some(raw2),
+        _ if track.name == EXACT_ASYNC => {
+            let [north, east] = &innovations.exact;
+            rms(north.iter().zip(east).map(|(n, e)| square([*n, *e])))
+        }
+        _ => rms(innovations.fix.iter().map(|fix| square(step_to(input, *fix as usize)))),
     }
 }
 
@@ -215,7 +220,7 @@ fn percentile_95(squares: &[f64]) -> Option<Estimate> {
         0.5 * STUDENT * (spread / ((PARTS - 1) * PARTS) as f64).sqrt()
     });
     let of_rms = |rms: Estimate| Some(rms.standard_uncertainty? / rms.value.max(f64::MIN_POSITIVE));
-    let share = rms(squares).and_then(of_rms);
+    let share = rms(squares.iter().copied()).and_then(of_rms);
     let standard_uncertainty = of_parts.zip(share).map(|(u, share)| u.max(value * share));
     Some(Estimate { value, standard_uncertainty })
 }
@@ -228,12 +233,12 @@ pub(crate) struct Reference {
 
 impl Reference {
     /// Linear between reference samples (errs by at most a h²/8), never across a gap of more than 2.5 steps.
-    pub(crate) fn at(reference: &Horizontal, rows: &Rows, valid: &[usize]) -> Reference {
+    pub(crate) fn at(reference: &Horizontal, rows: &Rows, of: impl Iterator<Item = usize>) -> Reference {
         let t = &reference.t;
         let longest = 2.5 * median_step(t);
         let mut out = Reference { row: vec![], axes: [vec![], vec![]] };
         let mut after = 0;
-        for &row in valid {
+        for row in of {
             while after < t.len() && t[after] <= rows.t[row] {
                 after += 1;
             }

@@ -35,6 +35,9 @@ pub struct Settings {
     /// Rows at this rate instead of one for each velocity sample, Hz. The paper's compensator
     /// then sees the velocity held between its samples, as a faster loop would.
     pub output_rate_hz: Option<f64>,
+    /// Of a record with more samples of a channel, neighbouring samples are averaged, so that the memory does not grow with
+    /// its length: 500,000 are 1.4 hours at 100 Hz.
+    pub most_samples: usize,
     /// Compensators beside those that always run (raw, `pade-1-1`, `pade-1-1-as-seen`, `exact-async`), in the order of
     /// the tables. They see each velocity when it comes, also with `output_rate_hz`; what always runs is not run twice.
     pub compensators: Vec<CompensatorKind>,
@@ -49,6 +52,9 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Usual value of [`Settings::most_samples`].
+    pub const MOST_SAMPLES: usize = 500_000;
+
     /// The usual settings for a delay.
     #[must_use]
     pub fn with_delay(delay: Delay, source: &str) -> Settings {
@@ -66,6 +72,7 @@ impl Settings {
             min_speed_mps: 2.0,
             zoom_s: 20.0,
             output_rate_hz: None,
+            most_samples: Settings::MOST_SAMPLES,
             compensators: vec![],
             position: names(&["position.gps", "position.ins", "position.ekf"]),
             velocity: names(&["velocity.ekf", "velocity.ins", "velocity.gps"]),

@@ -21,7 +21,8 @@ use crate::settings::Settings;
 use flight::{Flight, Notices};
 use items::Items;
 use record::{
-    DelaySource, DelaySweep, Estimate, Finding, MeasuredDelay, SweepMethod, SweepOptimum, SweepPoint, SweepScore,
+    DelaySource, DelaySweep, Estimate, Finding, MeasuredDelay, PairUse, SweepMethod, SweepOptimum, SweepPoint,
+    SweepScore,
 };
 use std::ops::Range;
 
@@ -52,11 +53,17 @@ impl Sweeper {
     /// # Errors
     /// As [`crate::replay`], when the channels cannot be compared.
     pub fn of(flight: &Flight, settings: &Settings) -> Result<Sweeper, Refusal> {
-        let input = Input::of(flight, settings)?;
+        let input = Input::of(flight, settings, &mut Notices::new())?;
         let segments = segments(&input.velocity.t, bridge(&input, settings));
         let rows = Rows::of(&input, settings, &segments, &mut Notices::new())?;
         let flown = AXES.map(|k| items::integral(&input.velocity.t, &input.velocity.axes[k]));
         Ok(Sweeper { input, segments, rows, flown })
+    }
+
+    /// The channels that are compared.
+    #[must_use]
+    pub fn pair(&self) -> &PairUse {
+        &self.input.names
     }
 
     /// The delay that fits best: that of the least error against the reference if the flight has one, else what the

@@ -25,7 +25,7 @@ pub use error::ConvertError;
 pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};
 pub use recover::{How, Recovered, RecoveredExtra, RecoveredTopic, recover};
 pub use sheet::{
-    Cells, ReadTable, Sheet, SheetColumn, TextCells, read_parquet, read_parquet_columns, write_csv, write_parquet,
-    write_parquet_about,
+    Cells, ROWS_OF_A_GROUP, ReadTable, Sheet, SheetColumn, TextCells, read_parquet, read_parquet_columns, write_csv,
+    write_parquet, write_parquet_about, write_parquet_parts,
 };
 pub use track::{TrackOrder, TrackTo, WrittenTrack, export_track, layouts_of, write_track_table};

@@ -3,7 +3,10 @@
 mod parquet;
 mod text;
 
-pub use parquet::{ReadTable, read_parquet, read_parquet_columns, write_parquet, write_parquet_about};
+pub use parquet::{
+    ROWS_OF_A_GROUP, ReadTable, read_parquet, read_parquet_columns, write_parquet, write_parquet_about,
+    write_parquet_parts,
+};
 pub(crate) use text::with_zero_bytes;
 pub use text::write_csv;
 

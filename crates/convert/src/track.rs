@@ -7,7 +7,7 @@ mod recording;
 use crate::error::ConvertError;
 use crate::guard::may_write;
 use crate::output::Output;
-use crate::sheet::{Cells, ReadTable, Sheet, SheetColumn, read_parquet, write_csv, write_parquet_about};
+use crate::sheet::{Cells, ReadTable, Sheet, SheetColumn, read_parquet, write_csv, write_parquet_parts};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -65,12 +65,17 @@ pub fn layouts_of(recording: &Path) -> [PathBuf; 2] {
     ["foxglove.json", "plotjuggler.xml"].map(|ending| recording.with_extension(ending))
 }
 
-/// Writes the result table of a flight with texts about it, as `track.parquet` is.
+/// Writes the result table of a flight with texts about it, as `track.parquet` is: the first part of its rows, then the others.
 ///
 /// # Errors
-/// The file cannot be written.
-pub fn write_track_table(sheet: &Sheet, about: &str, file: impl Write + Send) -> io::Result<()> {
-    write_parquet_about(sheet, &[(METADATA.to_owned(), about.to_owned())], file)
+/// The file cannot be written, or a part has other columns than the first.
+pub fn write_track_table(
+    first: &Sheet,
+    others: impl Iterator<Item = Sheet>,
+    about: &str,
+    file: impl Write + Send,
+) -> io::Result<()> {
+    write_parquet_parts(first, others, &[(METADATA.to_owned(), about.to_owned())], file)
 }
 
 /// A place, degrees and metres.

@@ -133,6 +133,12 @@ pub struct Flight {
 }
 
 impl Flight {
+    /// Adds a channel, which shares its stamps with another one if they are equal.
+    pub fn insert(&mut self, name: impl Into<String>, mut channel: Channel) {
+        let _ = self.channels.values().any(|other| channel.series.share_stamps(&other.series));
+        self.channels.insert(name.into(), channel);
+    }
+
     /// The first of `names` that the flight holds.
     #[must_use]
     pub fn first_of<'a>(&'a self, names: &'a [String]) -> Option<(&'a str, &'a Channel)> {
@@ -165,5 +171,27 @@ mod tests {
             source: ChannelSource { topic: "t".into(), type_name: String::new(), fields: vec![] },
         };
         assert_eq!(channel.update_rows(), [0, 2]);
+    }
+
+    #[test]
+    fn channels_with_equal_stamps_hold_them_once() {
+        let channel = |stamps: [i64; 2]| {
+            let timeline = Timeline::new(StampKind::Measured, Clock::Unix, stamps.map(Stamp).to_vec()).unwrap();
+            Channel {
+                quantity: Quantity::Scalar,
+                series: Series::new(timeline, vec![vec![1.0, 2.0]]).unwrap(),
+                present: vec![true],
+                other_stamps: vec![],
+                held: vec![false, false],
+                source: ChannelSource { topic: "t".into(), type_name: String::new(), fields: vec![] },
+            }
+        };
+        let mut flight = Flight::default();
+        flight.insert("a", channel([1, 2]));
+        flight.insert("b", channel([1, 3]));
+        flight.insert("c", channel([1, 2]));
+        let stamps = |name: &str| flight.channels[name].series.timeline().stamps().as_ptr();
+        assert_eq!(stamps("a"), stamps("c"));
+        assert_ne!(stamps("a"), stamps("b"));
     }
 }

@@ -1,13 +1,15 @@
 //! Timelines and series, checked once at birth and total afterwards.
 
 use crate::time::{Clock, Stamp, StampKind};
+use std::sync::Arc;
 
 /// Strictly rising stamps of one kind, read from one clock.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timeline {
     kind: StampKind,
     clock: Clock,
-    stamps: Vec<Stamp>,
+    /// Channels of one topic often have the same ones, and then share them.
+    stamps: Arc<Vec<Stamp>>,
     shared_step_s: f64,
 }
 
@@ -57,7 +59,7 @@ impl Timeline {
                 return Err(SeriesError::NotRising { index: i + 1, before: pair[0].0, now: pair[1].0 });
             }
         }
-        Ok(Timeline { kind, clock, stamps, shared_step_s: 0.0 })
+        Ok(Timeline { kind, clock, stamps: Arc::new(stamps), shared_step_s: 0.0 })
     }
 
     /// The same timeline of a clock so coarse that several rows had one stamp, of which one row is left: its stamps are
@@ -147,6 +149,15 @@ impl Series {
     #[must_use]
     pub fn timeline(&self) -> &Timeline {
         &self.timeline
+    }
+
+    /// Takes the stamps of another series in place of its own if they are equal: those of a long record are then held once.
+    pub(crate) fn share_stamps(&mut self, other: &Series) -> bool {
+        let is_equal = self.timeline.stamps == other.timeline.stamps;
+        if is_equal {
+            self.timeline.stamps = Arc::clone(&other.timeline.stamps);
+        }
+        is_equal
     }
 
     /// All components, each with one value per stamp.

@@ -140,9 +140,7 @@ fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
         flight.notices.extend(bound.notices);
         flight.notices.extend(of_units);
         match bound.channel {
-            Some(channel) => {
-                flight.channels.insert(bound.health.name.clone(), channel);
-            }
+            Some(channel) => flight.insert(&bound.health.name, channel),
             None => no_rows(&bound.health, &mut flight.notices),
         }
         apart.extend(bound.apart.into_iter().map(|offset| (bound.health.clone(), offset)));

@@ -23,42 +23,74 @@ const COARSER: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Option<LeadCurves> {
     let raw = estimates.first()?;
     let exact = estimates.iter().find(|e| e.name == EXACT_ASYNC)?;
-    let fresh: Vec<usize> = (0..rows.t.len()).filter(|&row| row == 0 || rows.fix[row] != rows.fix[row - 1]).collect();
-    let gap_s = gap(rows, &fresh)?;
+    let fresh = || (0..rows.t.len()).filter(|&row| rows.has_new_fix(row));
+    let gap_s = gap(&fresh().map(|row| rows.t[row]).collect::<Vec<_>>())?;
     // What was flown since the fix is no lead.
     let ahead = |row: usize, of: [f64; 2]| {
         let way = along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]])?;
-        Some(way - speed(rows, row) * rows.age[row])
+        Some(way - speed(rows, row) * rows.age_s(input, row))
     };
-    let given: Vec<usize> = fresh.iter().copied().filter(|&row| exact.shown(rows, row)).collect();
-    let compensated: Vec<(usize, f64)> =
-        given.iter().filter_map(|&row| Some((row, ahead(row, AXES.map(|k| exact.axes[k][row]))?))).collect();
-    if compensated.len() < 2 {
+    let given = fresh().filter(|&row| exact.shown(rows, row));
+    let compensated: Points =
+        given.filter_map(|row| Some((row, ahead(row, AXES.map(|k| exact.axes[k][row]))?))).collect();
+    if compensated.m.len() < 2 {
         return None;
     }
-    let mut named = vec![(exact.title.clone(), compensated.clone())];
-    if let Some(reference) = &input.reference {
-        let truth = Reference::at(reference, rows, &fresh);
-        let truth = truth.row.iter().zip(truth.axes[0].iter().zip(&truth.axes[1]));
-        named.push(("reference".to_owned(), truth.filter_map(|(&r, (n, e))| Some((r, ahead(r, [*n, *e])?))).collect()));
-    }
-    named.retain(|(_, points)| !points.is_empty());
     let least_speed_mps = least_speed(rows);
-    Some(LeadCurves {
-        of: named.iter().map(|(name, points)| of(name, rows, points, least_speed_mps, gap_s)).collect(),
+    let mut lead = LeadCurves {
+        of: vec![of(&exact.title, rows, &compensated, least_speed_mps, gap_s)],
         least_speed_mps,
         track: track(rows, exact, &compensated, gap_s),
-    })
+    };
+    drop(compensated);
+    if let Some(reference) = &input.reference {
+        let truth = Reference::at(reference, rows, fresh());
+        let truth = truth.row.iter().zip(truth.axes[0].iter().zip(&truth.axes[1]));
+        let truth: Points = truth.filter_map(|(&r, (n, e))| Some((r, ahead(r, [*n, *e])?))).collect();
+        if !truth.m.is_empty() {
+            lead.of.push(of("reference", rows, &truth, least_speed_mps, gap_s));
+        }
+    }
+    Some(lead)
 }
 
-fn of(name: &str, rows: &Rows, points: &[(usize, f64)], least_speed_mps: f64, gap_s: f64) -> Lead {
-    let is_time = |(row, _): &&(usize, f64)| speed(rows, *row) >= least_speed_mps;
-    let in_ms: Vec<(usize, f64)> =
-        points.iter().filter(is_time).map(|&(row, m)| (row, 1e3 * m / speed(rows, row))).collect();
+/// How far something is ahead at some rows. A long flight has a million.
+#[derive(Default)]
+struct Points {
+    row: Vec<u32>,
+    /// Metres, or milliseconds of flight.
+    m: Vec<f64>,
+}
+
+impl FromIterator<(usize, f64)> for Points {
+    fn from_iter<I: IntoIterator<Item = (usize, f64)>>(points: I) -> Points {
+        let mut out = Points::default();
+        for (row, m) in points {
+            out.row.push(row as u32);
+            out.m.push(m);
+        }
+        out
+    }
+}
+
+impl Points {
+    fn rows(&self) -> impl Iterator<Item = usize> {
+        self.row.iter().map(|row| *row as usize)
+    }
+
+    fn time_s(&self, rows: &Rows, point: usize) -> f64 {
+        rows.t[self.row[point] as usize]
+    }
+}
+
+fn of(name: &str, rows: &Rows, points: &Points, least_speed_mps: f64, gap_s: f64) -> Lead {
+    let is_time = |(row, _): &(usize, f64)| speed(rows, *row) >= least_speed_mps;
+    let all = points.rows().zip(points.m.iter().copied());
+    let in_ms: Points = all.filter(is_time).map(|(row, m)| (row, 1e3 * m / speed(rows, row))).collect();
     Lead {
-        median_m: percentile(points.iter().map(|p| p.1), 0.5).unwrap_or_default(),
-        largest_m: points.iter().map(|p| p.1).fold(0.0, |most: f64, m| if m.abs() > most.abs() { m } else { most }),
-        median_ms: percentile(in_ms.iter().map(|p| p.1), 0.5),
+        median_m: percentile(points.m.iter().copied(), 0.5).unwrap_or_default(),
+        largest_m: points.m.iter().fold(0.0, |most: f64, &m| if m.abs() > most.abs() { m } else { most }),
+        median_ms: percentile(in_ms.m.iter().copied(), 0.5),
         over_time_m: curve(name, rows, points, gap_s),
         over_time_ms: curve(name, rows, &in_ms, gap_s),
     }
@@ -80,9 +112,8 @@ fn percentile(values: impl Iterator<Item = f64>, share: f64) -> Option<f64> {
 }
 
 /// A longer step between fixes is a gap, s; `None` with fewer than three fixes.
-fn gap(rows: &Rows, fresh: &[usize]) -> Option<f64> {
-    let times: Vec<f64> = fresh.iter().map(|&row| rows.t[row]).collect();
-    (times.len() > 2).then(|| 2.5 * median_step(&times))
+fn gap(times: &[f64]) -> Option<f64> {
+    (times.len() > 2).then(|| 2.5 * median_step(times))
 }
 
 /// The part of a way along the velocity of a row, m; `None` where it stands still.
@@ -93,26 +124,26 @@ fn along(rows: &Rows, row: usize, way: [f64; 2]) -> Option<f64> {
 }
 
 /// Ranges of points without a gap between them.
-fn strokes(rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Vec<Range<usize>> {
+fn strokes(rows: &Rows, points: &Points, gap_s: f64) -> Vec<Range<usize>> {
     let mut out: Vec<Range<usize>> = vec![];
-    for i in 0..points.len() {
+    for i in 0..points.m.len() {
         match out.last_mut() {
-            Some(stroke) if rows.t[points[i].0] - rows.t[points[i - 1].0] <= gap_s => stroke.end = i + 1,
+            Some(stroke) if points.time_s(rows, i) - points.time_s(rows, i - 1) <= gap_s => stroke.end = i + 1,
             _ => out.push(i..i + 1),
         }
     }
     out
 }
 
-fn curve(name: &str, rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Curve {
+fn curve(name: &str, rows: &Rows, points: &Points, gap_s: f64) -> Curve {
     let mut out = Curve { name: name.to_owned(), t_s: vec![], y: vec![], breaks: vec![], stands_for: 0 };
     let strokes = strokes(rows, points, gap_s);
     // However many strokes: about as many points in all.
     let bins = (BINS / strokes.len().max(1)).max(4);
     for stroke in strokes {
-        let t: Vec<f64> = points[stroke.clone()].iter().map(|(row, _)| rows.t[*row]).collect();
-        let y: Vec<f64> = points[stroke].iter().map(|(_, y)| *y).collect();
-        let kept = signal::min_max(&t, &y, bins);
+        let t: Vec<f64> = stroke.clone().map(|point| points.time_s(rows, point)).collect();
+        let y = &points.m[stroke];
+        let kept = signal::min_max(&t, y, bins);
         if !out.t_s.is_empty() {
             out.breaks.push(out.t_s.len() as u32);
         }
@@ -124,13 +155,13 @@ fn curve(name: &str, rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Curve 
 }
 
 /// The compensated track at its fixes, thinned where neither the way nor the colour bends, and coarser until it has few points.
-fn track(rows: &Rows, exact: &Positions, points: &[(usize, f64)], gap_s: f64) -> LeadTrack {
-    let [north, east] = AXES.map(|k| points.iter().map(|(row, _)| exact.axes[k][*row]).collect::<Vec<f64>>());
+fn track(rows: &Rows, exact: &Positions, points: &Points, gap_s: f64) -> LeadTrack {
+    let [north, east] = AXES.map(|k| points.rows().map(|row| exact.axes[k][row]).collect::<Vec<f64>>());
     let extent = |y: &[f64]| {
         y.iter().copied().fold(f64::NEG_INFINITY, f64::max) - y.iter().copied().fold(f64::INFINITY, f64::min)
     };
     let tolerance = extent(&north).max(extent(&east)) / PATH_RESOLUTION;
-    let colour = COLOUR_STEP * points.iter().map(|(_, lead)| lead.abs()).fold(0.0, f64::max);
+    let colour = COLOUR_STEP * points.m.iter().map(|lead| lead.abs()).fold(0.0, f64::max);
     let strokes = strokes(rows, points, gap_s);
     let thinned = |coarser: f64| thinned(&strokes, [&north, &east], points, (coarser * tolerance, coarser * colour));
     let mut out = thinned(1.0);
@@ -146,7 +177,7 @@ fn track(rows: &Rows, exact: &Positions, points: &[(usize, f64)], gap_s: f64) ->
 fn thinned(
     strokes: &[Range<usize>],
     [north, east]: [&[f64]; 2],
-    points: &[(usize, f64)],
+    points: &Points,
     (tolerance, colour): (f64, f64),
 ) -> LeadTrack {
     let mut out = LeadTrack::default();
@@ -158,7 +189,7 @@ fn thinned(
         }
         let (mut last, mut bends) = (f64::INFINITY, of_way.iter().copied().peekable());
         for i in 0..stroke.len() {
-            let lead = points[stroke.start + i].1;
+            let lead = points.m[stroke.start + i];
             let is_bend = bends.next_if_eq(&i).is_some();
             if is_bend || (lead - last).abs() > colour {
                 last = lead;

@@ -92,14 +92,7 @@ fn samples<'a>(input: &'a Input, part: &Range<usize>, axis: usize, delay_s: f64)
 
 /// The segments that have rows: their velocity samples, and their rows.
 fn stretches(segments: &[Range<usize>], rows: &Rows) -> Vec<(Range<usize>, Range<usize>)> {
-    let mut out = vec![];
-    let mut first = 0;
-    for same in rows.segment.chunk_by(|a, b| a == b) {
-        let of_rows = first..first + same.len();
-        first = of_rows.end;
-        out.extend(same[0].map(|segment| (segments[segment].clone(), of_rows)));
-    }
-    out
+    rows.runs().filter_map(|(segment, of_rows)| Some((segments[segment?].clone(), of_rows))).collect()
 }
 
 struct Bench<'a> {

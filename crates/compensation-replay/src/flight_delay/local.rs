@@ -1,8 +1,8 @@
 //! The two channels of a pair in seconds and metres: north and east of one place, held rows left out.
 
 use super::pairs::{Pair, Second};
-use super::thin::{Averaged, thinned_rows};
 use crate::input::Horizontal;
+use crate::thin::{Averaged, thinned_rows};
 use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Stamp};
 use nalgebra::Vector3;
 use record::DelayOrigin;
@@ -81,8 +81,10 @@ pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut No
     let frame = place.map(|p| LocalFrame::new(median_fix(p)));
     let axes = Axes { origin, frame: frame.as_ref() };
     let (rows, one_in) = thinned_rows(first, most.of_first, &pair.first, notices);
-    let first_local = located((first, &pair.first), rows.into_iter(), &axes, Averaged::none(), notices);
-    let averaged = |name: &str, notices: &mut Notices| Averaged::new(second, most.of_second, name, notices);
+    let out = Averaged::none(rows.len());
+    let first_local = located((first, &pair.first), rows.into_iter(), &axes, out, notices);
+    let averaged =
+        |name: &str, notices: &mut Notices| Averaged::new((second, name), most.of_second, "the delay", notices);
     let (second_local, integrate, body) = match &pair.second {
         Second::Position(name) | Second::Rate(name) => {
             let out = averaged(name, notices);
@@ -90,7 +92,7 @@ pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut No
         }
         Second::Velocity(name) => (turned(second, first, &axes, averaged(name, notices)), true, None),
         Second::Acceleration { attitude, specific_force } => {
-            let out = Averaged::new(second, most.of_second, specific_force, notices);
+            let out = Averaged::new((second, specific_force), most.of_second, "the delay", notices);
             let (force, body) = rotated(second, channel(attitude)?, origin, out);
             (force, true, Some(body))
         }

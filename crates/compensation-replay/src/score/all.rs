@@ -27,7 +27,7 @@ pub(crate) struct Played<'a> {
     pub(crate) rows: &'a Rows,
     /// Raw first.
     pub(crate) tracks: &'a [Positions],
-    pub(crate) innovations: &'a Innovations,
+    pub(crate) innovations: Innovations,
     /// Predicted way, 2-D rms, m.
     pub(crate) way_m: f64,
 }
@@ -57,20 +57,22 @@ fn expected(track: &Positions, settings: &Settings, ground: &Ground<'_>, updates
 }
 
 /// Everything of [`ReplayScores`].
-pub(crate) fn scores(played: &Played) -> ReplayScores {
-    let Played { input, settings, segments, rows, tracks, .. } = *played;
+pub(crate) fn scores(played: Played) -> ReplayScores {
+    let Played { input, settings, segments, rows, tracks, innovations, way_m } = played;
+    let step_correlations: Vec<_> = tracks.iter().map(|t| truthless::step_correlation(&innovations, t)).collect();
+    drop(innovations);
     let updates = Updates::of(input, rows, segments);
     let raw = &tracks[0];
     let td = settings.delay.seconds();
-    let fits = fits(played, &updates);
+    let fits = fits(input, settings, tracks, &updates);
     let legs = Legs::of(&updates, td);
     let passes = Passes::of(&updates, raw);
     let motion = Motion::of(&input.velocity, segments, td);
-    let valid: Vec<usize> = rows.valid().collect();
-    let at_rows = input.reference.as_ref().map(|r| Reference::at(r, rows, &valid));
+    let valid_rows = rows.valid().count().max(1) as f64;
+    let at_rows = input.reference.as_ref().map(|r| Reference::at(r, rows, rows.valid()));
     let judge = at_rows.as_ref().map(|r| Judge::of(r, rows, &input.velocity));
     let against = |track: &Positions| match &judge {
-        Some(judge) => judge.score(track, if track.is_raw() { td + rows.mean_age_s() } else { 0.0 }),
+        Some(judge) => judge.score(track, if track.is_raw() { td + rows.mean_age_s(input) } else { 0.0 }),
         None => Finding::CannotTell(NO_REFERENCE.to_owned()),
     };
     let against_reference: Vec<_> = tracks.iter().map(against).collect();
@@ -80,13 +82,13 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
     };
     let late = late(residual(&fits[0]), &velocity_delay_s, settings);
     let left_s = late.position_s.map(|e| Estimate { value: e.value - td, ..e });
-    let mean = |of: &dyn Fn(usize) -> f64| valid.iter().map(|&r| of(r)).sum::<f64>() / valid.len().max(1) as f64;
+    let mean = |of: &dyn Fn(usize) -> f64| rows.valid().map(of).sum::<f64>() / valid_rows;
     let ground = Ground {
         speed_mps: mean(&|r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum()).sqrt(),
         delay_s: td,
         delay_u_s: settings.delay_uncertainty_s,
-        age_s: (rows.mean_age_s(), mean(&|r| rows.age[r].powi(2))),
-        way_m: played.way_m,
+        age_s: (rows.mean_age_s(input), mean(&|r| rows.age_s(input, r).powi(2))),
+        way_m,
         raw_fit: fits[0].as_ref().map_err(String::as_str),
         motion: motion.as_ref().map_err(String::as_str),
         left_s,
@@ -98,9 +100,9 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         residual_delay: residual_finding(&fits[k], expected(track, settings, &ground, &updates)),
         lead_s: truthless::lead(&updates, raw, track),
         expected_lead_s: track.delay.seconds(),
-        step_correlation: truthless::step_correlation(played.innovations, track),
+        step_correlation: step_correlations[k].clone(),
         hysteresis: passes.hysteresis(&updates, track, apart_s(track, settings)),
-        raw_minus_this_axes_rms_m: differences(raw, track, &valid),
+        raw_minus_this_axes_rms_m: differences(raw, track, rows),
         straight: legs.score(&updates, raw, track),
         budget: ground.budget(track, against_reference[k].found().map(|score| score.rms_m)),
         reference: against_reference[k].clone(),
@@ -108,7 +110,10 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
     };
     ReplayScores {
         compensators: tracks.iter().enumerate().map(score).collect(),
-        predicted_axes_rms_m: AXES.map(|k| mean(&|r| rows.predicted[k][r].powi(2)).sqrt()),
+        predicted_axes_rms_m: AXES.map(|k| {
+            let way = rows.predicted(input, settings, k);
+            mean(&|r| way[r].powi(2)).sqrt()
+        }),
         straight_legs: legs.finding(),
         opposite_passes: passes.finding(),
         velocity_delay_s,
@@ -120,16 +125,16 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
 
 /// Delays of the tracks against the integral of velocity. The paper's filter that is told of the mean age is late by less
 /// than nothing at a fresh fix, on purpose, so it is left out.
-fn fits(played: &Played, updates: &Updates) -> Vec<Fit> {
-    let mut fitter = TrackFitter::new(&played.input.velocity);
+fn fits(input: &Input, settings: &Settings, tracks: &[Positions], updates: &Updates) -> Vec<Fit> {
+    let mut fitter = TrackFitter::new(&input.velocity);
     let fit = |track: &Positions| {
-        if track.further.is_none() && track.delay.seconds() > played.settings.delay.seconds() {
+        if track.further.is_none() && track.delay.seconds() > settings.delay.seconds() {
             return Err("tuned for the average between two fixes, and this test uses fresh fixes only".to_owned());
         }
-        let expected_s = if track.is_raw() { played.settings.delay.seconds() } else { 0.0 };
+        let expected_s = if track.is_raw() { settings.delay.seconds() } else { 0.0 };
         fitter.fit(updates.horizontal(track), expected_s)
     };
-    played.tracks.iter().map(fit).collect()
+    tracks.iter().map(fit).collect()
 }
 
 fn residual(fit: &Fit) -> Option<Estimate> {
@@ -231,10 +236,10 @@ fn band(track: &Positions, (left_s, velocity_s): (f64, f64), motion: &Result<Mot
 }
 
 /// Raw less a track at the valid rows, rms north and east.
-fn differences(raw: &Positions, track: &Positions, valid: &[usize]) -> [Estimate; 2] {
-    let said = valid.iter().filter(|&&r| track.speaks(r));
+fn differences(raw: &Positions, track: &Positions, rows: &Rows) -> [Estimate; 2] {
+    let said = rows.valid().filter(|&row| track.speaks(row));
     let square = |r: usize, axis: usize| (raw.axes[axis][r] - track.axes[axis][r]).powi(2);
-    let blocks = Blocks::of(said.clone().count(), said.map(|&r| [square(r, 0), square(r, 1), 1.0]));
+    let blocks = Blocks::of(said.clone().count(), said.map(|r| [square(r, 0), square(r, 1), 1.0]));
     let nothing = Estimate { value: 0.0, standard_uncertainty: None };
     AXES.map(|axis| blocks.size(|sums| root_mean([sums[axis], sums[2]])).unwrap_or(nothing))
 }

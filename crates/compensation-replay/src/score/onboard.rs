@@ -7,6 +7,7 @@ use crate::estimate::Positions;
 use crate::input::{AXES, Horizontal, Input, local};
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
+use crate::thin::Averaged;
 use flight::{Channel, Code, Flight, Notices, Quantity, WGS84_A};
 use record::{Finding, OnboardAgainst, OnboardComparison};
 
@@ -59,8 +60,16 @@ fn compare(
         let clock = channel.series.timeline().clock();
         return Err(format!("{name} is stamped by the clock {clock}, {} by {}", input.names.position, input.clock));
     }
+    if input.averaged > 1 {
+        return Err(format!(
+            "the record is so long that {} neighbouring velocity samples are averaged, and the aircraft's filter saw each",
+            input.averaged
+        ));
+    }
     let used = channel.update_rows();
-    let onboard = local(name, channel, &used, input.origin, input.frame.as_ref()).map_err(|e| e.to_string())?.0;
+    let place = (input.origin, input.frame.as_ref());
+    let onboard =
+        local((channel, name), used.iter().copied(), place, Averaged::none(used.len())).map_err(|e| e.to_string())?.0;
     let pairs = pairs(&onboard, rows);
     if pairs.is_empty() {
         return Err(format!("no sample of {name} lies within the replay"));
@@ -106,7 +115,7 @@ fn pairs(onboard: &Horizontal, rows: &Rows) -> Vec<Pair> {
             if is_valid(row) {
                 out.push(Pair { sample, row, share: 0.0 });
             }
-        } else if next < rows.t.len() && is_valid(row) && is_valid(next) && rows.fix[row] == rows.fix[next] {
+        } else if next < rows.t.len() && is_valid(row) && is_valid(next) && !rows.has_new_fix(next) {
             let step = rows.t[next] - rows.t[row];
             if step <= rows.gap_s {
                 out.push(Pair { sample, row, share: beyond / step });

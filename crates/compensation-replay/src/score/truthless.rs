@@ -1,7 +1,7 @@
 //! Scores that need no reference (design note 5.9): lead, steps, opposite passes, straight legs.
 
 use super::Innovations;
-use super::jackknife::{jackknife, mean, rms};
+use super::jackknife::{Blocks, jackknife, mean, rms};
 use super::updates::{Updates, dot, length, minus, to_the_right};
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions};
@@ -33,16 +33,16 @@ pub(crate) fn step_correlation(innovations: &Innovations, track: &Positions) -> 
         return Finding::CannotTell("it takes a fix over smoothly: there is no step".to_owned());
     }
     let carries_on = track.name == EXACT_ASYNC;
-    let rows: Vec<[f64; 3]> = (0..innovations.t.len())
-        .map(|i| {
-            let flown = AXES.map(|k| innovations.flown[k][i]);
-            let left = AXES.map(|k| innovations.exact[k][i]);
-            let step = if carries_on { left } else { AXES.map(|k| left[k] + flown[k]) };
-            [dot(step, flown), dot(step, step), dot(flown, flown)]
-        })
-        .collect();
+    let products = |i: usize| {
+        let flown = AXES.map(|k| innovations.flown[k][i]);
+        let left = AXES.map(|k| innovations.exact[k][i]);
+        let step = if carries_on { left } else { AXES.map(|k| left[k] + flown[k]) };
+        [dot(step, flown), dot(step, step), dot(flown, flown)]
+    };
+    let fixes = innovations.fix.len();
+    let blocks = Blocks::of(fixes, (0..fixes).map(products));
     let why = "no fix whose flight since the fix before was seen whole";
-    found(jackknife(&rows, |[sf, ss, ff]| sf / (ss * ff).sqrt()), why)
+    found(blocks.estimate(|[sf, ss, ff]| sf / (ss * ff).sqrt()), why)
 }
 
 // Opposite passes

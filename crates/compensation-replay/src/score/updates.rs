@@ -25,8 +25,7 @@ pub(crate) struct Updates<'a> {
 
 impl<'a> Updates<'a> {
     pub(crate) fn of(input: &'a Input, all: &'a Rows, segments: &[Range<usize>]) -> Updates<'a> {
-        let is_new = |row: &usize| *row == 0 || all.fix[*row] != all.fix[row - 1];
-        let rows: Vec<usize> = all.valid().filter(is_new).collect();
+        let rows: Vec<usize> = all.valid().filter(|row| all.has_new_fix(*row)).collect();
         let every = rows.len().div_ceil(MOST).max(1);
         let rows: Vec<usize> = rows.into_iter().step_by(every).collect();
         let velocity = rows.iter().map(|&r| both_at(&input.velocity, all.t[r])).collect();
@@ -36,7 +35,7 @@ impl<'a> Updates<'a> {
             (AXES.map(of_axis), [t[0], t[t.len() - 1]])
         };
         let integrals: Vec<_> = segments.iter().map(integral).collect();
-        let at = |row: usize| all.segment[row].map_or([0.0; 2], |s| AXES.map(|k| integrals[s].0[k].at(all.t[row])));
+        let at = |row: usize| all.segment(row).map_or([0.0; 2], |s| AXES.map(|k| integrals[s].0[k].at(all.t[row])));
         let place = rows.iter().map(|&r| at(r)).collect();
         Updates { rows, input, all, velocity, place, integrals }
     }
@@ -46,7 +45,7 @@ impl<'a> Updates<'a> {
     }
 
     pub(crate) fn segment(&self, i: usize) -> Option<usize> {
-        self.all.segment[self.rows[i]]
+        self.all.segment(self.rows[i])
     }
 
     /// North and east of a track.
@@ -61,7 +60,7 @@ impl<'a> Updates<'a> {
     /// For how long a track moves its raw position on, s: the delay it was given, and if it knows how old the fix is,
     /// that too.
     pub(crate) fn moved_on_s(&self, track: &Positions, i: usize) -> f64 {
-        let age = if knows_age(track) { self.all.age[self.rows[i]] } else { 0.0 };
+        let age = if knows_age(track) { self.all.age_s(self.input, self.rows[i]) } else { 0.0 };
         track.delay.seconds() + age
     }
 
@@ -70,7 +69,7 @@ impl<'a> Updates<'a> {
         if knows_age(track) || track.is_raw() || self.rows.is_empty() {
             return 0.0;
         }
-        self.rows.iter().map(|&r| self.all.age[r]).sum::<f64>() / self.rows.len() as f64
+        self.rows.iter().map(|&r| self.all.age_s(self.input, r)).sum::<f64>() / self.rows.len() as f64
     }
 
     /// What velocity flew in the last `over_s` seconds before a row, m: Simpson's rule over three velocities, so no
@@ -96,7 +95,11 @@ impl<'a> Updates<'a> {
         let t = said.iter().map(|&r| self.all.t[r]).collect();
         let axes = AXES.map(|k| said.iter().map(|&r| track.axes[k][r]).collect());
         // A raw fix belongs to its own stamp, not to the row that sees it first.
-        let t = if track.is_raw() { said.iter().map(|&r| self.all.t[r] - self.all.age[r]).collect() } else { t };
+        let t = if track.is_raw() {
+            said.iter().map(|&r| self.all.t[r] - self.all.age_s(self.input, r)).collect()
+        } else {
+            t
+        };
         Horizontal { t, axes }
     }
 }

@@ -3,7 +3,6 @@
 use super::Sweeper;
 use crate::input::AXES;
 use crate::score::Reference;
-use std::ops::Range;
 
 /// ∫ y from the first sample on, linear between samples.
 pub(super) fn integral(t: &[f64], y: &[f64]) -> Vec<f64> {
@@ -21,11 +20,9 @@ pub(super) fn integral(t: &[f64], y: &[f64]) -> Vec<f64> {
 #[derive(Debug, Clone)]
 struct Item {
     /// The fix: place in the stamps.
-    at: usize,
-    /// Whether the step from the stamp before it is scored.
-    is_step: bool,
-    /// Rows of it.
-    rows: Range<usize>,
+    at: u32,
+    /// Its rows end here, and begin where those of the item before end.
+    until: u32,
     /// Mean over the rows of what the integral should be, north and east, m.
     mean: [f64; 2],
     /// Σ of the squared distances to that mean, m².
@@ -35,7 +32,7 @@ struct Item {
 /// What is scored with every delay.
 #[derive(Debug, Clone)]
 pub(super) struct Items {
-    /// Whether errors are scored, or steps.
+    /// Whether errors are scored, or steps from the stamp before.
     pub(super) against_reference: bool,
     /// Stamps of the fixes that take part, rising, s.
     stamps: Vec<f64>,
@@ -54,35 +51,44 @@ impl Items {
         self.rows.len()
     }
 
-    fn add(&mut self, is_step: bool, at: usize, targets: &[[f64; 2]]) {
+    fn add(&mut self, at: u32, targets: &[[f64; 2]]) {
         let n = targets.len() as f64;
         let mean = AXES.map(|k| targets.iter().map(|a| a[k]).sum::<f64>() / n);
         let scatter = targets.iter().map(|a| AXES.map(|k| (a[k] - mean[k]).powi(2)).iter().sum::<f64>()).sum();
-        let from = self.rows.len();
         self.rows.extend_from_slice(targets);
-        self.items.push(Item { at, is_step, rows: from..self.rows.len(), mean, scatter });
+        self.items.push(Item { at, until: self.rows.len() as u32, mean, scatter });
+    }
+
+    /// Each item with its rows.
+    fn each(&self) -> impl Iterator<Item = (&Item, &[[f64; 2]])> {
+        let mut from = 0;
+        self.items.iter().map(move |item| {
+            let rows = from..item.until as usize;
+            from = rows.end;
+            (item, &self.rows[rows])
+        })
     }
 
     /// Every n-th, so that about `most` are left.
     pub(super) fn thinned(&self, most: usize) -> Items {
         let every = self.items.len().div_ceil(most.max(1)).max(1);
         let mut out = Items { stamps: vec![], items: vec![], rows: vec![], ..*self };
-        for item in self.items.iter().step_by(every) {
-            if item.is_step {
-                out.stamp(self.stamps[item.at - 1]);
+        for (item, rows) in self.each().step_by(every) {
+            if !self.against_reference {
+                out.stamp(self.stamps[item.at as usize - 1]);
             }
-            let at = out.stamp(self.stamps[item.at]);
-            out.add(item.is_step, at, &self.rows[item.rows.clone()]);
+            let at = out.stamp(self.stamps[item.at as usize]);
+            out.add(at, rows);
         }
         out
     }
 
     /// Place of a stamp that is not before the last one.
-    fn stamp(&mut self, t: f64) -> usize {
+    fn stamp(&mut self, t: f64) -> u32 {
         if self.stamps.last() != Some(&t) {
             self.stamps.push(t);
         }
-        self.stamps.len() - 1
+        self.stamps.len() as u32 - 1
     }
 }
 
@@ -119,11 +125,10 @@ impl Sweeper {
     pub(super) fn errors(&self, (low, high): (f64, f64)) -> Option<Items> {
         let rows = &self.rows;
         let inside = |&row: &usize| {
-            let t = self.input.position.t[rows.fix[row]];
-            rows.segment[row].is_some_and(|s| rows.age[row] >= 0.0 && self.holds(s, t - high, t - low))
+            let t = self.input.position.t[rows.fix(row)];
+            rows.segment(row).is_some_and(|s| rows.age_s(&self.input, row) >= 0.0 && self.holds(s, t - high, t - low))
         };
-        let usable: Vec<usize> = (0..rows.t.len()).filter(inside).collect();
-        let reference = Reference::at(self.input.reference.as_ref()?, rows, &usable);
+        let reference = Reference::at(self.input.reference.as_ref()?, rows, (0..rows.t.len()).filter(inside));
         let flown = self.flown_by(reference.row.iter().map(|&row| rows.t[row]));
         let mut items = Items { against_reference: true, stamps: vec![], items: vec![], rows: vec![] };
         let targets: Vec<[f64; 2]> = reference
@@ -132,14 +137,14 @@ impl Sweeper {
             .zip(flown)
             .enumerate()
             .map(|(i, (&row, flown))| {
-                AXES.map(|k| self.input.position.axes[k][rows.fix[row]] + flown.way[k] - reference.axes[k][i])
+                AXES.map(|k| self.input.position.axes[k][rows.fix(row)] + flown.way[k] - reference.axes[k][i])
             })
             .collect();
-        let group = |row: usize| (rows.fix[row], rows.segment[row]);
+        let group = |row: usize| (rows.fix(row), rows.segment(row));
         let mut from = 0;
         for of_fix in reference.row.chunk_by(|a, b| group(*a) == group(*b)) {
-            let at = items.stamp(self.input.position.t[rows.fix[of_fix[0]]]);
-            items.add(false, at, &targets[from..from + of_fix.len()]);
+            let at = items.stamp(self.input.position.t[rows.fix(of_fix[0])]);
+            items.add(at, &targets[from..from + of_fix.len()]);
             from += of_fix.len();
         }
         Some(items)
@@ -159,7 +164,7 @@ impl Sweeper {
                 let step = AXES.map(|k| position.axes[k][j] - position.axes[k][j - 1]);
                 items.stamp(position.t[j - 1]);
                 let at = items.stamp(position.t[j]);
-                items.add(true, at, &[step]);
+                items.add(at, &[step]);
             }
         }
         items
@@ -191,15 +196,15 @@ impl Sweeper {
     pub(super) fn misses<'a>(&'a self, items: &'a Items, delay_s: f64) -> impl Iterator<Item = Miss> + 'a {
         let mut flown = self.flown_by(items.stamps.iter().map(move |t| t - delay_s));
         let (mut walked, mut before, mut now) = (0, Flown::default(), Flown::default());
-        items.items.iter().map(move |item| {
+        items.each().map(move |(item, rows)| {
             while walked <= item.at
                 && let Some(next) = flown.next()
             {
                 (before, now, walked) = (now, next, walked + 1);
             }
-            let from = if item.is_step { before } else { Flown::default() };
+            let from = if items.against_reference { Flown::default() } else { before };
             Miss {
-                rows: item.rows.len() as f64,
+                rows: rows.len() as f64,
                 error: AXES.map(|k| item.mean[k] - (now.way[k] - from.way[k])),
                 rate: AXES.map(|k| now.velocity[k] - from.velocity[k]),
             }
@@ -214,11 +219,11 @@ impl Sweeper {
 
     /// Squared 2-D score of every row, m².
     pub(super) fn squares(&self, items: &Items, delay_s: f64) -> Vec<f64> {
-        let of = |(item, missed): (&Item, Miss)| {
+        let of = |((item, rows), missed): ((&'_ Item, &'_ [[f64; 2]]), Miss)| {
             let mean = item.mean;
-            items.rows[item.rows.clone()].iter().map(move |a| square(AXES.map(|k| missed.error[k] + a[k] - mean[k])))
+            rows.iter().map(move |a| square(AXES.map(|k| missed.error[k] + a[k] - mean[k]))).collect::<Vec<f64>>()
         };
-        items.items.iter().zip(self.misses(items, delay_s)).flat_map(of).collect()
+        items.each().zip(self.misses(items, delay_s)).flat_map(of).collect()
     }
 }
 

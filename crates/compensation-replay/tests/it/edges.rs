@@ -1,7 +1,7 @@
 //! Starts, gaps, resets, refusals.
 
 use crate::flights::{along_a_parallel, channel, circle, late};
-use compensation_replay::{Refusal, RowState, Settings, Track, TrackColumn, replay};
+use compensation_replay::{Refusal, ReplayedTrack, RowState, Settings, Track, TrackColumn, TrackRows, replay};
 use flight::{Channel, Flight, Quantity, Severity};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
@@ -25,9 +25,9 @@ fn edit(flight: &mut Flight, name: &str, change: impl Fn(&mut Vec<(f64, [f64; 3]
     flight.channels.insert(name.into(), channel(quantity, &rows));
 }
 
-fn numbers<'a>(track: &'a Track, name: &str) -> &'a [Option<f64>] {
-    match track.column(name) {
-        Some(TrackColumn::F64(values)) => values,
+fn numbers(track: &ReplayedTrack, name: &str) -> Vec<Option<f64>> {
+    match track.whole().column(name) {
+        Some(TrackColumn::F64(values)) => values.clone(),
         other => panic!("{name}: {other:?}"),
     }
 }
@@ -215,7 +215,7 @@ fn a_flight_too_short_for_one_valid_row_is_refused_and_not_scored_as_zero() {
 #[test]
 fn states_are_written_by_name() {
     let found = replay(&circle(0.4, 10.0, 100.0, 100.0), &settings()).unwrap();
-    let Some(TrackColumn::Text(states)) = found.track.column("state") else { panic!() };
+    let Some(TrackColumn::Text(states)) = found.track.whole().column("state").cloned() else { panic!() };
     assert_eq!((states[0], states[500]), (RowState::WarmUp.name(), RowState::Valid.name()));
 }
 
@@ -280,7 +280,7 @@ fn a_further_compensator_starts_anew_in_every_segment_under_every_start_rule() {
         for axis in ["north", "east"] {
             let column = |name: &str| numbers(&found.track, &format!("{name}_{axis}_m"));
             for (row, (fir, exact)) in column("exact_fir").iter().zip(column("exact_async")).enumerate() {
-                let apart = fir.zip(*exact).map_or(0.0, |(fir, exact)| (fir - exact).abs());
+                let apart = fir.zip(exact).map_or(0.0, |(fir, exact)| (fir - exact).abs());
                 assert_eq!(fir.is_some(), exact.is_some(), "{start:?}: row {row}");
                 assert!(apart <= 1e-9, "{start:?}: row {row} is {apart} m apart");
             }
@@ -300,8 +300,9 @@ fn what_always_runs_has_the_same_bits_with_further_compensators_and_is_not_run_t
     assert_eq!(compensators[..before], alone.record.compensators);
     let further: Vec<&str> = compensators[before..].iter().map(|c| c.name.as_str()).collect();
     assert_eq!(further, ["pade-3-3-foh", "pade-2-2-foh", "exact-fir"]);
-    for (name, column) in &alone.track.columns {
-        assert_eq!(more.track.column(name), Some(column), "{name}");
+    let with_more = more.track.whole();
+    for (name, column) in &alone.track.whole().columns {
+        assert_eq!(with_more.column(name), Some(column), "{name}");
     }
     // In the figures, the first two of the further ones and no more.
     assert_eq!(more.record.track.len(), before + 2);
@@ -362,4 +363,42 @@ fn the_latitude_in_the_track_is_the_exact_forms_whatever_runs_beside() {
     // Where the offline shift has nothing to say its column is empty, and that of the exact form is not.
     assert_eq!(numbers(&more.track, "offline_shift_east_m").last(), Some(&None));
     assert!(numbers(&more.track, "exact_async_longitude_deg").last().unwrap().is_some());
+}
+
+/// Of a long record neighbouring velocities are averaged and the newest fixes kept: what is removed, and what is left, stay.
+#[test]
+fn a_record_of_very_many_samples_is_averaged_and_its_errors_stay() {
+    let flight = circle(0.4, 60.0, 100.0, 100.0);
+    let all = replay(&flight, &settings()).unwrap();
+    let averaged = replay(&flight, &Settings { most_samples: 2001, ..settings() }).unwrap();
+    let said: Vec<&str> =
+        averaged.notices.iter().filter(|n| n.code == "samples-left-out").map(|n| n.text.as_str()).collect();
+    let [velocity, fixes, reference] = said[..] else { panic!("{said:?}") };
+    assert_eq!(velocity, "velocity.gps: 3 neighbouring samples are averaged for the replay, 6001 to 2000");
+    assert_eq!(fixes, "position.gps: 2002 of 6001 fixes are replayed, the newest at each velocity sample");
+    assert!(reference.starts_with("position.truth: 3 neighbouring samples"), "{reference}");
+    assert!(all.notices.iter().all(|n| n.code != "samples-left-out"));
+    assert_eq!((averaged.record.coverage.rows, averaged.record.coverage.fixes), (2001, 2002));
+    // Of three samples the middle one is where their mean is, and its fix is as old as it was.
+    let column = |replayed: &compensation_replay::Replay, name: &str| numbers(&replayed.track, name);
+    let (t, age) = (column(&averaged, "t_s"), column(&averaged, "fix_age_s"));
+    let fix = |t: &Option<f64>, age: &Option<f64>| 100.0 * (t.unwrap() - age.unwrap());
+    assert!(t.iter().zip(&age).all(|(t, age)| (fix(t, age) - fix(t, age).round()).abs() < 1e-6));
+    assert!(age.iter().flatten().all(|age| *age < 0.01), "no fix is older than a step of the log");
+    for name in ["raw", "pade-1-1", "exact-async"] {
+        let (all, averaged) = (error(&all, name), error(&averaged, name));
+        assert!((averaged - all).abs() < 0.01 * all + 2e-3, "{name}: {averaged} m, not {all} m");
+    }
+}
+
+#[test]
+fn the_parts_of_a_track_are_the_rows_of_the_whole() {
+    let track = replay(&interrupted_circle(), &settings()).unwrap().track;
+    let (whole, rows) = (track.whole(), track.rows());
+    let parts: Vec<Track> = (0..rows).step_by(999).map(|from| track.part(from..rows.min(from + 999))).collect();
+    assert!(parts.len() > 3 && parts.len() == rows.div_ceil(999));
+    for (from, part) in (0..rows).step_by(999).zip(&parts) {
+        assert_eq!(part, &whole.part(from..from + part.rows()), "rows from {from}");
+    }
+    assert_eq!(parts.iter().map(TrackRows::rows).sum::<usize>(), rows);
 }

@@ -13,10 +13,11 @@ use parquet::schema::types::{ColumnPath, Type, TypePtr};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Write};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Rows of a row group: a reader that wants a part of a long table reads no more than these at a time.
-const ROWS_OF_A_GROUP: usize = 1 << 18;
+pub const ROWS_OF_A_GROUP: usize = 1 << 18;
 
 /// Values of a column that are looked at for its encoding. Shorter columns have a dictionary.
 const LOOKED_AT: usize = 256;
@@ -35,9 +36,40 @@ pub fn write_parquet(sheet: &Sheet, file: impl Write + Send) -> io::Result<()> {
 /// As [`write_parquet`].
 pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl Write + Send) -> io::Result<()> {
     let rows = sheet.rows();
-    if let Some(other) = sheet.columns.iter().find(|c| c.cells.len() != rows) {
-        return Err(io::Error::other(format!("column {} has {} rows, not {rows}", other.name, other.cells.len())));
+    let mut writer = begun(sheet, about, file)?;
+    for from in (0..rows).step_by(ROWS_OF_A_GROUP) {
+        write_group(&mut writer, sheet, from..rows.min(from + ROWS_OF_A_GROUP))?;
     }
+    writer.close()?;
+    Ok(())
+}
+
+/// As [`write_parquet_about`], of a table that comes in parts with the same columns: each is a row group. The first one, which
+/// may be the only one, tells how the values are laid out.
+///
+/// # Errors
+/// As [`write_parquet`], and a part with other columns than the first.
+pub fn write_parquet_parts(
+    first: &Sheet,
+    others: impl Iterator<Item = Sheet>,
+    about: &[(String, String)],
+    file: impl Write + Send,
+) -> io::Result<()> {
+    let mut writer = begun(first, about, file)?;
+    write_group(&mut writer, first, 0..first.rows())?;
+    for part in others {
+        let names = |sheet: &Sheet| sheet.columns.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+        if names(&part) != names(first) {
+            return Err(io::Error::other("the parts of a table have other columns than the first"));
+        }
+        write_group(&mut writer, &part, 0..part.rows())?;
+    }
+    writer.close()?;
+    Ok(())
+}
+
+/// A file with the columns of a sheet, and no rows yet.
+fn begun<W: Write + Send>(sheet: &Sheet, about: &[(String, String)], file: W) -> io::Result<SerializedFileWriter<W>> {
     let about: Vec<KeyValue> = about.iter().map(|(key, text)| KeyValue::new(key.clone(), text.clone())).collect();
     let properties = sheet.columns.iter().fold(
         WriterProperties::builder()
@@ -52,28 +84,35 @@ pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl
         },
     );
     let properties = properties.build();
-    let mut writer = SerializedFileWriter::new(file, schema(sheet)?, Arc::new(properties))?;
-    for from in (0..rows).step_by(ROWS_OF_A_GROUP) {
-        let rows = from..rows.min(from + ROWS_OF_A_GROUP);
-        let mut group = writer.next_row_group()?;
-        for column in &sheet.columns {
-            let Some(mut out) = group.next_column()? else { break };
-            match &column.cells {
-                Cells::I64(v) => write_column::<Int64Type, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
-                Cells::U64(v) => {
-                    write_column::<Int64Type, _>(&mut out, rows.clone().map(|row| v.get(row)), u64::cast_signed)?;
-                }
-                Cells::F64(v) => write_column::<DoubleType, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
-                Cells::Text(v) => {
-                    let texts = rows.clone().map(|row| v.get(row));
-                    write_column::<ByteArrayType, _>(&mut out, texts, |text| ByteArray::from(&*text))?;
-                }
-            }
-            out.close()?;
-        }
-        group.close()?;
+    Ok(SerializedFileWriter::new(file, schema(sheet)?, Arc::new(properties))?)
+}
+
+fn write_group<W: Write + Send>(
+    writer: &mut SerializedFileWriter<W>,
+    sheet: &Sheet,
+    rows: Range<usize>,
+) -> io::Result<()> {
+    let all = sheet.rows();
+    if let Some(other) = sheet.columns.iter().find(|c| c.cells.len() != all) {
+        return Err(io::Error::other(format!("column {} has {} rows, not {all}", other.name, other.cells.len())));
     }
-    writer.close()?;
+    let mut group = writer.next_row_group()?;
+    for column in &sheet.columns {
+        let Some(mut out) = group.next_column()? else { break };
+        match &column.cells {
+            Cells::I64(v) => write_column::<Int64Type, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
+            Cells::U64(v) => {
+                write_column::<Int64Type, _>(&mut out, rows.clone().map(|row| v.get(row)), u64::cast_signed)?;
+            }
+            Cells::F64(v) => write_column::<DoubleType, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
+            Cells::Text(v) => {
+                let texts = rows.clone().map(|row| v.get(row));
+                write_column::<ByteArrayType, _>(&mut out, texts, |text| ByteArray::from(&*text))?;
+            }
+        }
+        out.close()?;
+    }
+    group.close()?;
     Ok(())
 }
 
@@ -291,6 +330,28 @@ mod tests {
         let (file, bytes) = written(&sheet);
         assert_eq!(read_parquet(file).unwrap().sheet, sheet);
         assert_eq!(bytes, written(&sheet).1, "the same table gives the same bytes");
+    }
+
+    #[test]
+    fn a_table_in_parts_is_the_same_table() {
+        let part = |range: std::ops::Range<i64>| {
+            let mut sheet = Sheet::default();
+            sheet.push("stamp_ns", Cells::I64(range.clone().map(Some).collect()));
+            sheet.push("text", Cells::Text(range.map(|i| (i % 3 > 0).then(|| i.to_string())).collect()));
+            sheet
+        };
+        let file = |parts: Vec<Sheet>| {
+            let mut file = tempfile::tempfile().unwrap();
+            let (first, others) = parts.split_first().unwrap();
+            write_parquet_parts(first, others.iter().cloned(), &[], &mut file).map(|()| file)
+        };
+        let read = |file: File| read_parquet(file).unwrap().sheet;
+        let parts = vec![part(0..400), part(400..700), part(700..701)];
+        assert_eq!(read(file(parts).unwrap()), part(0..701));
+        let mut other = part(400..700);
+        other.columns.pop();
+        let said = file(vec![part(0..400), other]).unwrap_err().to_string();
+        assert_eq!(said, "the parts of a table have other columns than the first");
     }
 
     #[test]

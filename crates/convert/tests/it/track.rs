@@ -22,7 +22,7 @@ pub fn write(path: &Path, has_utc: bool) {
     sheet.push("raw_longitude_deg", column(&|_| Some(8.0)));
     sheet.push("exact_async_latitude_deg", column(&|t| is_known(t).then_some(47.0 + 1e-3 * t)));
     sheet.push("exact_async_longitude_deg", column(&|t| is_known(t).then_some(8.0)));
-    write_track_table(&sheet, r#"{"delay_removed_s":0.2}"#, File::create(path).unwrap()).unwrap();
+    write_track_table(&sheet, std::iter::empty(), r#"{"delay_removed_s":0.2}"#, File::create(path).unwrap()).unwrap();
 }
 
 fn exported(to: TrackTo, most_hz: Option<f64>, has_utc: bool) -> Vec<u8> {
@@ -112,7 +112,7 @@ fn a_track_without_places_or_a_file_that_is_none_is_refused() {
     assert!(export_track(&order).unwrap_err().to_string().contains("no track"));
     let mut sheet = Sheet::default();
     sheet.push("t_s", Cells::F64(vec![0.0].into()));
-    write_track_table(&sheet, "{}", File::create(&track).unwrap()).unwrap();
+    write_track_table(&sheet, std::iter::empty(), "{}", File::create(&track).unwrap()).unwrap();
     assert!(export_track(&order).unwrap_err().to_string().contains("no column height_m"));
     assert!(!out.exists());
 }

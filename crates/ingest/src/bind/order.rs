@@ -60,13 +60,16 @@ pub(super) struct Samples {
 #[derive(Default)]
 pub(super) struct Unstamped {
     count: usize,
+    /// There will be no more.
+    most: usize,
     rows: Places,
     values: Vec<Vec<f64>>,
 }
 
 impl Unstamped {
-    pub(super) fn new(components: usize) -> Unstamped {
-        Unstamped { values: vec![vec![]; components], ..Unstamped::default() }
+    /// Of a table with at most so many rows.
+    pub(super) fn new(components: usize, most: usize) -> Unstamped {
+        Unstamped { values: vec![vec![]; components], most, ..Unstamped::default() }
     }
 
     /// Takes as many of the values as there are components.
@@ -76,6 +79,8 @@ impl Unstamped {
         self.count += 1;
         for (column, value) in self.values.iter_mut().zip(values) {
             if !column.is_empty() || value.to_bits() != 0 {
+                // Once: a column that grows leaves holes in the memory.
+                column.reserve_exact(self.most.saturating_sub(before));
                 column.resize(before, 0.0);
                 column.push(value);
             }
@@ -84,7 +89,8 @@ impl Unstamped {
 
     /// With the stamp of each row.
     pub(super) fn stamped(self, stamp_of: impl Fn(usize) -> i64) -> Samples {
-        let Unstamped { count, rows, values } = self;
+        let Unstamped { count, rows, mut values, .. } = self;
+        values.iter_mut().for_each(Vec::shrink_to_fit);
         let stamps = (0..count).map(|sample| stamp_of(row_of(&rows, sample))).collect();
         Samples { rows, stamps, values }
     }
@@ -350,7 +356,7 @@ mod tests {
     type Sorted = (Vec<(i64, usize)>, Vec<(Reason, usize)>);
 
     fn sorted(clock: Clock, stamps: &[i64]) -> Sorted {
-        let mut samples = Unstamped::new(3);
+        let mut samples = Unstamped::new(3, stamps.len());
         (0..stamps.len()).for_each(|row| samples.push(row, [row as f64, 0.0, 0.0, 0.0]));
         let mut samples = samples.stamped(|row| stamps[row]);
         let mut rejected = vec![];

@@ -174,7 +174,7 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
 }
 
 fn usable_rows(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, rejects: &mut Rejects) -> Unstamped {
-    let mut samples = Unstamped::new(plan.rule.quantity.components().len());
+    let mut samples = Unstamped::new(plan.rule.quantity.components().len(), plan.table.rows);
     for row in 0..plan.table.rows {
         match sample_of(plan, columns, primary, row) {
             Ok(values) => samples.push(row, values),

@@ -6,7 +6,7 @@ use flight::{Channel, Code, Notices, Severity, Stamp};
 
 /// Every n-th row of a channel that is an update, so that no more than `most` are left, and about no more than `most_hz` a
 /// second, and n. A notice says how many.
-pub(super) fn thinned_rows(
+pub(crate) fn thinned_rows(
     channel: &Channel,
     (most, most_hz): (usize, f64),
     name: &str,
@@ -25,18 +25,22 @@ pub(super) fn thinned_rows(
     (channel.updates().step_by(every).collect(), every)
 }
 
-/// The median time between two updates, s.
+/// Steps that tell the usual one.
+const MOST_STEPS: usize = 100_000;
+
+/// The median time between two updates, s; of a long record, of some of them.
 fn usual_step_s(channel: &Channel) -> f64 {
     let stamps = channel.series.timeline().stamps();
     let mut before: Option<Stamp> = None;
     let step = |row: usize| before.replace(stamps[row]).map(|before| stamps[row].seconds_since(before));
-    let steps: Vec<f64> = channel.updates().filter_map(step).collect();
+    let every = (channel.update_count() / MOST_STEPS).max(1);
+    let steps: Vec<f64> = channel.updates().filter_map(step).step_by(every).collect();
     signal::median_by_selection(&steps).unwrap_or(1.0)
 }
 
 /// Samples of a channel that another one is compared with, so many numbers each. Of a long record neighbours are averaged, time
 /// and values alike: the mean of a line is on the line, so that nothing is shifted.
-pub(super) struct Averaged<const N: usize> {
+pub(crate) struct Averaged<const N: usize> {
     t: Vec<f64>,
     values: [Vec<f64>; N],
     /// So many neighbours become one.
@@ -52,26 +56,36 @@ pub(super) struct Averaged<const N: usize> {
 const UNEVEN: f64 = 1.5;
 
 impl<const N: usize> Averaged<N> {
-    /// So that about `most` samples are left of the updates of `channel`. A notice says how many are averaged.
-    pub(super) fn new(channel: &Channel, most: usize, name: &str, notices: &mut Notices) -> Averaged<N> {
+    /// So that about `most` samples are left of the updates of `channel`. A notice says how many are averaged and what for.
+    pub(crate) fn new(
+        (channel, name): (&Channel, &str),
+        most: usize,
+        what_for: &str,
+        notices: &mut Notices,
+    ) -> Averaged<N> {
         let rows = channel.update_count();
         let each = rows.div_ceil(most.max(1)).max(1);
         let longest_s = if each > 1 { UNEVEN * each as f64 * usual_step_s(channel) } else { 0.0 };
         if each > 1 {
-            let text =
-                format!("{name}: {each} neighbouring samples are averaged for the delay, {rows} to {}", rows / each);
+            let left = rows / each;
+            let text = format!("{name}: {each} neighbouring samples are averaged for {what_for}, {rows} to {left}");
             notices.push(Code::SamplesLeftOut.at(Severity::Info), name, (rows - rows / each) as u64, text);
         }
-        Averaged { each, longest_s, ..Averaged::none() }
+        Averaged { each, longest_s, ..Averaged::none(rows / each + 1) }
     }
 
-    /// Every sample stays.
-    pub(super) fn none() -> Averaged<N> {
-        let (t, values) = (vec![], std::array::from_fn(|_| vec![]));
+    /// Every sample stays. There will be about so many: columns that grow would take up to twice their memory.
+    pub(crate) fn none(samples: usize) -> Averaged<N> {
+        let (t, values) = (Vec::with_capacity(samples), std::array::from_fn(|_| Vec::with_capacity(samples)));
         Averaged { t, values, each: 1, longest_s: 0.0, begun_s: 0.0, count: 0, sums: (0.0, [0.0; N]) }
     }
 
-    pub(super) fn push(&mut self, t: f64, values: [f64; N]) {
+    /// How many neighbours become one.
+    pub(crate) fn each(&self) -> usize {
+        self.each
+    }
+
+    pub(crate) fn push(&mut self, t: f64, values: [f64; N]) {
         if self.each == 1 {
             self.t.push(t);
             self.values.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
@@ -102,14 +116,26 @@ impl<const N: usize> Averaged<N> {
     }
 
     /// Times, s, and columns.
-    pub(super) fn finish(mut self) -> (Vec<f64>, [Vec<f64>; N]) {
+    pub(crate) fn finish(mut self) -> (Vec<f64>, [Vec<f64>; N]) {
         self.close();
         (self.t, self.values)
     }
 }
 
+impl Horizontal {
+    /// About `most` samples: of more, neighbours are averaged.
+    pub(crate) fn averaged(&self, most: usize) -> Horizontal {
+        let each = self.t.len().div_ceil(most.max(1)).max(1);
+        let longest_s = UNEVEN * each as f64 * crate::rows::median_step(&self.t);
+        let mut out = Averaged { each, longest_s, ..Averaged::none(self.t.len() / each + 1) };
+        let [north, east] = &self.axes;
+        self.t.iter().zip(north.iter().zip(east)).for_each(|(t, (n, e))| out.push(*t, [*n, *e]));
+        out.horizontal()
+    }
+}
+
 impl Averaged<2> {
-    pub(super) fn horizontal(self) -> Horizontal {
+    pub(crate) fn horizontal(self) -> Horizontal {
         let (t, axes) = self.finish();
         Horizontal { t, axes }
     }
@@ -135,7 +161,7 @@ mod tests {
 
     fn averaged(t_ns: &[i64], most: usize, value: impl Fn(f64) -> f64) -> (Horizontal, Notices) {
         let mut notices = Notices::new();
-        let mut out = Averaged::new(&velocity(t_ns), most, "velocity.ins", &mut notices);
+        let mut out = Averaged::new((&velocity(t_ns), "velocity.ins"), most, "the delay", &mut notices);
         for t in t_ns.iter().map(|t| *t as f64 * 1e-9) {
             out.push(t, [value(t), -value(t)]);
         }
