@@ -123,7 +123,7 @@ pdf report out="":
 
 # Renew the page in reports/specimen from a fresh demo
 specimen: (demo "reports/demo")
-    cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/specimen/
+    cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/demo/report/flights/2026-05-04-flight-01.mcap/figures.zip reports/specimen/
     unzip -qop reports/demo/report/flights/2026-05-04-flight-01.mcap/figures.zip fig-7.svg > reports/specimen/fig-7.svg
 
 # Reading what a delay needs of one flight in every format: CPU against the least it can cost, and against Python readers
