@@ -206,7 +206,7 @@ fn cases() -> Vec<Case> {
         cases.push(Case { name: name.into(), rate_hz, length_s, noise, stamps });
     };
     for rate in [4.0, 10.0, 50.0, 100.0] {
-        let name = |what: &str| format!("mis {rate}Hz {what}");
+        let name = |what: &str| format!("mismatch {rate}Hz {what}");
         if rate > 4.0 {
             other(&name("held4 .1+walk .05"), rate, 60.0, Noise::HeldSteps { held: 0.1, walk: 0.05 }, Stamps::Regular);
         }

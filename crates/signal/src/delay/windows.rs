@@ -16,7 +16,7 @@ pub struct DelayWindow {
     pub standard_uncertainty_s: f64,
 }
 
-/// The delay in windows that do not overlap, from the first used row on, each extended by `tiles`-ths of the record until
+/// The delay in windows that do not overlap, from the first used row on, each extended by one part in `tiles` of the record until
 /// the delay is known to `aim_s` in it (standard uncertainty); what is left at the end goes to the last. Offset and drift
 /// are fitted in each; gain, shared columns and noise are those of the whole. One Gauss–Newton step from the delay
 /// of the whole, in one pass over the rows. Uncertainties are from the curvature, times the ratio of the whole fit's
