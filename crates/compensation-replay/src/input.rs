@@ -180,8 +180,9 @@ impl Input {
         let reference_local = match reference {
             Some((name, channel)) => {
                 let out = Averaged::new((channel, name), most, "the replay", notices);
-                let rows = (0..channel.series.len()).filter(|row| out.each() == 1 || !channel.held[*row]);
-                Some(local((channel, name), rows.collect::<Vec<_>>().into_iter(), place, out)?.0)
+                let takes_held = out.each() == 1;
+                let rows = (0..channel.series.len()).filter(|row| takes_held || !channel.held[*row]);
+                Some(local((channel, name), rows, place, out)?.0)
             }
             None => None,
         };

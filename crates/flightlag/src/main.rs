@@ -15,6 +15,7 @@ mod failure;
 mod files;
 mod findings;
 mod gc;
+mod heap;
 mod history_command;
 mod inspect;
 mod listen;
@@ -34,6 +35,7 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    heap::return_large_blocks();
     let arguments = Arguments::parse();
     campaign::quiet_caught_panics();
     match run(arguments.command) {
