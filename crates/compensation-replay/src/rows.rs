@@ -7,7 +7,7 @@ use flight::{Code, Notices, RejectCount};
 use record::{Coverage, StartRule};
 use std::ops::Range;
 
-/// The instants of the replay, and what is known at each. There may be a million, so that what follows from the rest is computed
+/// The instants of the replay, and what is known at each. There may be half a million, so what follows from the rest is computed
 /// when it is asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rows {

@@ -122,18 +122,6 @@ impl<const N: usize> Averaged<N> {
     }
 }
 
-impl Horizontal {
-    /// About `most` samples: of more, neighbours are averaged.
-    pub(crate) fn averaged(&self, most: usize) -> Horizontal {
-        let each = self.t.len().div_ceil(most.max(1)).max(1);
-        let longest_s = UNEVEN * each as f64 * crate::rows::median_step(&self.t);
-        let mut out = Averaged { each, longest_s, ..Averaged::none(self.t.len() / each + 1) };
-        let [north, east] = &self.axes;
-        self.t.iter().zip(north.iter().zip(east)).for_each(|(t, (n, e))| out.push(*t, [*n, *e]));
-        out.horizontal()
-    }
-}
-
 impl Averaged<2> {
     pub(crate) fn horizontal(self) -> Horizontal {
         let (t, axes) = self.finish();

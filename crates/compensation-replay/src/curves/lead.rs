@@ -54,7 +54,7 @@ pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Opti
     Some(lead)
 }
 
-/// How far something is ahead at some rows. A long flight has a million.
+/// How far something is ahead at some rows. A long flight has half a million.
 #[derive(Default)]
 struct Points {
     row: Vec<u32>,

@@ -41,7 +41,7 @@ pub(crate) struct TrackFitter {
 impl TrackFitter {
     pub(crate) fn new(velocity: &Horizontal) -> TrackFitter {
         let second = pieces::without_spikes(velocity, &mut None, "velocity", &mut Notices::new());
-        let second = second.as_ref().unwrap_or(velocity).averaged(FlightDelaySettings::default().most_compared);
+        let second = second.unwrap_or_else(|| velocity.clone());
         // Speed tells rest from motion only.
         let every = second.t.len().div_ceil(SPEEDS).max(1);
         let speeds = second.axes[0].iter().zip(&second.axes[1]).map(|(n, e)| n.hypot(*e)).step_by(every);
