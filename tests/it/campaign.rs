@@ -1,6 +1,6 @@
 //! Campaigns through the command: reuse, interruption, bad flights.
 
-use crate::program::{assert_same, flightlag, results, run, text, tree};
+use crate::program::{assert_same, flightlag, log_of_topics, results, run, text, tree};
 use record::{CampaignRecord, FlightRecord, Outcome};
 use std::fs;
 use std::io::{Read, Write};
@@ -116,6 +116,33 @@ fn records_are_small_and_the_points_of_figures_are_kept_once() {
     figures.by_name("fig-7.csv").unwrap().read_to_string(&mut curves).unwrap();
     let of_raw = curves.lines().filter(|line| line.contains("\"raw, newest fix held\"")).count();
     assert!(of_raw >= 2 * 2 * 5 * 19, "{of_raw} points: {curves:.200}");
+}
+
+/// Hundreds of topics would make a record of a megabyte.
+#[test]
+fn a_record_that_would_be_long_has_its_lists_in_details_beside_it() {
+    let campaign = Campaign::of(0);
+    fs::create_dir_all(campaign.flights()).unwrap();
+    log_of_topics(&campaign.flights().join("many.mcap"), 2_000);
+    campaign.run("report", &[], 3);
+    let out = campaign.out("report");
+    let page = out.join(&campaign.record("report").flights[0].page);
+    let mut json = vec![];
+    let packed = fs::read(page.with_file_name("record.json.gz")).unwrap();
+    flate2::read::GzDecoder::new(packed.as_slice()).read_to_end(&mut json).unwrap();
+    assert!(json.len() <= 64_000, "{} bytes", json.len());
+    let short: FlightRecord = serde_json::from_slice(&json).unwrap();
+    assert_eq!((short.details.as_slice(), short.log.unwrap().topics.len()), (["/log/topics".to_owned()].as_slice(), 0));
+    let whole = flight_record(&page);
+    assert_eq!((whole.log.unwrap().topics.len(), whole.details), (2_000, vec![]));
+    assert!(fs::read_to_string(&page).unwrap().contains(r#"href="details.json.gz""#));
+    // Whoever changes one of the files finds it again as it was.
+    let before = results(&out);
+    for (name, bytes) in before.iter().filter(|(name, _)| name.ends_with("details.json.gz")) {
+        fs::write(out.join(name), &bytes[1..]).unwrap();
+        campaign.run("report", &[], 3);
+        assert_same(&results(&out), &before);
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! the whole ones.
 #![cfg(target_os = "linux")]
 
-use crate::program::flightlag;
+use crate::program::{flightlag, log_of_topics};
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -231,30 +231,12 @@ fn a_line_of_a_gibibyte_is_not_taken_into_memory() {
     one_line(Size::Whole, 1 << 30);
 }
 
-/// A log of many topics with two messages each.
-fn topics(path: &Path, topics: u64) {
-    let mut writer = mcap::Writer::new(BufWriter::new(File::create(path).unwrap())).unwrap();
-    let schema =
-        writer.add_schema("geometry_msgs/msg/Vector3", "ros2msg", b"float64 x\nfloat64 y\nfloat64 z\n").unwrap();
-    let channels: Vec<u16> = (0..topics)
-        .map(|n| writer.add_channel(schema, &format!("/topic/{n:05}"), "cdr", &Default::default()).unwrap())
-        .collect();
-    let payload = [&[0, 1, 0, 0][..], &[0; 24]].concat();
-    for (step, channel_id) in (0..2).flat_map(|_| channels.iter()).enumerate() {
-        let log_time = 1_700_000_000_000_000_000 + 1000 * step as u64;
-        let header =
-            mcap::records::MessageHeader { channel_id: *channel_id, sequence: 0, log_time, publish_time: log_time };
-        writer.write_to_known_channel(&header, &payload).unwrap();
-    }
-    writer.finish().unwrap();
-}
-
 fn many_topics(size: Size, commands: &[&str]) {
     const COLUMNS: u64 = 5;
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("many.mcap"), folder.path().join("out"));
     let count = size.of(65_000);
-    topics(&log, count);
+    log_of_topics(&log, count);
     for to in commands {
         let whole = peak(&["export", "--topics", "--to", to], &[&log, Path::new("--out"), &out], &[0]);
         // The first topics have statistics of their stamps, and take more than the others: half of the bound is for a quarter.
@@ -280,7 +262,7 @@ fn a_log_of_65_000_topics_is_exported_topic_by_topic() {
 fn a_sparse_log_of_a_hundred_gigabytes_takes_no_memory() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("sparse.mcap");
-    topics(&log, 10);
+    log_of_topics(&log, 10);
     if let Err(error) = File::options().write(true).open(&log).unwrap().set_len(100_000_000_000) {
         println!("skipped: no sparse file of that size here: {error}");
         return;

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::fs;
+use std::fs::{self, File};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -65,6 +66,24 @@ pub fn results(report: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let of_earlier_runs = ["run.json", "since-last-run.json", "since-last-run.html"].map(Path::new);
     tree.retain(|path, _| !of_earlier_runs.contains(&path.as_path()) && !path.starts_with(".flightlag"));
     tree
+}
+
+/// A log of many topics with two messages each.
+pub fn log_of_topics(path: &Path, topics: u64) {
+    let mut writer = mcap::Writer::new(BufWriter::new(File::create(path).unwrap())).unwrap();
+    let schema =
+        writer.add_schema("geometry_msgs/msg/Vector3", "ros2msg", b"float64 x\nfloat64 y\nfloat64 z\n").unwrap();
+    let channels: Vec<u16> = (0..topics)
+        .map(|n| writer.add_channel(schema, &format!("/topic/{n:05}"), "cdr", &Default::default()).unwrap())
+        .collect();
+    let payload = [&[0, 1, 0, 0][..], &[0; 24]].concat();
+    for (step, channel_id) in (0..2).flat_map(|_| channels.iter()).enumerate() {
+        let log_time = 1_700_000_000_000_000_000 + 1000 * step as u64;
+        let header =
+            mcap::records::MessageHeader { channel_id: *channel_id, sequence: 0, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, &payload).unwrap();
+    }
+    writer.finish().unwrap();
 }
 
 /// Says which file differs instead of printing them all.

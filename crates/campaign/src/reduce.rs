@@ -459,9 +459,12 @@ impl Reducer<'_> {
         };
         let neighbours =
             line.neighbours.each_ref().map(|n| n.as_ref().map(|(name, slug)| (*name, format!("../{slug}/index.html"))));
+        // With settings, verdicts and test cards, where a person looks for it.
+        let beside = list.map(|_| results::beside_page(record));
         let page = FlightPage {
             name: &line.planned.flight,
             record,
+            has_details: beside.as_ref().is_some_and(|(_, details)| details.is_some()),
             explorer: explorer.as_ref(),
             track_href: track.as_deref(),
             index_href: "../../index.html",
@@ -470,11 +473,12 @@ impl Reducer<'_> {
         };
         let site = caught(|| report::flight_site(&page)).map_err(|what| defect(&folder, what))?;
         let mut files = self.write_site(&folder, &site)?;
-        if list.is_some() {
-            // With settings, verdicts and test cards, where a person looks for it.
-            let name = format!("{folder}/{}", results::RECORD);
-            let kept = self.store.write(&name, &results::beside_page(record), Keep::Renewable)?;
-            files.insert(name, kept);
+        if let Some((short, details)) = beside {
+            for (base, bytes) in [(results::RECORD, Some(short)), (results::DETAILS, details)] {
+                let (Some(bytes), name) = (bytes, format!("{folder}/{base}")) else { continue };
+                let kept = self.store.write(&name, &bytes, Keep::Renewable)?;
+                files.insert(name, kept);
+            }
         }
         for name in self.store.list(&folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
             self.store.remove(name)?;
@@ -674,7 +678,11 @@ fn defect(path: &str, what: String) -> CampaignError {
 fn is_ours(name: &str) -> bool {
     let mut parts = name.split('/').skip(2);
     match (parts.next(), parts.next(), parts.next()) {
-        (Some("index.html" | results::RECORD | "record.json" | "track.parquet" | "figures.zip"), None, _) => true,
+        (
+            Some("index.html" | results::RECORD | results::DETAILS | "record.json" | "track.parquet" | "figures.zip"),
+            None,
+            _,
+        ) => true,
         (Some(_), Some(figure), None) => figure.ends_with(".svg") || figure.ends_with(".csv"),
         _ => false,
     }

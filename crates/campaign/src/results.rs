@@ -1,11 +1,12 @@
 //! Where the results of a flight lie, and what belongs to them.
 //!
 //! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes), `points.bin` (the points of its
-//! figures) and `record.json.gz`. That of a
+//! figures), `record.json.gz` and, of a record that would be longer than 64 kB, `details.json.gz` (its long lists). That of a
 //! measurement holds `measured.json.gz` and the short `lateness.json`, which is all that the decision over many flights reads.
 //! Both hold, written last, `files.json`: the hash of every file of the result. A result with that list is whole, and whatever
 //! is read of it is compared with its hash. `trouble.json` instead tells of an attempt that may end otherwise next time.
 
+use crate::details;
 use crate::error::CampaignError;
 use crate::points;
 use crate::rows::{gunzip, gzip};
@@ -23,6 +24,8 @@ use std::path::Path;
 pub(crate) const TRACK: &str = "track.parquet";
 /// The record of a flight, under its key and beside its page.
 pub(crate) const RECORD: &str = "record.json.gz";
+/// The long lists of a record that would be longer than 64 kB, beside it.
+pub(crate) const DETAILS: &str = "details.json.gz";
 /// The rows that the flight's page lets a reader zoom into.
 const EXPLORER: &str = "explorer.json";
 /// The points of its figures.
@@ -163,11 +166,14 @@ pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignErro
     }
     let pipeline = PipelineUse { title: String::new(), blake3: String::new(), toml: String::new() };
     let (lean, points) = without_points(FlightRecord { pipeline, ..record.clone() });
-    match points {
-        Some(points) => writer.write(POINTS, &points)?,
-        None => writer.without(POINTS)?,
+    let (short, details) = without_details(lean);
+    for (base, part) in [(POINTS, points), (DETAILS, details)] {
+        match part {
+            Some(part) => writer.write(base, &part)?,
+            None => writer.without(base)?,
+        }
     }
-    writer.write(RECORD, &gzip(&lean.to_json()))?;
+    writer.write(RECORD, &short)?;
     writer.finish()
 }
 
@@ -181,8 +187,25 @@ fn without_points(record: FlightRecord) -> (FlightRecord, Option<Vec<u8>>) {
     }
 }
 
-/// A record from its JSON, with the points of its figures.
-fn with_points(mut record: Value, points: Option<&[u8]>) -> Option<FlightRecord> {
+/// The file of a record, and that of the long lists that it would be too long with.
+fn without_details(record: FlightRecord) -> (Vec<u8>, Option<Vec<u8>>) {
+    let json = record.to_json();
+    let shortened = || {
+        let mut value = record.to_value().ok()?;
+        let details = details::take(&mut value)?;
+        Some((FlightRecord::from_value(value).ok()?.to_json(), details))
+    };
+    match (json.len() > details::MOST).then(shortened).flatten() {
+        Some((short, details)) => (gzip(&short), Some(gzip(&details))),
+        None => (gzip(&json), None),
+    }
+}
+
+/// A record from its JSON, with its long lists and the points of its figures.
+fn with_parts(mut record: Value, details: Option<&[u8]>, points: Option<&[u8]>) -> Option<FlightRecord> {
+    if let Some(details) = details {
+        details::put_back(&mut record, &gunzip(details, MOST_BYTES).ok()?)?;
+    }
     if let Some(points) = points {
         points::put_back(&mut record, points)?;
     }
@@ -255,18 +278,20 @@ pub(crate) fn read(store: &Store, key: &str) -> Result<Option<(FlightRecord, Res
     let bytes = read_checked(store, key, RECORD, list.blake3(RECORD))?;
     let text = bytes.and_then(|bytes| gunzip(&bytes, MOST_BYTES).ok());
     let value = text.and_then(|text| serde_json::from_slice::<Value>(&text).ok());
-    let points = match list.blake3(POINTS) {
-        Some(blake3) => match read_checked(store, key, POINTS, Some(blake3))? {
-            Some(points) => Some(points),
-            None => return Ok(None),
-        },
-        None => None,
-    };
+    let mut parts = [None, None];
+    for (part, base) in parts.iter_mut().zip([DETAILS, POINTS]) {
+        let Some(blake3) = list.blake3(base) else { continue };
+        *part = read_checked(store, key, base, Some(blake3))?;
+        if part.is_none() {
+            return Ok(None);
+        }
+    }
+    let [details, points] = parts;
     let fits = |r: &FlightRecord| {
         let has_track = list.has(store, TRACK, Check::Quick);
         r.key == key && r.record_version == RECORD_VERSION && (r.outcome != Outcome::Compensated || has_track)
     };
-    let record = value.and_then(|value| with_points(value, points.as_deref())).filter(fits);
+    let record = value.and_then(|value| with_parts(value, details.as_deref(), points.as_deref())).filter(fits);
     match record {
         Some(record) => Ok(Some((record, list))),
         None => {
@@ -308,20 +333,29 @@ pub(crate) fn track_of(store: &Store, list: &ResultFiles) -> Result<Result<Optio
     Ok(Err(Damaged))
 }
 
-/// The record as it is written beside the flight's page: without the points, which the files of the figures hold.
-pub(crate) fn beside_page(record: &FlightRecord) -> Vec<u8> {
-    gzip(&without_points(record.clone()).0.to_json())
+/// The record as it is written beside the flight's page, without the points, which the files of the figures hold; and the file of
+/// its long lists.
+pub(crate) fn beside_page(record: &FlightRecord) -> (Vec<u8>, Option<Vec<u8>>) {
+    without_details(without_points(record.clone()).0)
 }
 
-/// The JSON of the record beside a flight's page, without the points of its figures; `None` if there is none.
+/// The JSON of the record beside a flight's page, with the lists of `details.json.gz` but without the points of its figures;
+/// `None` if there is none.
 ///
 /// # Errors
-/// The file cannot be read, or is no gzip file.
+/// A file cannot be read, is no gzip file, or the lists are not those of the record.
 pub fn record_beside(page: &Path) -> io::Result<Option<Vec<u8>>> {
-    match std::fs::read(page.with_file_name(RECORD)) {
+    let read = |base: &str| match std::fs::read(page.with_file_name(base)) {
         Ok(bytes) => gunzip(&bytes, MOST_BYTES).map(Some),
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(e) => Err(e),
+    };
+    let (Some(record), details) = (read(RECORD)?, read(DETAILS)?) else { return Ok(None) };
+    let Some(details) = details else { return Ok(Some(record)) };
+    let mut value = serde_json::from_slice::<Value>(&record)?;
+    match details::put_back(&mut value, &details) {
+        Some(()) => Ok(Some(line_of(&value))),
+        None => Err(io::Error::new(io::ErrorKind::InvalidData, format!("{DETAILS} is not that of this record"))),
     }
 }
 

@@ -265,5 +265,6 @@ pub(crate) fn failed_record(planned: &Planned, manifest: &Manifest, reason: Stri
         criteria: None,
         test: None,
         notices: Notices::new(),
+        details: vec![],
     }
 }

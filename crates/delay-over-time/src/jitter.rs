@@ -1,6 +1,12 @@
 //! Scatter of the delay from fix to fix (S4): does the scatter along the track grow with the speed?
+//!
+//! Each fix is compared with the mean of its neighbours. Where the motion turns far from fix to fix, errors that are no jitter do not
+//! cancel there: of a velocity whose scale or axes are off, a share of the path's second difference remains, and of the delay
+//! of the coarse map, which is half a step off at most and goes to and fro, a share of the velocity's. Such a fix says nothing of jitter, and is left
+//! out.
 
-use crate::motion::State;
+use crate::coarse;
+use crate::motion::{State, speed};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 const SLOW_MPS: f64 = 2.0;
@@ -10,6 +16,11 @@ const CUT: f64 = 400.0;
 const LEAST_FIXES: usize = 40;
 const SIGNIFICANCE: f64 = 1e-3;
 const LEAST_S: f64 = 0.01;
+/// Largest second difference of the path, in seconds at its speed: an error of 1 % of it is half of [`LEAST_S`].
+const MOST_BENT_S: f64 = 0.5;
+/// Largest second difference of the velocity, as a share of the speed: a delay that is half a step of the map off makes half of
+/// [`LEAST_S`] of it.
+const MOST_TURNED: f64 = 0.5 * LEAST_S / (0.5 * coarse::STEP_S);
 
 /// What was found.
 #[derive(Debug, Clone, Copy, Default)]
@@ -20,20 +31,22 @@ pub(crate) struct Jitter {
     pub(crate) limit_s: Option<f64>,
 }
 
-/// Looks at residuals `e` (m) of neighbouring fixes; `state` is the motion that each fix shows.
-pub(crate) fn jitter(t: &[f64], e: &[[f64; 2]], state: &[State]) -> Jitter {
+/// Looks at residuals `e` (m) of neighbouring fixes; `state` is the motion that each fix shows at the delay `late_s`.
+pub(crate) fn jitter(t: &[f64], e: &[[f64; 2]], state: &[State], late_s: &[f64]) -> Jitter {
     let n = t.len();
     if n < LEAST_FIXES {
         return Jitter::default();
     }
-    let high: Vec<[f64; 2]> = e.windows(3).map(|w| [0, 1].map(|a| w[1][a] - 0.5 * (w[0][a] + w[2][a]))).collect();
+    let high: Vec<[f64; 2]> = e.windows(3).map(|w| [0, 1].map(|a| second([w[0][a], w[1][a], w[2][a]]))).collect();
     let variance = typical_variance(&high);
     let mut blocks: Vec<(f64, f64)> = vec![];
     let mut current = None;
     let mut used = 0;
-    for ((h, s), t_k) in high.iter().zip(&state[1..]).zip(&t[1..]) {
+    let neighbours = state.windows(3).zip(late_s.windows(3));
+    for ((h, (near, late)), t_k) in high.iter().zip(neighbours).zip(&t[1..]) {
+        let s = near[1];
         let speed = s.speed();
-        if speed <= SLOW_MPS {
+        if speed <= SLOW_MPS || bends(near, late, speed) {
             continue;
         }
         used += 1;
@@ -51,6 +64,21 @@ pub(crate) fn jitter(t: &[f64], e: &[[f64; 2]], state: &[State]) -> Jitter {
         }
     }
     if used < LEAST_FIXES || blocks.len() < 3 { Jitter::default() } else { judge(&blocks) }
+}
+
+/// What lies between a value and the mean of its neighbours.
+fn second([before, here, after]: [f64; 3]) -> f64 {
+    here - 0.5 * (before + after)
+}
+
+/// Whether the motion, or the delay of the map, turns too far between three fixes.
+fn bends(near: &[State], late_s: &[f64], speed_mps: f64) -> bool {
+    let of = |value: &dyn Fn(usize) -> f64| second([0, 1, 2].map(value));
+    let [north, east] = [0, 1].map(|a| of(&|k| near[k].place[a]));
+    let [faster_north, faster_east] = [0, 1].map(|a| of(&|k| near[k].velocity[a]));
+    speed(north, east) > MOST_BENT_S * speed_mps
+        || speed(faster_north, faster_east) > MOST_TURNED * speed_mps
+        || of(&|k| late_s[k]).abs() > 0.5 * LEAST_S
 }
 
 fn typical_variance(high: &[[f64; 2]]) -> f64 {
@@ -97,7 +125,7 @@ mod tests {
                 s.velocity.map(|v| 0.3 * normal() - late * v)
             })
             .collect();
-        jitter(&t, &e, &state)
+        jitter(&t, &e, &state, &vec![0.0; t.len()])
     }
 
     #[test]

@@ -248,7 +248,8 @@ fn residuals(fixes: &Fixes, motion: &Motion, delay: &dyn Fn(f64) -> f64) -> (Vec
 
 fn jitter_of(fixes: &Fixes, motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Jitter {
     let (e, state) = residuals(fixes, motion, delay);
-    jitter(&fixes.t, &e, &state)
+    let late_s: Vec<f64> = fixes.t.iter().map(|t| delay(*t)).collect();
+    jitter(&fixes.t, &e, &state, &late_s)
 }
 
 /// Noise whose along-track part is the jitter: the white part is what remains of it.

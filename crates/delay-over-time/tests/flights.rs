@@ -146,6 +146,22 @@ fn jitter_is_measured_and_is_no_step() {
     assert!(found(Path::Circuits, Profile::Constant, 62).jitters.is_none());
 }
 
+/// Between fixes that lie seconds apart the flight turns: a velocity that is a percent off, and the half step by which the coarse
+/// map misses the delay, are no jitter.
+#[test]
+fn errors_of_the_motion_between_sparse_fixes_are_no_jitter() {
+    for path in TURNING {
+        for (interval_s, velocity_scale, delay) in
+            [(3.0, 0.99, 0.2), (6.0, 0.99, 0.2), (2.0, 1.0, 0.25), (7.6, 1.0, 0.25)]
+        {
+            let (rates, noise, duration) = ([1.0 / interval_s, 25.0], [0.0, 60.0, 0.02], 600.0 * interval_s);
+            let case = Case { velocity_scale, delay, duration, rates, noise, ..Case::rtk(path, Profile::Constant) };
+            let f = fly(&case, 63).analyse();
+            assert!(f.jitters.is_none(), "{path:?}, {interval_s} s: {}", f.words);
+        }
+    }
+}
+
 #[test]
 fn an_antenna_ahead_is_no_change_of_the_delay() {
     let f = fly(&Case { lever: 1.0, ..Case::rtk(Path::VarSpeed, Profile::Constant) }, 71).analyse();

@@ -137,6 +137,10 @@ pub struct FlightRecord {
     pub test: Option<FlightTest>,
     /// All notices, in the order in which they were raised.
     pub notices: Notices,
+    /// JSON pointers (RFC 6901) of the lists that `details.json.gz` holds and that are empty here, for the record would be longer
+    /// than 64 kB with them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub details: Vec<String>,
 }
 
 impl FlightRecord {

@@ -40,6 +40,7 @@ fn main() -> std::io::Result<()> {
             name: "2026-11-08/flight-0007.mcap",
             record,
             explorer: None,
+            has_details: false,
             neighbours: [None; 2],
             track_href: None,
             index_href: "../../index.html",

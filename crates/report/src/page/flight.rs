@@ -20,6 +20,8 @@ pub struct FlightPage<'a> {
     pub name: &'a str,
     /// What was found.
     pub record: &'a FlightRecord,
+    /// Whether `details.json.gz` lies beside this page.
+    pub has_details: bool,
     /// The rows of its replay, to zoom into; `None` if there are none.
     pub explorer: Option<&'a ExplorerRows>,
     /// Path of its track from this page; `None` if it has none.

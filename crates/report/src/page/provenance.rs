@@ -20,7 +20,10 @@ pub(super) fn section(page: &FlightPage) -> Markup {
     };
     html! {
         h2 id="provenance" { "Files and provenance" }
-        (files(&["record.json.gz"]))
+        @match page.has_details {
+            true => (files(&["record.json.gz", "details.json.gz"])),
+            false => (files(&["record.json.gz"])),
+        }
         @if let Some(track) = page.track_href {
             p.note {
                 "The track, raw and compensated: " a href=(href(track)) download="" { "track.parquet" }

@@ -13,6 +13,7 @@ fn page(record: &FlightRecord) -> String {
         name: "n",
         record,
         explorer: None,
+        has_details: false,
         neighbours: [None; 2],
         track_href: None,
         index_href: "index.html",

@@ -612,6 +612,7 @@ pub fn flight_record() -> FlightRecord {
         criteria: None,
         test: None,
         notices: notices(),
+        details: vec![],
     }
 }
 

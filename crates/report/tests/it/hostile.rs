@@ -101,6 +101,7 @@ fn site(record: &FlightRecord, text: &str) -> Site {
         name: text,
         record,
         explorer: None,
+        has_details: false,
         neighbours: [None; 2],
         track_href: None,
         index_href: text,

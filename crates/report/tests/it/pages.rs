@@ -11,6 +11,7 @@ fn site(record: &FlightRecord) -> Site {
         name,
         record,
         explorer: None,
+        has_details: false,
         neighbours: [None; 2],
         track_href: None,
         index_href,

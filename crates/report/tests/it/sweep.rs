@@ -53,6 +53,7 @@ fn site(record: &FlightRecord) -> Site {
         name: "flight 07",
         record,
         explorer: None,
+        has_details: false,
         neighbours: [None; 2],
         track_href: None,
         index_href: "../../index.html",
