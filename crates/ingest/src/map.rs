@@ -994,19 +994,13 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         bits,
         clock: _,
     } = entry;
-    let order = order.map(|order| match order {
-        OrderName::DayMonthYear => DateOrder::DayMonthYear,
-        OrderName::MonthDayYear => DateOrder::MonthDayYear,
-        OrderName::YearMonthDay => DateOrder::YearMonthDay,
-    });
+    let order = order.map(order_of);
     let of_utc = matches!(clock, None | Some((Clock::Unix, 0)));
     let of_gps = clock == Some((Clock::Gps, 0)) && zone.is_none() && offset.is_none();
     match (container, field, unit, text, week, calendar, date, time, offset) {
-        (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => Ok(match container {
-            ContainerStamp::Logged => TimeSource::ContainerLogged,
-            ContainerStamp::Published => TimeSource::ContainerPublished,
-            ContainerStamp::LoggedOnBoot => TimeSource::LoggedOnBoot,
-        }),
+        (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => {
+            Ok(container_source(container))
+        }
         (None, Some(field), Some(unit), None, None, None, None, None, None) => {
             let (clock, epoch_s) = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
             let east_s = zone.as_deref().and_then(offset_seconds).map_or(0, i64::from);
@@ -1037,6 +1031,22 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         _ => Err("a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \
                   field and a unit, or a date and a time, or a calendar"
             .into()),
+    }
+}
+
+fn order_of(order: OrderName) -> DateOrder {
+    match order {
+        OrderName::DayMonthYear => DateOrder::DayMonthYear,
+        OrderName::MonthDayYear => DateOrder::MonthDayYear,
+        OrderName::YearMonthDay => DateOrder::YearMonthDay,
+    }
+}
+
+fn container_source(stamp: ContainerStamp) -> TimeSource {
+    match stamp {
+        ContainerStamp::Logged => TimeSource::ContainerLogged,
+        ContainerStamp::Published => TimeSource::ContainerPublished,
+        ContainerStamp::LoggedOnBoot => TimeSource::LoggedOnBoot,
     }
 }
 
