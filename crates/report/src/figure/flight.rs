@@ -199,12 +199,6 @@ fn value_at(curve: &Curve, t: f64) -> Option<f64> {
     Some(y0 + (y1 - y0) * (t - t0) / (t1 - t0)).filter(|y| y.is_finite())
 }
 
-/// Value of a held curve: that of its last point.
-fn held_at(curve: &Curve, t: f64) -> Option<f64> {
-    let after = curve.t_s.partition_point(|x| *x <= t);
-    after.checked_sub(1).and_then(|i| curve.y.get(i).copied())
-}
-
 // The turn from above
 
 /// Steps of the tracks of the turn, s.
@@ -221,15 +215,19 @@ fn turn(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
     let smooth = |(n, e): &(Curve, Curve)| -> Vec<(f64, f64)> {
         steps().filter_map(|t| Some((value_at(e, t)?, value_at(n, t)?))).collect()
     };
-    // The first point is the edge of the window, and its fix is older.
-    let at = fixes(&raw.0).into_iter().skip(1).map(|(t, _)| t).collect::<Vec<f64>>();
-    let of_raw: Vec<(f64, f64)> = at.iter().filter_map(|&t| Some((held_at(&raw.1, t)?, held_at(&raw.0, t)?))).collect();
+    // The first point is the edge of the window, and its fix is older. Of fixes on a line, each axis keeps others.
+    let of_axis = |curve: &Curve| fixes(curve).into_iter().skip(1).map(|(t, _)| t).collect::<Vec<f64>>();
+    let mut at = [of_axis(&raw.0), of_axis(&raw.1)].concat();
+    at.sort_by(f64::total_cmp);
+    at.dedup();
+    let of_raw: Vec<(f64, f64)> =
+        at.iter().filter_map(|&t| Some((value_at(&raw.1, t)?, value_at(&raw.0, t)?))).collect();
     // One tick each second, at the first fix in it.
     let mut ticks: Vec<Vec<(f64, f64)>> = vec![];
     let mut second = f64::NEG_INFINITY;
     for &t in &at {
         if t.floor() > second {
-            let pair = (held_at(&raw.1, t), held_at(&raw.0, t), value_at(&exact.1, t), value_at(&exact.0, t));
+            let pair = (value_at(&raw.1, t), value_at(&raw.0, t), value_at(&exact.1, t), value_at(&exact.0, t));
             if let (Some(e0), Some(n0), Some(e1), Some(n1)) = pair {
                 second = t.floor();
                 ticks.push(vec![(e0, n0), (e1, n1)]);
@@ -535,6 +533,5 @@ mod tests {
             stands_for: 3,
         };
         assert_eq!([0.5, 1.0, 2.0, 4.0].map(|t| value_at(&curve, t)), [Some(1.0), Some(2.0), None, None]);
-        assert_eq!([0.9, 1.0, 2.9].map(|t| held_at(&curve, t)), [Some(0.0), Some(2.0), Some(2.0)]);
     }
 }

@@ -24,9 +24,9 @@ pub mod sweep;
 /// Delay of the fixture, s.
 pub const TD: f64 = 0.4;
 const DURATION: f64 = 725.0;
-const RAW: &str = "raw, newest fix held";
+pub const RAW: &str = "raw, newest fix held";
 const PADE: &str = "Padé [1/1], Tustin (the paper)";
-const EXACT: &str = "exact asynchronous, p + ∫v";
+pub const EXACT: &str = "exact asynchronous, p + ∫v";
 /// Amplitude m and angular rate rad/s of the motion: 17.5 m/s on a 30 m circle, and a slow drift.
 const HARMONICS: [(f64, f64); 2] = [(30.0, 17.5 / 30.0), (220.0, 0.021)];
 

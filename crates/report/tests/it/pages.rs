@@ -2,7 +2,7 @@
 
 use crate::fixture::{self, campaign_record, failed_record, flight_record, parked_record};
 use crate::html::{Tag, points, read, shows};
-use record::{FlightRecord, Outcome};
+use record::{Curve, FlightRecord, Outcome};
 use report::{FlightPage, Site, campaign_site, flight_site};
 
 fn site(record: &FlightRecord) -> Site {
@@ -42,6 +42,22 @@ fn curve(svg: &str, name: &str) -> Vec<(f64, f64)> {
     let tags = read(svg);
     let is_named = |pair: &&[Tag]| pair[0].name == "path" && pair[1].name == "title" && pair[1].text == name;
     tags.windows(2).filter(is_named).flat_map(|pair| points(pair[0].get("d").unwrap())).collect()
+}
+
+/// Curves keep no point that lies on the line of its neighbours, and north and east keep others.
+#[test]
+fn the_delay_as_a_length_is_speed_times_delay_whatever_points_the_curves_keep() {
+    let mut record = flight_record();
+    let zoom = record.replay.as_mut().unwrap().zoom.as_mut().unwrap();
+    let line = |name: &str, lag_s: f64, t_s: &[f64]| {
+        let y = t_s.iter().map(|t| 10.0 * (t - lag_s)).collect();
+        Curve { name: name.into(), t_s: t_s.to_vec(), y, breaks: vec![], stands_for: 3000 }
+    };
+    for (axis, kept) in zoom.axes.iter_mut().zip([[232.0, 240.3, 262.0], [232.0, 251.7, 262.0]]) {
+        axis.position_m = vec![line(fixture::RAW, 0.4, &kept), line(fixture::EXACT, 0.0, &[232.0, 262.0])];
+    }
+    // 0.4 s at 10 m/s in each of two axes.
+    assert!(page(&record).contains("The delay as a length: up to 5.7\u{a0}m in the hardest turn"));
 }
 
 #[test]
