@@ -109,8 +109,11 @@ fn delay_of(
     };
     let second = despiked.as_ref().unwrap_or(&prepared.second);
     let step_s = pieces::usual_step_s(&second.t);
-    let ranges = pieces::stretches(&second.t, pieces::longest_gap(step_s, settings));
-    let stretches = pieces::references(second, &ranges, prepared.integrate, body.as_ref());
+    let is_velocity = matches!(pair.second, Second::Velocity(_));
+    let smoothed = if is_velocity { pieces::smoothed(second, step_s) } else { None };
+    let motion_of_second = smoothed.as_ref().unwrap_or(second);
+    let ranges = pieces::stretches(&motion_of_second.t, pieces::longest_gap(step_s, settings));
+    let stretches = pieces::references(motion_of_second, &ranges, prepared.integrate, body.as_ref());
     let mut coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
     let mut cut = pieces::pieces(&prepared, &stretches, coarse.delay_s, &names, notices);
     let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse.delay_s, &prepared.speed.1);
@@ -121,14 +124,14 @@ fn delay_of(
     if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
         return Err(reason.into());
     }
-    let walk = if matches!(pair.second, Second::Velocity(_)) { walk_of(second, step_s) } else { 0.0 };
+    let walk = if is_velocity { walk_of(second, step_s) } else { 0.0 };
     let constant = |cut: &[Piece], coarse: &Coarse| {
         let record = Record::of(&prepared, cut, &stretches);
         let fit = fit_of_rivals(&record.measurements(), (&settings_about(coarse.delay_s), walk), coarse);
         (record, fit)
     };
     let varies = || match finding.varies {
-        None => varies::over_time(pair, &prepared, second, &cut, settings),
+        None => varies::over_time(pair, &prepared, motion_of_second, &cut, settings),
         Some(_) => None,
     };
     // At the same time, because the varying delay seldom asks for another constant fit.

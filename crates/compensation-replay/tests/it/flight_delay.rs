@@ -613,3 +613,21 @@ fn the_same_flight_gives_the_same_bits_and_a_record_that_survives_json() {
     let text = serde_json::to_string(&a).unwrap();
     assert_eq!(serde_json::from_str::<record::FlightDelays>(&text).unwrap(), a);
 }
+
+/// Between two samples the integral of white noise is smaller than at one of them. A fit that takes this for agreement ends at
+/// multiples of the step of the velocity: here 250 and 300 ms, twenty and thirty from the truth.
+#[test]
+fn white_noise_of_a_fast_velocity_does_not_pull_the_delay_to_its_samples() {
+    let off_s = |seed| {
+        let flight = flown(&FlightSettings {
+            duration_s: 240.0,
+            position: SensorSettings { delay_s: 0.27, white_std: 0.02, ..SensorSettings::clean(10.0) },
+            velocity: SensorSettings { white_std: 1.0, ..SensorSettings::clean(20.0) },
+            ..receiver(seed)
+        });
+        only(&flight, &quick()).0.delay.found().map(|delay| (delay.delay_s.value - 0.27).abs())
+    };
+    let mut off_s: Vec<f64> = (0..12).filter_map(off_s).collect();
+    off_s.sort_by(f64::total_cmp);
+    assert!(off_s.len() >= 8 && off_s[off_s.len() / 2] < 0.006, "{off_s:?}");
+}
