@@ -10,8 +10,8 @@ use crate::no_position::no_position;
 use crate::rate::rate_of;
 use crate::reference::{OF_REFERENCE_FILE, settled};
 use compensation_replay::{
-    FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice, measure_delays,
-    pick_pair,
+    AutopilotParameter, FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice,
+    measure_delays, pick_pair,
 };
 use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
@@ -150,6 +150,7 @@ pub(crate) fn unknown(key: &str) -> FlightLateness {
         card: None,
         reference_file: None,
         speed_rms_mps: None,
+        jitter_s: None,
         lever_arm_s_per_decimetre: None,
         alarms: vec![],
         advice: DelayAdvice::default(),
@@ -220,6 +221,7 @@ fn answered(
         verdict: network.map(|n| n.verdict),
         position_minus_velocity_s,
         lateness: channel,
+        jitter_s: over_time.and_then(|o| Some(o.jitters?.standard_deviation_s)),
         lever_arm_s_per_decimetre: pair.and_then(|p| p.lever_arm_s_per_decimetre),
         ..base
     };
@@ -337,6 +339,9 @@ fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayO
     })
 }
 
+/// How a note begins that says what the log has.
+const IN_LOG: &str = "it is ";
+
 /// Settings that remove this delay; those of the autopilot that wrote the log.
 fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> DelayAdvice {
     let mut set = vec![];
@@ -344,7 +349,13 @@ fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> De
         return DelayAdvice::default();
     }
     let value = (lateness_s.value * 1e3).round() / 1e3;
-    set.push(DelaySetting { name: "position_s".into(), value, unit: "s".into(), note: String::new() });
+    set.push(DelaySetting {
+        name: "position_s".into(),
+        value,
+        unit: "s".into(),
+        note: String::new(),
+        out_of_range: false,
+    });
     let inertial = out.datum == NetworkDatum::Imu && out.lateness.as_ref().is_some_and(|l| !l.weak);
     let system = health.about.system.as_deref().unwrap_or_default().to_ascii_lowercase();
     let is_px4 = system.contains("px4");
@@ -359,30 +370,45 @@ fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> De
     let delay = Delay::from_seconds(lateness_s.value).unwrap_or(Delay::ZERO);
     let all = autopilot_advice(delay, lateness_s.standard_uncertainty, MeasuredAgainst::Inertial);
     if let Some(p) = all.parameters.iter().find(|p| p.name == wanted) {
-        let range = format!("{} takes {} to {} ms", p.name, p.range_ms[0], p.range_ms[1]);
         let now = stated(wanted).map(|c| match c.value_s {
             // ArduPilot's 0 is the delay of the receiver's driver.
-            0.0 if is_ardupilot => "it is 0 in this log, which means automatic".to_owned(),
-            value_s => format!("it is {:.0} ms in this log", 1e3 * value_s),
+            0.0 if is_ardupilot => format!("{IN_LOG}0 in this log, which means automatic"),
+            value_s => format!("{IN_LOG}{:.0} ms in this log", 1e3 * value_s),
         });
-        let note = match p.fit {
-            ParameterFit::OutOfRange => Some(range),
-            ParameterFit::RoundsToAutomatic => Some("0 means automatic".to_owned()),
-            ParameterFit::Fits | ParameterFit::AtTheEdge => now,
-        };
-        let (name, value) = (p.name.to_owned(), p.value_ms as f64);
-        set.push(DelaySetting { name, value, unit: "ms".into(), note: note.unwrap_or_default() });
+        set.push(parameter_setting(p, now));
     }
     DelayAdvice { set, fly: None }
 }
 
-/// The settings of a flight's advice with another delay.
-pub(crate) fn advice_for(lateness_s: &Estimate, like: &FlightLateness) -> DelayAdvice {
-    let with = |s: &DelaySetting| {
-        let factor = if s.unit == "ms" { 1e3 } else { 1.0 };
-        let value =
-            if s.unit == "ms" { (lateness_s.value * factor).round() } else { (lateness_s.value * 1e3).round() / 1e3 };
-        DelaySetting { value, ..s.clone() }
+/// The setting of an autopilot's parameter; `now` says what the log has.
+fn parameter_setting(p: &AutopilotParameter, now: Option<String>) -> DelaySetting {
+    let note = match p.fit {
+        ParameterFit::OutOfRange => Some(format!("{} takes {} to {} ms", p.name, p.range_ms[0], p.range_ms[1])),
+        ParameterFit::RoundsToAutomatic => Some("0 means automatic".to_owned()),
+        ParameterFit::Fits | ParameterFit::AtTheEdge => now,
+    };
+    DelaySetting {
+        name: p.name.to_owned(),
+        value: p.value_ms as f64,
+        unit: "ms".into(),
+        note: note.unwrap_or_default(),
+        out_of_range: p.fit == ParameterFit::OutOfRange,
+    }
+}
+
+/// The settings of some flights with their common delay. What their logs have is said where it is the same in all.
+pub(crate) fn advice_for(lateness_s: &Estimate, flights: &[&FlightLateness]) -> DelayAdvice {
+    let Some(like) = flights.iter().find(|l| !l.advice.set.is_empty()) else { return DelayAdvice::default() };
+    let delay = Delay::from_seconds(lateness_s.value).unwrap_or(Delay::ZERO);
+    let known = autopilot_advice(delay, lateness_s.standard_uncertainty, MeasuredAgainst::Inertial);
+    let with = |s: &DelaySetting| match known.parameters.iter().find(|p| p.name == s.name) {
+        Some(p) => {
+            let all = flights.iter().flat_map(|l| &l.advice.set);
+            let mut notes = all.filter(|own| own.name == s.name && !own.out_of_range).map(|own| own.note.as_str());
+            let first = notes.next().filter(|note| note.starts_with(IN_LOG) && notes.all(|other| other == *note));
+            parameter_setting(p, first.map(str::to_owned))
+        }
+        None => DelaySetting { value: (lateness_s.value * 1e3).round() / 1e3, ..s.clone() },
     };
     DelayAdvice { set: like.advice.set.iter().map(with).collect(), fly: None }
 }
@@ -399,16 +425,17 @@ fn speed_rms(velocity: Option<&flight::Channel>) -> Option<f64> {
 pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<KnownLateness> {
     let channel = lateness.lateness.as_ref();
     let undecided = lateness.verdict == Some(NetworkVerdict::Undecided);
+    let jitter_s = lateness.jitter_s.unwrap_or(0.0);
     if let Some(own) = channel.filter(|c| c.relative_to.is_none() && !c.weak && !undecided) {
-        return Some(KnownLateness { lateness_s: own.lateness_s, judged_by: JudgedBy::Lateness });
+        return Some(KnownLateness { lateness_s: own.lateness_s, judged_by: JudgedBy::Lateness, jitter_s });
     }
     if let (Some(DelaySource::OthersFlights), Some(value)) = (decision.used, decision.delay_s) {
         let lateness_s = Estimate { value, standard_uncertainty: decision.standard_uncertainty_s };
-        return Some(KnownLateness { lateness_s, judged_by: JudgedBy::Lateness });
+        return Some(KnownLateness { lateness_s, judged_by: JudgedBy::Lateness, jitter_s });
     }
     let velocity = lateness.velocity.clone()?;
     let lateness_s = lateness.position_minus_velocity_s?;
-    Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity) })
+    Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity), jitter_s })
 }
 
 /// How late the velocity is, s: [`known`] less how much later the position is. `None` where all that is known is against

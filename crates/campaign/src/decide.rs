@@ -8,7 +8,7 @@ use crate::manifest::Planned;
 use delay_network::{AskedSource, FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
 use record::{
     Decision, DelayAdvice, DelayPool, DelaySource, Estimate, Finding, FlightContent, FlightLateness, FlightRow,
-    GroupLateness, NetworkDatum, RemovedDelay, RemovedFrom,
+    GroupLateness, NetworkDatum, PoolMean, RemovedDelay, RemovedFrom,
 };
 use std::collections::BTreeMap;
 
@@ -203,29 +203,42 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     let of = |name: &str| members.iter().find(|(flight, _)| *flight == name).map(|(_, lateness)| *lateness);
     let against = pool.members.iter().find_map(|m| of(&m.flight)).map_or("imu".to_owned(), |l| l.against.clone());
     let outliers: Vec<String> = pool.members.iter().filter(|m| m.outlier).map(|m| m.flight.clone()).collect();
-    let mut words = format!(
-        "position {} ms late against {against} ({} of {})",
-        in_ms(&as_wide_as(pool)),
-        pool.flights,
-        crate::answer::counted(members.len(), "flight")
-    );
-    if !outliers.is_empty() {
+    let described = pool.described();
+    let mean_s = described.map(|mean| as_wide_as(&mean.mean_s, mean.half_width_95_s));
+    let all = crate::answer::counted(members.len(), "flight");
+    let mut words = match described.zip(mean_s) {
+        Some((mean, mean_s)) => {
+            format!("position {} ms late against {against} ({} of {all})", in_ms(&mean_s), mean.flights)
+        }
+        None => {
+            let own = pool.members.iter().filter_map(|m| Some(1e3 * of(&m.flight)?.lateness_s()?.value));
+            let (low, high) =
+                own.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ms| (low.min(ms), high.max(ms)));
+            format!(
+                "no common delay: position {low:.0} to {high:.0} ms late against {against} ({} of {all})",
+                pool.flights
+            )
+        }
+    };
+    if described.is_some() && !outliers.is_empty() {
         words += &format!("; {} from the others: {}", differ(outliers.len()), outliers.join(", "));
     }
     if let Some(split) = &pool.split {
         words += &format!("; {}", split.words);
     }
     // The mean of two receivers is a setting for neither; each of them follows as a group of its own.
-    let advice = match members.iter().find(|(_, l)| !l.advice.set.is_empty()) {
-        Some((_, l)) if pool.split.is_none() => crate::answer::advice_for(&pool.mean_s, l),
+    let own: Vec<&FlightLateness> = pool.members.iter().filter_map(|m| of(&m.flight)).collect();
+    let advice = match described {
+        Some(mean) if pool.split.is_none() => crate::answer::advice_for(&mean.mean_s, &own),
         _ => DelayAdvice::default(),
     };
+    let interval = |mean: PoolMean| [-1.0, 1.0].map(|side| mean.mean_s.value + side * mean.half_width_95_s);
     GroupLateness {
-        pooled: u64::from(pool.flights),
-        lateness_s: Some(as_wide_as(pool)),
-        interval_95_s: Some(pool.interval_95_s),
+        pooled: u64::from(described.map_or(pool.flights, |mean| mean.flights)),
+        lateness_s: mean_s,
+        interval_95_s: described.map(interval),
         against,
-        between_s: pool.tau_s,
+        between_s: described.map_or(pool.tau_s, |mean| mean.tau_s),
         words,
         outliers,
         advice,
@@ -241,8 +254,8 @@ const DIFFER_P: f64 = 0.01;
 
 /// The mean of a pool with half the half width of its 95 % interval as standard uncertainty: few flights have wide tails, and
 /// ± U must not be narrower than the interval beside it.
-fn as_wide_as(pool: &DelayPool) -> Estimate {
-    Estimate { value: pool.mean_s.value, standard_uncertainty: Some(0.5 * pool.half_width_95_s) }
+fn as_wide_as(mean_s: &Estimate, half_width_95_s: f64) -> Estimate {
+    Estimate { value: mean_s.value, standard_uncertainty: Some(0.5 * half_width_95_s) }
 }
 
 fn differ(flights: usize) -> String {
@@ -300,7 +313,7 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
     let Some(pool) = delay_network::pool(&flights, 0.0) else { return empty };
     let velocity = empty.against.strip_prefix("relative to ").unwrap_or(&empty.against);
     let side = if pool.mean_s.value < 0.0 { "earlier" } else { "later" };
-    let mean_s = as_wide_as(&pool);
+    let mean_s = as_wide_as(&pool.mean_s, pool.half_width_95_s);
     let apart = Estimate { value: mean_s.value.abs(), ..mean_s };
     let mut words = format!(
         "position {} ms {side} than {velocity} ({} of {}); how late both are is not known",

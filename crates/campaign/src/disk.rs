@@ -20,7 +20,8 @@ pub(crate) trait Disk: fmt::Debug + Send + Sync {
 
 /// Whether an error of the system may be over later: a disk that is full or away. A file that must not be written is no
 /// such thing. A library that writes may have put the error of the system into one of its own.
-pub(crate) fn may_heal(error: &io::Error) -> bool {
+#[must_use]
+pub fn may_heal(error: &io::Error) -> bool {
     let mut chain = std::iter::successors(Some(error as &(dyn Error + 'static)), |e| inside(*e));
     chain.any(|e| e.downcast_ref::<io::Error>().is_some_and(is_passing))
 }

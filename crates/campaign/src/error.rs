@@ -57,6 +57,9 @@ pub enum CampaignError {
         /// What is wrong.
         what: String,
     },
+    /// All logs are younger than the time that the order waits for.
+    #[error("all logs ({}) are {}", .0.len(), crate::plan::STILL_WRITTEN)]
+    AllStillWritten(Vec<String>),
     /// Something is not there yet or has changed; the same command may work later.
     #[error("{0}")]
     TryAgain(String),
@@ -105,7 +108,9 @@ impl CampaignError {
             {
                 Exit::Wrong
             }
-            CampaignError::TryAgain(_) | CampaignError::Busy { .. } => Exit::TryAgain,
+            CampaignError::TryAgain(_) | CampaignError::AllStillWritten(_) | CampaignError::Busy { .. } => {
+                Exit::TryAgain
+            }
             CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,
             _ => Exit::Failed,
         }

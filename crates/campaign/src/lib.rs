@@ -77,6 +77,7 @@ pub use compensation_replay::{ClockRule, error_words};
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError};
 pub use criteria::{Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes};
 pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report};
+pub use disk::may_heal;
 pub use error::{CampaignError, Exit};
 pub use event::{Event, EventSink};
 pub use fetch::{LogCache, keep_logs_in};

@@ -207,7 +207,7 @@ fn alarm(alarm: &DelayAlarm) -> LineAlarm {
 
 impl LineSetting {
     pub(crate) fn of(setting: record::DelaySetting) -> LineSetting {
-        let record::DelaySetting { name, value, unit, note } = setting;
+        let record::DelaySetting { name, value, unit, note, out_of_range: _ } = setting;
         LineSetting { name, value, unit, note }
     }
 }

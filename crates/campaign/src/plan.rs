@@ -160,8 +160,7 @@ fn leave_unsettled(
     }
     found.ignored.sort_by(|a, b| a.path.cmp(&b.path));
     if !left.is_empty() && found.units.is_empty() && found.unreadable.is_empty() {
-        let count = left.len();
-        return Err(CampaignError::TryAgain(format!("all logs ({count}) are {STILL_WRITTEN}")));
+        return Err(CampaignError::AllStillWritten(left.into_iter().map(|unit| unit.id).collect()));
     }
     Ok(())
 }

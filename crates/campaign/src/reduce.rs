@@ -705,7 +705,8 @@ fn summary_of(verdict: &Verdict) -> Summary {
     };
     let mut answers: Vec<String> = verdict.groups.iter().take(MOST_GROUPS).map(group).collect();
     if verdict.groups.len() > MOST_GROUPS {
-        answers.push(format!("and {} more groups", verdict.groups.len() - MOST_GROUPS));
+        let more = verdict.groups.len() - MOST_GROUPS;
+        answers.push(format!("and {more} more {}", if more == 1 { "group" } else { "groups" }));
     }
     Summary { size: verdict.totals.flights, answers }
 }

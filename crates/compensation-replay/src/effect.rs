@@ -55,6 +55,8 @@ pub struct KnownLateness {
     pub lateness_s: Estimate,
     /// What it is counted from: [`JudgedBy::Lateness`] or [`JudgedBy::Velocity`].
     pub judged_by: JudgedBy,
+    /// Scatter of the lateness from fix to fix, standard deviation, s: removing one delay leaves it.
+    pub jitter_s: f64,
 }
 
 /// The effect of removing `removed_s` (`None`: nothing was removed).
@@ -125,12 +127,12 @@ fn by_lateness(known: &KnownLateness, speed_mps: f64, removed_s: Option<f64>) ->
         Some(_) => verdict_of(change * speed_mps, reach * speed_mps, LEAST_SHARE * lateness_s.abs() * speed_mps),
     };
     let metres = |s: f64| Estimate {
-        value: s.abs() * speed_mps,
+        value: s.hypot(known.jitter_s) * speed_mps,
         standard_uncertainty: Some(u_s * speed_mps).filter(|u| u.is_finite()),
     };
     let errors = [metres(lateness_s), metres(lateness_s - removed)];
     // A delay that is known to u leaves u, even if it is removed whole.
-    let best_m = u_s.is_finite().then_some(u_s * speed_mps);
+    let best_m = u_s.is_finite().then_some(u_s.hypot(known.jitter_s) * speed_mps);
     let against = match &known.judged_by {
         JudgedBy::Velocity(name) => format!("against {name}, whose own lateness is not known"),
         _ => "by the lateness that is left".to_owned(),
@@ -190,7 +192,16 @@ mod tests {
 
     fn known(lateness_s: f64, u_s: f64) -> KnownLateness {
         let lateness_s = Estimate { value: lateness_s, standard_uncertainty: Some(u_s) };
-        KnownLateness { lateness_s, judged_by: JudgedBy::Lateness }
+        KnownLateness { lateness_s, judged_by: JudgedBy::Lateness, jitter_s: 0.0 }
+    }
+
+    #[test]
+    fn jitter_stays_when_the_mean_delay_is_removed() {
+        let known = KnownLateness { jitter_s: 0.1, ..known(0.4, 0.001) };
+        let found = effect(None, Some(&known), Some(10.0), Some(0.4));
+        let close = |m: Option<Estimate>, to: f64| (m.unwrap().value - to).abs() < 1e-9;
+        assert!(close(found.error_raw_m, 10.0 * 0.4_f64.hypot(0.1)) && close(found.error_compensated_m, 1.0));
+        assert_eq!((found.verdict, found.short_by), (EffectVerdict::Helped, None));
     }
 
     fn verdict(lateness_s: f64, u_s: f64, removed_s: Option<f64>) -> EffectVerdict {

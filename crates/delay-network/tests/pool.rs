@@ -25,6 +25,24 @@ fn drawn(count: usize, mean_s: f64, sd_s: f64, rng: &mut Pcg64) -> Vec<f64> {
     (0..count).map(|_| mean_s + sd_s * rng.sample::<f64, _>(StandardNormal)).collect()
 }
 
+/// Seven flights at 250 ms and one at 450 ms: the group is the seven, and the eighth is named.
+#[test]
+fn outliers_are_not_in_the_mean_that_describes_a_group() {
+    let found = pool(&flights(&[0.2500, 0.2497, 0.2503, 0.2501, 0.2499, 0.2502, 0.4500, 0.2498]), DATUM_S).unwrap();
+    assert_eq!(
+        found.members.iter().filter(|m| m.outlier).map(|m| m.flight.as_str()).collect::<Vec<_>>(),
+        ["flight-00006"]
+    );
+    assert!(found.mean_s.value > 0.27, "all of them: {:?}", found.mean_s);
+    let described = found.described().unwrap();
+    assert_eq!(described.flights, 7);
+    assert!((described.mean_s.value - 0.25).abs() < 0.1e-3, "{described:?}");
+    assert!(described.half_width_95_s < 0.02, "the model's part remains: {described:?}");
+    // Without outliers it is the mean of all.
+    let all = pool(&flights(&[0.25, 0.252, 0.249]), DATUM_S).unwrap();
+    assert_eq!((all.described().unwrap().mean_s, all.without_outliers), (all.mean_s, None));
+}
+
 #[test]
 fn two_receivers_in_one_group_are_split() {
     let mut rng = Pcg64::seed_from_u64(1);

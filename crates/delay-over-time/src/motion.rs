@@ -20,6 +20,8 @@ pub(crate) struct Motion {
     pub(crate) slow_mps: f64,
     /// 95th percentile of the speed, m/s.
     pub(crate) fast_mps: f64,
+    /// Rms speed, m/s.
+    pub(crate) rms_mps: f64,
 }
 
 /// Place and velocity at an instant.
@@ -56,10 +58,10 @@ impl Motion {
             before = Some((t, [n, e]));
             samples.push([n, e, place[0], place[1]]);
         }
-        let (slow_mps, fast_mps) = speeds(&samples);
+        let [slow_mps, fast_mps, rms_mps] = speeds(&samples);
         let resembling = resembling(&samples, slow_mps);
         let gaps = gaps(t);
-        Motion { t: t.to_vec(), samples, resembling, gaps, slow_mps, fast_mps }
+        Motion { t: t.to_vec(), samples, resembling, gaps, slow_mps, fast_mps, rms_mps }
     }
 
     pub(crate) fn span(&self) -> (f64, f64) {
@@ -130,14 +132,15 @@ impl Motion {
     }
 }
 
-/// Speed that carries no delay, and 95 % speed.
-fn speeds(samples: &[[f64; 4]]) -> (f64, f64) {
+/// Speed that carries no delay, 95 % speed and rms speed.
+fn speeds(samples: &[[f64; 4]]) -> [f64; 3] {
     let every = (samples.len() / 20_000).max(1);
     let mut speeds: Vec<f64> = samples.iter().step_by(every).map(|v| speed(v[0], v[1])).collect();
+    let rms = (speeds.iter().map(|u| u * u).sum::<f64>() / speeds.len() as f64).sqrt();
     let at = ((speeds.len() - 1) as f64 * 0.95).round() as usize;
     let fast = *speeds.select_nth_unstable_by(at, f64::total_cmp).1;
     let slow = (SLOW_SHARES.0 * fast).clamp(SLOW_MPS.0, SLOW_MPS.1);
-    (slow.max(SLOW_SHARES.1 * fast), fast)
+    [slow.max(SLOW_SHARES.1 * fast), fast, rms]
 }
 
 /// −∫ U̇ n dt and n, with n = v/U where it moves.

@@ -211,7 +211,7 @@ pub(crate) fn terms(found: &Found) -> Vec<DelayTerm> {
 
 pub(crate) fn jitter_record(found: &Found) -> Option<DelayJitter> {
     let standard_deviation_s = found.jitter.found_s?;
-    let remains_m = standard_deviation_s * found.motion.fast_mps;
+    let remains_m = standard_deviation_s * found.motion.rms_mps;
     Some(DelayJitter { standard_deviation_s, remains_m, half_width_95_s: 1.96 * standard_deviation_s })
 }
 

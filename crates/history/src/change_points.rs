@@ -149,6 +149,15 @@ impl SharedMean {
     ///
     /// The spread follows from neighbours and not by REML, so that a history of a million flights takes a second.
     pub(crate) fn of(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Option<SharedMean> {
+        SharedMean::with(x, u, model, spread)
+    }
+
+    /// As [`SharedMean::of`] of flights among which there may be a step: the spread is that of all of them.
+    pub(crate) fn of_one_line(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Option<SharedMean> {
+        SharedMean::with(x, u, model, spread_of_all)
+    }
+
+    fn with(x: &[f64], u: &[f64], model: &[Option<f64>], spread: fn(&[f64], &[f64]) -> f64) -> Option<SharedMean> {
         let shared = |(u, model): (&f64, &Option<f64>)| model.map_or(*u, |model| model.clamp(0.0, *u));
         let common = u.iter().zip(model).map(shared).min_by(f64::total_cmp)?;
         let own = |u: &f64| (u.powi(2) - common.powi(2)).max(LEAST_OWN_S.powi(2)).sqrt();
@@ -162,6 +171,16 @@ impl SharedMean {
     pub(crate) fn u(&self) -> f64 {
         self.own_u.hypot(self.common)
     }
+}
+
+/// Standard deviation between all of them beyond their uncertainties (DerSimonian and Laird 1986): 0 if those explain all of it.
+fn spread_of_all(x: &[f64], u: &[f64]) -> f64 {
+    let weights: Vec<f64> = u.iter().map(|u| u.powi(-2)).collect();
+    let (sum, squares) = weights.iter().fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w));
+    let mean = x.iter().zip(&weights).map(|(x, w)| w * x).sum::<f64>() / sum;
+    let q: f64 = x.iter().zip(&weights).map(|(x, w)| w * (x - mean).powi(2)).sum();
+    let variance = (q - (x.len() as f64 - 1.0)) / (sum - squares / sum);
+    if variance.is_finite() { variance.max(0.0).sqrt() } else { 0.0 }
 }
 
 /// Spread between neighbours beyond their uncertainties: 0 if those explain all of it.

@@ -182,18 +182,19 @@ fn content_hash(inputs: &[InputFile]) -> Option<String> {
     (!hashes.is_empty()).then(|| hashes.join("+"))
 }
 
-/// The autopilot's parameter that is recommended for a flight, and its value, s.
+/// The autopilot's parameter that is recommended for a flight, and its value, s. What cannot be set is not recommended.
 fn advised(flight: &FlightRow, group: Option<&GroupLateness>) -> Option<(String, f64)> {
     let own = flight.lateness.iter().flat_map(|l| &l.advice.set);
     let all = group.into_iter().flat_map(|g| &g.advice.set).chain(own);
-    let found = all.into_iter().find(|setting| setting.unit == "ms")?;
+    let found = all.into_iter().find(|setting| setting.unit == "ms" && !setting.out_of_range)?;
     Some((found.name.clone(), found.value / 1e3))
 }
 
 /// Adds what is recommended: by the group where it says something, else by the flight.
 fn with_advice(row: Row, flight: &FlightRow, group: Option<&GroupLateness>) -> Row {
     let Some((parameter, value_s)) = advised(flight, group) else { return row };
-    let of_group = group.filter(|g| g.advice.set.iter().any(|s| s.unit == "ms")).and_then(|g| g.lateness_s);
+    let of_group =
+        group.filter(|g| g.advice.set.iter().any(|s| s.unit == "ms" && !s.out_of_range)).and_then(|g| g.lateness_s);
     let from = of_group.or_else(|| flight.lateness.as_ref().and_then(|l| l.lateness_s()));
     // The log says the value of one parameter only: that of another would be compared with the wrong one.
     let parameter_s = row.parameter_s.filter(|_| row.parameter.as_ref() == Some(&parameter));

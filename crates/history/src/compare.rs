@@ -9,6 +9,8 @@ use std::collections::BTreeSet;
 
 /// Trouble of a flight whose delay cannot be measured.
 const NOT_MEASURABLE: &str = "not measurable";
+const FAILED: &str = "failed";
+const PENDING: &str = "pending";
 /// A number has moved if it did by more than this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
 /// A number whose uncertainty is not known has moved if it changed by more than this share.
@@ -58,12 +60,18 @@ fn came_and_went(changes: &mut RunChanges, was: &Row, row: &Row, named: &NamedFl
     let only = |of: &[String], not: &[String]| of.iter().filter(|t| !not.contains(t)).cloned().collect::<Vec<_>>();
     let (had, has) = (troubles(was), troubles(row));
     words(&mut changes.failing, named, only(&has, &had), row);
-    words(&mut changes.recovered, named, only(&had, &has), row);
+    // A flight that fails for another reason now has not recovered.
+    if has.is_empty() {
+        words(&mut changes.recovered, named, only(&had, &has), row);
+    }
     let ((had, had_remarks), (has, has_remarks)) = (codes(was), codes(row));
     words(&mut changes.alarms_new, named, only(&has, &had), row);
-    words(&mut changes.alarms_cleared, named, only(&had, &has), row);
     words(&mut changes.remarks_new, named, only(&has_remarks, &had_remarks), row);
-    words(&mut changes.remarks_cleared, named, only(&had_remarks, &has_remarks), row);
+    // A flight that could not be read shows neither that an alarm is gone nor that it is still there.
+    if row.outcome != FAILED {
+        words(&mut changes.alarms_cleared, named, only(&had, &has), row);
+        words(&mut changes.remarks_cleared, named, only(&had_remarks, &has_remarks), row);
+    }
 }
 
 /// Codes of the alarms of a flight that ask for something, and of its remarks, each once.
@@ -77,10 +85,12 @@ fn is_remark(code: &str) -> bool {
     Alarm::ALL.iter().any(|alarm| alarm.name() == code && alarm.gravity() == Gravity::Grey)
 }
 
-/// Adds an entry if there is something to say.
+/// Adds an entry if there is something to say. The reason of the flight is that of its outcome, and of nothing else.
 fn words(list: &mut Vec<FlightWords>, named: &NamedFlight, words: Vec<String>, row: &Row) {
     if !words.is_empty() {
-        let error = row.reason.as_deref().and_then(|reason| reason.lines().next()).map(str::to_owned);
+        let is_outcome = words.iter().any(|word| [FAILED, NOT_MEASURABLE, PENDING].contains(&word.as_str()));
+        let reason = row.reason.as_deref().filter(|_| is_outcome);
+        let error = reason.and_then(|reason| reason.lines().next()).map(str::to_owned);
         list.push(FlightWords { flight: named.clone(), words, error });
     }
 }
@@ -88,9 +98,9 @@ fn words(list: &mut Vec<FlightWords>, named: &NamedFlight, words: Vec<String>, r
 /// Everything that makes a flight one to look at.
 fn troubles(row: &Row) -> Vec<String> {
     let outcome = match row.outcome.as_str() {
-        "failed" => Some("failed".to_owned()),
+        FAILED => Some(FAILED.to_owned()),
         "not-measurable" => Some(NOT_MEASURABLE.to_owned()),
-        "pending" => Some("pending".to_owned()),
+        PENDING => Some(PENDING.to_owned()),
         _ => None,
     };
     let harmed = (row.effect.as_deref() == Some("harmed")).then(|| "harmed".to_owned());
@@ -151,7 +161,8 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
             before,
             now,
             sigmas,
-            causes: causes.to_vec(),
+            // A limit moves no number.
+            causes: causes.iter().copied().filter(|cause| *cause != ChangeCause::Criteria).collect(),
         })
     };
     wanted.filter_map(one).collect()
@@ -249,7 +260,8 @@ mod tests {
         assert_eq!(found.failing[0].error.as_deref(), Some("a.bin: byte 12: no frame"));
         assert_eq!((found.failing[1].flight.flight.as_str(), found.failing[1].words[0].as_str()), ("n", "log damaged"));
         assert_eq!(found.alarms_new[0].words, ["steps"]);
-        assert_eq!(found.alarms_cleared[0].words, ["weak"]);
+        // `a` could not be read; of `b` the alarm is gone.
+        assert_eq!(found.alarms_cleared.iter().map(|of| of.flight.flight.as_str()).collect::<Vec<_>>(), ["b"]);
         assert_eq!((found.compared, found.new.len(), found.rerun.len()), (2, 1, 0));
     }
 
@@ -264,6 +276,37 @@ mod tests {
         // What is damaged as well, is.
         let found = changes(&[], &[Row { data: "damaged".into(), ..parked("n") }]);
         assert_eq!(found.failing[0].words, ["log damaged"]);
+    }
+
+    #[test]
+    fn a_flight_that_fails_for_another_reason_has_not_recovered() {
+        let damaged = |criterion: Option<&str>| Row {
+            data: "damaged".into(),
+            criteria_failed: criterion.map(str::to_owned),
+            reason: Some("nothing was removed".into()),
+            ..row("a")
+        };
+        let found = changes(&[damaged(Some("dur"))], &[damaged(None)]);
+        assert_eq!((found.recovered, found.failing), (vec![], vec![]));
+        let found = changes(&[damaged(None)], &[row("a")]);
+        assert_eq!(found.recovered[0].words, ["log damaged"]);
+        // Why nothing was removed is no reason of the damage.
+        assert_eq!(changes(&[row("a")], &[damaged(None)]).failing[0].error, None);
+        // What cannot be read shows no alarm, and clears none.
+        let failed = Row { outcome: "failed".into(), alarms: None, ..row("a") };
+        assert_eq!(changes(&[row("a")], &[failed]).alarms_cleared, vec![]);
+    }
+
+    #[test]
+    fn criteria_move_no_number() {
+        let was = Row { error_compensated_m: Some(0.1), criteria_hash: Some("one".into()), ..row("a") };
+        let now = Row {
+            error_compensated_m: Some(0.5),
+            criteria_hash: Some("two".into()),
+            settings_hash: "t".into(),
+            ..row("a")
+        };
+        assert_eq!(changes(&[was], &[now]).moved[0].causes, [ChangeCause::Settings]);
     }
 
     #[test]

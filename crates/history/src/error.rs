@@ -52,6 +52,7 @@ impl HistoryError {
         match self {
             HistoryError::Settings { .. } | HistoryError::Asked(_) => campaign::Exit::Wrong,
             HistoryError::Campaign(error) => error.exit(),
+            HistoryError::Io { source, .. } if campaign::may_heal(source) => campaign::Exit::TryAgain,
             HistoryError::Io { .. } | HistoryError::Report { .. } => campaign::Exit::Failed,
         }
     }

@@ -54,7 +54,7 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
         let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
         let (x, u) = (of(&|row| row.lateness_s), of(&|row| row.lateness_u_s));
         let model: Vec<Option<f64>> = rows.iter().map(|row| row.lateness_model_u_s).collect();
-        let mean = SharedMean::of(&x, &u, &model)?;
+        let mean = SharedMean::of_one_line(&x, &u, &model)?;
         let end = |pick: fn(f64, f64) -> f64| x.iter().copied().reduce(pick);
         let (low_s, high_s, flights) = (end(f64::min)?, end(f64::max)?, x.len() as u64);
         Some(LatencyLine {
@@ -102,6 +102,24 @@ mod tests {
         assert_eq!(short, [(2, 118_500.0), (1, 100_000.0)]);
         assert!((table[0].lateness_u_s - 0.002 / 2f64.sqrt()).abs() < 1e-9);
         assert_eq!(table[0].baud.as_deref(), Some("115200 baud"));
+    }
+
+    #[test]
+    fn a_step_between_flights_is_in_the_spread_and_in_the_uncertainty() {
+        let row = |n: usize| Row {
+            flight: format!("{n:03}"),
+            flown_ns: i64::try_from(n).ok(),
+            datum: Some("imu".into()),
+            lateness_s: Some(if n < 10 { 0.4 } else { 0.45 }),
+            lateness_u_s: Some(0.0005),
+            lateness_model_u_s: Some(0.0),
+            ..Row::default()
+        };
+        let rows: Vec<Brief> = (0..16).map(|n| Brief::from(&row(n))).collect();
+        let found = latency(&latest_briefs(&rows)).into_iter().next().unwrap();
+        // Ten at 400 ms and six at 450 ms: mean 418.75 ms, standard deviation of the sample 25.0 ms.
+        assert!((found.lateness_s - 0.41875).abs() < 0.1e-3 && (found.between_s - 0.025).abs() < 0.2e-3, "{found:?}");
+        assert!((found.lateness_u_s - 0.025 / 4.0).abs() < 0.1e-3, "{found:?}");
     }
 
     /// The line of some flights that agree, each with U = 16 ms, of which so much is the model's.

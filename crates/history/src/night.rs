@@ -116,10 +116,26 @@ impl Made {
     fn campaign(&mut self, name: &str, order: &Order, context: &Context<'_>) -> Result<(), HistoryError> {
         let earlier = read_campaign(&order.out).map(|record| record.flights.into_iter().map(|row| row.flight));
         let earlier: BTreeSet<String> = earlier.map(Iterator::collect).unwrap_or_default();
-        let ended = match campaign::run(order, context.desk) {
+        let is_there = campaign::is_in_bucket(&order.flights) || order.flights.is_dir();
+        let ran = match is_there {
+            true => campaign::run(order, context.desk),
+            // A disk that is not mounted: the other campaigns go on.
+            false => Err(CampaignError::TryAgain(format!("{}: this folder is not there", order.flights.display()))),
+        };
+        let ended = match ran {
             Err(CampaignError::Cancelled) => return Err(CampaignError::Cancelled.into()),
             Ok(verdict) => self.collected(name, order, context, &earlier, &verdict).map(|()| verdict),
-            Err(error) => Err(error.into()),
+            Err(error) => {
+                if let CampaignError::AllStillWritten(logs) = &error {
+                    let left = |path: &String| LeftLog {
+                        campaign: name.to_owned(),
+                        path: path.clone(),
+                        reason: STILL_WRITTEN.to_owned(),
+                    };
+                    self.left.extend(logs.iter().map(left));
+                }
+                Err(error.into())
+            }
         };
         self.campaigns.push(row_of(name, order, ended));
         Ok(())
@@ -171,7 +187,7 @@ fn row_of(name: &str, order: &Order, ended: Result<Verdict, HistoryError>) -> Ni
     let row = NightCampaign {
         name: name.to_owned(),
         flights: order.flights.display().to_string(),
-        report: format!("{name}/index.html"),
+        report: if order.out.join("index.html").is_file() { format!("{name}/index.html") } else { String::new() },
         totals: None,
         criteria_failed: 0,
         exit: Exit::Well as u8,
@@ -235,10 +251,7 @@ fn with_changes(trend: Trend) -> TrendRecord {
     let mut record = trend.record;
     let all = record.charts.len();
     record.charts.retain(|chart| !chart.changes.is_empty());
-    let without = all - record.charts.len();
-    if without > 0 {
-        record.left_out.push(format!("{without} charts without a change"));
-    }
+    record.without_change = (all - record.charts.len()) as u64;
     record
 }
 

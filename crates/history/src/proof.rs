@@ -163,8 +163,12 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
         flights: vec![],
         verdict: ProofVerdict::NotSet,
         words: format!(
-            "Recommended: {}. All logs so far have {}.",
+            "Recommended: {}. {} {}.",
             millis(advised_s),
+            match last.latest.len() {
+                1 => "The latest log has".to_owned(),
+                n => format!("The latest {n} logs have"),
+            },
             set_words(subject.3, last.set_s)
         ),
     })
@@ -324,7 +328,7 @@ mod tests {
         let mut rows: Vec<Row> = (1..=5).map(|day| row(10, day, 0.0, 118.0)).collect();
         let proof = only(&rows);
         assert_eq!((proof.verdict, proof.before_s), (ProofVerdict::NotSet, None));
-        assert_eq!(proof.words, "Recommended: 118 ms. All logs so far have 0 (automatic).");
+        assert_eq!(proof.words, "Recommended: 118 ms. The latest 5 logs have 0 (automatic).");
         rows.extend((6..=9).map(|day| row(20, day, 118.0, 118.0)));
         let proof = only(&rows);
         assert_eq!((proof.verdict, proof.before_s), (ProofVerdict::Pass, None));

@@ -87,7 +87,7 @@ fn why_not(row: &Brief) -> Option<&'static str> {
     match (known, uncertain) {
         (false, _) => Some("without a lateness"),
         (_, false) => Some("without an uncertainty"),
-        _ if row.duplicate_of.is_some() => Some("that are copies of another flight"),
+        _ if row.duplicate_of.is_some() => Some("copied from another flight"),
         _ => None,
     }
 }
@@ -323,7 +323,7 @@ mod tests {
         let sizes: Vec<usize> =
             found.record.charts.iter().filter(|c| c.dimension == "serial").map(|c| c.points.len()).collect();
         assert_eq!(sizes, [28, 10]);
-        assert!(found.record.left_out.contains(&"1 that are copies of another flight".to_owned()));
+        assert!(found.record.left_out.contains(&"1 copied from another flight".to_owned()));
         assert!(found.record.left_out.contains(&"1 without an uncertainty".to_owned()));
     }
 }

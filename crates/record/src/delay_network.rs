@@ -271,6 +271,38 @@ pub struct DelayPool {
     pub members: Vec<PoolMember>,
     /// Two clusters, if the group is not one; then the mean describes neither.
     pub split: Option<GroupSplit>,
+    /// The flights that are no outliers; `None` without outliers, and where the others are not the larger part.
+    pub without_outliers: Option<PoolMean>,
+}
+
+/// Mean of some flights of a group.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
+pub struct PoolMean {
+    /// Flights in the mean.
+    pub flights: u32,
+    /// Mean lateness, s, with the common part in its uncertainty.
+    pub mean_s: Estimate,
+    /// Half of the width of its 95 % interval, s.
+    pub half_width_95_s: f64,
+    /// Standard deviation between flights beyond their own measurement part, s; `None` for one flight.
+    pub tau_s: Option<f64>,
+}
+
+impl DelayPool {
+    /// The mean that describes the group: of the flights that are no outliers. `None` where too few are left.
+    #[must_use]
+    pub fn described(&self) -> Option<PoolMean> {
+        match self.members.iter().any(|member| member.outlier) {
+            true => self.without_outliers,
+            false => Some(PoolMean {
+                flights: self.flights,
+                mean_s: self.mean_s,
+                half_width_95_s: self.half_width_95_s,
+                tau_s: self.tau_s,
+            }),
+        }
+    }
 }
 
 /// Test of heterogeneity with the full uncertainties less the datum's.

@@ -180,7 +180,7 @@ pub struct Constancy {
 pub struct DelayJitter {
     /// Standard deviation, s.
     pub standard_deviation_s: f64,
-    /// Error of a position that remains after the mean delay is removed, rms at the 95th percentile of the speed, m.
+    /// Error of a position that remains after the mean delay is removed, rms at the rms speed of the flight, m.
     pub remains_m: f64,
     /// Half-width that holds 95 % of the fixes, s.
     pub half_width_95_s: f64,

@@ -70,6 +70,9 @@ pub struct FlightLateness {
     pub reference_file: Option<ReferenceFile>,
     /// Ground speed, rms over the flight, m/s.
     pub speed_rms_mps: Option<f64>,
+    /// Scatter of the delay from fix to fix, standard deviation, s; `None` if none was found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jitter_s: Option<f64>,
     /// Change of this lateness for each 0.1 m by which the antenna is ahead of where velocity is taken, s; `None` if the
     /// lever arm is known or does not matter.
     pub lever_arm_s_per_decimetre: Option<f64>,
@@ -163,6 +166,9 @@ pub struct DelaySetting {
     pub unit: String,
     /// What to beware of; empty if nothing.
     pub note: String,
+    /// Whether the setting does not take this value.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub out_of_range: bool,
 }
 
 /// Whether compensation helped.

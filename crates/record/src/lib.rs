@@ -53,8 +53,8 @@ pub use crate::criteria::{
 };
 pub use crate::delay_network::{
     ChannelLateness, DelayLoop, DelayNetwork, DelayPool, EffectKind, EffectName, FlightsDiffer, GroupSplit,
-    NetworkDatum, NetworkEffect, NetworkVerdict, PairSuggestion, PoolMember, ReferenceJudgement, RemovedDelay,
-    RemovedFrom, UnusedPair, UsedPair,
+    NetworkDatum, NetworkEffect, NetworkVerdict, PairSuggestion, PoolMean, PoolMember, ReferenceJudgement,
+    RemovedDelay, RemovedFrom, UnusedPair, UsedPair,
 };
 pub use crate::delay_over_time::{
     Burst, Constancy, CurvePoint, DelayJitter, DelayKind, DelayOverTime, DelayTerm, DelayTermKind, DeviceTime, LateFix,

@@ -232,6 +232,9 @@ pub struct TrendRecord {
     pub charts: Vec<TrendChart>,
     /// Flights that are on no chart, with the reason: `3 without a lateness`.
     pub left_out: Vec<String>,
+    /// Charts without a change, which the page of a night leaves out; 0 on the page of `trend`.
+    #[serde(default)]
+    pub without_change: u64,
 }
 
 /// Whether a recommended setting did what was predicted.
@@ -315,7 +318,7 @@ pub struct NightCampaign {
     pub name: String,
     /// Folder of its logs.
     pub flights: String,
-    /// Its report, relative to the page of the night.
+    /// Its report, relative to the page of the night; empty if there is none yet.
     pub report: String,
     /// Counts over all flights; `None` if the campaign failed.
     pub totals: Option<CampaignTotals>,

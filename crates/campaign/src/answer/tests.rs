@@ -95,8 +95,13 @@ fn what_contradicts_a_delay_is_among_the_alarms_of_the_terminal_and_of_json() {
 fn a_group_that_is_not_one_gives_no_setting_for_its_mean() {
     let flight = |k: u32| {
         let value_s = if k < 5 { 0.2 } else { 0.3 } + 1e-4 * f64::from(k);
-        let set =
-            vec![DelaySetting { name: "position_s".into(), value: value_s, unit: "s".into(), note: String::new() }];
+        let set = vec![DelaySetting {
+            name: "position_s".into(),
+            value: value_s,
+            unit: "s".into(),
+            note: String::new(),
+            out_of_range: false,
+        }];
         let advice = DelayAdvice { set, fly: None };
         FlightLateness { verdict: Some(NetworkVerdict::Consistent), advice, ..late(value_s, None) }
     };

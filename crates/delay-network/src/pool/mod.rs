@@ -6,7 +6,7 @@ mod split;
 use self::random_effects::{Mean, Sample};
 use self::split::Cut;
 use crate::isolate::K95;
-use record::{DelayPool, Estimate, FlightsDiffer, GroupSplit, PoolMember};
+use record::{DelayPool, Estimate, FlightsDiffer, GroupSplit, PoolMean, PoolMember};
 
 /// |z| above which a flight is an outlier of its group.
 pub(crate) const OUTLIER_Z: f64 = 3.0;
@@ -63,6 +63,7 @@ pub fn pool(flights: &[FlightLateness], datum_uncertainty_s: f64) -> Option<Dela
     let half = group.half_width_s(&mean);
     let difference = group.difference();
     let interval = |half: f64| [mean.mean - half, mean.mean + half];
+    let members = members(&flights, &group);
     Some(DelayPool {
         flights: u32::try_from(flights.len()).unwrap_or(u32::MAX),
         mean_s: group.estimate(&mean),
@@ -72,8 +73,27 @@ pub fn pool(flights: &[FlightLateness], datum_uncertainty_s: f64) -> Option<Dela
         tau_s: mean.tau,
         common_s: group.common_s,
         difference,
-        members: members(&flights, &group),
+        without_outliers: without_outliers(&flights, &members, datum_uncertainty_s),
+        members,
         split: difference.filter(|d| d.p < SPLIT_P).and_then(|_| split(&flights, &group, datum_uncertainty_s)),
+    })
+}
+
+/// The mean of the flights that are no outliers, if there are outliers and fewer of them than of the others.
+fn without_outliers(flights: &[&FlightLateness], members: &[PoolMember], datum_uncertainty_s: f64) -> Option<PoolMean> {
+    let kept: Vec<&FlightLateness> =
+        flights.iter().zip(members).filter(|(_, member)| !member.outlier).map(|(flight, _)| *flight).collect();
+    let outliers = flights.len() - kept.len();
+    if outliers == 0 || kept.len() <= outliers {
+        return None;
+    }
+    let group = Group::new(&kept, datum_uncertainty_s)?;
+    let mean = group.own.mean();
+    Some(PoolMean {
+        flights: u32::try_from(kept.len()).unwrap_or(u32::MAX),
+        mean_s: group.estimate(&mean),
+        half_width_95_s: group.half_width_s(&mean),
+        tau_s: mean.tau,
     })
 }
 

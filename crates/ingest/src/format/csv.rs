@@ -428,7 +428,11 @@ impl Reading<'_> {
 
     fn finish(mut self) -> Result<Log, IngestError> {
         let others = self.formats.len().saturating_sub(1);
-        let others = if others > 0 { format!(" (and {others} more files)") } else { String::new() };
+        let others = match others {
+            0 => String::new(),
+            1 => " (and 1 more file)".to_owned(),
+            n => format!(" (and {n} more files)"),
+        };
         self.books.health.format = format!("{}{others}", self.formats.first().map_or("no table", String::as_str));
         self.books.health.about.receiver_identities = of_table_head(&self.books.health.extras);
         self.topics.sort_by(|a, b| a.info.cmp(&b.info));

@@ -6,7 +6,7 @@ use crate::number;
 use crate::text::{sentence, shown};
 use flight::{Clock, StampHealth};
 use maud::{Markup, html};
-use record::{DelayTermKind, FlightRecord, PairDelay, ReplayRecord};
+use record::{DelayKind, DelayTermKind, FlightRecord, PairDelay, ReplayRecord};
 use serde::Serialize;
 
 /// Something odd.
@@ -30,6 +30,7 @@ pub(super) fn of(record: &FlightRecord) -> Vec<Anomaly> {
     let replay = record.drawable();
     let pair = record.delays.as_ref().zip(replay).and_then(|(d, replay)| super::flight_delay::replayed(d, replay));
     let mut all: Vec<Anomaly> = pair.zip(replay).map(|(pair, replay)| of_delay(pair, replay)).unwrap_or_default();
+    all.extend(replay.and_then(resets));
     all.extend(gaps(record));
     all.extend(damage(record));
     let order = |a: &Anomaly| a.t_s.unwrap_or(f64::INFINITY);
@@ -72,6 +73,14 @@ fn of_delay(pair: &PairDelay, replay: &ReplayRecord) -> Vec<Anomaly> {
         one(b.start_s, "burst", format!("{} at once after {hold} s", number::counted(b.fixes, "fix", "fixes")))
     });
     terms.chain(late).chain(bursts).collect()
+}
+
+/// Fixes that jump.
+fn resets(replay: &ReplayRecord) -> Option<Anomaly> {
+    let resets = replay.coverage.position_resets;
+    let what =
+        format!("{} by more than five sigma against the velocity", number::counted(resets, "fix jumps", "fixes jump"));
+    (resets > 0).then_some(Anomaly { t_s: None, length_s: 0.0, kind: "position reset", what })
 }
 
 /// Seconds from the origin of the replay to a stamp of this clock.
@@ -117,7 +126,12 @@ fn damage(record: &FlightRecord) -> Vec<Anomaly> {
 }
 
 /// The table; a place with a time is a link that opens it in the explorer.
-pub(super) fn section(all: &[Anomaly], has_explorer: bool) -> Markup {
+pub(super) fn section(record: &FlightRecord, all: &[Anomaly], has_explorer: bool) -> Markup {
+    let of_delay = match record.lateness.as_ref().map(|lateness| lateness.kind) {
+        Some(kind) if kind.varies() => " The delay changes.",
+        Some(DelayKind::Constant | DelayKind::OnTime | DelayKind::Early) => " No change of the delay was seen.",
+        _ => " Whether the delay changes is not known.",
+    };
     let numbered: Vec<(usize, &Anomaly)> = (1..).zip(all).collect();
     let row = |(id, anomaly): &(usize, &Anomaly)| {
         let time = anomaly.t_s.map(|t_s| (t_s, number::clock(t_s, 1)));
@@ -141,7 +155,7 @@ pub(super) fn section(all: &[Anomaly], has_explorer: bool) -> Markup {
     let head = [Text("#"), Number("When (h:mm:ss)"), Text("What"), Text("Evidence")];
     html! {
         h2 id="anomalies" { "Anomalies" }
-        @if all.is_empty() { p { "None: no gap, no damage, no late fix, no change of the delay." } }
+        @if all.is_empty() { p { "None: no gap, no damage, no late fix, no position reset." (of_delay) } }
         @else { (table("What is odd in this flight, in order of time; a time opens it in the explorer", &head, rows(&numbered, 60, head.len(), row))) }
     }
 }

@@ -164,11 +164,14 @@ fn answer(record: &CampaignRecord) -> Markup {
                 b { (number::counted(t.flights, "flight", "flights")) ", no removal helped or harmed" }
             } @else { b { (number::counted(t.flights, "flight", "flights")) ", nothing was removed" } }
             @if t.harmed > 0 { ", " (badge("bad", "✗", "HARMED")) " " b { (number::count(t.harmed)) } }
-            @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
+            @let unclear = t.compensated.saturating_sub(t.helped).saturating_sub(t.harmed);
             @for (count, words) in [
-                (t.uncompensated, measured), (t.not_measurable, "not measurable"), (t.pending, "pending"),
-                (t.failed, "failed"), (t.lossy, "with damaged logs"),
+                (if t.helped > 0 || t.harmed > 0 { unclear } else { 0 }, "with no clear effect"), (t.uncompensated, measured),
+                (t.not_measurable, "not measurable"), (t.pending, "pending"), (t.failed, "failed"),
             ] { @if count > 0 { ", " (number::count(count)) " " (words) } }
+            @for (count, words) in [(t.varying, "with a delay that changes"), (t.lossy, "with damaged logs")] {
+                @if count > 0 { "; " (number::count(count)) " of all " (words) }
+            }
             "; " (number::bytes(t.bytes)) " of logs"
             @if t.duration_s > 0.0 { ", " (number::lasting(t.duration_s)) " compensated" }
             ". ± is U with k\u{a0}=\u{a0}2."

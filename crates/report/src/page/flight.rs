@@ -97,7 +97,7 @@ fn body(page: &FlightPage, explorer: Option<&Markup>, figures: &Figures, anomali
                 (score::section(replay, record.effect.as_ref(), &figures.show(&["budget"]), &figures.show(&["bands"])))
             }
             (health::section(record, &figures.show(&["timeline"])))
-            @if record.log.is_some() { (anomalies::section(anomalies, explorer.is_some())) }
+            @if record.log.is_some() { (anomalies::section(record, anomalies, explorer.is_some())) }
             (health::notices_section(&record.notices))
             @if let Some(replay) = &record.replay { (method::section(record, replay)) }
             (health::binding_section(record.binding.as_ref()))

@@ -19,7 +19,7 @@ pub fn night_site(record: &NightRecord, base: &str) -> Site {
     let folder = if base.is_empty() { format!("nights/{}/", record.run_id) } else { String::new() };
     let body = html! {
         nav aria-label="Pages" {
-            @for campaign in &record.campaigns { a href={ (base) (href(&campaign.report)) } { (shown(&campaign.name)) } }
+            @for campaign in &record.campaigns { (link(campaign, base)) }
         }
         main {
             h1 { (shown(&record.title)) ": " (shown(&record.run_id)) }
@@ -50,6 +50,14 @@ pub fn night_site(record: &NightRecord, base: &str) -> Site {
 }
 
 /// The exit code in words.
+/// The name of a campaign, with its report where it has one.
+fn link(campaign: &NightCampaign, base: &str) -> Markup {
+    html! {
+        @if campaign.report.is_empty() { (shown(&campaign.name)) }
+        @else { a href={ (base) (href(&campaign.report)) } { (shown(&campaign.name)) } }
+    }
+}
+
 fn exit(code: u8) -> Markup {
     let (class, icon, word) = match code {
         0 => ("ok", "✓", "all well"),
@@ -90,7 +98,7 @@ fn campaigns(all: &[NightCampaign], base: &str) -> Markup {
         (table("Campaigns of this night", &head, html! {
             @for campaign in all {
                 tr {
-                    th scope="row" { a href={ (base) (href(&campaign.report)) } { (shown(&campaign.name)) } }
+                    th scope="row" { (link(campaign, base)) }
                     td.n { (count(campaign, |t| t.flights)) }
                     td.n { (count(campaign, |t| t.helped)) }
                     td.n { (count(campaign, |t| t.harmed)) }

@@ -54,6 +54,9 @@ pub(super) fn charts(record: &TrendRecord, names: &Names<'_>, site: &mut Site) -
         @if ordered.len() > MOST_DRAWN {
             p.note { (number::count((ordered.len() - MOST_DRAWN) as u64)) " more charts are in the table and not drawn." }
         }
+        @if record.without_change > 0 {
+            p.note { (number::counted(record.without_change, "chart has", "charts have")) " no change and " (if record.without_change == 1 { "is" } else { "are" }) " not drawn: " code { "flightlag trend" } " draws all." }
+        }
         @if !record.left_out.is_empty() { p.note { "Not on a chart: " (shown(&record.left_out.join("; "))) "." } }
     }
 }

@@ -77,6 +77,7 @@ fn lateness() -> FlightLateness {
         position_minus_velocity_s: Some(estimate(0.143, 0.007)),
         card: None,
         speed_rms_mps: Some(17.5),
+        jitter_s: None,
         lever_arm_s_per_decimetre: None,
         alarms: vec![
             alarm(Gravity::Red, "two-delays-fit", "two delays fit: 203 and 500 ms"),

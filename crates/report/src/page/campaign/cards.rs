@@ -229,6 +229,7 @@ pub(super) fn settings(set: &[DelaySetting]) -> Markup {
         @for (i, s) in set.iter().enumerate() {
             @if i > 0 { " or " }
             code { (shown(&s.name)) " = " (s.value) } @if s.unit == "ms" { " (ms)" }
+            @if s.out_of_range { ", which cannot be set: " (shown(&s.note)) }
         }
     }
 }

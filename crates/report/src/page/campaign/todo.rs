@@ -53,13 +53,21 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
         return None;
     }
     let rows: Vec<&FlightRow> = members(group, flights).into_iter().filter(|r| r.delay_s.is_some()).collect();
-    let short = |e: &Effect| Some([e.error_compensated_m?.value, e.short_by.and(e.best_m)?]);
-    let logged = |e: &Effect| Some([e.error_raw_m?.value, e.error_compensated_m?.value]);
-    let of = |errors: fn(&Effect) -> Option<[f64; 2]>| -> Vec<[f64; 2]> {
-        rows.iter().filter_map(|row| errors(row.effect.as_ref()?)).collect()
+    let set_s = group.advice.set.iter().find(|setting| setting.unit == "s").map(|setting| setting.value);
+    let own_s = |row: &FlightRow| row.lateness.as_ref()?.lateness_s().map(|own| own.value);
+    let short = |row: &FlightRow, e: &Effect| {
+        let best_m = e.short_by.and(e.best_m)?;
+        Some([e.error_compensated_m?.value, error_at(set_s?, best_m, own_s(row)?, e)?])
     };
-    let (shorts, is_short) = (of(short), !of(short).is_empty());
-    let errors = if is_short { shorts } else { of(logged) };
+    let logged = |row: &FlightRow, e: &Effect| {
+        Some([e.error_raw_m?.value, error_at(set_s?, e.error_compensated_m?.value, row.delay_s?, e)?])
+    };
+    let of = |errors: &dyn Fn(&FlightRow, &Effect) -> Option<[f64; 2]>| -> Vec<[f64; 2]> {
+        rows.iter().filter_map(|row| errors(row, row.effect.as_ref()?)).collect()
+    };
+    let shorts = of(&short);
+    let is_short = !shorts.is_empty();
+    let errors = if is_short { shorts } else { of(&logged) };
     let saves_m = errors.iter().map(|[now, then]| now - then).sum::<f64>();
     let median = |k: usize| {
         let mut all: Vec<f64> = errors.iter().map(|e| e[k]).collect();
@@ -79,6 +87,13 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
         "."
     };
     Some(Action { saves_m, what })
+}
+
+/// Error that removing `set_s` leaves where removing `at_s` leaves `error_m`: the raw error is the speed times the delay, and the
+/// difference of both delays adds its share of it.
+fn error_at(set_s: f64, error_m: f64, at_s: f64, effect: &Effect) -> Option<f64> {
+    let speed_mps = effect.error_raw_m?.value / at_s.abs();
+    Some(error_m.hypot((set_s - at_s) * speed_mps)).filter(|error| error.is_finite())
 }
 
 fn harmed(flights: &[FlightRow]) -> Option<Action> {
