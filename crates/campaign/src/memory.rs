@@ -83,6 +83,13 @@ fn entry_change(_found: &Metadata) -> (i64, u64) {
     (0, 0)
 }
 
+/// Whether a path still leads to the file that was opened at it. Where files have no number it is believed.
+pub(crate) fn is_still_at(file: &File, path: &Path) -> bool {
+    let number = |found: std::io::Result<Metadata>| found.map(|found| entry_change(&found).1).ok();
+    let opened = number(file.metadata());
+    opened.is_some() && opened == number(std::fs::metadata(path))
+}
+
 /// Nanoseconds since 1970, saturated in the year 2262.
 fn nanos(time: SystemTime) -> i64 {
     let whole = |span: Duration| i64::try_from(span.as_nanos()).unwrap_or(i64::MAX);
