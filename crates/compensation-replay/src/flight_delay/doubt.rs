@@ -20,11 +20,12 @@ pub(crate) fn doubt(
     over_time: Option<&DelayOverTime>,
     (kind, skew): (DelayPairKind, Option<&Skew>),
 ) {
-    let mut wider_s = 0.0;
-    if !over_time.is_some_and(|o| o.kind.varies()) {
+    let varying = over_time.filter(|o| o.kind.varies());
+    let mut wider_s = match varying {
+        Some(varying) => mean_of_varying(found, varying),
         // Both say how unlike the parts of the flight are.
-        wider_s = over_time.map_or(0.0, |o| o.level_widening_s).max(by_window(found.homogeneity, &found.over_time));
-    }
+        None => over_time.map_or(0.0, |o| o.level_widening_s).max(by_window(found.homogeneity, &found.over_time)),
+    };
     if let Some(o) = over_time {
         found.alarm = o.kind.varies().then(|| o.words.clone());
         if found.alarm.is_none() && o.level_widening_s > 0.0 {
@@ -33,11 +34,26 @@ pub(crate) fn doubt(
     }
     wider_s = wider_s.hypot(by_frequency(found, view)).hypot(by_operating_point(found, view.settings.alarm_p));
     not_recovered(found);
-    if let Some(skew) = skew {
+    if let Some(skew) = skew.filter(|_| varying.is_none()) {
         found.alarms.push(skew.words());
     }
     noise(found, kind);
     widen(found, wider_s);
+}
+
+/// Gives the mean over the flight of a delay that changes, and what its range adds to the uncertainty. The fit of one delay settles on
+/// a part of the flight and takes the rest for outliers.
+fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
+    let range_s = varying.span_s / 12_f64.sqrt();
+    let Estimate { value, standard_uncertainty: Some(u) } = varying.level_s else { return range_s };
+    let shift_s = value - found.delay_s.value;
+    found.delay_s.value = value;
+    found.interval_95_s = found.interval_95_s.map(|end| end + shift_s);
+    found.remarks.push(format!(
+        "this is the mean over the flight; one delay for all of it would be {:.0} ms, and would describe a part alone",
+        1e3 * (value - shift_s)
+    ));
+    u.hypot(range_s)
 }
 
 /// What the scatter of the windows adds to the uncertainty of their mean.
