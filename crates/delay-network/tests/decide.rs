@@ -131,8 +131,10 @@ fn row_5_takes_the_card_if_it_agrees_and_is_better_known() {
     assert_eq!((better.row, better.source, better.circular), (5, RemovedFrom::Card, false));
     assert_eq!((better.value_s, better.standard_uncertainty_s), (Some(0.2041), Some(0.002)), "a card is not rounded");
     assert!(better.card_e_n.unwrap() < 1.0 && better.words.contains("Card and flights agree"));
+    assert_eq!(better.pooled_flights, 4, "which agree with it");
     let worse = by_default(&with(group(4), own(0.02)));
     assert_eq!((worse.row, worse.source, worse.value_s), (5, RemovedFrom::OthersFlights, Some(0.201)));
+    assert!(worse.card_e_n.unwrap() < 1.0 && worse.words.starts_with("Card and flights agree. From 4 other"));
     let alone = by_default(&[own(0.002)]);
     assert_eq!((alone.row, alone.source), (5, RemovedFrom::Card));
 }
@@ -160,6 +162,16 @@ fn row_7_takes_a_card_alone() {
     let removed = by_default(&[own]);
     assert_eq!((removed.row, removed.source, removed.value_s), (7, RemovedFrom::Card, Some(0.1234)));
     assert!(removed.words.contains("not seen in flight"));
+    assert_eq!(removed.contradicted, None);
+    // A weak figure cannot be removed, but it can contradict the card.
+    let weak = FlightSources {
+        card_s: Some(estimate(0.9, 0.01)),
+        ..untold("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
+    };
+    let removed = by_default(&[weak]);
+    assert_eq!((removed.row, removed.source), (7, RemovedFrom::Card));
+    let words = removed.contradicted.unwrap();
+    assert!(words.contains("The card") && words.contains("770.0 ms more"), "{words}");
 }
 
 #[test]
@@ -231,10 +243,11 @@ fn a_stated_number_is_removed_if_asked_and_tested_against_the_flight() {
     );
     assert_eq!(last(&[own(0.203 + 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted, None);
     assert!(last(&[own(0.203 - 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted.is_some());
-    // a flight without a delay of its own is spoken for by the others
-    let mut silent = own(0.4);
-    silent.position = None;
-    assert!(last(&with(group(4), silent), AskedSource::Fixed).contradicted.is_some());
+    // A flight without a delay of its own is spoken for by the others, and by itself where it has one.
+    let by = |flight| last(&with(group(4), flight), AskedSource::Fixed).contradicted.unwrap();
+    let silent = FlightSources { position: None, ..own(0.4) };
+    assert!(by(silent.clone()).contains("other flights of its group"), "{}", by(silent));
+    assert!(by(own(0.4)).contains("this flight"), "{}", by(own(0.4)));
 }
 
 #[test]

@@ -28,7 +28,7 @@ impl Choice {
     }
 
     fn nothing(row: u8, words: &str) -> Choice {
-        Choice { circular: false, ..Choice::new(row, RemovedFrom::None, None, words.to_owned()) }
+        Choice::new(row, RemovedFrom::None, None, words.to_owned())
     }
 
     /// Flights that stand for the value.
