@@ -234,7 +234,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     };
     let interval = |mean: PoolMean| [-1.0, 1.0].map(|side| mean.mean_s.value + side * mean.half_width_95_s);
     GroupLateness {
-        pooled: u64::from(described.map_or(pool.flights, |mean| mean.flights)),
+        pooled: u64::from(pool.flights),
         lateness_s: mean_s,
         interval_95_s: described.map(interval),
         against,

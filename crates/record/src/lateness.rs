@@ -251,7 +251,7 @@ pub struct GroupLateness {
     pub group: ReceiverGroup,
     /// Its flights, duplicates counted once.
     pub flights: u64,
-    /// Those that tell their lateness and count in the mean.
+    /// Those that tell their lateness. The outliers among them are not in the mean.
     pub pooled: u64,
     /// Mean lateness, s; `None` if no flight tells it.
     pub lateness_s: Option<Estimate>,

@@ -142,3 +142,33 @@ fn a_file_that_goes_with_a_flight_is_said_to_be_one_and_raises_no_alarm_of_a_del
     let said: Vec<(Gravity, &str, &str)> = said.iter().map(|a| (a.gravity, a.code.as_str(), a.text.as_str())).collect();
     assert_eq!(said, [(Gravity::Grey, "companion", "a log of the ground station")]);
 }
+
+#[test]
+fn advice_for_some_flights_says_what_their_logs_have_and_what_cannot_be_set() {
+    let flight = |ms: f64, note: &str| {
+        let setting = |name: &str, value: f64, unit: &str, note: &str| DelaySetting {
+            name: name.into(),
+            value,
+            unit: unit.into(),
+            note: note.into(),
+            out_of_range: false,
+        };
+        let set = vec![setting("position_s", ms / 1e3, "s", ""), setting("GPS_DELAY_MS", ms, "ms", note)];
+        FlightLateness { advice: DelayAdvice { set, fly: None }, ..unknown("k") }
+    };
+    let of_parameter = |lateness_s: f64, flights: &[FlightLateness]| {
+        let lateness_s = Estimate { value: lateness_s, standard_uncertainty: Some(0.008) };
+        crate::answer::advice_for(&lateness_s, &flights.iter().collect::<Vec<_>>()).set.remove(1)
+    };
+    let same = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 50 ms in this log")];
+    let set = of_parameter(0.204, &same);
+    assert_eq!((set.value, set.note.as_str(), set.out_of_range), (204.0, "it is 50 ms in this log", false));
+    // Logs that have other values say nothing together, and a value beyond the range cannot be set.
+    let other = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 201 ms in this log")];
+    assert_eq!(of_parameter(0.204, &other).note, "");
+    let beyond = of_parameter(0.261, &same);
+    assert_eq!(
+        (beyond.value, beyond.note.as_str(), beyond.out_of_range),
+        (261.0, "GPS_DELAY_MS takes 0 to 250 ms", true)
+    );
+}

@@ -153,14 +153,15 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
         @if group.lateness_s.is_some() { ", " (number::count(group.pooled)) " measured it" }
         @if let Some(words) = &group.split { ": " (ended(words)) }
         @else {
-            @if let Some(test) = &group.difference {
+            // What differs is named; of the others the mean says how well they agree.
+            @if let Some(test) = group.difference.as_ref().filter(|_| outliers.is_empty() || group.lateness_s.is_none()) {
                 @if test.p < DIFFER_P {
                     ", and they differ (" (p_value(test.p))
                     @if let Some(between) = group.between_s.filter(|b| *b > 0.0) { "; " (number::significant(1e3 * between, 2)) "\u{a0}ms, 1\u{a0}σ" }
                     ")"
-                } @else if outliers.is_empty() { ", and they agree (" (p_value(test.p)) ")" }
+                } @else { ", and they agree (" (p_value(test.p)) ")" }
             }
-            @if !outliers.is_empty() { "; " (badge("unsure", "!", "differs")) " " (names(&outliers)) }
+            @if !outliers.is_empty() { "; " (badge("unsure", "!", "differs")) " " (names(&outliers)) @if group.lateness_s.is_some() { ", not in the mean" } }
             "."
         }
     }
