@@ -65,7 +65,9 @@ fn compare(was: &FlightRow, row: &FlightRow, causes: &dyn Fn(&str) -> Vec<String
     changes.moved.extend(late(was).zip(late(row)).and_then(|(was, is)| moved(&row.flight, was, is)));
     let (had, has) = (troubles(was), troubles(row));
     let only = |of: &[&str], not: &[&str]| of.iter().filter(|t| !not.contains(t)).map(|t| (*t).to_owned()).collect();
-    let both: [Vec<String>; 2] = [only(&has, &had), only(&had, &has)];
+    // A flight that has another trouble now has not recovered.
+    let recovered = if has.is_empty() { only(&had, &has) } else { vec![] };
+    let both: [Vec<String>; 2] = [only(&has, &had), recovered];
     for (troubles, list) in both.into_iter().zip([&mut changes.failing, &mut changes.recovered]) {
         if !troubles.is_empty() {
             list.push(TroubleChange { flight: flight(), troubles });

@@ -49,7 +49,7 @@ fn answer(changes: &CampaignChanges) -> Markup {
             @if changes.before.is_none() { "First run into this folder: there is nothing to compare with." }
             @else if changes.is_empty() { "Nothing changed." }
             @else {
-                b { (count(changes.failing.len())) " newly failing" } ", " (count(changes.moved.len())) " moved by more than 2\u{a0}σ, "
+                b { (count(changes.failing.len())) " newly failing" } ", " (count(changes.moved.len())) " with a lateness that moved by more than 2\u{a0}σ, "
                 (count(changes.rerun.len())) " with another result, " (count(changes.new.len())) " new, " (count(changes.gone.len()))
                 " gone, " (count(changes.recovered.len())) " no longer failing."
             }
