@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_lists_go_until_it_is_short_and_come_back_as_they_were() {
+    fn lists_go_in_their_order_until_the_record_is_short_and_come_back_as_they_were() {
         for (topics, pairs, gone) in
             [(3_000, 9, vec!["/log/topics"]), (3_000, 3_000, vec!["/delays/pairs", "/log/topics"])]
         {
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_record_and_one_without_such_lists_stay() {
+    fn a_short_record_and_a_long_one_without_such_lists_are_left_as_they_are() {
         let mut without = record(0, 0);
         without["notices"] = "x".repeat(MOST).into();
         for mut whole in [record(10, 10), without] {

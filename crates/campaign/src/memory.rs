@@ -83,7 +83,8 @@ fn entry_change(_found: &Metadata) -> (i64, u64) {
     (0, 0)
 }
 
-/// Whether a path still leads to the file that was opened at it. Where files have no number it is believed.
+/// Whether the file at a path is still the one that was opened there. On systems without file numbers the answer is yes if a file
+/// is there.
 pub(crate) fn is_still_at(file: &File, path: &Path) -> bool {
     let number = |found: std::io::Result<Metadata>| found.map(|found| entry_change(&found).1).ok();
     let opened = number(file.metadata());

@@ -1,9 +1,9 @@
 //! Scatter of the delay from fix to fix (S4): does the scatter along the track grow with the speed?
 //!
-//! Each fix is compared with the mean of its neighbours. Where the motion turns far from fix to fix, errors that are no jitter do not
-//! cancel there: of a velocity whose scale or axes are off, a share of the path's second difference remains, and of the delay
-//! of the coarse map, which is half a step off at most and goes to and fro, a share of the velocity's. Such a fix says nothing of jitter, and is left
-//! out.
+//! Each fix is compared with the mean of its neighbours. Where the motion turns far from fix to fix, other errors do not cancel: a
+//! velocity whose scale or axes are off leaves a share of the second difference of the path, and the delay of the coarse map, which
+//! is up to half a step off and may switch between two steps, leaves a share of the second difference of the velocity. Such fixes
+//! are left out.
 
 use crate::coarse;
 use crate::motion::{State, speed};

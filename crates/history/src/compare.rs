@@ -161,7 +161,7 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
             before,
             now,
             sigmas,
-            // A limit moves no number.
+            // Criteria change no number.
             causes: causes.iter().copied().filter(|cause| *cause != ChangeCause::Criteria).collect(),
         })
     };

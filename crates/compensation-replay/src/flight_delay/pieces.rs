@@ -85,7 +85,8 @@ const SMOOTHED_S: f64 = 0.05;
 /// Weights of a sample and its neighbours: none is left of noise that changes its sign from sample to sample.
 const BINOMIAL: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
-/// A velocity smoothed over five samples; `None` where they are far apart.
+/// A velocity (m/s, stamps in s) smoothed over five samples; samples next to a gap stay. `None` where its usual step is longer than
+/// [`SMOOTHED_S`], or where stamps are so uneven that the smoothed ones would cross their neighbours.
 ///
 /// Between two samples the integral of white noise has another variance than at a sample. A fit of the delay takes the smaller
 /// one for a better agreement, and ends at multiples of the step with an uncertainty that is far too small. The smoothed
@@ -98,13 +99,12 @@ pub(crate) fn smoothed(velocity: &Horizontal, step_s: Option<f64>) -> Option<Hor
     for (k, t) in velocity.t.windows(BINOMIAL.len()).enumerate() {
         if t[BINOMIAL.len() - 1] - t[0] <= longest_s {
             // The mean of the stamps too: uneven ones shift no sample.
-            out.t[k + half] = t[0] + mean(&t.iter().map(|t_k| t_k - t[0]).collect::<Vec<f64>>());
+            out.t[k + half] = t[0] + t.iter().zip(BINOMIAL).map(|(t_k, weight)| weight * (t_k - t[0])).sum::<f64>();
             for axis in AXES {
                 out.axes[axis][k + half] = mean(&velocity.axes[axis][k..k + BINOMIAL.len()]);
             }
         }
     }
-    // Uneven stamps could cross those that were left as they are.
     out.t.windows(2).all(|pair| pair[0] < pair[1]).then_some(out)
 }
 

@@ -153,7 +153,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
         @if group.lateness_s.is_some() { ", " (number::count(group.pooled)) " measured it" }
         @if let Some(words) = &group.split { ": " (ended(words)) }
         @else {
-            // What differs is named; of the others the mean says how well they agree.
+            // The test is over all flights. Outliers are named instead, and are not in the mean.
             @if let Some(test) = group.difference.as_ref().filter(|_| outliers.is_empty() || group.lateness_s.is_none()) {
                 @if test.p < DIFFER_P {
                     ", and they differ (" (p_value(test.p))
