@@ -44,6 +44,8 @@ pub(crate) fn doubt(
 /// Gives the mean over the flight of a delay that changes, and what its range adds to the uncertainty. The fit of one delay settles on
 /// a part of the flight and takes the rest for outliers.
 fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
+    // They are of the same fit, and would give the delay of that part for every speed.
+    found.splits.clear();
     let range_s = varying.span_s / 12_f64.sqrt();
     let Estimate { value, standard_uncertainty: Some(u) } = varying.level_s else { return range_s };
     let shift_s = value - found.delay_s.value;
