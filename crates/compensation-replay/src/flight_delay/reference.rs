@@ -86,6 +86,11 @@ impl<'a> Interpolated<'a> {
         };
         Interpolated { t, y, slope: (0..t.len()).map(slope).collect() }
     }
+
+    /// Its rate at each sample.
+    pub(crate) fn into_slopes(self) -> Vec<f64> {
+        self.slope
+    }
 }
 
 impl Reference for Interpolated<'_> {

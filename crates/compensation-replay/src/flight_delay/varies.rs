@@ -5,23 +5,32 @@ use super::coarse::Coarse;
 use super::local::Prepared;
 use super::pairs::{Pair, Second};
 use super::pieces::Piece;
+use super::reference::Interpolated;
 use crate::input::Horizontal;
 use delay_over_time::{OverTimeSettings, PositionAgainstVelocity, analyse};
 use record::{DelayOverTime, DelayPairKind};
+use std::borrow::Cow;
 use std::ops::Range;
 
-/// What the position says over time against the velocity of its pair; `None` for other pairs, and for outputs of filters.
+/// What the position says over time against `second`, the velocity or reference track of its pair; `None` for other pairs,
+/// and for outputs of filters.
 pub(crate) fn over_time(
     pair: &Pair,
     prepared: &Prepared,
-    velocity: &Horizontal,
+    second: &Horizontal,
     pieces: &[Piece],
     settings: &FlightDelaySettings,
 ) -> Option<DelayOverTime> {
-    let compared = pair.kind == DelayPairKind::PositionAgainstVelocity && matches!(pair.second, Second::Velocity(_));
-    if !compared || record::is_filter_output(&pair.first) {
+    let of_position =
+        matches!(pair.kind, DelayPairKind::PositionAgainstVelocity | DelayPairKind::PositionAgainstReference);
+    if !of_position || record::is_filter_output(&pair.first) {
         return None;
     }
+    let velocity = match &pair.second {
+        Second::Velocity(_) => Cow::Borrowed(second),
+        Second::Position(_) => Cow::Owned(velocity_of(second)?),
+        Second::Acceleration { .. } | Second::Rate(_) => return None,
+    };
     let first = &prepared.first;
     let part = longest_part(&first.t, &velocity.t);
     let begins = pieces.iter().skip(1).filter_map(|p| p.rows.first()).map(|&row| first.t[row]);
@@ -52,6 +61,15 @@ pub(crate) fn over_time(
         ));
     }
     Some(found)
+}
+
+/// The velocity of a track at its samples: the slope of the parabola through each and its neighbours.
+fn velocity_of(track: &Horizontal) -> Option<Horizontal> {
+    if track.t.len() < super::local::LEAST_SAMPLES {
+        return None;
+    }
+    let slopes = |axis: &Vec<f64>| Interpolated::new(&track.t, axis).into_slopes();
+    Some(Horizontal { t: track.t.clone(), axes: [slopes(&track.axes[0]), slopes(&track.axes[1])] })
 }
 
 /// After a pause this long a receiver is another: it may have been switched off, s.

@@ -359,6 +359,31 @@ fn a_delay_that_steps_in_flight_raises_an_alarm_with_its_time_and_size() {
     assert!(delay.over_time.len() >= 4 && delay.over_time.windows(2).all(|w| w[0].end_s <= w[1].start_s));
 }
 
+/// 0.4 s, and 0.65 s from the middle on: no pair of this position gives the delay of a part as that of the flight.
+#[test]
+fn a_delay_that_steps_is_seen_against_a_reference_too() {
+    let mut settings = receiver(8);
+    settings.duration_s = 300.0;
+    let mut flight = simulate(&settings).unwrap().to_flight().unwrap();
+    let steady = measure_delays(&flight, &quick()).0;
+    let later = changed(&flight.channels["position.gps"], |_, t, p| Some((if t < 150.0 { t } else { t + 0.25 }, p)));
+    flight.channels.insert("position.gps".into(), later);
+    let stepped = measure_delays(&flight, &quick()).0;
+    for second in ["velocity.gps", "position.truth"] {
+        let was = pair(&steady.pairs, "position.gps", second);
+        assert!(!was.varies.as_ref().unwrap().kind.varies() && found(was).alarm.is_none(), "{second}");
+        let is = pair(&stepped.pairs, "position.gps", second);
+        let (varies, delay) = (is.varies.as_ref().unwrap(), found(is));
+        assert_eq!(varies.kind, record::DelayKind::Steps, "{second}: {varies:?}");
+        // Half of the flight each: the mean is 0.525 s, and either delay is within the interval.
+        assert!((delay.delay_s.value - 0.525).abs() < 0.02, "{second}: {:?}", delay.delay_s);
+        let [from, to] = delay.interval_95_s;
+        assert!(from < 0.4 && to > 0.65 && delay.alarm.is_some(), "{second}: {from} {to}");
+    }
+    let velocity = pair(&stepped.pairs, "velocity.gps", "position.truth");
+    assert!(found(velocity).delay_s.value.abs() < 0.005 && found(velocity).alarm.is_none());
+}
+
 #[test]
 fn a_delay_that_is_put_in_is_found_again() {
     let settings = FlightDelaySettings { inject_s: vec![-0.05, 0.2], ..FlightDelaySettings::default() };
