@@ -102,6 +102,8 @@ fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
     );
     assert_eq!(names(&changes["failing"]), ["flight-0004.mcap"]);
     assert_eq!(changes["failing"][0]["words"][0], "log damaged");
+    let error = changes["failing"][0]["error"].as_str().unwrap();
+    assert!(error.contains("flight-0004.mcap"), "{error}");
     assert_eq!(second["left"].as_array().unwrap().len(), 0);
     assert_eq!(second["before"], first["run_id"]);
 
@@ -109,12 +111,14 @@ fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
     let third = nights.night(3);
     assert!(third["campaigns"][0]["nothing_changed"].as_bool().unwrap());
     assert!(fs::read_to_string(nights.path("out/morning.html")).unwrap().contains("Nothing changed."));
+    assert_eq!(third["before"], second["run_id"]);
 
     // Other settings; a log is gone.
     fs::write(nights.path("p.toml"), "schema = 1\n[delay]\nposition_s = 1.0\nsource = \"test\"\n").unwrap();
     nights.config("pipeline = \"p.toml\"");
     fs::remove_file(&cut).unwrap();
     let fourth = nights.night(4);
+    assert_eq!(fourth["before"], third["run_id"], "the last night, though it has no rows");
     let changes = &fourth["changes"];
     assert_eq!(names(&changes["gone"]), ["flight-0004.mcap"]);
     let rerun = changes["rerun"].as_array().unwrap();

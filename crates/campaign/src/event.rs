@@ -169,6 +169,30 @@ pub enum Event {
         #[serde(flatten)]
         line: Box<DelayLine>,
     },
+    /// A night begins with one of its campaigns: the events that follow are of it.
+    Campaign {
+        /// Its name.
+        name: String,
+        /// Folder or bucket of its logs.
+        flights: PathBuf,
+    },
+    /// The end of a night.
+    Night {
+        /// Its name: its start, UTC.
+        run_id: String,
+        /// Exit code.
+        exit: u8,
+        /// Page to open.
+        page: PathBuf,
+        /// Folder with night.json and the summaries.
+        folder: PathBuf,
+        /// The new file of the history.
+        history: PathBuf,
+        /// The five lines.
+        summary: Vec<String>,
+        /// What went wrong, by campaign where it is of one.
+        errors: Vec<String>,
+    },
     /// The end.
     Done {
         /// The report's page.

@@ -22,7 +22,7 @@ pub struct Garbage {
 }
 
 /// Removes every result in the output folder `out` that neither its report nor a plan of the last days refers to. With
-/// `dry_run` it only counts them.
+/// `dry_run` it only counts them: then the folder may be read-only, and a run that is at work on it is not waited for.
 ///
 /// # Errors
 /// The folder holds no report, its record is not as it was written, another process is at work on it, or a file cannot be
@@ -33,8 +33,8 @@ pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, Campaig
         return Err(refused("is no output folder of a campaign"));
     }
     refuse_other_kind(out, BENCH_MARK, "a bench")?;
-    let store = Store::open(out)?;
-    let _lock = OutputLock::take(&store, desk)?;
+    let store = if dry_run { Store::open_to_read(out) } else { Store::open(out) }?;
+    let _lock = if dry_run { None } else { Some(OutputLock::take(&store, desk)?) };
     let state = State::recall(&store);
     let record = previous_record(&store).filter(|record| record.blake3 == state.record_blake3);
     let run_first = "its campaign.json is missing or not as it was written; run the campaign again first";

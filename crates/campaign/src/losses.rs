@@ -54,8 +54,13 @@ fn unused_topic<'n>(loss: &'n Notice, health: &LogHealth, binding: &Binding) -> 
     (is_topic && !is_used).then_some(topic)
 }
 
-/// How much of a log was lost and where, if that is no minor loss.
+/// The alarm of a log of which more was lost than a minor loss.
 pub(crate) fn alarm(notices: &Notices, health: &LogHealth) -> Option<DelayAlarm> {
+    damage(notices, health).map(|text| DelayAlarm::of(Alarm::LogDamaged, text))
+}
+
+/// How much of a log was lost and where, if that is no minor loss.
+pub(crate) fn damage(notices: &Notices, health: &LogHealth) -> Option<String> {
     let losses = || notices.iter().filter(|notice| notice.severity == Severity::Loss);
     let first = losses().next()?;
     let bytes = (health.bytes.damaged > 0).then(|| {
@@ -69,8 +74,7 @@ pub(crate) fn alarm(notices: &Notices, health: &LogHealth) -> Option<DelayAlarm>
         true => loss.text.clone(),
         false => format!("{}: {}", loss.place, loss.text),
     });
-    let text = bytes.into_iter().chain(other).collect::<Vec<_>>().join("; ");
-    Some(DelayAlarm::of(Alarm::LogDamaged, text))
+    Some(bytes.into_iter().chain(other).collect::<Vec<_>>().join("; "))
 }
 
 fn is_without_hole(binding: &Binding) -> bool {

@@ -741,6 +741,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         outcome: record.outcome.clone(),
         lossy: record.has_loss(),
         minor_loss: record.has_minor_loss(),
+        damage: record.log.as_ref().and_then(|log| crate::losses::damage(&record.notices, log)),
         tail_cut_bytes: record.log.as_ref().map_or(0, |log| log.bytes.tail_cut),
         format: record.log.as_ref().map(|l| l.format.clone()).unwrap_or_default(),
         map: record.binding.as_ref().map(|b| b.map.clone()),

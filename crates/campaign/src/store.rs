@@ -144,8 +144,17 @@ pub(crate) struct Store {
 impl Store {
     /// Opens the folder, makes it if it is missing, and shows by a test file that it can be written to.
     pub(crate) fn open(root: &Path) -> Result<Store, StoreError> {
+        Store::with(root, Folder::open)
+    }
+
+    /// Opens the folder, which may be read-only.
+    pub(crate) fn open_to_read(root: &Path) -> Result<Store, StoreError> {
+        Store::with(root, |root| Ok(Folder::to_read(root)))
+    }
+
+    fn with(root: &Path, folder: impl FnOnce(&Path) -> Result<Folder, StoreError>) -> Result<Store, StoreError> {
         let storage: Box<dyn Storage> = match s3::is_in_bucket(root) {
-            false => Box::new(Folder::open(root)?),
+            false => Box::new(folder(root)?),
             #[cfg(feature = "s3")]
             true => Box::new(bucket::BucketStorage::open(root)?),
             #[cfg(not(feature = "s3"))]

@@ -217,6 +217,7 @@ pub(crate) mod tests {
             outcome: Outcome::Compensated,
             lossy: false,
             minor_loss: false,
+            damage: None,
             tail_cut_bytes: 0,
             format: "MCAP".into(),
             map: None,

@@ -204,7 +204,11 @@ fn lateness(line: &DelayLine) -> String {
 }
 
 fn against(datum: &str) -> String {
-    if datum.starts_with("relative") { datum.to_owned() } else { format!("against the {datum}") }
+    match datum {
+        "imu" => "against the IMU".to_owned(),
+        datum if datum.starts_with("relative") => datum.to_owned(),
+        datum => format!("against the {datum}"),
+    }
 }
 
 fn interval(line: &DelayLine) -> String {

@@ -162,7 +162,7 @@ fn trend_text(found: &TrendRecord) -> String {
         Table::new(&["chart", "counted from", "flights|", "late now ms|", "spread ms|", "changes|", "outside|"]);
     let mut changes = Table::new(&["chart", "from this flight on", "step ms|", "sigma|", "with it"]);
     for chart in &found.charts {
-        let name = format!("{} {}", chart.dimension, chart.value);
+        let name = chart.name();
         let now = chart.segments.last().map(|segment| with_u(&segment.mean_s, "s")).unwrap_or_default();
         charts.row(vec![
             name.clone(),

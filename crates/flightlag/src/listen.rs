@@ -56,6 +56,7 @@ fn sentence(event: &Event) -> Option<String> {
             Some(finished(record, outcome, reason.as_deref(), *lossy))
         }
         Event::NothingChanged => Some("nothing changed".to_owned()),
+        Event::Campaign { name, flights } => Some(format!("campaign {name}: {}", flights.display())),
         _ => None,
     }
 }

@@ -14,13 +14,8 @@ pub(crate) fn run(arguments: &NightlyArguments, stop: &Stop) -> Result<End, Fail
     for line in &night.record.summary {
         say(&arguments.desk, line)?;
     }
-    for campaign in &night.record.campaigns {
-        if let Some(error) = &campaign.error {
-            say(&arguments.desk, &format!("{}: {error}", campaign.name))?;
-        }
-    }
-    for problem in &night.record.problems {
-        say(&arguments.desk, problem)?;
+    for error in night.errors() {
+        say(&arguments.desk, &error)?;
     }
     say(&arguments.desk, &format!("open {}", night.page.display()))?;
     Ok(night.exit.into())

@@ -1,13 +1,14 @@
 //! From the report of a campaign to rows of the history.
 
+use crate::compare::AlarmTexts;
 use crate::dataset::{Latest, Run};
 use crate::error::HistoryError;
 use crate::fleet::{Aircraft, Fleet};
 use crate::row::Row;
 use crate::schema::nanoseconds;
 use campaign::DelayLine;
-use flight::About;
-use record::{CampaignRecord, FlightRow, GroupLateness, InputFile, RECORD_VERSION};
+use flight::{About, Alarm};
+use record::{CampaignRecord, DelayAlarm, FlightRow, GroupLateness, InputFile, RECORD_VERSION, flight_alarms};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -55,6 +56,16 @@ pub fn collect(record: &CampaignRecord, report: &Path, with: &Collecting<'_>) ->
         row_of(record, flight, group, report, with)
     };
     record.flights.iter().map(row).collect()
+}
+
+/// The alarms of every flight of a report, the damage of its log among them.
+#[must_use]
+pub fn alarm_texts(record: &CampaignRecord, campaign: &str) -> AlarmTexts {
+    let alarms = |flight: &FlightRow| {
+        let damage = flight.damage.clone().map(|text| DelayAlarm::of(Alarm::LogDamaged, text));
+        flight_alarms(flight.lateness.as_ref(), flight.decision.as_ref()).into_iter().chain(damage).collect()
+    };
+    record.flights.iter().map(|flight| ((campaign.to_owned(), flight.flight.clone()), alarms(flight))).collect()
 }
 
 /// The group of each flight. A group that was split describes no flight: its parts do.

@@ -4,39 +4,92 @@ use crate::brief::PageOf;
 use crate::dataset::Latest;
 use crate::row::Row;
 use flight::{Alarm, Gravity};
-use record::{ChangeCause, Estimate, FlightWords, MovedNumber, NamedFlight, RerunCause, RunChanges};
-use std::collections::BTreeSet;
+use record::{
+    ChangeCause, DelayAlarm, Estimate, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RerunCause, RunChanges,
+};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Trouble of a flight whose delay cannot be measured.
 const NOT_MEASURABLE: &str = "not measurable";
 const FAILED: &str = "failed";
 const PENDING: &str = "pending";
+const DAMAGED: &str = "log damaged";
 /// A number has moved if it did by more than this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
 /// A number whose uncertainty is not known has moved if it changed by more than this share.
 const MOVED_SHARE: f64 = 0.1;
+/// Recommended values nearer than this are the same, s: parameters are whole milliseconds.
+const SAME_ADVICE_S: f64 = 0.5e-3;
 
-/// Compares rows with the latest ones before. Flights that are gone are not in rows: the caller knows them.
+/// The alarms of flights, by campaign and flight: rows hold their codes only.
+pub type AlarmTexts = BTreeMap<(String, String), Vec<DelayAlarm>>;
+
+/// Compares rows with the latest ones before; `texts` are the alarms of these rows. Flights that are gone are not in rows: the
+/// caller knows them.
 #[must_use]
-pub fn compare(before: &Latest, now: &[Row], page: PageOf<'_>) -> RunChanges {
+pub fn compare(before: &Latest, now: &[Row], texts: &AlarmTexts, page: PageOf<'_>) -> RunChanges {
     let mut changes = RunChanges::default();
     for row in now {
-        let named = name_of(row, page);
-        let Some(was) = before.get(&(row.campaign.clone(), row.flight.clone())) else {
-            new_flight(&mut changes, row, named);
+        let name = (row.campaign.clone(), row.flight.clone());
+        let flight = Flight { row, named: name_of(row, page), alarms: texts.get(&name).map_or(&[], Vec::as_slice) };
+        let Some(was) = before.get(&name) else {
+            new_flight(&mut changes, flight);
             continue;
         };
+        let named = &flight.named;
         changes.compared += 1;
         let causes = causes(was, row);
         if was.key != row.key {
             changes.rerun.push(RerunCause { flight: named.clone(), causes: causes.clone() });
         }
-        changes.moved.extend(moved(was, row, &named, &causes));
-        came_and_went(&mut changes, was, row, &named);
+        changes.moved.extend(moved(was, row, named, &causes));
+        changes.advice.extend(moved_advice(was, row, named));
+        came_and_went(&mut changes, was, &flight);
     }
     let size = |m: &MovedNumber| m.sigmas.map_or(-1.0, f64::abs);
     changes.moved.sort_by(|a, b| size(b).total_cmp(&size(a)));
     changes
+}
+
+/// A flight as it is now.
+struct Flight<'a> {
+    row: &'a Row,
+    named: NamedFlight,
+    alarms: &'a [DelayAlarm],
+}
+
+impl Flight<'_> {
+    /// What an alarm says.
+    fn text(&self, code: &str) -> Option<&str> {
+        self.alarms.iter().find(|alarm| alarm.code == code).map(|alarm| alarm.text.as_str())
+    }
+
+    fn words(&self, words: Vec<String>, error: Option<&str>, texts: Vec<String>) -> Option<FlightWords> {
+        let error = error.and_then(|error| error.lines().next()).map(str::to_owned);
+        (!words.is_empty()).then(|| FlightWords { flight: self.named.clone(), words, error, texts })
+    }
+
+    /// Troubles with the reason of the first that has one: why there is no result, or what is damaged.
+    fn failing(&self, troubles: Vec<String>) -> Option<FlightWords> {
+        let has = |known: &[&str]| troubles.iter().any(|trouble| known.contains(&trouble.as_str()));
+        let error = match (has(&[FAILED, NOT_MEASURABLE, PENDING]), has(&[DAMAGED])) {
+            (true, _) => self.row.reason.as_deref(),
+            (false, true) => self.text(Alarm::LogDamaged.name()),
+            (false, false) => None,
+        };
+        self.words(troubles, error, vec![])
+    }
+
+    /// Alarms with their texts.
+    fn alarming(&self, codes: Vec<String>) -> Option<FlightWords> {
+        let texts = codes.iter().map(|code| self.text(code).unwrap_or_default().to_owned()).collect();
+        self.words(codes, None, texts)
+    }
+
+    /// Words that need no reason.
+    fn plain(&self, words: Vec<String>) -> Option<FlightWords> {
+        self.words(words, None, vec![])
+    }
 }
 
 /// A flight with its page.
@@ -45,32 +98,34 @@ fn name_of(row: &Row, page: PageOf<'_>) -> NamedFlight {
 }
 
 /// A flight that was not there before. One that cannot be measured never could: that is no failure.
-fn new_flight(changes: &mut RunChanges, row: &Row, named: NamedFlight) {
-    let (cannot, troubles): (Vec<String>, _) = troubles(row).into_iter().partition(|what| what == NOT_MEASURABLE);
-    words(&mut changes.failing, &named, troubles, row);
-    let (alarms, remarks) = codes(row);
-    words(&mut changes.alarms_new, &named, alarms, row);
-    words(&mut changes.remarks_new, &named, remarks, row);
-    changes.new_not_measurable.extend(cannot.first().map(|_| named.clone()));
-    changes.new.push(named);
+fn new_flight(changes: &mut RunChanges, flight: Flight<'_>) {
+    let (cannot, troubles): (Vec<String>, _) =
+        troubles(flight.row).into_iter().partition(|what| what == NOT_MEASURABLE);
+    changes.failing.extend(flight.failing(troubles));
+    let (alarms, remarks) = codes(flight.row);
+    changes.alarms_new.extend(flight.alarming(alarms));
+    changes.remarks_new.extend(flight.plain(remarks));
+    changes.new_not_measurable.extend(cannot.first().map(|_| flight.named.clone()));
+    changes.new.push(flight.named);
 }
 
 /// Troubles and alarms that came or went.
-fn came_and_went(changes: &mut RunChanges, was: &Row, row: &Row, named: &NamedFlight) {
+fn came_and_went(changes: &mut RunChanges, was: &Row, flight: &Flight<'_>) {
+    let row = flight.row;
     let only = |of: &[String], not: &[String]| of.iter().filter(|t| !not.contains(t)).cloned().collect::<Vec<_>>();
     let (had, has) = (troubles(was), troubles(row));
-    words(&mut changes.failing, named, only(&has, &had), row);
+    changes.failing.extend(flight.failing(only(&has, &had)));
     // A flight that fails for another reason now has not recovered.
     if has.is_empty() {
-        words(&mut changes.recovered, named, only(&had, &has), row);
+        changes.recovered.extend(flight.plain(only(&had, &has)));
     }
     let ((had, had_remarks), (has, has_remarks)) = (codes(was), codes(row));
-    words(&mut changes.alarms_new, named, only(&has, &had), row);
-    words(&mut changes.remarks_new, named, only(&has_remarks, &had_remarks), row);
+    changes.alarms_new.extend(flight.alarming(only(&has, &had)));
+    changes.remarks_new.extend(flight.plain(only(&has_remarks, &had_remarks)));
     // A flight that could not be read shows neither that an alarm is gone nor that it is still there.
     if row.outcome != FAILED {
-        words(&mut changes.alarms_cleared, named, only(&had, &has), row);
-        words(&mut changes.remarks_cleared, named, only(&had_remarks, &has_remarks), row);
+        changes.alarms_cleared.extend(flight.plain(only(&had, &has)));
+        changes.remarks_cleared.extend(flight.plain(only(&had_remarks, &has_remarks)));
     }
 }
 
@@ -85,16 +140,6 @@ fn is_remark(code: &str) -> bool {
     Alarm::ALL.iter().any(|alarm| alarm.name() == code && alarm.gravity() == Gravity::Grey)
 }
 
-/// Adds an entry if there is something to say. The reason of the flight is that of its outcome, and of nothing else.
-fn words(list: &mut Vec<FlightWords>, named: &NamedFlight, words: Vec<String>, row: &Row) {
-    if !words.is_empty() {
-        let is_outcome = words.iter().any(|word| [FAILED, NOT_MEASURABLE, PENDING].contains(&word.as_str()));
-        let reason = row.reason.as_deref().filter(|_| is_outcome);
-        let error = reason.and_then(|reason| reason.lines().next()).map(str::to_owned);
-        list.push(FlightWords { flight: named.clone(), words, error });
-    }
-}
-
 /// Everything that makes a flight one to look at.
 fn troubles(row: &Row) -> Vec<String> {
     let outcome = match row.outcome.as_str() {
@@ -104,7 +149,7 @@ fn troubles(row: &Row) -> Vec<String> {
         _ => None,
     };
     let harmed = (row.effect.as_deref() == Some("harmed")).then(|| "harmed".to_owned());
-    let damaged = (row.data == "damaged").then(|| "log damaged".to_owned());
+    let damaged = (row.data == "damaged").then(|| DAMAGED.to_owned());
     let failed = row.criteria_failed.iter().flat_map(|ids| ids.split_whitespace());
     let failed = failed.map(|id| format!("criterion {id} failed"));
     outcome.into_iter().chain(harmed).chain(damaged).chain(failed).collect()
@@ -168,6 +213,20 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
     wanted.filter_map(one).collect()
 }
 
+/// A recommended value that is another one than before. A flight that could not be read withdraws nothing.
+fn moved_advice(was: &Row, row: &Row, named: &NamedFlight) -> Option<MovedAdvice> {
+    let is_same = match (was.advised_s, row.advised_s) {
+        (Some(before), Some(now)) => was.parameter == row.parameter && (before - now).abs() < SAME_ADVICE_S,
+        (None, None) => true,
+        (Some(_), None) => row.outcome == FAILED,
+        (None, Some(_)) => false,
+    };
+    let of = if row.advised_s.is_some() { row } else { was };
+    let parameter = of.parameter.clone().filter(|_| !is_same)?;
+    let before_s = was.advised_s.filter(|_| was.parameter == of.parameter);
+    Some(MovedAdvice { flight: named.clone(), parameter, before_s, now_s: row.advised_s })
+}
+
 fn estimate((value, u): (Option<f64>, Option<f64>)) -> Option<Estimate> {
     Some(Estimate { value: value?, standard_uncertainty: u })
 }
@@ -202,7 +261,7 @@ mod tests {
     }
 
     fn changes(before: &[Row], now: &[Row]) -> RunChanges {
-        compare(&latest_of(before.iter().cloned()), now, &|_, _| None)
+        compare(&latest_of(before.iter().cloned()), now, &AlarmTexts::new(), &|_, _| None)
     }
 
     #[test]
@@ -295,6 +354,53 @@ mod tests {
         // What cannot be read shows no alarm, and clears none.
         let failed = Row { outcome: "failed".into(), alarms: None, ..row("a") };
         assert_eq!(changes(&[row("a")], &[failed]).alarms_cleared, vec![]);
+    }
+
+    #[test]
+    fn new_alarms_and_damage_have_their_texts() {
+        let damaged = |flight: &str| Row {
+            data: "damaged".into(),
+            alarms: Some("log-damaged weak delay-steps".into()),
+            ..row(flight)
+        };
+        let alarm = |alarm: Alarm, text: &str| DelayAlarm::of(alarm, text.to_owned());
+        let alarms = vec![
+            alarm(Alarm::LogDamaged, "12 of 900 bytes could not be read\nmore"),
+            alarm(Alarm::DelaySteps, "The delay steps by 90 ms."),
+        ];
+        let texts = ["a", "n"].map(|flight| (("c".to_owned(), flight.to_owned()), alarms.clone())).into();
+        let found = compare(&latest_of([row("a")]), &[damaged("a"), damaged("n")], &texts, &|_, _| None);
+        for failing in &found.failing {
+            assert_eq!(failing.error.as_deref(), Some("12 of 900 bytes could not be read"));
+        }
+        let said: Vec<_> = found.alarms_new.iter().map(|of| (of.words.join(" "), of.texts.join("|"))).collect();
+        let steps = "12 of 900 bytes could not be read\nmore";
+        assert_eq!(said[0], ("delay-steps log-damaged".to_owned(), format!("The delay steps by 90 ms.|{steps}")));
+        // `weak` is no alarm of this flight's record: an empty text keeps the others in their places.
+        assert_eq!(said[1].1, format!("The delay steps by 90 ms.|{steps}|"));
+    }
+
+    #[test]
+    fn another_recommended_value_is_named_once_it_differs_by_a_millisecond() {
+        let advised = |ms: Option<f64>, parameter: &str| Row {
+            parameter: Some(parameter.into()),
+            advised_s: ms.map(|ms| ms / 1e3),
+            ..row("a")
+        };
+        let moved = |was: &Row, now: Row| {
+            let found = changes(std::slice::from_ref(was), &[now]).advice;
+            found.into_iter().next().map(|of| (of.parameter, of.before_s, of.now_s))
+        };
+        let was = advised(Some(118.0), "GPS1_DELAY_MS");
+        assert_eq!(moved(&was, was.clone()), None);
+        let name = || "GPS1_DELAY_MS".to_owned();
+        assert_eq!(moved(&was, advised(Some(119.0), "GPS1_DELAY_MS")), Some((name(), Some(0.118), Some(0.119))));
+        assert_eq!(moved(&was, advised(None, "GPS1_DELAY_MS")), Some((name(), Some(0.118), None)));
+        let failed = Row { outcome: "failed".into(), ..advised(None, "GPS1_DELAY_MS") };
+        assert_eq!(moved(&was, failed), None);
+        let other = advised(Some(118.0), "GPS2_DELAY_MS");
+        assert_eq!(moved(&was, other), Some(("GPS2_DELAY_MS".to_owned(), None, Some(0.118))));
+        assert_eq!(moved(&advised(None, "GPS1_DELAY_MS"), was), Some((name(), None, Some(0.118))));
     }
 
     #[test]

@@ -31,7 +31,8 @@ struct NightlyFile {
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     out: Spanned<PathBuf>,
     /// Folder of the history: one Parquet file for each night. Default: OUT/history.
-    history: Option<PathBuf>,
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
+    history: Option<Spanned<PathBuf>>,
     /// Fleet file: aircraft and receivers that logs do not say.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     fleet: Option<Spanned<PathBuf>>,
@@ -146,42 +147,69 @@ impl Reader<'_> {
             true => Err(self
                 .file
                 .reject(&written.out, "out: a night is written to a folder; only its flights may be in a bucket")),
-            false => self.outside_logs(&written.out, &written.campaign),
+            false => self.outside_logs("out", &written.out, &written.campaign),
         };
         let names = self.names(&written.campaign);
+        let history = written.history.as_ref().map(|at| self.history(at, &written, names.as_deref())).transpose();
         let campaigns: Vec<Result<Order, Refused>> =
             written.campaign.iter().map(|table| self.order(table.get_ref(), all, settle.unwrap_or_default())).collect();
         let campaigns: Result<Vec<Order>, Refused> = campaigns.into_iter().collect();
         some?;
         settle?;
         let out = out?;
+        let history = history?.unwrap_or_else(|| out.join("history"));
         let orders = names?.into_iter().zip(campaigns?);
         Ok(NightlyConfig {
             title: written.title,
-            history: written.history.map_or_else(|| out.join("history"), |history| self.folder.join(history)),
+            history,
             fleet: fleet?.unwrap_or_default(),
             campaigns: orders.map(|(name, order)| (name.clone(), Order { out: out.join(&name), ..order })).collect(),
             out,
         })
     }
 
-    /// The folder of the reports. A night writes nothing into a folder of logs.
-    fn outside_logs(&self, out: &Spanned<PathBuf>, campaigns: &[Spanned<CampaignTable>]) -> Result<PathBuf, Refused> {
-        let folder = self.folder.join(out.get_ref());
-        let full = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    /// A folder of outputs. A night writes nothing into a folder of logs.
+    fn outside_logs(
+        &self,
+        key: &str,
+        output: &Spanned<PathBuf>,
+        campaigns: &[Spanned<CampaignTable>],
+    ) -> Result<PathBuf, Refused> {
+        let folder = self.folder.join(output.get_ref());
         let of_logs = |table: &&Spanned<CampaignTable>| {
             let flights = table.get_ref().flights.get_ref();
-            !campaign::is_in_bucket(flights) && full(&folder).starts_with(full(&self.folder.join(flights)))
+            !campaign::is_in_bucket(flights) && is_within(&folder, &self.folder.join(flights))
         };
         match campaigns.iter().find(of_logs) {
             None => Ok(folder),
             Some(table) => Err(self.file.reject(
-                out,
+                output,
                 format!(
-                    "out lies in the folder of logs {}, which is only read",
+                    "{key} lies in the folder of logs {}, which is only read",
                     table.get_ref().flights.get_ref().display()
                 ),
             )),
+        }
+    }
+
+    /// The folder of the history. The report of a campaign is a folder of its own.
+    fn history(
+        &self,
+        at: &Spanned<PathBuf>,
+        written: &NightlyFile,
+        names: Result<&[String], &Refused>,
+    ) -> Result<PathBuf, Refused> {
+        if campaign::is_in_bucket(at.get_ref()) {
+            return Err(self.file.reject(at, "history: it is a folder; only flights may be in a bucket"));
+        }
+        let history = self.outside_logs("history", at, &written.campaign)?;
+        let reports = self.folder.join(written.out.get_ref());
+        let of_report = |name: &&String| is_within(&history, &reports.join(name));
+        match names.unwrap_or_default().iter().find(of_report) {
+            None => Ok(history),
+            Some(name) => Err(self
+                .file
+                .reject(at, format!("history lies in the report of the campaign {name}: give it a folder of its own"))),
         }
     }
 
@@ -268,6 +296,12 @@ impl Reader<'_> {
     ) -> Result<T, Refused> {
         read(&self.folder.join(at.get_ref())).map_err(|e| self.file.reject(at, e.to_string()))
     }
+}
+
+/// Whether a path is a folder or below it.
+fn is_within(path: &Path, folder: &Path) -> bool {
+    let full = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    full(path).starts_with(full(folder))
 }
 
 fn campaign_error(error: impl Into<CampaignError>) -> HistoryError {
@@ -357,6 +391,23 @@ mod tests {
             "schema = 1\nout = \"may/reports\"\n[[campaign]]\nflights = \"june\"\n[[campaign]]\nflights = \"may\"\n";
         let said = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
         assert!(said.ends_with("n.toml:2: out lies in the folder of logs may, which is only read"), "{said}");
+    }
+
+    #[test]
+    fn a_history_has_a_folder_of_its_own() {
+        let folder = folder();
+        let said = |history: &str| {
+            let text =
+                format!("schema = 1\nout = \"reports\"\nhistory = \"{history}\"\n[[campaign]]\nflights = \"may\"\n");
+            NightlyConfig::parse(&text, &folder.path().join("n.toml")).map(|config| config.history)
+        };
+        assert_eq!(said("years").unwrap(), folder.path().join("years"));
+        let refused = |history: &str| said(history).unwrap_err().to_string();
+        let of_report = "n.toml:3: history lies in the report of the campaign may: give it a folder of its own";
+        assert!(refused("reports/may/history").ends_with(of_report));
+        let of_logs = "n.toml:3: history lies in the folder of logs may, which is only read";
+        assert!(refused("may").ends_with(of_logs));
+        assert!(refused("s3://bucket/history").ends_with("history: it is a folder; only flights may be in a bucket"));
     }
 
     #[test]

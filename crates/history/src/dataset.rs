@@ -87,6 +87,15 @@ impl History {
         Ok(files)
     }
 
+    /// Name of the latest run; `None` if there is none. A run that found nothing new has a file without rows.
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn last_run(&self) -> Result<Option<String>, HistoryError> {
+        let files = self.files()?;
+        Ok(files.last().and_then(|path| path.file_stem()).map(|name| name.to_string_lossy().into_owned()))
+    }
+
     /// Writes the rows of a run as a new file. The file is written to a temporary name, synced and then given its name, so
     /// it is whole or absent. A file that exists is never changed: a second run within the same second gets a number.
     ///
@@ -248,6 +257,7 @@ mod tests {
         let files = [0.1, 0.2].map(|late| history.append(&run, &[row(&run, "a", late)]).unwrap());
         assert!(files[0] != files[1] && files[1].ends_with("2026-11-25T220000Z-2.parquet"), "{files:?}");
         assert_eq!(history.files().unwrap(), files, "in the order of the runs");
+        assert_eq!(history.last_run().unwrap().as_deref(), Some("2026-11-25T220000Z-2"));
         let left = std::fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(left, 2, "no temporary file is left");
     }

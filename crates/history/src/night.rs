@@ -2,8 +2,8 @@
 
 use crate::brief::{Brief, latest_briefs};
 use crate::change_points::Looks;
-use crate::collect::{Collecting, collect, read_campaign};
-use crate::compare::compare;
+use crate::collect::{Collecting, alarm_texts, collect, read_campaign};
+use crate::compare::{AlarmTexts, compare};
 use crate::config::NightlyConfig;
 use crate::dataset::{History, Latest, Run};
 use crate::error::HistoryError;
@@ -11,7 +11,7 @@ use crate::proof::proofs;
 use crate::row::{Dimension, Row};
 use crate::summary;
 use crate::trend::{Trend, new_changes, trend};
-use campaign::{CampaignError, Desk, Exit, Order, STILL_WRITTEN, Verdict};
+use campaign::{CampaignError, Desk, Event, Exit, Order, STILL_WRITTEN, Verdict};
 use record::{
     CampaignRecord, LeftLog, NamedFlight, NightCampaign, NightRecord, ProofVerdict, RECORD_VERSION, TrendRecord,
 };
@@ -58,8 +58,10 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
     let run = Run::unused(clock.0, &is_used);
     let names: BTreeSet<&str> = config.campaigns.iter().map(|(name, _)| name.as_str()).collect();
     let known = history.briefs(&|campaign| names.contains(campaign))?;
-    let mut made = Made { problems: known.unreadable, ..Made::default() };
+    let since = if known.rows.is_empty() { None } else { history.last_run()? };
+    let mut made = Made { since, problems: known.unreadable, ..Made::default() };
     for (name, order) in &config.campaigns {
+        desk.events.event(&Event::Campaign { name: name.clone(), flights: order.flights.clone() });
         made.campaign(name, order, &Context { run: &run, config, history: &history, desk })?;
     }
     let fresh: Vec<Row> = made.rows.iter().filter(|row| !stands(row, &made.before)).cloned().collect();
@@ -68,7 +70,30 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
     let folder = nights.join(&run.id);
     write(&record, config, &folder)?;
     let history = history.append(&run, &fresh)?;
-    Ok(Night { page: config.out.join(MORNING), record, folder, history, exit })
+    let night = Night { page: config.out.join(MORNING), record, folder, history, exit };
+    desk.events.event(&night.event());
+    Ok(night)
+}
+
+impl Night {
+    /// What went wrong: campaigns that failed, then problems of the others.
+    pub fn errors(&self) -> impl Iterator<Item = String> {
+        let failed = self.record.campaigns.iter();
+        let failed = failed.filter_map(|campaign| Some(format!("{}: {}", campaign.name, campaign.error.as_ref()?)));
+        failed.chain(self.record.problems.iter().cloned())
+    }
+
+    fn event(&self) -> Event {
+        Event::Night {
+            run_id: self.record.run_id.clone(),
+            exit: self.record.exit,
+            page: self.page.clone(),
+            folder: self.folder.clone(),
+            history: self.history.clone(),
+            summary: self.record.summary.clone(),
+            errors: self.errors().collect(),
+        }
+    }
 }
 
 /// Whether the history says the same already.
@@ -102,8 +127,12 @@ struct Context<'a> {
 /// What was made so far.
 #[derive(Default)]
 struct Made {
+    /// The last run before.
+    since: Option<String>,
     campaigns: Vec<NightCampaign>,
     rows: Vec<Row>,
+    /// What the alarms of these rows say.
+    texts: AlarmTexts,
     /// What the history says of the flights of these rows.
     before: Latest,
     gone: Vec<NamedFlight>,
@@ -155,6 +184,7 @@ impl Made {
         let known = context.history.latest(name, &now)?;
         let with = Collecting { run: context.run, campaign: name, fleet, known: &known };
         self.rows.extend(collect(&record, &order.out, &with)?);
+        self.texts.extend(alarm_texts(&record, name));
         self.before.extend(known);
         let left = left_of(name, &record);
         let is_left = |flight: &String| left.iter().any(|log| log.path == *flight);
@@ -215,9 +245,8 @@ fn record(
     made: Made,
 ) -> NightRecord {
     let page = |campaign: &str, page: &str| Some(format!("{campaign}/{page}")).filter(|_| !page.is_empty());
-    let mut changes = compare(&made.before, &made.rows, &page);
+    let mut changes = compare(&made.before, &made.rows, &made.texts, &page);
     changes.gone = made.gone;
-    let before = known.last().map(|row| row.run_id.to_string());
     let charts = |rows: &[Brief]| trend(&latest_briefs(rows), &Dimension::ALL, Looks::Every, &page);
     let earlier = charts(&known);
     let mut all = known;
@@ -230,7 +259,7 @@ fn record(
         started: started.to_string(),
         seconds: clock.elapsed().as_secs_f64(),
         flightlag_version: env!("CARGO_PKG_VERSION").to_owned(),
-        before,
+        before: made.since,
         exit: Exit::Well as u8,
         summary: vec![],
         campaigns: made.campaigns,

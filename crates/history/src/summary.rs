@@ -124,8 +124,12 @@ fn alarms(record: &NightRecord) -> String {
 }
 
 fn settings(record: &NightRecord) -> String {
+    let moved = match record.changes.advice.len() {
+        0 => String::new(),
+        n => format!("; another value recommended for {}", counted(n, "flight")),
+    };
     if record.proofs.is_empty() {
-        return "Settings: no change of a parameter is recommended or to be proved".to_owned();
+        return format!("Settings: no change of a parameter is recommended or to be proved{moved}");
     }
     let mut proofs: Vec<&SettingProof> = record.proofs.iter().collect();
     proofs.sort_by_key(|proof| proof.verdict);
@@ -134,7 +138,7 @@ fn settings(record: &NightRecord) -> String {
         0 => String::new(),
         n => format!("; and {n} more"),
     };
-    format!("Settings: {}{more}", named.join("; "))
+    format!("Settings: {}{more}{moved}", named.join("; "))
 }
 
 /// `GPS1_DELAY_MS of uav-1, D9: PASS: Set from 220 ms to 118 ms. …`.
@@ -166,6 +170,7 @@ pub(crate) fn json(record: &NightRecord) -> String {
         "alarms_new": changes.alarms_new.len(),
         "alarms_cleared": changes.alarms_cleared.len(),
         "remarks_new": changes.remarks_new.len(),
+        "advice_moved": changes.advice.len(),
         "new_trend_changes": record.new_trend_changes.len(),
         "proofs_failed": record.proofs.iter().filter(|proof| proof.verdict == ProofVerdict::Fail).count(),
         "problems": record.problems.len(),
@@ -204,21 +209,23 @@ pub(crate) fn junit(record: &NightRecord) -> String {
     }
     for new in &record.new_trend_changes {
         let what = format!("{} at {}", with_u(&new.change.step_s), flight_name(&new.change.at));
-        cases.add("trend", &new.chart, Some(&what));
+        cases.add("trend", &format!("{} at {}", new.chart, flight_name(&new.change.at)), Some(&what));
     }
     for proof in &record.proofs {
         let name = format!("{} of {} {}", proof.parameter, proof.campaign, proof.of);
         match proof.verdict {
             ProofVerdict::Pass => cases.add("setting", &name, None),
             ProofVerdict::Fail => cases.add("setting", &name, Some(&proof.words)),
-            ProofVerdict::CannotTell | ProofVerdict::NotSet => cases.skip("setting", &name, &proof.words),
+            ProofVerdict::CannotTell => cases.skip("setting", &name, &proof.words),
+            // A setting may be tested and another value for it be recommended.
+            ProofVerdict::NotSet => cases.skip("recommendation", &name, &proof.words),
         }
     }
     for left in &record.left {
         cases.skip("left for the next night", &format!("{}/{}", left.campaign, left.path), &left.reason);
     }
-    for problem in &record.problems {
-        cases.add("night", "problem", Some(problem));
+    for (problem, number) in record.problems.iter().zip(1..) {
+        cases.add("night", &format!("problem {number}"), Some(problem));
     }
     cases.document(record)
 }
@@ -325,6 +332,7 @@ pub(crate) mod tests {
                 flight: named("<b>&.bin"),
                 words: vec!["failed".into()],
                 error: Some("b.bin: byte 12: no frame".into()),
+                texts: vec![],
             }],
             ..RunChanges::default()
         };
@@ -407,6 +415,34 @@ pub(crate) mod tests {
         let markdown = markdown(&night());
         assert!(markdown.contains("uav/\\<b\\>&.bin") && markdown.lines().count() == 5, "{markdown}");
         assert_eq!(escaped_xml("a\u{1b}[0m\u{0}"), "a?[0m?");
+    }
+
+    #[test]
+    fn no_two_cases_of_a_build_server_have_one_name() {
+        let proof = |verdict, words: &str| SettingProof {
+            campaign: "uav".into(),
+            of: "D9".into(),
+            parameter: "GPS1_DELAY_MS".into(),
+            recommended_by: "2026-11-24T220000Z".into(),
+            was_s: Some(0.22),
+            recommended_s: 0.118,
+            set_s: None,
+            before_s: None,
+            predicted_s: Estimate { value: 0.0, standard_uncertainty: Some(0.002) },
+            measured_s: None,
+            flights: vec![],
+            verdict,
+            words: words.into(),
+        };
+        let proofs = vec![proof(ProofVerdict::Fail, "did not"), proof(ProofVerdict::NotSet, "is open")];
+        let night = NightRecord { proofs, problems: vec!["one".into(), "two".into()], ..night() };
+        let junit = junit(&night);
+        let mut names: Vec<&str> = junit.lines().filter_map(|line| line.trim().strip_prefix("<testcase ")).collect();
+        names.iter_mut().for_each(|line| *line = line.split_once('>').unwrap().0.trim_end_matches('/'));
+        let all = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!((names.len(), all), (7, 7), "{junit}");
     }
 
     #[test]

@@ -73,7 +73,7 @@ pub fn new_changes(before: &Trend, now: &Trend) -> Vec<NewTrendChange> {
         let old = known.get(&key(chart));
         let is_known = |(from, to): &(i64, i64)| old.is_some_and(|old| old.iter().any(|(f, t)| f <= to && from <= t));
         for (change, _) in chart.changes.iter().zip(spans).filter(|(_, span)| !is_known(span)) {
-            let chart = format!("{} {}", chart.dimension, chart.value);
+            let chart = chart.name();
             new.push(NewTrendChange { chart, change: change.clone() });
         }
     }

@@ -26,6 +26,9 @@ pub struct FlightRow {
     /// Less was lost, and it touches no result.
     #[serde(default)]
     pub minor_loss: bool,
+    /// What was lost and where, if `lossy`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damage: Option<String>,
     /// Bytes of last records that were cut, as at power-off: no loss.
     #[serde(default)]
     pub tail_cut_bytes: u64,

@@ -90,8 +90,26 @@ pub struct FlightWords {
     pub flight: NamedFlight,
     /// Each in a word or two.
     pub words: Vec<String>,
-    /// First line of the error; `None` if there is no error.
+    /// First line of the error, or what is wrong with a damaged log; `None` if nothing says it.
     pub error: Option<String>,
+    /// What each alarm says in full, in the order of the words; empty for troubles, remarks and alarms that are gone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub texts: Vec<String>,
+}
+
+/// A value that is recommended for a parameter of the autopilot, and that is another one than before.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
+pub struct MovedAdvice {
+    /// The flight.
+    #[serde(flatten)]
+    pub flight: NamedFlight,
+    /// The parameter.
+    pub parameter: String,
+    /// Value recommended before, s; `None` if there was none.
+    pub before_s: Option<f64>,
+    /// Value recommended now, s; `None` if there is none.
+    pub now_s: Option<f64>,
 }
 
 /// One set of results against another.
@@ -126,6 +144,9 @@ pub struct RunChanges {
     /// Remarks that are gone.
     #[serde(default)]
     pub remarks_cleared: Vec<FlightWords>,
+    /// Flights for which another value is recommended than before.
+    #[serde(default)]
+    pub advice: Vec<MovedAdvice>,
 }
 
 impl RunChanges {
@@ -215,6 +236,17 @@ pub struct TrendChart {
     pub segments: Vec<TrendSegment>,
     /// Steps between them.
     pub changes: Vec<TrendChange>,
+}
+
+impl TrendChart {
+    /// Its name: `receiver u-blox M8`, `rate 5 Hz`, `115200 baud`.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self.value.ends_with(&self.dimension) {
+            true => self.value.clone(),
+            false => format!("{} {}", self.dimension, self.value),
+        }
+    }
 }
 
 /// Control charts of a history.

@@ -39,7 +39,12 @@ impl Folder {
         let probe = temporary_name(&root.join("probe"));
         let written = fs::write(&probe, b"flightlag\n").map_err(|e| failed(root, "write to this folder", e));
         let removed = fs::remove_file(&probe).map_err(|e| failed(&probe, "remove", e));
-        written.and(removed).map(|()| Folder { root: root.to_owned(), disk: disk() })
+        written.and(removed).map(|()| Folder::to_read(root))
+    }
+
+    /// A folder that is there. Nothing is written to find out whether it can be.
+    pub(super) fn to_read(root: &Path) -> Folder {
+        Folder { root: root.to_owned(), disk: disk() }
     }
 
     fn path(&self, name: &str) -> PathBuf {

@@ -5,7 +5,7 @@ use super::{estimate, number, rows, table};
 use crate::text::{href, shown};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
-use record::{ChangeCause, FlightWords, MovedNumber, NamedFlight, RunChanges};
+use record::{ChangeCause, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RunChanges};
 use std::collections::BTreeMap;
 
 /// Most flights that are named in one list.
@@ -58,7 +58,7 @@ impl Names<'_> {
                 ul {
                     @for of in all.iter().take(MOST) {
                         li {
-                            (self.flight(&of.flight)) ": " b { (shown(&of.words.join(", "))) }
+                            (self.flight(&of.flight)) ": " (with_texts(of))
                             @if let Some(error) = &of.error { ": " (shown(error)) }
                         }
                     }
@@ -69,11 +69,26 @@ impl Names<'_> {
     }
 }
 
+/// The words of a flight, each with what it says in full.
+fn with_texts(of: &FlightWords) -> Markup {
+    if of.texts.iter().all(String::is_empty) {
+        return html! { b { (shown(&of.words.join(", "))) } };
+    }
+    html! {
+        @for (i, word) in of.words.iter().enumerate() {
+            @if i > 0 { br; }
+            b { (shown(word)) }
+            @if let Some(text) = of.texts.get(i).filter(|text| !text.is_empty()) { ": " (shown(text)) }
+        }
+    }
+}
+
 /// All sections, what needs attention first.
 pub(super) fn sections(changes: &RunChanges, names: &Names<'_>) -> Markup {
     html! {
         (names.words("Newly failing", &changes.failing))
         (moved(changes, names))
+        (advice(&changes.advice, names))
         (rerun(changes, names))
         (names.words("New alarms", &changes.alarms_new))
         (names.words("New remarks", &changes.remarks_new))
@@ -112,6 +127,30 @@ fn rerun(changes: &RunChanges, names: &Names<'_>) -> Markup {
                     li {
                         b { (number::counted(flights.len() as u64, "flight", "flights")) } ", because of " (cause) ": "
                         (names.list(flights.iter().copied())) "."
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Recommended values that changed, by parameter and values.
+fn advice(all: &[MovedAdvice], names: &Names<'_>) -> Markup {
+    let value = |value_s: Option<f64>| {
+        value_s.map_or_else(|| "none".to_owned(), |s| format!("{}\u{a0}ms", number::fixed(1e3 * s, 0)))
+    };
+    let mut by_values: BTreeMap<(&str, String, String), Vec<&NamedFlight>> = BTreeMap::new();
+    for of in all {
+        by_values.entry((&of.parameter, value(of.before_s), value(of.now_s))).or_default().push(&of.flight);
+    }
+    html! {
+        @if !all.is_empty() {
+            h3 { "Another value recommended: " (number::counted(all.len() as u64, "flight", "flights")) }
+            ul {
+                @for ((parameter, before, now), flights) in &by_values {
+                    li {
+                        code { (shown(parameter)) } ": " b { (before) " → " (now) } ", "
+                        (number::counted(flights.len() as u64, "flight", "flights")) ": " (names.list(flights.iter().copied())) "."
                     }
                 }
             }

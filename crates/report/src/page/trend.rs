@@ -77,7 +77,7 @@ fn changes(charts: &[&TrendChart], names: &Names<'_>) -> Markup {
                 @for chart in charts {
                     @for change in &chart.changes {
                         tr {
-                            th scope="row" { (shown(&format!("{} {}", chart.dimension, chart.value))) }
+                            th scope="row" { (shown(&chart.name())) }
                             td {
                                 (names.flight(&change.at))
                                 @if change.earliest != change.latest {
@@ -115,7 +115,7 @@ fn means(charts: &[&TrendChart]) -> Markup {
             @for chart in charts {
                 @let outside = chart.points.iter().filter(|point| point.is_outside).count();
                 tr {
-                    th scope="row" { (shown(&format!("{} {}", chart.dimension, chart.value))) }
+                    th scope="row" { (shown(&chart.name())) }
                     td { (shown(&chart.datum)) }
                     td.n { (number::count(chart.points.len() as u64 + chart.older_points)) }
                     td.n { @if let Some(last) = chart.segments.last() { (estimate(&in_millis(&last.mean_s))) } }

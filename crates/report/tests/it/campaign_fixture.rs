@@ -163,6 +163,7 @@ pub fn row(i: usize) -> FlightRow {
         outcome,
         lossy,
         minor_loss: false,
+        damage: None,
         tail_cut_bytes: if i % 7 == 3 { 23 } else { 0 },
         format: "MCAP, ros2".into(),
         map: read.then(|| "mavros".into()),

@@ -680,6 +680,7 @@ pub fn row(i: usize) -> FlightRow {
         outcome,
         lossy: i % 7 == 6,
         minor_loss: false,
+        damage: None,
         tail_cut_bytes: if i % 7 == 3 { 23 } else { 0 },
         format: "MCAP, ros2".into(),
         map: done.then(|| "mavros".into()),
