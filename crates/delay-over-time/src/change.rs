@@ -114,20 +114,24 @@ impl Change<'_> {
         }
     }
 
-    fn refined(&self, description: Description, noise: Noise, bin_s: f64) -> Option<Refined> {
-        (!description.terms.is_empty()).then(|| self.refinement(noise, bin_s).refine(description)).flatten()
+    /// The description that explains the fixes best. A step within a bin costs more on bins than on the fixes.
+    fn refined(&self, descriptions: Vec<Description>, noise: Noise, bin_s: f64) -> Option<Refined> {
+        let refinement = self.refinement(noise, bin_s);
+        let refined = descriptions.into_iter().filter(|d| !d.terms.is_empty()).filter_map(|d| refinement.refine(d));
+        let costed = refined.map(|refined| (refinement.cost(&refined.description), refined));
+        costed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, refined)| refined)
     }
 
     /// Refined only if bins or their description leave less than nearly all: the fixes cannot make much of little.
     fn refined_if_promising(&self, flexible: &Flexible, noise: Noise, bin_s: f64) -> Option<Refined> {
         let refinement = self.refinement(noise, bin_s);
         let on_bins = |t: f64| interpolate(&flexible.middle_s, &flexible.delay_s, t);
-        let description = describe(flexible, self.inflation());
+        let descriptions = describe(flexible, self.inflation());
         let hopeless = |curve: &dyn Fn(f64) -> f64| self.left(&refinement, curve).is_some_and(|l| l.share > HOPELESS);
-        if hopeless(&on_bins) && hopeless(&|t| description.at(t)) {
+        if hopeless(&on_bins) && descriptions.iter().all(|d| hopeless(&|t| d.at(t))) {
             return None;
         }
-        self.refined(description, noise, bin_s)
+        self.refined(descriptions, noise, bin_s)
     }
 
     /// Whether a description that spans much leaves few of the squares that a constant leaves, with any one

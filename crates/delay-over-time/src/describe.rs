@@ -11,6 +11,9 @@ const BEND_PRICE: f64 = 6.0;
 /// Bends are kept if they score better by this much.
 const BENDS_MUST_WIN: f64 = 20.0;
 const MOST_TERMS: usize = 24;
+/// A term must also gain this share of what all gain together: where noise is small, errors of the model cost many times
+/// the price.
+const LEAST_SHARE: f64 = 0.001;
 /// Best single terms from which pairs are tried.
 const PAIR_STARTS: usize = 6;
 
@@ -53,12 +56,13 @@ struct Dictionary {
     price: f64,
 }
 
-/// The cheapest description; `inflation` is what autocorrelation adds to variances.
-pub(crate) fn describe(fit: &Flexible, inflation: f64) -> Description {
+/// The cheapest description, and after one with bends that of steps alone; `inflation` is what autocorrelation adds to
+/// variances.
+pub(crate) fn describe(fit: &Flexible, inflation: f64) -> Vec<Description> {
     let dictionary = Dictionary::of(&fit.a, &fit.z, &fit.middle_s, inflation);
     let steps = greedy(&dictionary.steps_only());
     let both = greedy(&dictionary);
-    if both.0 - steps.0 > BENDS_MUST_WIN { both.1 } else { steps.1 }
+    if both.0 - steps.0 > BENDS_MUST_WIN { vec![both.1, steps.1] } else { vec![steps.1] }
 }
 
 impl Dictionary {
@@ -150,7 +154,7 @@ impl Dictionary {
             Some(([*a, b], gains[*a] + second))
         };
         let best = order.iter().take(PAIR_STARTS).filter_map(pair).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (best.1 > 2.0 * self.price).then_some(best.0)
+        (best.1 > 2.0 * self.price_among(chosen)).then_some(best.0)
     }
 
     /// Moves every term to where it gains most.
@@ -168,8 +172,15 @@ impl Dictionary {
         }
     }
 
+    /// What a term must gain among these.
+    fn price_among(&self, chosen: &[usize]) -> f64 {
+        let gained = |columns: &[usize]| self.gains(columns).map_or(0.0, |g| g.2);
+        self.price.max(LEAST_SHARE * (gained(chosen) - gained(&[0])))
+    }
+
     /// Drops what no longer pays.
     fn drop_terms(&self, chosen: &mut Vec<usize>) {
+        let price = self.price_among(chosen);
         while chosen.len() > 2 {
             let loss = |i: usize| {
                 let rest = [&chosen[..i], &chosen[i + 1..]].concat();
@@ -177,7 +188,7 @@ impl Dictionary {
             };
             let least = (1..chosen.len()).map(|i| (i, loss(i))).min_by(|a, b| a.1.total_cmp(&b.1));
             match least {
-                Some((i, l)) if l < self.price => chosen.remove(i),
+                Some((i, l)) if l < price => chosen.remove(i),
                 _ => return,
             };
         }
@@ -214,7 +225,7 @@ fn greedy(d: &Dictionary) -> (f64, Description) {
         }
         let Some((best, gain)) = d.best(&chosen) else { break };
         let before = chosen.clone();
-        if gain >= d.price {
+        if gain >= d.price_among(&chosen) {
             chosen.push(best);
         } else if let Some(pair) = d.best_pair(&chosen) {
             chosen.extend(pair);

@@ -37,7 +37,7 @@ impl Sight {
 }
 
 /// What whitens the stamps `t`; kept from one delay to the next while it stays the same.
-#[derive(Default)]
+#[derive(Default, Clone)]
 pub(crate) struct Filters {
     t: Vec<f64>,
     filter: Vec<Step>,
@@ -65,8 +65,20 @@ pub(crate) struct Part {
 }
 
 impl Part {
+    /// Of no fixes.
+    pub(crate) fn none(n: usize) -> Part {
+        Part { normal: DMatrix::zeros(n, n), right: DVector::zeros(n), rss: 0.0 }
+    }
+
+    /// Adds those of other fixes, with an offset and a drift of their own.
+    pub(crate) fn join(&mut self, other: &Part) {
+        self.normal += &other.normal;
+        self.right += &other.right;
+        self.rss += other.rss;
+    }
+
     pub(crate) fn of(sight: &Sight, n: usize, noise: &Noise, filters: &mut Filters) -> Part {
-        let mut part = Part { normal: DMatrix::zeros(n, n), right: DVector::zeros(n), rss: 0.0 };
+        let mut part = Part::none(n);
         if sight.t.len() < LEAST_FIXES {
             return part;
         }

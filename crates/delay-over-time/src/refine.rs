@@ -120,17 +120,15 @@ impl Refinement<'_> {
 
     fn normal_equations(&self, now: &Description) -> (DMatrix<f64>, DVector<f64>) {
         let n = now.terms.len() + 1;
-        let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        let mut all = Part::none(n);
         for piece in self.fixes.pieces() {
             let columns = |t: f64, out: &mut Vec<f64>| {
                 out.push(1.0);
                 out.extend(now.terms.iter().map(|x| x.column(t)));
             };
-            let part = self.part(piece, &|t| now.at(t), n, &columns);
-            normal += part.normal;
-            right += part.right;
+            all.join(&self.part(piece, &|t| now.at(t), n, &columns));
         }
-        (normal, right)
+        (all.normal, all.right)
     }
 
     /// Square of the whitened residuals between two instants at the delay `at`, with offset and drift of their own, and
@@ -219,8 +217,14 @@ impl Refinement<'_> {
 
     /// −2 log likelihood of a description about `range`, with offset and drift of its own.
     fn cost_between(&self, d: &Description, range: [f64; 2]) -> f64 {
-        let middle = 0.5 * (range[0] + range[1]);
-        self.part(self.rows_about(middle, range), &|t| d.at(t), 1, &|_, x| x.push(1.0)).rss / self.inflation
+        let squares = |rows| self.part(rows, &|t| d.at(t), 1, &|_, x| x.push(1.0)).rss;
+        self.rows_about(range).into_iter().map(squares).sum::<f64>() / self.inflation
+    }
+
+    /// −2 log likelihood of a description on all fixes, and the price of its terms.
+    pub(crate) fn cost(&self, d: &Description) -> f64 {
+        let squares = |rows| self.part(rows, &|t| d.at(t), 1, &|_, x| x.push(1.0)).rss;
+        self.fixes.pieces().map(squares).sum::<f64>() / self.inflation + PRICE * d.terms.len() as f64
     }
 
     /// Moves every step to where it fits best.
@@ -261,12 +265,13 @@ impl Refinement<'_> {
         }
     }
 
-    fn rows_about(&self, middle: f64, range: [f64; 2]) -> Range<usize> {
+    /// Fixes in and near `range`, piece by piece: a step often comes with a reset, and both pieces say when it was.
+    fn rows_about(&self, range: [f64; 2]) -> Vec<Range<usize>> {
         let t = &self.fixes.t;
-        let piece = self.fixes.pieces().find(|p| t[p.end - 1] >= middle).unwrap_or(0..t.len());
-        let from = t.partition_point(|t| *t < range[0] - MARGIN_S).max(piece.start);
-        let to = t.partition_point(|t| *t <= range[1] + MARGIN_S).min(piece.end);
-        from..to.max(from)
+        let from = t.partition_point(|t| *t < range[0] - MARGIN_S);
+        let to = t.partition_point(|t| *t <= range[1] + MARGIN_S);
+        let near = self.fixes.pieces().map(|p| p.start.max(from)..p.end.min(to));
+        near.filter(|rows| !rows.is_empty()).collect()
     }
 
     /// −2 log likelihood with the edge of term `i` at instants in `range`: level and size of the step are free nearby.
@@ -274,8 +279,10 @@ impl Refinement<'_> {
         if range[1] <= range[0] {
             return vec![];
         }
-        let rows = self.rows_about(d.terms[i].at_s, range);
-        let interval = crate::motion::usual_interval(self.fixes.t.get(rows.clone()).unwrap_or(&[]));
+        let pieces = self.rows_about(range);
+        let (Some(first), Some(last)) = (pieces.first(), pieces.last()) else { return vec![] };
+        let (start, rows) = (first.start, first.start..last.end);
+        let interval = crate::motion::usual_interval(&self.fixes.t[rows.clone()]);
         let step = SCAN_STEP_S.max(interval).max((range[1] - range[0]) / 100.0);
         let count = ((range[1] - range[0]) / step) as usize;
         // Each fix shows one of two motions: before the edge, and after it.
@@ -286,19 +293,23 @@ impl Refinement<'_> {
             let q = self.fixes.t[k] - without.at(self.fixes.t[k]);
             [self.seen(k, q, &mut hints[0]), self.seen(k, q - edge.size, &mut hints[1])]
         };
-        let seen: Vec<[Option<Seen>; 2]> = rows.clone().map(both).collect();
-        let (mut sight, mut filters) = (Sight::default(), Filters::default());
+        let seen: Vec<[Option<Seen>; 2]> = rows.map(both).collect();
+        let (mut sight, mut filters) = (Sight::default(), vec![Filters::default(); pieces.len()]);
         let mut cost = |k: usize| {
             let at_s = range[0] + step * k as f64;
-            sight.clear();
-            for (t, seen) in self.fixes.t[rows.clone()].iter().zip(&seen) {
-                let after = *t >= at_s;
-                if let Some(seen) = &seen[usize::from(after)] {
-                    sight.push(*t, seen);
-                    sight.columns.extend([1.0, f64::from(after)]);
+            let mut all = Part::none(2);
+            for (rows, filters) in pieces.iter().zip(&mut filters) {
+                sight.clear();
+                for (t, seen) in self.fixes.t[rows.clone()].iter().zip(&seen[rows.start - start..]) {
+                    let after = *t >= at_s;
+                    if let Some(seen) = &seen[usize::from(after)] {
+                        sight.push(*t, seen);
+                        sight.columns.extend([1.0, f64::from(after)]);
+                    }
                 }
+                all.join(&Part::of(&sight, 2, &self.noise, filters));
             }
-            (at_s, Part::of(&sight, 2, &self.noise, &mut filters).least() / self.inflation)
+            (at_s, all.least() / self.inflation)
         };
         (0..=count).map(&mut cost).filter(|c| c.1.is_finite()).collect()
     }

@@ -6,7 +6,7 @@ mod support;
 
 use delay_over_time::{CannotAnalyse, OverTimeSettings, PositionAgainstVelocity, analyse};
 use record::{DelayKind, DelayOverTime, DelayTermKind};
-use support::{Case, Flight, Path, Profile, TURNING, fly};
+use support::{Case, Flight, GPS, Path, Profile, RTK, TURNING, fly, inject_step};
 
 fn found(path: Path, profile: Profile, seed: u64) -> DelayOverTime {
     fly(&Case::gps(path, profile), seed).analyse()
@@ -74,6 +74,27 @@ fn steps_are_found_with_instant_and_size() {
             assert!(f.configured_contradicted.is_none() && f.span_s > 0.1);
             let [from, to] = f.constancy.detectable_between_s.unwrap();
             assert!((1.0..120.2).contains(&from) && (120.2..239.0).contains(&to), "{from} to {to}");
+        }
+    }
+}
+
+/// A step of the delay moves a fast aircraft's position by metres, so that it often counts as a reset too: then both pieces
+/// say when it was.
+#[test]
+fn a_step_is_one_step_also_where_the_position_is_reset_with_it() {
+    for (by, noise) in [(0.1, RTK), (0.3, RTK), (0.3, GPS)] {
+        for seed in 0..6 {
+            let flight = fly(&Case { noise, ..Case::rtk(Path::Circuits, Profile::Constant) }, 620 + seed);
+            let t = inject_step(&flight, by, 0.5);
+            let at = t.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0]))).unwrap()[1];
+            for breaks in [vec![], vec![at]] {
+                let record = PositionAgainstVelocity { t: &t, breaks: &breaks, ..flight.record() };
+                let f = analyse(&record, &OverTimeSettings::default()).unwrap();
+                let case = format!("{by} s, {noise:?}, seed {seed}, breaks {breaks:?}: {}", f.words);
+                assert_eq!((f.kind, f.terms.len()), (DelayKind::Steps, 1), "{case}");
+                let step = &f.terms[0];
+                assert!((step.at_s - at).abs() <= 0.5 && (step.size - by).abs() < 0.02, "{case} {step:?}");
+            }
         }
     }
 }
