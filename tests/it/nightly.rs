@@ -2,7 +2,7 @@
 
 use crate::program::{flightlag, run, text};
 use serde_json::Value;
-use simulate::write_campaign;
+use simulate::{Container, FlightSettings, simulate, write_campaign};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -134,6 +134,44 @@ fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
     let rows: Vec<u64> = runs.as_array().unwrap().iter().map(|run| run["flights"].as_u64().unwrap()).collect();
     assert_eq!((rows[0], rows[2], rows[3]), (2, 0, 3), "{rows:?}");
     latency_and_trend(&nights.path("out/history"), &nights.path("trend"));
+}
+
+/// A log that is touched keeps its result; one that is emptied has failed and is not gone; a folder that is emptied is a disk
+/// that is away.
+#[test]
+fn a_flight_keeps_its_result_until_its_log_is_finished_and_an_emptied_log_is_no_flight_any_more() {
+    let nights = Nights::new(3);
+    // Without its content this is no log by its name either.
+    let simulated = simulate(&FlightSettings { duration_s: 60.0, ..FlightSettings::default() }).unwrap();
+    let binary = Container::DataFlash.files(&simulated, "x").unwrap().remove(0);
+    let binary_path = nights.path("logs").join("x.BIN");
+    fs::write(&binary_path, &binary.bytes).unwrap();
+    written_an_hour_ago(&binary_path);
+    let logs = nights.logs();
+    nights.night(0);
+    File::options().write(true).open(&logs[0]).unwrap().set_modified(SystemTime::now()).unwrap();
+    let touched = nights.night(0);
+    assert_eq!((names(&touched["changes"]["gone"]), names(&touched["changes"]["rerun"])), (vec![], vec![]));
+    assert_eq!((touched["changes"]["compared"].as_u64(), names(&touched["changes"]["advice"])), (Some(4), vec![]));
+    let left = &touched["left"][0];
+    assert_eq!(left["path"], "flight-0001.mcap");
+    assert!(left["reason"].as_str().unwrap().ends_with("its result of the last run stays"), "{left}");
+
+    for log in [&logs[0], &binary_path] {
+        fs::write(log, "").unwrap();
+        written_an_hour_ago(log);
+    }
+    let emptied = nights.night(3);
+    assert_eq!(names(&emptied["changes"]["gone"]), [] as [&str; 0]);
+    let failing = emptied["changes"]["failing"].as_array().unwrap();
+    let said: Vec<(&str, &str)> =
+        failing.iter().map(|of| (of["flight"].as_str().unwrap(), of["words"][0].as_str().unwrap())).collect();
+    assert_eq!(said, [("flight-0001.mcap", "failed"), ("x.BIN", "no flight any more")]);
+    assert!(failing.iter().all(|of| !of["error"].as_str().unwrap().is_empty()), "{failing:?}");
+
+    logs.iter().for_each(|log| fs::remove_file(log).unwrap());
+    let away = nights.night(75);
+    assert!(away["campaigns"][0]["error"].as_str().unwrap().contains("no flight found"), "{away}");
 }
 
 /// What a page links to beside itself. All of it has to be there.

@@ -147,7 +147,11 @@ impl Criteria {
 
 /// The verdicts of a flight, short.
 pub(crate) fn row_verdicts(criteria: &FlightCriteria) -> RowVerdicts {
-    let short = |f: &CriterionFinding| RowVerdict { id: f.id.clone(), verdict: f.verdict };
+    let words = |f: &CriterionFinding| match f.verdict {
+        CriterionVerdict::Fail => report::criterion_sentence(f),
+        _ => String::new(),
+    };
+    let short = |f: &CriterionFinding| RowVerdict { id: f.id.clone(), verdict: f.verdict, words: words(f) };
     RowVerdicts { overall: criteria.overall(), each: criteria.findings.iter().map(short).collect() }
 }
 

@@ -164,7 +164,7 @@ impl DelayLine {
     /// The line of a row of the campaign's table.
     #[must_use]
     pub fn of_row(row: &FlightRow) -> DelayLine {
-        DelayLine::of(&LineParts {
+        let mut line = DelayLine::of(&LineParts {
             flight: &row.flight,
             lateness: row.lateness.as_ref(),
             decision: row.decision.as_ref(),
@@ -182,7 +182,10 @@ impl DelayLine {
             tail_cut: row.tail_cut_bytes > 0,
             replayed: row.outcome == Outcome::Compensated,
             duplicate_of: row.duplicate_of.as_deref(),
-        })
+        });
+        let damage = row.damage.clone().map(|text| DelayAlarm::of(flight::Alarm::LogDamaged, text));
+        line.alarms.extend(damage.iter().map(alarm));
+        line
     }
 
     /// Whether a reference file was asked for and could not be used.

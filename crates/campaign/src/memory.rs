@@ -129,6 +129,11 @@ impl Memory {
         self.files.get(path).filter(|k| k.stamp == *stamp).map(|k| k.blake3.as_str())
     }
 
+    /// The hash that a file had when it was read last.
+    pub(crate) fn latest_hash_of(&self, path: &str) -> Option<&str> {
+        self.files.get(path).map(|known| known.blake3.as_str())
+    }
+
     /// Learns the hash of a file whose stamp was taken before it was read.
     pub(crate) fn learn(&mut self, path: &str, stamp: &FileStamp, blake3: &str) {
         // A path with bytes that are no text cannot be told from another one.

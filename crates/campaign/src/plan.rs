@@ -88,9 +88,10 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     library.check(&order.pipeline)?;
     let logs = Logs::below(&root)?;
     let mut found = logs::find(&logs, &library, store, order.verify, desk)?;
-    if let Some(settle) = order.settle {
-        leave_unsettled(&mut found, &logs, settle, SystemTime::now(), desk)?;
-    }
+    let kept = match order.settle {
+        Some(settle) => leave_unsettled(&mut found, (&logs, &root), (settle, SystemTime::now()), (store, state), desk)?,
+        None => BTreeSet::new(),
+    };
     let mut manifest = Manifest::new(
         root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         root.clone(),
@@ -114,7 +115,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     }
     let cases = with_references(found.units, order.pipeline.reference_file(), &library).map_err(told)?;
     logs.drop_heads();
-    let mut contents = Contents::look_at(&logs, &root, &cases, order.verify, store);
+    let mut contents = Contents::look_at(&logs, &root, &cases, &Known { kept: &kept, verify: order.verify, store });
     desk.tell(contents.found(cases.len() + found.unreadable.len(), manifest.ignored.len()));
     contents.read_unknown(desk)?;
     // What was hashed before the user stopped need not be hashed again.
@@ -135,15 +136,16 @@ fn as_shown(error: CampaignError, logs: &Logs) -> CampaignError {
     }
 }
 
-/// Takes flights whose files were written to less than `settle` ago off the list of flights, and says so. A time that is later
-/// than now by more than that is a wrong clock, not a recent write.
+/// Takes flights whose files were written to less than `settle` ago off the list of flights, and says so. A flight that has a
+/// result stays with it, unread: the files of such flights are returned. A time that is later than now by more than that is a
+/// wrong clock, not a recent write.
 fn leave_unsettled(
     found: &mut Found,
-    logs: &Logs,
-    settle: Duration,
-    now: SystemTime,
+    (logs, root): (&Logs, &Path),
+    (settle, now): (Duration, SystemTime),
+    (store, state): (&Store, &State),
     desk: &Desk<'_>,
-) -> Result<(), CampaignError> {
+) -> Result<BTreeSet<PathBuf>, CampaignError> {
     let is_fresh = |file: &PathBuf| {
         let written = logs.modified(file);
         let apart = written.map(|at| now.duration_since(at).unwrap_or_else(|ahead| ahead.duration()));
@@ -152,17 +154,27 @@ fn leave_unsettled(
     let (left, settled): (Vec<FlightUnit>, Vec<FlightUnit>) =
         std::mem::take(&mut found.units).into_iter().partition(|unit| unit.files.iter().any(is_fresh));
     found.units = settled;
+    let memory = Memory::recall(store, root);
+    let is_remembered = |file: &PathBuf| memory.latest_hash_of(&name_below(logs.root(), file)).is_some();
+    let has_result = |unit: &FlightUnit| state.has_flight(&unit.id) && unit.files.iter().all(is_remembered);
+    let (kept, left): (Vec<FlightUnit>, Vec<FlightUnit>) = left.into_iter().partition(has_result);
     let minutes = settle.as_secs_f64() / 60.0;
-    let reason = format!("{STILL_WRITTEN} (written to less than {minutes} min before this one)");
-    for unit in &left {
-        desk.tell(Event::Remark { text: format!("{}: {reason}", unit.id) });
-        found.ignored.push(IgnoredInput { path: unit.id.clone(), reason: reason.clone() });
-    }
+    let mut say = |units: &[FlightUnit], more: &str| {
+        for unit in units {
+            let reason = format!("{STILL_WRITTEN} (written to less than {minutes} min before this one){more}");
+            desk.tell(Event::Remark { text: format!("{}: {reason}", unit.id) });
+            found.ignored.push(IgnoredInput { path: unit.id.clone(), reason });
+        }
+    };
+    say(&left, "");
+    say(&kept, "; its result of the last run stays");
     found.ignored.sort_by(|a, b| a.path.cmp(&b.path));
-    if !left.is_empty() && found.units.is_empty() && found.unreadable.is_empty() {
+    if !left.is_empty() && kept.is_empty() && found.units.is_empty() && found.unreadable.is_empty() {
         return Err(CampaignError::AllStillWritten(left.into_iter().map(|unit| unit.id).collect()));
     }
-    Ok(())
+    let files = kept.iter().flat_map(|unit| unit.files.clone()).collect();
+    found.units.extend(kept);
+    Ok(files)
 }
 
 fn no_logs(ignored: &[IgnoredInput]) -> String {
@@ -364,14 +376,26 @@ impl Remembered {
     }
 }
 
+/// What is known of files beforehand.
+struct Known<'a> {
+    /// Files that are still being written, and count with the content that they had.
+    kept: &'a BTreeSet<PathBuf>,
+    verify: bool,
+    store: &'a Store,
+}
+
 impl<'a> Contents<'a> {
-    fn look_at(logs: &'a Logs, root: &Path, cases: &[FlightFiles], verify: bool, store: &Store) -> Contents<'a> {
+    fn look_at(logs: &'a Logs, root: &Path, cases: &[FlightFiles], known: &Known<'_>) -> Contents<'a> {
+        let Known { kept, verify, store } = *known;
         let mut now = Memory::recall(store, root);
         let before = now.clone();
         let look = |path: &PathBuf| {
             let name = name_below(logs.root(), path);
             let stamp = logs.stamp(path).map_err(|e| format!("{name}: {e}"));
-            let known = stamp.as_ref().ok().filter(|_| !verify).and_then(|s| now.hash_of(&name, s));
+            let known = match kept.contains(path) {
+                true => now.latest_hash_of(&name),
+                false => stamp.as_ref().ok().filter(|_| !verify).and_then(|s| now.hash_of(&name, s)),
+            };
             let blake3 = known.map(str::to_owned);
             (path.clone(), Looked { path: path.clone(), name, stamp, blake3 })
         };

@@ -85,6 +85,11 @@ impl State {
         Ok(store.rewrite_sealed(STATE, self)?)
     }
 
+    /// Whether the last run had a result of this flight.
+    pub(crate) fn has_flight(&self, flight: &str) -> bool {
+        self.flights.get(flight).is_some_and(|known| known.key.is_some())
+    }
+
     /// Keys of the results and measurements of the last run.
     pub(crate) fn keys(&self) -> impl Iterator<Item = &str> {
         self.flights.values().flat_map(|f| [&f.measure_key, &f.key]).flatten().map(String::as_str)

@@ -5,7 +5,7 @@ use crate::campaign_command::{desk, name_for_shell, pipeline_of};
 use crate::failure::{End, Failure};
 use crate::files::write_site;
 use crate::listen::listener;
-use crate::show::{Table, count, visible};
+use crate::show::{Table, count, number, visible};
 use crate::stop::Stop;
 use campaign::{Exit, Order};
 use record::{ComparedReport, DiffRecord, Estimate, FlightWords, MovedNumber, NamedFlight, RunChanges};
@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 const MOST: usize = 50;
 
 pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure> {
-    let (before, now) = match &arguments.flights {
+    let (before, now, exit) = match &arguments.flights {
         Some(flights) => both_pipelines(arguments, flights, stop)?,
-        None => (arguments.before.clone(), arguments.now.clone()),
+        None => (arguments.before.clone(), arguments.now.clone(), Exit::Well),
     };
     let found = history::diff(&before, &now, arguments.out.as_deref())?;
     if let Some(out) = &arguments.out {
@@ -36,11 +36,11 @@ pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure
             }
         }
     }
-    Ok(Exit::Well.into())
+    Ok(exit.into())
 }
 
-/// Runs a campaign with each pipeline, into OUT/first and OUT/second.
-fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Result<(PathBuf, PathBuf), Failure> {
+/// Runs a campaign with each pipeline, into OUT/first and OUT/second. The exit code is that of the second.
+fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Result<(PathBuf, PathBuf, Exit), Failure> {
     let Some(out) = &arguments.out else {
         return Err(Failure::new(
             Exit::Wrong,
@@ -54,7 +54,7 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
         ..arguments.desk.clone()
     };
     let events = listener(&quiet);
-    let mut reports = vec![];
+    let (mut reports, mut exit) = (vec![], Exit::Well);
     for (name, pipeline) in [("first", &arguments.before), ("second", &arguments.now)] {
         let order = Order {
             flights: flights.to_owned(),
@@ -69,11 +69,11 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
             ),
             settle: None,
         };
-        campaign::run(&order, &desk(&quiet, stop, events.as_ref()))?;
+        exit = campaign::run(&order, &desk(&quiet, stop, events.as_ref()))?.exit();
         reports.push(order.out);
     }
     match reports.as_slice() {
-        [before, now] => Ok((before.clone(), now.clone())),
+        [before, now] => Ok((before.clone(), now.clone(), exit)),
         _ => Err(Failure::new(Exit::Failed, "a report is missing")),
     }
 }
@@ -161,18 +161,29 @@ fn rerun(changes: &RunChanges) -> String {
 
 fn lists(changes: &RunChanges) -> String {
     let words = |title: &str, all: &[FlightWords]| {
-        let mut table = Table::new(&["flight", "what", "first line of the error"]);
+        let has_text = |of: &FlightWords| of.error.is_some() || of.texts.iter().any(|text| !text.is_empty());
+        let columns = if all.iter().any(has_text) { 3 } else { 2 };
+        let mut table = Table::new(&["flight", "what", "in words"][..columns]);
         for of in all.iter().take(MOST) {
-            table.row(vec![of.flight.flight.clone(), of.words.join(", "), of.error.clone().unwrap_or_default()]);
+            let texts = of.texts.iter().filter(|text| !text.is_empty()).cloned().collect::<Vec<_>>().join("; ");
+            let text = of.error.clone().unwrap_or(texts);
+            let row = [of.flight.flight.clone(), of.words.join(", "), text];
+            table.row(row.into_iter().take(columns).collect());
         }
         section(title, &table, all.len())
     };
+    let millis = |value_s: Option<f64>| value_s.map_or_else(|| "none".to_owned(), |s| number(Some(s * 1e3), 0));
+    let mut advice = Table::new(&["flight", "parameter", "first ms|", "second ms|"]);
+    for of in changes.advice.iter().take(MOST) {
+        advice.row(vec![of.flight.flight.clone(), of.parameter.clone(), millis(of.before_s), millis(of.now_s)]);
+    }
     let names = |title: &str, all: &[NamedFlight]| {
         let mut table = Table::new(&["flight"]);
         all.iter().take(MOST).for_each(|flight| table.row(vec![flight.flight.clone()]));
         section(title, &table, all.len())
     };
     words("newly failing", &changes.failing)
+        + &section("another value recommended", &advice, changes.advice.len())
         + &words("no longer failing", &changes.recovered)
         + &words("new alarms", &changes.alarms_new)
         + &words("alarms cleared", &changes.alarms_cleared)

@@ -11,6 +11,12 @@ use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
+/// The first 64 bits of a BLAKE3 in hexadecimal; of the hashes of several files all of them together.
+fn short(hashes: &str) -> u64 {
+    let bits = |hash: &str| hash.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or_default();
+    hashes.split('+').map(bits).fold(0, |all, one| all.rotate_left(1) ^ one)
+}
+
 /// A text that many rows share.
 type Shared = Option<Arc<str>>;
 
@@ -19,23 +25,25 @@ pub type PageOf<'a> = &'a dyn Fn(&str, &str) -> Option<String>;
 
 /// The struct, its columns, and how it is made of a row and of a sheet.
 macro_rules! brief {
-    (boxed { $($boxed:ident,)+ } own { $($own:ident: $kind:ty,)+ } one { $($one:ident,)+ } shared { $($shared:ident,)+ }) => {
+    (boxed { $($boxed:ident,)+ } own { $($own:ident: $kind:ty,)+ } hash { $($hash:ident,)+ } one { $($one:ident,)+ } shared { $($shared:ident,)+ }) => {
         /// Some columns of a [`Row`].
         #[derive(Debug, Clone, PartialEq)]
         pub struct Brief {
             $(pub(crate) $boxed: Box<str>,)+
             $(pub(crate) $own: $kind,)+
+            $(pub(crate) $hash: Option<u64>,)+
             $(pub(crate) $one: Arc<str>,)+
             $(pub(crate) $shared: Shared,)+
         }
 
-        const COLUMNS: &[&str] = &[$(stringify!($boxed),)+ $(stringify!($own),)+ $(stringify!($one),)+ $(stringify!($shared),)+];
+        const COLUMNS: &[&str] = &[$(stringify!($boxed),)+ $(stringify!($own),)+ $(stringify!($hash),)+ $(stringify!($one),)+ $(stringify!($shared),)+];
 
         impl From<&Row> for Brief {
             fn from(row: &Row) -> Brief {
                 Brief {
                     $($boxed: row.$boxed.as_str().into(),)+
                     $($own: row.$own,)+
+                    $($hash: row.$hash.as_deref().map(short),)+
                     $($one: row.$one.as_str().into(),)+
                     $($shared: row.$shared.as_deref().map(Into::into),)+
                 }
@@ -49,16 +57,18 @@ macro_rules! brief {
                 let rows = sheet.rows();
                 $(let mut $boxed = column::<String>(&mut sheet, stringify!($boxed))?.into_iter();)+
                 $(let mut $own = column::<$kind>(&mut sheet, stringify!($own))?.into_iter();)+
+                $(let mut $hash = column::<Option<String>>(&mut sheet, stringify!($hash))?.into_iter();)+
                 $(let mut $one = column::<String>(&mut sheet, stringify!($one))?.into_iter();)+
                 $(let mut $shared = column::<Option<String>>(&mut sheet, stringify!($shared))?.into_iter();)+
-                let short = || "columns of unequal length".to_owned();
+                let uneven = || "columns of unequal length".to_owned();
                 (0..rows)
                     .map(|_| {
                         Ok(Brief {
-                            $($boxed: $boxed.next().ok_or_else(short)?.into(),)+
-                            $($own: $own.next().ok_or_else(short)?,)+
-                            $($one: self.shared($one.next().ok_or_else(short)?),)+
-                            $($shared: $shared.next().ok_or_else(short)?.map(|text| self.shared(text)),)+
+                            $($boxed: $boxed.next().ok_or_else(uneven)?.into(),)+
+                            $($own: $own.next().ok_or_else(uneven)?,)+
+                            $($hash: $hash.next().ok_or_else(uneven)?.as_deref().map(short),)+
+                            $($one: self.shared($one.next().ok_or_else(uneven)?),)+
+                            $($shared: $shared.next().ok_or_else(uneven)?.map(|text| self.shared(text)),)+
                         })
                     })
                     .collect()
@@ -85,6 +95,9 @@ brief! {
         advised_s: Option<f64>,
         advised_from_s: Option<f64>,
         advised_from_u_s: Option<f64>,
+    }
+    hash {
+        log_hash,
     }
     one {
         run_id,
@@ -160,7 +173,8 @@ fn read(path: &Path, texts: &mut Texts) -> Result<Vec<Brief>, String> {
     texts.briefs_of(current(table)?)
 }
 
-/// The latest of the rows of each flight, by campaign and flight.
+/// The latest of the rows of each flight, by campaign and flight. A log that was renamed is one flight: of rows of one campaign
+/// with the same content that of the latest run counts.
 #[must_use]
 pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
     let mut latest: HashMap<(&str, &str), &Brief> = HashMap::with_capacity(rows.len());
@@ -170,7 +184,24 @@ pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
             *known = row;
         }
     }
-    let mut latest: Vec<&Brief> = latest.into_values().collect();
+    // Of copies in one run the flight that counts comes first.
+    let newer = |row: &Brief, known: &Brief| {
+        (row.run_ns, row.duplicate_of.is_none(), &known.flight)
+            > (known.run_ns, known.duplicate_of.is_none(), &row.flight)
+    };
+    let mut by_content: HashMap<(&str, u64), &Brief> = HashMap::new();
+    for row in latest.values() {
+        let Some(hash) = row.log_hash else { continue };
+        let known = by_content.entry((&row.campaign, hash)).or_insert(row);
+        if newer(row, known) {
+            *known = row;
+        }
+    }
+    let counts = |row: &&Brief| {
+        row.log_hash
+            .is_none_or(|hash| by_content.get(&(&*row.campaign, hash)).is_none_or(|one| one.flight == row.flight))
+    };
+    let mut latest: Vec<&Brief> = latest.into_values().filter(counts).collect();
     latest.sort_unstable_by(|a, b| (&a.campaign, &a.flight).cmp(&(&b.campaign, &b.flight)));
     latest
 }
@@ -220,6 +251,7 @@ mod tests {
                 flight: "a".into(),
                 page: "flights/a/index.html".into(),
                 serial: Some("D9".into()),
+                log_hash: Some("0123456789abcdef0000".into()),
                 rate_hz: Some(5.0),
                 lateness_s: Some(0.118),
                 ..Row::default()
@@ -231,7 +263,35 @@ mod tests {
         assert_eq!(read, Briefs { rows: rows.iter().map(Brief::from).collect(), unreadable: vec![] });
         assert!(Arc::ptr_eq(read.rows[0].serial.as_ref().unwrap(), read.rows[1].serial.as_ref().unwrap()));
         assert_eq!(latest_briefs(&read.rows), [&read.rows[1]]);
+        assert_eq!(read.rows[0].log_hash, Some(0x0123_4567_89ab_cdef));
         assert_eq!(read.rows[0].of(Dimension::Rate).as_deref(), Some("5 Hz"));
         assert_eq!(history.briefs(&|_| false).unwrap(), Briefs::default());
+    }
+
+    #[test]
+    fn a_log_that_was_renamed_is_one_flight() {
+        let row = |flight: &str, run_ns: i64, content: Option<&str>, duplicate_of: Option<&str>| {
+            let text = |text: &str| text.to_owned();
+            let (log_hash, duplicate_of) = (content.map(text), duplicate_of.map(text));
+            Brief::from(&Row {
+                campaign: "c".into(),
+                flight: flight.into(),
+                run_ns,
+                log_hash,
+                duplicate_of,
+                ..Row::default()
+            })
+        };
+        let same = Some("00000000000000010000");
+        let rows = [
+            row("old", 1, same, None),
+            row("new", 2, same, None),
+            row("new-copy", 2, same, Some("new")),
+            row("other", 1, Some("00000000000000020000"), None),
+            row("unread", 1, None, None),
+            row("unread-too", 1, None, None),
+        ];
+        let names: Vec<&str> = latest_briefs(&rows).iter().map(|row| &*row.flight).collect();
+        assert_eq!(names, ["new", "other", "unread", "unread-too"]);
     }
 }

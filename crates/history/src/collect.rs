@@ -1,14 +1,14 @@
 //! From the report of a campaign to rows of the history.
 
-use crate::compare::AlarmTexts;
+use crate::compare::{HARMED, Texts, failed_criterion};
 use crate::dataset::{Latest, Run};
 use crate::error::HistoryError;
 use crate::fleet::{Aircraft, Fleet};
 use crate::row::Row;
 use crate::schema::nanoseconds;
 use campaign::DelayLine;
-use flight::{About, Alarm};
-use record::{CampaignRecord, DelayAlarm, FlightRow, GroupLateness, InputFile, RECORD_VERSION, flight_alarms};
+use flight::About;
+use record::{CampaignRecord, FlightRow, GroupLateness, InputFile, RECORD_VERSION};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -58,14 +58,17 @@ pub fn collect(record: &CampaignRecord, report: &Path, with: &Collecting<'_>) ->
     record.flights.iter().map(row).collect()
 }
 
-/// The alarms of every flight of a report, the damage of its log among them.
+/// The sentences of every flight of a report.
 #[must_use]
-pub fn alarm_texts(record: &CampaignRecord, campaign: &str) -> AlarmTexts {
-    let alarms = |flight: &FlightRow| {
-        let damage = flight.damage.clone().map(|text| DelayAlarm::of(Alarm::LogDamaged, text));
-        flight_alarms(flight.lateness.as_ref(), flight.decision.as_ref()).into_iter().chain(damage).collect()
+pub fn texts_of(record: &CampaignRecord, campaign: &str) -> Texts {
+    let of = |flight: &FlightRow| {
+        let alarms = DelayLine::of_row(flight).alarms.into_iter().map(|alarm| (alarm.code, alarm.text));
+        let failed = flight.criteria.iter().flat_map(|criteria| &criteria.each).filter(|one| !one.words.is_empty());
+        let criteria = failed.map(|one| (failed_criterion(&one.id), one.words.clone()));
+        let effect = flight.effect.as_ref().map(|effect| (HARMED.to_owned(), effect.words.clone()));
+        alarms.chain(criteria).chain(effect).collect()
     };
-    record.flights.iter().map(|flight| ((campaign.to_owned(), flight.flight.clone()), alarms(flight))).collect()
+    record.flights.iter().map(|flight| ((campaign.to_owned(), flight.flight.clone()), of(flight))).collect()
 }
 
 /// The group of each flight. A group that was split describes no flight: its parts do.
@@ -195,6 +198,9 @@ fn content_hash(inputs: &[InputFile]) -> Option<String> {
 
 /// The autopilot's parameter that is recommended for a flight, and its value, s. What cannot be set is not recommended.
 fn advised(flight: &FlightRow, group: Option<&GroupLateness>) -> Option<(String, f64)> {
+    if group.is_some_and(GroupLateness::is_apart) {
+        return None;
+    }
     let own = flight.lateness.iter().flat_map(|l| &l.advice.set);
     let all = group.into_iter().flat_map(|g| &g.advice.set).chain(own);
     let found = all.into_iter().find(|setting| setting.unit == "ms" && !setting.out_of_range)?;

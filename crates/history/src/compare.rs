@@ -4,9 +4,7 @@ use crate::brief::PageOf;
 use crate::dataset::Latest;
 use crate::row::Row;
 use flight::{Alarm, Gravity};
-use record::{
-    ChangeCause, DelayAlarm, Estimate, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RerunCause, RunChanges,
-};
+use record::{ChangeCause, Estimate, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RerunCause, RunChanges};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Trouble of a flight whose delay cannot be measured.
@@ -14,6 +12,9 @@ const NOT_MEASURABLE: &str = "not measurable";
 const FAILED: &str = "failed";
 const PENDING: &str = "pending";
 const DAMAGED: &str = "log damaged";
+pub(crate) const HARMED: &str = "harmed";
+/// Trouble of a flight from which a delay was removed before.
+const NOTHING_REMOVED: &str = "nothing is removed any more";
 /// A number has moved if it did by more than this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
 /// A number whose uncertainty is not known has moved if it changed by more than this share.
@@ -21,17 +22,17 @@ const MOVED_SHARE: f64 = 0.1;
 /// Recommended values nearer than this are the same, s: parameters are whole milliseconds.
 const SAME_ADVICE_S: f64 = 0.5e-3;
 
-/// The alarms of flights, by campaign and flight: rows hold their codes only.
-pub type AlarmTexts = BTreeMap<(String, String), Vec<DelayAlarm>>;
+/// What alarms and troubles of flights say in full, by campaign and flight, then by code or trouble: rows hold only these.
+pub type Texts = BTreeMap<(String, String), BTreeMap<String, String>>;
 
-/// Compares rows with the latest ones before; `texts` are the alarms of these rows. Flights that are gone are not in rows: the
+/// Compares rows with the latest ones before; `texts` are of these rows. Flights that are gone are not in rows: the
 /// caller knows them.
 #[must_use]
-pub fn compare(before: &Latest, now: &[Row], texts: &AlarmTexts, page: PageOf<'_>) -> RunChanges {
+pub fn compare(before: &Latest, now: &[Row], texts: &Texts, page: PageOf<'_>) -> RunChanges {
     let mut changes = RunChanges::default();
     for row in now {
         let name = (row.campaign.clone(), row.flight.clone());
-        let flight = Flight { row, named: name_of(row, page), alarms: texts.get(&name).map_or(&[], Vec::as_slice) };
+        let flight = Flight { row, named: name_of(row, page), texts: texts.get(&name) };
         let Some(was) = before.get(&name) else {
             new_flight(&mut changes, flight);
             continue;
@@ -40,7 +41,7 @@ pub fn compare(before: &Latest, now: &[Row], texts: &AlarmTexts, page: PageOf<'_
         changes.compared += 1;
         let causes = causes(was, row);
         if was.key != row.key {
-            changes.rerun.push(RerunCause { flight: named.clone(), causes: causes.clone() });
+            changes.rerun.push(RerunCause { flight: named.clone(), causes: of_result(&causes) });
         }
         changes.moved.extend(moved(was, row, named, &causes));
         changes.advice.extend(moved_advice(was, row, named));
@@ -55,13 +56,17 @@ pub fn compare(before: &Latest, now: &[Row], texts: &AlarmTexts, page: PageOf<'_
 struct Flight<'a> {
     row: &'a Row,
     named: NamedFlight,
-    alarms: &'a [DelayAlarm],
+    texts: Option<&'a BTreeMap<String, String>>,
 }
 
 impl Flight<'_> {
-    /// What an alarm says.
-    fn text(&self, code: &str) -> Option<&str> {
-        self.alarms.iter().find(|alarm| alarm.code == code).map(|alarm| alarm.text.as_str())
+    /// What an alarm or a trouble says.
+    fn text(&self, word: &str) -> Option<&str> {
+        match word {
+            FAILED | NOT_MEASURABLE | PENDING | NOTHING_REMOVED => self.row.reason.as_deref(),
+            DAMAGED => self.texts?.get(Alarm::LogDamaged.name()).map(String::as_str),
+            word => self.texts?.get(word).map(String::as_str),
+        }
     }
 
     fn words(&self, words: Vec<String>, error: Option<&str>, texts: Vec<String>) -> Option<FlightWords> {
@@ -69,15 +74,10 @@ impl Flight<'_> {
         (!words.is_empty()).then(|| FlightWords { flight: self.named.clone(), words, error, texts })
     }
 
-    /// Troubles with the reason of the first that has one: why there is no result, or what is damaged.
+    /// Troubles with the reason of the first that has one.
     fn failing(&self, troubles: Vec<String>) -> Option<FlightWords> {
-        let has = |known: &[&str]| troubles.iter().any(|trouble| known.contains(&trouble.as_str()));
-        let error = match (has(&[FAILED, NOT_MEASURABLE, PENDING]), has(&[DAMAGED])) {
-            (true, _) => self.row.reason.as_deref(),
-            (false, true) => self.text(Alarm::LogDamaged.name()),
-            (false, false) => None,
-        };
-        self.words(troubles, error, vec![])
+        let error = troubles.iter().find_map(|trouble| self.text(trouble)).map(str::to_owned);
+        self.words(troubles, error.as_deref(), vec![])
     }
 
     /// Alarms with their texts.
@@ -113,11 +113,17 @@ fn new_flight(changes: &mut RunChanges, flight: Flight<'_>) {
 fn came_and_went(changes: &mut RunChanges, was: &Row, flight: &Flight<'_>) {
     let row = flight.row;
     let only = |of: &[String], not: &[String]| of.iter().filter(|t| !not.contains(t)).cloned().collect::<Vec<_>>();
-    let (had, has) = (troubles(was), troubles(row));
+    let (had, mut has) = (troubles(was), troubles(row));
+    if was.removed_s.is_some() && row.removed_s.is_none() && has.is_empty() {
+        has.push(NOTHING_REMOVED.to_owned());
+    }
     changes.failing.extend(flight.failing(only(&has, &had)));
     // A flight that fails for another reason now has not recovered.
     if has.is_empty() {
-        changes.recovered.extend(flight.plain(only(&had, &has)));
+        // What other criteria do not judge is not known to be well.
+        let same_criteria = was.criteria_hash == row.criteria_hash;
+        let lost = only(&had, &has).into_iter().filter(|what| same_criteria || !is_criterion(what)).collect();
+        changes.recovered.extend(flight.plain(lost));
     }
     let ((had, had_remarks), (has, has_remarks)) = (codes(was), codes(row));
     changes.alarms_new.extend(flight.alarming(only(&has, &had)));
@@ -148,11 +154,20 @@ fn troubles(row: &Row) -> Vec<String> {
         PENDING => Some(PENDING.to_owned()),
         _ => None,
     };
-    let harmed = (row.effect.as_deref() == Some("harmed")).then(|| "harmed".to_owned());
+    let harmed = (row.effect.as_deref() == Some("harmed")).then(|| HARMED.to_owned());
     let damaged = (row.data == "damaged").then(|| DAMAGED.to_owned());
     let failed = row.criteria_failed.iter().flat_map(|ids| ids.split_whitespace());
-    let failed = failed.map(|id| format!("criterion {id} failed"));
+    let failed = failed.map(failed_criterion);
     outcome.into_iter().chain(harmed).chain(damaged).chain(failed).collect()
+}
+
+/// Trouble of a flight that fails a criterion.
+pub(crate) fn failed_criterion(id: &str) -> String {
+    format!("criterion {id} failed")
+}
+
+fn is_criterion(trouble: &str) -> bool {
+    trouble.starts_with("criterion ")
 }
 
 /// Every reason why the second row may differ from the first.
@@ -160,22 +175,24 @@ fn troubles(row: &Row) -> Vec<String> {
 pub fn causes(was: &Row, row: &Row) -> Vec<ChangeCause> {
     let log = was.log_hash.is_some() && row.log_hash.is_some() && was.log_hash != row.log_hash;
     let build = was.analysis_version != row.analysis_version || was.build != row.build;
+    let settings = was.settings_hash != row.settings_hash;
+    // Criteria make no other result.
+    let others = was.key != row.key && !(log || settings || build);
     let found = [
         (log, ChangeCause::Log),
-        (was.settings_hash != row.settings_hash, ChangeCause::Settings),
+        (settings, ChangeCause::Settings),
         (build, ChangeCause::Build),
+        (others, ChangeCause::OtherFlights),
         (was.criteria_hash != row.criteria_hash, ChangeCause::Criteria),
     ];
-    let mut causes: Vec<ChangeCause> = found.into_iter().filter(|(is, _)| *is).map(|(_, cause)| cause).collect();
-    if causes.is_empty() && was.key != row.key {
-        causes.push(ChangeCause::OtherFlights);
-    }
-    causes
+    found.into_iter().filter(|(is, _)| *is).map(|(_, cause)| cause).collect()
 }
 
 /// Numbers of a flight that moved.
 fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> Vec<MovedNumber> {
-    let same_datum = was.datum == row.datum;
+    // A lateness against the velocity is the difference that has its own name.
+    let is_relative = row.datum.as_deref().is_some_and(|datum| datum.starts_with("relative"));
+    let is_lateness = was.datum == row.datum && !is_relative;
     let numbers = [
         ("lateness", "s", (was.lateness_s, was.lateness_u_s), (row.lateness_s, row.lateness_u_s)),
         (
@@ -191,7 +208,7 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
             (row.error_compensated_m, row.error_compensated_u_m),
         ),
     ];
-    let wanted = numbers.into_iter().filter(|(quantity, ..)| same_datum || *quantity != "lateness");
+    let wanted = numbers.into_iter().filter(|(quantity, ..)| is_lateness || *quantity != "lateness");
     let one = |(quantity, unit, was, is): (&str, &str, _, _)| {
         let (before, now) = (estimate(was)?, estimate(is)?);
         let sigmas = sigmas(&before, &now);
@@ -206,8 +223,7 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
             before,
             now,
             sigmas,
-            // Criteria change no number.
-            causes: causes.iter().copied().filter(|cause| *cause != ChangeCause::Criteria).collect(),
+            causes: of_result(causes),
         })
     };
     wanted.filter_map(one).collect()
@@ -225,6 +241,11 @@ fn moved_advice(was: &Row, row: &Row, named: &NamedFlight) -> Option<MovedAdvice
     let parameter = of.parameter.clone().filter(|_| !is_same)?;
     let before_s = was.advised_s.filter(|_| was.parameter == of.parameter);
     Some(MovedAdvice { flight: named.clone(), parameter, before_s, now_s: row.advised_s })
+}
+
+/// The causes of another result or number: criteria change neither.
+fn of_result(causes: &[ChangeCause]) -> Vec<ChangeCause> {
+    causes.iter().copied().filter(|cause| *cause != ChangeCause::Criteria).collect()
 }
 
 fn estimate((value, u): (Option<f64>, Option<f64>)) -> Option<Estimate> {
@@ -261,7 +282,7 @@ mod tests {
     }
 
     fn changes(before: &[Row], now: &[Row]) -> RunChanges {
-        compare(&latest_of(before.iter().cloned()), now, &AlarmTexts::new(), &|_, _| None)
+        compare(&latest_of(before.iter().cloned()), now, &Texts::new(), &|_, _| None)
     }
 
     #[test]
@@ -363,12 +384,10 @@ mod tests {
             alarms: Some("log-damaged weak delay-steps".into()),
             ..row(flight)
         };
-        let alarm = |alarm: Alarm, text: &str| DelayAlarm::of(alarm, text.to_owned());
-        let alarms = vec![
-            alarm(Alarm::LogDamaged, "12 of 900 bytes could not be read\nmore"),
-            alarm(Alarm::DelaySteps, "The delay steps by 90 ms."),
-        ];
-        let texts = ["a", "n"].map(|flight| (("c".to_owned(), flight.to_owned()), alarms.clone())).into();
+        let said =
+            [("log-damaged", "12 of 900 bytes could not be read\nmore"), ("delay-steps", "The delay steps by 90 ms.")];
+        let said = BTreeMap::from(said.map(|(code, text)| (code.to_owned(), text.to_owned())));
+        let texts = ["a", "n"].map(|flight| (("c".to_owned(), flight.to_owned()), said.clone())).into();
         let found = compare(&latest_of([row("a")]), &[damaged("a"), damaged("n")], &texts, &|_, _| None);
         for failing in &found.failing {
             assert_eq!(failing.error.as_deref(), Some("12 of 900 bytes could not be read"));
@@ -401,6 +420,28 @@ mod tests {
         let other = advised(Some(118.0), "GPS2_DELAY_MS");
         assert_eq!(moved(&was, other), Some(("GPS2_DELAY_MS".to_owned(), None, Some(0.118))));
         assert_eq!(moved(&advised(None, "GPS1_DELAY_MS"), was), Some((name(), None, Some(0.118))));
+    }
+
+    #[test]
+    fn other_criteria_make_no_other_result_and_no_flight_well() {
+        let was = Row { criteria_failed: Some("late".into()), criteria_hash: Some("one".into()), ..row("a") };
+        let now = Row { key: "k2".into(), criteria_hash: None, ..row("a") };
+        let found = changes(std::slice::from_ref(&was), &[now]);
+        assert_eq!(found.rerun[0].causes, [ChangeCause::OtherFlights]);
+        assert_eq!(found.recovered, vec![]);
+        let judged = Row { criteria_failed: None, ..was.clone() };
+        assert_eq!(changes(&[was], &[judged]).recovered[0].words, ["criterion late failed"]);
+    }
+
+    #[test]
+    fn a_flight_from_which_nothing_is_removed_any_more_is_newly_failing() {
+        let was = Row { removed_s: Some(0.2), ..row("a") };
+        let now = Row { outcome: "uncompensated".into(), reason: Some("no one delay".into()), ..row("a") };
+        let found = changes(&[was], &[now]);
+        assert_eq!(
+            (found.failing[0].words[0].as_str(), found.failing[0].error.as_deref()),
+            (NOTHING_REMOVED, Some("no one delay"))
+        );
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Two reports side by side.
 
-use crate::collect::{Collecting, alarm_texts, collect, read_campaign};
+use crate::collect::{Collecting, collect, read_campaign, texts_of};
 use crate::compare::compare;
 use crate::dataset::{Latest, Run, latest_of};
 use crate::error::HistoryError;
@@ -29,7 +29,7 @@ pub fn diff(before: &Path, now: &Path, page_folder: Option<&Path>) -> Result<Dif
     let gone = was.iter().filter(|row| !names.contains(row.flight.as_str()));
     let gone =
         gone.map(|row| NamedFlight { campaign: String::new(), flight: row.flight.clone(), page: None }).collect();
-    let changes = RunChanges { gone, ..compare(&latest_of(was), &is, &alarm_texts(&records.1, ""), &page) };
+    let changes = RunChanges { gone, ..compare(&latest_of(was), &is, &texts_of(&records.1, ""), &page) };
     Ok(DiffRecord {
         record_version: RECORD_VERSION,
         settings: settings_that_differ(&records.0.pipeline.toml, &records.1.pipeline.toml),

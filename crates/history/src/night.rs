@@ -2,8 +2,8 @@
 
 use crate::brief::{Brief, latest_briefs};
 use crate::change_points::Looks;
-use crate::collect::{Collecting, alarm_texts, collect, read_campaign};
-use crate::compare::{AlarmTexts, compare};
+use crate::collect::{Collecting, collect, read_campaign, texts_of};
+use crate::compare::{Texts, compare};
 use crate::config::NightlyConfig;
 use crate::dataset::{History, Latest, Run};
 use crate::error::HistoryError;
@@ -13,7 +13,8 @@ use crate::summary;
 use crate::trend::{Trend, new_changes, trend};
 use campaign::{CampaignError, Desk, Event, Exit, Order, STILL_WRITTEN, Verdict};
 use record::{
-    CampaignRecord, LeftLog, NamedFlight, NightCampaign, NightRecord, ProofVerdict, RECORD_VERSION, TrendRecord,
+    CampaignRecord, FlightWords, GroupLateness, LeftLog, NamedFlight, NightCampaign, NightGroup, NightRecord,
+    ProofVerdict, RECORD_VERSION, TrendRecord,
 };
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -131,11 +132,14 @@ struct Made {
     since: Option<String>,
     campaigns: Vec<NightCampaign>,
     rows: Vec<Row>,
-    /// What the alarms of these rows say.
-    texts: AlarmTexts,
+    /// What the alarms and failures of these rows say.
+    texts: Texts,
     /// What the history says of the flights of these rows.
     before: Latest,
     gone: Vec<NamedFlight>,
+    /// Flights whose files are there and can no longer be used.
+    unusable: Vec<FlightWords>,
+    groups: Vec<NightGroup>,
     left: Vec<LeftLog>,
     problems: Vec<String>,
 }
@@ -143,8 +147,7 @@ struct Made {
 impl Made {
     /// Runs one campaign and takes down what came of it. Only the user's stop ends the night.
     fn campaign(&mut self, name: &str, order: &Order, context: &Context<'_>) -> Result<(), HistoryError> {
-        let earlier = read_campaign(&order.out).map(|record| record.flights.into_iter().map(|row| row.flight));
-        let earlier: BTreeSet<String> = earlier.map(Iterator::collect).unwrap_or_default();
+        let earlier = read_campaign(&order.out).ok();
         let is_there = campaign::is_in_bucket(&order.flights) || order.flights.is_dir();
         let ran = match is_there {
             true => campaign::run(order, context.desk),
@@ -153,7 +156,12 @@ impl Made {
         };
         let ended = match ran {
             Err(CampaignError::Cancelled) => return Err(CampaignError::Cancelled.into()),
-            Ok(verdict) => self.collected(name, order, context, &earlier, &verdict).map(|()| verdict),
+            Ok(verdict) => self.collected(name, order, context, earlier.as_ref(), &verdict).map(|()| verdict),
+            // A folder that held flights is a disk that is not mounted, more often than a folder that somebody emptied.
+            Err(CampaignError::NoFlights { path, what }) if earlier.is_some() => {
+                let what = format!("{}: no flight found, and the report has some: {what}", path.display());
+                Err(CampaignError::TryAgain(what).into())
+            }
             Err(error) => {
                 if let CampaignError::AllStillWritten(logs) = &error {
                     let left = |path: &String| LeftLog {
@@ -175,7 +183,7 @@ impl Made {
         name: &str,
         order: &Order,
         context: &Context<'_>,
-        earlier: &BTreeSet<String>,
+        earlier: Option<&CampaignRecord>,
         verdict: &Verdict,
     ) -> Result<(), HistoryError> {
         let record = read_campaign(&order.out)?;
@@ -184,16 +192,24 @@ impl Made {
         let known = context.history.latest(name, &now)?;
         let with = Collecting { run: context.run, campaign: name, fleet, known: &known };
         self.rows.extend(collect(&record, &order.out, &with)?);
-        self.texts.extend(alarm_texts(&record, name));
+        self.texts.extend(texts_of(&record, name));
         self.before.extend(known);
         let left = left_of(name, &record);
-        let is_left = |flight: &String| left.iter().any(|log| log.path == *flight);
-        let gone = earlier.iter().filter(|flight| !now.contains(flight.as_str()) && !is_left(flight));
-        self.gone.extend(gone.map(|flight| NamedFlight {
-            campaign: name.to_owned(),
-            flight: flight.clone(),
-            page: None,
-        }));
+        let before = earlier.iter().flat_map(|record| &record.flights).map(|row| &row.flight);
+        for flight in before.filter(|flight| !now.contains(flight.as_str())) {
+            let named = NamedFlight { campaign: name.to_owned(), flight: flight.clone(), page: None };
+            match record.ignored.iter().find(|input| input.path == *flight) {
+                Some(input) if !left.iter().any(|log| log.path == *flight) => self.unusable.push(FlightWords {
+                    flight: named,
+                    words: vec![UNUSABLE.to_owned()],
+                    error: Some(input.reason.clone()),
+                    texts: vec![],
+                }),
+                Some(_) => {}
+                None => self.gone.push(named),
+            }
+        }
+        self.groups.extend(apart(name, &record, earlier));
         self.left.extend(left);
         if verdict.troubled > 0 {
             self.problems.push(format!(
@@ -203,6 +219,26 @@ impl Made {
         }
         Ok(())
     }
+}
+
+/// Trouble of a log that was a flight.
+const UNUSABLE: &str = "no flight any more";
+
+/// Groups whose flights do not share one delay. Parts of a group that was split are told by the whole.
+fn apart(name: &str, record: &CampaignRecord, earlier: Option<&CampaignRecord>) -> Vec<NightGroup> {
+    let groups = |record: &CampaignRecord| record.groups.iter().filter(|group| group.is_apart()).cloned().collect();
+    let before: Vec<GroupLateness> = earlier.map(groups).unwrap_or_default();
+    let now: Vec<GroupLateness> = groups(record);
+    let is_known = |group: &GroupLateness| {
+        before.iter().any(|other| other.group.key == group.group.key && other.against == group.against)
+    };
+    let of = |group: GroupLateness| NightGroup {
+        campaign: name.to_owned(),
+        is_new: !is_known(&group),
+        group: group.group.name,
+        words: group.split.unwrap_or(group.words),
+    };
+    now.into_iter().map(of).collect()
 }
 
 /// Logs that are left for the next night.
@@ -247,6 +283,7 @@ fn record(
     let page = |campaign: &str, page: &str| Some(format!("{campaign}/{page}")).filter(|_| !page.is_empty());
     let mut changes = compare(&made.before, &made.rows, &made.texts, &page);
     changes.gone = made.gone;
+    changes.failing.extend(made.unusable);
     let charts = |rows: &[Brief]| trend(&latest_briefs(rows), &Dimension::ALL, Looks::Every, &page);
     let earlier = charts(&known);
     let mut all = known;
@@ -265,6 +302,7 @@ fn record(
         campaigns: made.campaigns,
         changes,
         left: made.left,
+        groups: made.groups,
         new_trend_changes: new_changes(&earlier, &now),
         trend: with_changes(now),
         proofs: proofs(&all, &page),
@@ -288,7 +326,9 @@ fn with_changes(trend: Trend) -> TrendRecord {
 fn code(record: &NightRecord) -> u8 {
     let is_failed = record.proofs.iter().any(|proof| proof.verdict == ProofVerdict::Fail);
     let proof = if is_failed { Exit::CriterionFailed } else { Exit::Well };
-    let incomplete = !record.problems.is_empty() || !record.new_trend_changes.is_empty();
+    let is_apart = record.groups.iter().any(|group| group.is_new);
+    let changed = !record.new_trend_changes.is_empty() || !record.changes.failing.is_empty() || is_apart;
+    let incomplete = !record.problems.is_empty() || changed;
     let own = if incomplete { Exit::Incomplete } else { Exit::Well };
     let codes = record.campaigns.iter().map(|c| c.exit).chain([proof as u8, own as u8]);
     codes.max_by_key(|code| GRAVEST_LAST.iter().position(|known| *known as u8 == *code)).unwrap_or_default()

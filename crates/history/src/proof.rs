@@ -137,10 +137,11 @@ fn tested(
     Some(SettingProof { words, ..proof })
 }
 
-/// A recommendation that no later log shows to be followed.
+/// A recommendation that no later log shows to be followed. The newest flight whose delay is known decides: what older ones
+/// recommend may be of another state of the receiver.
 fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
-    let recommended =
-        last.latest.iter().filter(|row| row.advised_s.is_some()).max_by_key(|row| (row.run_ns, row.flown_ns))?;
+    let measured = last.latest.iter().filter(|row| row.lateness_s.is_some());
+    let recommended = measured.max_by_key(|row| (row.order(), &row.flight))?;
     let (advised_s, from) = (recommended.advised_s?, lateness_from(recommended)?);
     let before_s = Estimate { value: from.value - last.set_s, ..from };
     let before_s = Some(before_s).filter(|_| !is_automatic(subject.3, last.set_s));
@@ -163,8 +164,9 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
         flights: vec![],
         verdict: ProofVerdict::NotSet,
         words: format!(
-            "Recommended: {}. {} {}.",
+            "Recommended: {}.{} {} {}.",
             millis(advised_s),
+            others(last, advised_s),
             match last.latest.len() {
                 1 => "The latest log has".to_owned(),
                 n => format!("The latest {n} logs have"),
@@ -172,6 +174,20 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
             set_words(subject.3, last.set_s)
         ),
     })
+}
+
+/// What other flights with the same setting recommend.
+fn others(last: &Epoch<'_>, advised_s: f64) -> String {
+    let mut values: Vec<i64> =
+        last.latest.iter().filter_map(|row| row.advised_s).map(|s| (s * 1e3).round() as i64).collect();
+    values.retain(|ms| (*ms as f64 / 1e3 - advised_s).abs() > SAME_S);
+    values.sort_unstable();
+    values.dedup();
+    match values.as_slice() {
+        [] => String::new(),
+        [one] => format!(" Other flights recommend {one} ms."),
+        [first, .., last] => format!(" Other flights recommend {first} to {last} ms."),
+    }
 }
 
 /// Whether ArduPilot takes a value of its own for this kind of receiver: the log does not say which.

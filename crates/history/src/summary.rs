@@ -2,7 +2,9 @@
 
 use crate::night::flight_name;
 use crate::proof::with_u;
-use record::{ChangeCause, Estimate, FlightWords, MovedNumber, NightRecord, ProofVerdict, RunChanges, SettingProof};
+use record::{
+    ChangeCause, Estimate, FlightWords, MovedNumber, NightGroup, NightRecord, ProofVerdict, RunChanges, SettingProof,
+};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -61,10 +63,11 @@ fn moved(changes: &RunChanges) -> String {
 /// `uav-1/a.bin lateness 118.0 ± 4.0 → 131.0 ± 4.0 ms (+4.6 sigma; log)`.
 fn moved_words(moved: &MovedNumber) -> String {
     let causes: Vec<&str> = moved.causes.iter().map(|cause| cause.word()).collect();
+    let causes = if causes.is_empty() { "cause unknown".to_owned() } else { causes.join(", ") };
     let (name, quantity) = (flight_name(&moved.flight), &moved.quantity);
     let (before, now) = (in_unit(&moved.before, &moved.unit), in_unit(&moved.now, &moved.unit));
     let by = moved.sigmas.map(|sigmas| format!("{sigmas:+.1} sigma; ")).unwrap_or_default();
-    format!("{name} {quantity} {before} → {now} ({by}{})", causes.join(", "))
+    format!("{name} {quantity} {before} → {now} ({by}{causes})")
 }
 
 /// A number with its expanded uncertainty: seconds as milliseconds.
@@ -100,7 +103,6 @@ pub(crate) fn failing_words(failing: &FlightWords) -> String {
 }
 
 fn alarms(record: &NightRecord) -> String {
-    let count = |all: &[FlightWords]| all.iter().map(|of| of.words.len()).sum::<usize>();
     let mut codes: BTreeMap<&str, usize> = BTreeMap::new();
     let new = &record.changes.alarms_new;
     new.iter().flat_map(|of| &of.words).for_each(|code| *codes.entry(code).or_default() += 1);
@@ -120,16 +122,41 @@ fn alarms(record: &NightRecord) -> String {
         }
     };
     let (cleared, remarks) = (count(&record.changes.alarms_cleared), count(&record.changes.remarks_new));
-    format!("Alarms: {} new{codes}, {cleared} cleared; remarks: {remarks} new; trend: {trend}", count(new))
+    let groups = groups(&record.groups);
+    format!("Alarms: {} new{codes}, {cleared} cleared; remarks: {remarks} new; trend: {trend}{groups}", count(new))
+}
+
+/// How many alarms or remarks there are: a flight may have several.
+fn count(all: &[FlightWords]) -> usize {
+    all.iter().map(|of| of.words.len()).sum()
+}
+
+/// `; 1 GROUP WITHOUT ONE DELAY: uav u-blox: …`.
+fn groups(all: &[NightGroup]) -> String {
+    let new: Vec<&NightGroup> = all.iter().filter(|group| group.is_new).collect();
+    match (new.as_slice(), all.len()) {
+        ([], 0) => String::new(),
+        ([], n) => format!("; groups without one delay: {n}, none new"),
+        ([first, ..], n) => format!(
+            "; groups without one delay: {n}, {} NEW: {} {}: {}",
+            new.len(),
+            first.campaign,
+            first.group,
+            first.words
+        ),
+    }
 }
 
 fn settings(record: &NightRecord) -> String {
     let moved = match record.changes.advice.len() {
         0 => String::new(),
-        n => format!("; another value recommended for {}", counted(n, "flight")),
+        n => format!(" Another value is recommended for {}.", counted(n, "flight")),
     };
     if record.proofs.is_empty() {
-        return format!("Settings: no change of a parameter is recommended or to be proved{moved}");
+        return format!(
+            "Settings: no change of a parameter is recommended or to be proved{}",
+            if moved.is_empty() { "" } else { "." }.to_owned() + &moved
+        );
     }
     let mut proofs: Vec<&SettingProof> = record.proofs.iter().collect();
     proofs.sort_by_key(|proof| proof.verdict);
@@ -167,9 +194,10 @@ pub(crate) fn json(record: &NightRecord) -> String {
         "failing": changes.failing.len(),
         "new_not_measurable": changes.new_not_measurable.len(),
         "recovered": changes.recovered.len(),
-        "alarms_new": changes.alarms_new.len(),
-        "alarms_cleared": changes.alarms_cleared.len(),
-        "remarks_new": changes.remarks_new.len(),
+        "alarms_new": count(&changes.alarms_new),
+        "alarms_cleared": count(&changes.alarms_cleared),
+        "remarks_new": count(&changes.remarks_new),
+        "groups_without_one_delay": record.groups.len(),
         "advice_moved": changes.advice.len(),
         "new_trend_changes": record.new_trend_changes.len(),
         "proofs_failed": record.proofs.iter().filter(|proof| proof.verdict == ProofVerdict::Fail).count(),
@@ -206,6 +234,9 @@ pub(crate) fn junit(record: &NightRecord) -> String {
     }
     for failing in &record.changes.failing {
         cases.add("newly failing", &flight_name(&failing.flight), Some(&failing_words(failing)));
+    }
+    for group in record.groups.iter().filter(|group| group.is_new) {
+        cases.add("group without one delay", &format!("{} {}", group.campaign, group.group), Some(&group.words));
     }
     for new in &record.new_trend_changes {
         let what = format!("{} at {}", with_u(&new.change.step_s), flight_name(&new.change.at));
@@ -358,6 +389,7 @@ pub(crate) mod tests {
             summary: vec![],
             campaigns: vec![campaign],
             changes,
+            groups: vec![],
             left: vec![LeftLog { campaign: "uav".into(), path: "w.bin".into(), reason: "still being written".into() }],
             new_trend_changes: vec![],
             trend: TrendRecord::default(),

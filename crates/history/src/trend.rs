@@ -6,7 +6,7 @@ use crate::row::Dimension;
 use record::{
     Estimate, NewTrendChange, RECORD_VERSION, TrendChange, TrendChart, TrendPoint, TrendRecord, TrendSegment,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Fewest flights of a chart.
 const FEWEST: usize = 3;
@@ -63,16 +63,23 @@ pub fn trend(latest: &[&Brief], dimensions: &[Dimension], looks: Looks, page: Pa
     trend
 }
 
-/// Changes that another look did not show: its chart has no change at the same place.
+/// Changes that another look did not show: its chart has no change at the same place, and no other chart one at the same
+/// flight, as after an edit of the fleet file.
 #[must_use]
 pub fn new_changes(before: &Trend, now: &Trend) -> Vec<NewTrendChange> {
     let key = |chart: &TrendChart| (chart.dimension.clone(), chart.value.clone(), chart.datum.clone());
     let known: BTreeMap<_, _> = before.record.charts.iter().map(key).zip(&before.spans).collect();
+    let charts = before.record.charts.iter();
+    let flights: BTreeSet<(&str, &str)> =
+        charts.flat_map(|chart| &chart.changes).map(|c| (c.at.campaign.as_str(), c.at.flight.as_str())).collect();
     let mut new = vec![];
     for (chart, spans) in now.record.charts.iter().zip(&now.spans) {
         let old = known.get(&key(chart));
         let is_known = |(from, to): &(i64, i64)| old.is_some_and(|old| old.iter().any(|(f, t)| f <= to && from <= t));
         for (change, _) in chart.changes.iter().zip(spans).filter(|(_, span)| !is_known(span)) {
+            if flights.contains(&(change.at.campaign.as_str(), change.at.flight.as_str())) {
+                continue;
+            }
             let chart = chart.name();
             new.push(NewTrendChange { chart, change: change.clone() });
         }

@@ -218,6 +218,9 @@ pub struct RowVerdict {
     pub id: String,
     /// What it says.
     pub verdict: CriterionVerdict,
+    /// The same in a sentence with the value and the limit, if it fails.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub words: String,
 }
 
 /// How many of how many passed.

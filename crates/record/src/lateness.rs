@@ -281,3 +281,11 @@ pub struct GroupLateness {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub consistency: Option<CampaignDelay>,
 }
+
+impl GroupLateness {
+    /// Whether its flights were seen not to share one delay.
+    #[must_use]
+    pub fn is_apart(&self) -> bool {
+        self.split.is_some() || (self.pooled > 1 && self.lateness_s.is_none())
+    }
+}

@@ -74,8 +74,8 @@ pub use crate::lateness::{
 pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::night::{
     ChangeCause, ComparedReport, DiffRecord, FlightWords, LeftLog, MovedAdvice, MovedNumber, NamedFlight,
-    NewTrendChange, NightCampaign, NightRecord, ProofVerdict, RerunCause, RunChanges, SettingProof, TrendChange,
-    TrendChart, TrendPoint, TrendRecord, TrendSegment,
+    NewTrendChange, NightCampaign, NightGroup, NightRecord, ProofVerdict, RerunCause, RunChanges, SettingProof,
+    TrendChange, TrendChart, TrendPoint, TrendRecord, TrendSegment,
 };
 pub use crate::reference_file::{ClockOffset, ReferenceClock, ReferenceFile};
 pub use crate::replay::{

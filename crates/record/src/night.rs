@@ -364,6 +364,20 @@ pub struct NightCampaign {
     pub nothing_changed: bool,
 }
 
+/// Flights of one receiver that do not share one delay.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
+pub struct NightGroup {
+    /// Name of the campaign.
+    pub campaign: String,
+    /// The group.
+    pub group: String,
+    /// In what its flights differ.
+    pub words: String,
+    /// Whether they shared one delay in the report before.
+    pub is_new: bool,
+}
+
 /// Everything that a night found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
@@ -392,6 +406,9 @@ pub struct NightRecord {
     pub changes: RunChanges,
     /// Logs that are left for the next night.
     pub left: Vec<LeftLog>,
+    /// Groups whose flights do not share one delay, so that no value for all of them is recommended.
+    #[serde(default)]
+    pub groups: Vec<NightGroup>,
     /// Changes of a trend that the night before did not show, with the chart: `receiver u-blox M8`.
     pub new_trend_changes: Vec<NewTrendChange>,
     /// Charts with a change, and how many charts there are.

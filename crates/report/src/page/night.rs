@@ -4,7 +4,7 @@ use super::Head::{Number, Text};
 use super::run_changes::{Names, is_empty, sections};
 use super::{Needs, badge, document, estimate, maybe_estimate, number, table};
 use crate::site::Site;
-use crate::text::{href, shown};
+use crate::text::{ended, href, shown};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{NightCampaign, NightRecord, ProofVerdict, SettingProof};
@@ -32,6 +32,7 @@ pub fn night_site(record: &NightRecord, base: &str) -> Site {
             @if is_empty(&record.changes) { p { "Nothing changed." } }
             (sections(&record.changes, &names))
             (left(record))
+            (groups(record))
             (settings(record, &names))
             h2 { "Trends" }
             (trends(record, &names, &mut site))
@@ -49,7 +50,6 @@ pub fn night_site(record: &NightRecord, base: &str) -> Site {
     site
 }
 
-/// The exit code in words.
 /// The name of a campaign, with its report where it has one.
 fn link(campaign: &NightCampaign, base: &str) -> Markup {
     html! {
@@ -58,6 +58,7 @@ fn link(campaign: &NightCampaign, base: &str) -> Markup {
     }
 }
 
+/// The exit code in words.
 fn exit(code: u8) -> Markup {
     let (class, icon, word) = match code {
         0 => ("ok", "✓", "all well"),
@@ -105,9 +106,13 @@ fn campaigns(all: &[NightCampaign], base: &str) -> Markup {
                     td.n { (count(campaign, |t| t.not_measurable)) }
                     td.n { (count(campaign, |t| t.failed)) }
                     td.n { (count(campaign, |t| t.lossy)) }
-                    td.n { (number::count(campaign.criteria_failed)) }
+                    td.n { @if campaign.totals.is_some() { (number::count(campaign.criteria_failed)) } @else { "—" } }
                     td.n { (campaign.exit) }
-                    td.any { (shown(&campaign.flights)) @if campaign.nothing_changed { " (nothing changed)" } }
+                    td.any {
+                        (shown(&campaign.flights))
+                        @if campaign.nothing_changed { " (nothing changed)" }
+                        @if campaign.error.is_some() && !campaign.report.is_empty() { " (the report is that of an earlier night)" }
+                    }
                 }
             }
         }))
@@ -119,6 +124,20 @@ fn left(record: &NightRecord) -> Markup {
         @if !record.left.is_empty() {
             h3 { "Left for the next night: " (number::count(record.left.len() as u64)) }
             ul { @for log in &record.left { li { bdi { (shown(&format!("{}/{}", log.campaign, log.path))) } ": " (shown(&log.reason)) } } }
+        }
+    }
+}
+
+/// Groups for which no one value can be recommended.
+fn groups(record: &NightRecord) -> Markup {
+    html! {
+        @if !record.groups.is_empty() {
+            h2 { "Flights without one delay" }
+            @for group in &record.groups {
+                p.why.unsure {
+                    b { @if group.is_new { "New: " } (shown(&group.campaign)) ", " (shown(&group.group)) } ": " (ended(&group.words))
+                }
+            }
         }
     }
 }

@@ -54,7 +54,11 @@ impl Names<'_> {
     fn words(&self, title: &str, all: &[FlightWords]) -> Markup {
         html! {
             @if !all.is_empty() {
-                h3 { (title) ": " (number::count(all.len() as u64)) }
+                @let words = all.iter().map(|of| of.words.len()).sum::<usize>();
+                h3 {
+                    (title) ": " (number::count(words as u64))
+                    @if words != all.len() { " of " (number::counted(all.len() as u64, "flight", "flights")) }
+                }
                 ul {
                     @for of in all.iter().take(MOST) {
                         li {

@@ -136,7 +136,7 @@ fn verdicts(i: usize) -> RowVerdicts {
         _ => CriterionVerdict::Pass,
     };
     let each: Vec<RowVerdict> =
-        (0..CRITERIA.len()).map(|k| RowVerdict { id: format!("c{k}"), verdict: of(k) }).collect();
+        (0..CRITERIA.len()).map(|k| RowVerdict { id: format!("c{k}"), verdict: of(k), words: String::new() }).collect();
     RowVerdicts { overall: each.iter().map(|v| v.verdict).min().unwrap(), each }
 }
 

@@ -111,7 +111,7 @@ fn a_campaign_shows_pass_rates_with_intervals_and_a_verdict_for_each_flight() {
     let mut record = campaign_record(4);
     let verdicts = [CriterionVerdict::Fail, CriterionVerdict::Pass, CriterionVerdict::Pass, CriterionVerdict::Pass];
     for (row, verdict) in record.flights.iter_mut().zip(verdicts) {
-        let one = |id: &str, verdict| RowVerdict { id: id.into(), verdict };
+        let one = |id: &str, verdict| RowVerdict { id: id.into(), verdict, words: String::new() };
         let each = vec![one("a", verdict), one("b", CriterionVerdict::Pass)];
         row.criteria = Some(RowVerdicts { overall: verdict, each });
     }
