@@ -652,7 +652,7 @@ impl Reducer<'_> {
 fn consistency(group: &GroupLateness, flights: &[FlightRow]) -> Option<CampaignDelay> {
     let members: BTreeSet<&str> = group.members.iter().map(String::as_str).collect();
     let rows: Vec<&FlightRow> = flights.iter().filter(|row| members.contains(row.flight.as_str())).collect();
-    campaign_delay(&rows)
+    campaign_delay(&rows, &group.outliers)
 }
 
 fn hash_of_bytes(parts: &[&[u8]]) -> String {

@@ -106,7 +106,7 @@ pub struct MeasuredDelay {
     pub smallest_detectable_s: f64,
     /// Samples of both axes used.
     pub samples: u64,
-    /// Share of the samples that were held back as outliers, 0 to 1.
+    /// Share of the samples that robust weights held back, 0 to 1: of normal noise 0.179.
     pub downweighted_share: f64,
     /// Another delay that explains the data almost as well (within three units of chi-squared times the noise), s.
     pub rival_s: Option<f64>,
@@ -131,6 +131,17 @@ pub struct MeasuredDelay {
     /// What else is doubtful about the delay, the gravest first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub alarms: Vec<String>,
+}
+
+impl MeasuredDelay {
+    /// Share of normal noise that Huber's weights (k = 1.345) hold back, and that is no outlier.
+    const HELD_BACK_BY_CHANCE: f64 = 0.179;
+
+    /// Share of the samples that are outliers: what the weights hold back beyond what they hold back of normal noise.
+    #[must_use]
+    pub fn outlier_share(&self) -> f64 {
+        ((self.downweighted_share - Self::HELD_BACK_BY_CHANCE) / (1.0 - Self::HELD_BACK_BY_CHANCE)).max(0.0)
+    }
 }
 
 /// A stretch with an offset and drift of its own.

@@ -10,8 +10,6 @@ use std::collections::BTreeSet;
 
 /// Outliers above this share are an alarm.
 const MANY_OUTLIERS: f64 = 0.05;
-/// Share of normal noise that Huber's weights (k = 1.345) hold back, and that is no outlier.
-const HELD_BACK_BY_CHANCE: f64 = 0.179;
 /// A step this close to a whole second is one of the clock, s.
 const CLOCK_STEP_S: f64 = 0.05;
 /// Delays of this size are between two time scales, s: GPS time is ahead of UTC by 13 s since 1999 and 18 s since 2017.
@@ -104,7 +102,7 @@ impl Alarms {
             let text = format!("{delay_ms:.0} and {:.0} ms explain it almost equally well", 1e3 * rival);
             self.raise(Alarm::TwoDelaysFit, text);
         }
-        let outliers = (fit.downweighted_share - HELD_BACK_BY_CHANCE) / (1.0 - HELD_BACK_BY_CHANCE);
+        let outliers = fit.outlier_share();
         if outliers > MANY_OUTLIERS {
             let text = format!("about {:.0} % of the samples are outliers", 100.0 * outliers);
             self.raise(Alarm::Outliers, text);

@@ -13,16 +13,17 @@ const POINTS: usize = 41;
 /// Sweeps that share less than this have no common curve, s.
 const LEAST_SHARED_S: f64 = 0.01;
 
-/// What the flights' delays say together; `None` if no flight has one.
-pub(crate) fn campaign_delay(rows: &[&FlightRow]) -> Option<CampaignDelay> {
+/// What the flights' delays say together; `None` if no flight has one. `outliers` are no part of a mean; they have their place among the others in the order of time.
+pub(crate) fn campaign_delay(rows: &[&FlightRow], outliers: &[String]) -> Option<CampaignDelay> {
     let of = |row: &FlightRow| reading(&row.measured_delay_s?);
     let optimum = |row: &FlightRow| reading(&row.sweep.as_ref()?.optimum.found()?.delay_s);
-    let (measured, swept) = (over_flights(rows, of), over_flights(rows, optimum));
+    let alike: Vec<&FlightRow> = rows.iter().copied().filter(|row| !outliers.contains(&row.flight)).collect();
+    let (measured, swept) = (over_flights(&alike, of), over_flights(&alike, optimum));
     let (control, in_time_order) = control(rows, measured.found());
     if control.is_empty() && rows.iter().all(|row| row.sweep.is_none()) {
         return None;
     }
-    Some(CampaignDelay { card_s: card(rows), curve: pooled(rows), measured, swept, control, in_time_order })
+    Some(CampaignDelay { card_s: card(rows), curve: pooled(&alike), measured, swept, control, in_time_order })
 }
 
 fn reading(delay_s: &Estimate) -> Option<Reading> {
@@ -146,7 +147,7 @@ mod tests {
     use record::{Outcome, SweepMethod, SweepOptimum};
 
     fn campaign_delay_of(rows: &[FlightRow]) -> Option<CampaignDelay> {
-        campaign_delay(&rows.iter().collect::<Vec<_>>())
+        campaign_delay(&rows.iter().collect::<Vec<_>>(), &[])
     }
 
     fn row(flight: &str, delay_s: f64, u: f64) -> FlightRow {
@@ -190,6 +191,12 @@ mod tests {
         let h = found.homogeneity.unwrap();
         assert!((h.chi2 - 2.187_5).abs() < 1e-9 && h.degrees_of_freedom == 3);
         rows.push(row("late", 0.43, 0.001));
+        // An outlier of the group is in no mean, and outside the limits of the others.
+        let all: Vec<&FlightRow> = rows.iter().collect();
+        let apart = campaign_delay(&all, &["late".to_owned()]).unwrap();
+        assert_eq!(apart.measured, together.measured);
+        let is_outside: Vec<bool> = apart.control.iter().map(|point| point.is_outside).collect();
+        assert_eq!(is_outside, [false, false, false, false, true]);
         rows.iter_mut().for_each(|r| r.card_delay_s = Some(Estimate { value: 0.4, standard_uncertainty: Some(0.002) }));
         let together = campaign_delay_of(&rows).unwrap();
         let outside: Vec<&str> = together.control.iter().filter(|p| p.is_outside).map(|p| p.flight.as_str()).collect();

@@ -1,7 +1,7 @@
 //! Whether a flight can show a delay at all (design note 4).
 
 use super::FlightDelaySettings;
-use super::pieces::{Piece, Stretch};
+use super::pieces::{LEAST_ROWS, Piece, Stretch};
 use crate::input::{AXES, Horizontal};
 use record::DelayExcitation;
 use signal::DelayFit;
@@ -144,7 +144,8 @@ pub(crate) fn beside_a_line(t: &[f64], y: &[f64]) -> f64 {
 pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64, speed: &[f64]) -> Option<String> {
     if offer.pieces == 0 {
         return Some(format!(
-            "the two have no time in common that can be compared; at least {SHORTEST_S} s are needed, better a minute with turns"
+            "in no stretch both can be compared: at least {SHORTEST_S} s and {LEAST_ROWS} samples without a gap are needed, better a \
+             minute with turns"
         ));
     }
     if offer.duration_s < SHORTEST_S {
@@ -192,6 +193,13 @@ fn what_to_fly(known_s: f64, offer: &DelayExcitation, motion: &Motion) -> String
     let rate_hz = offer.samples as f64 / offer.duration_s.max(1.0);
     let speed_mps = offer.speed_p95_mps.max(TURNS_MPS);
     let minutes = ((fix_m / (speed_mps * AIM_S)).powi(2) / rate_hz / 60.0).max(1.0);
+    if minutes > LONGEST_ADVICE_MIN {
+        return format!(
+            "At this noise, not even an hour of circles at {speed_mps:.0} m/s would give ±{:.0} ms: log a position or a velocity \
+             with less noise, or fly tighter and faster turns",
+            1e3 * AIM_S
+        );
+    }
     let straight = if offer.moving_share < STRAIGHT { "The flight is nearly straight. " } else { "" };
     format!(
         "{straight}About {:.0} min of circles or figures of eight at {speed_mps:.0} m/s would give ±{:.0} ms; tighter and \
@@ -200,6 +208,9 @@ fn what_to_fly(known_s: f64, offer: &DelayExcitation, motion: &Motion) -> String
         1e3 * AIM_S
     )
 }
+
+/// Nobody flies circles for longer than this, min.
+const LONGEST_ADVICE_MIN: f64 = 60.0;
 
 /// Σ‖P⊥v‖²/Σ‖v‖² below which a flight is called nearly straight.
 const STRAIGHT: f64 = 0.05;
@@ -341,6 +352,6 @@ mod tests {
         assert_eq!(format!("{:.1}", nothing.duration_s), "0.0");
         let motion = Motion { unsteady: 0.0, power: 0.0, acceleration: false };
         let refusal = refuse_motion(&nothing, &motion, 0.0, &[0.0]).unwrap();
-        assert!(refusal.starts_with("the two have no time in common"), "{refusal}");
+        assert!(refusal.starts_with("in no stretch both"), "{refusal}");
     }
 }

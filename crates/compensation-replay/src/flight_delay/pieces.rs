@@ -10,7 +10,7 @@ use signal::Reference;
 use std::ops::Range;
 
 /// Fewest samples of a piece that is worth an offset of its own.
-const LEAST_ROWS: usize = 20;
+pub(crate) const LEAST_ROWS: usize = 20;
 /// Pieces that are fitted together; more would cost an offset and a noise each and add little.
 const MOST_PIECES: usize = 12;
 /// Smallest reset or glitch that is looked for, m or m/s.

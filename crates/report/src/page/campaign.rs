@@ -244,6 +244,14 @@ fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Fig
                 (homogeneity(delay.measured.found()))
             }
         }
+        @if !group.outliers.is_empty() {
+            p {
+                "Not in these figures, for " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" } " from the others: "
+                @for (i, flight) in group.outliers.iter().take(MOST_OUTSIDE).enumerate() { @if i > 0 { ", " } bdi { (shown(flight)) } }
+                @if group.outliers.len() > MOST_OUTSIDE { ", " (more(group.outliers.len() - MOST_OUTSIDE)) }
+                "."
+            }
+        }
         @if delay.measured != delay.swept {
             p { "Best delays of the flights' sweeps: " (finding(&delay.swept, |found| over_flights(found, delay.card_s.as_ref()))) "." }
         }
