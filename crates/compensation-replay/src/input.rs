@@ -162,11 +162,7 @@ impl Input {
         let first_sample = first_update(velocity_name, velocity)?;
         let stamp = |channel: &Channel, row: usize| channel.series.timeline().stamps()[row];
         let origin = stamp(position, first_fix).min(stamp(velocity, first_sample));
-        let reference = settings.reference.iter().find_map(|name| {
-            let channel = flight.channels.get(name)?;
-            (channel.quantity == position.quantity && channel.series.timeline().clock() == clock)
-                .then_some((name, channel))
-        });
+        let reference = reference_of(flight, settings, position);
         let frame =
             (position.quantity == Quantity::PositionGeodetic).then(|| LocalFrame::new(geodetic(position, first_fix)));
         let most = settings.most_samples;
@@ -177,20 +173,12 @@ impl Input {
         let place = (origin, frame.as_ref());
         let out = Averaged::none(fixes.len());
         let (position_local, down) = local((position, position_name), fixes.into_iter(), place, out)?;
-        let reference_local = match reference {
-            Some((name, channel)) => {
-                let out = Averaged::new((channel, name), most, "the replay", notices);
-                let takes_held = out.each() == 1;
-                let rows = (0..channel.series.len()).filter(|row| takes_held || !channel.held[*row]);
-                Some(local((channel, name), rows, place, out)?.0)
-            }
-            None => None,
-        };
+        let reference_local = reference.map(|named| track_of_reference(named, most, place, notices)).transpose()?;
         let input = Input {
             names: record::PairUse {
                 position: position_name.to_owned(),
                 velocity: velocity_name.to_owned(),
-                reference: reference.map(|(name, _)| name.clone()),
+                reference: reference.map(|(name, _)| name.to_owned()),
             },
             origin,
             clock,
@@ -364,6 +352,27 @@ fn replayed_fixes(
 fn geodetic(channel: &Channel, row: usize) -> Geodetic {
     let s = &channel.series;
     Geodetic { latitude: s.component(0)[row], longitude: s.component(1)[row], height: s.component(2)[row] }
+}
+
+/// The first reference of the settings that is a position of the same kind on the same clock.
+fn reference_of<'a>(flight: &'a Flight, settings: &'a Settings, position: &Channel) -> Option<(&'a str, &'a Channel)> {
+    let clock = position.series.timeline().clock();
+    let fits = |channel: &Channel| channel.quantity == position.quantity && channel.series.timeline().clock() == clock;
+    let named = settings.reference.iter().filter_map(|name| Some((name.as_str(), flight.channels.get(name)?)));
+    named.into_iter().find(|(_, channel)| fits(channel))
+}
+
+/// The track of a reference: every row, or its updates where neighbours are averaged.
+fn track_of_reference(
+    (name, channel): (&str, &Channel),
+    most: usize,
+    place: (Stamp, Option<&LocalFrame>),
+    notices: &mut Notices,
+) -> Result<Horizontal, Refusal> {
+    let out = Averaged::new((channel, name), most, "the replay", notices);
+    let takes_held = out.each() == 1;
+    let rows = (0..channel.series.len()).filter(|row| takes_held || !channel.held[*row]);
+    Ok(local((channel, name), rows, place, out)?.0)
 }
 
 /// North and east of a position channel in metres, and down beside them.

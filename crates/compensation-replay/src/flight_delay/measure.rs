@@ -3,7 +3,7 @@
 use super::coarse::{self, Coarse};
 use super::fit::{Record, View, estimate, fit_shared, walk_of};
 use super::gate::{self, SEARCH_STEP_S};
-use super::local::{Most, prepare};
+use super::local::{BodyAxes, Most, Prepared, prepare};
 use super::pairs::{Pair, Second};
 use super::pieces::{self, Names, Piece, Stretch};
 use super::{FlightDelaySettings, doubt, injection, over_time, skew, split, varies};
@@ -11,6 +11,7 @@ use crate::input::Horizontal;
 use flight::{Flight, Notices};
 use record::{DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
 use signal::{ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, OtherMinimum};
+use std::borrow::Cow;
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
 const DETECTABLE: f64 = 2.8;
@@ -96,55 +97,28 @@ fn delay_of(
     if let Some(reason) = gate::refuse_stamps(prepared.stamps_s, settings) {
         return Err(reason.into());
     }
-    let (fit_first, fit_second) =
-        if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
-    let names = Names { first: fit_first, second: fit_second };
     if prepared.body.is_some() {
         finding.not_for_network = gate::too_slow_for_datum(&prepared.second);
     }
+    let (fit_first, fit_second) =
+        if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
+    let names = Names { first: fit_first, second: fit_second };
     let mut body = prepared.body.take();
-    let despiked = match prepared.integrate {
-        true => pieces::without_spikes(&prepared.second, &mut body, names.second, notices),
-        false => None,
-    };
-    let second = despiked.as_ref().unwrap_or(&prepared.second);
-    let step_s = pieces::usual_step_s(&second.t);
-    let is_velocity = matches!(pair.second, Second::Velocity(_));
-    let smoothed = if is_velocity { pieces::smoothed(second, step_s) } else { None };
-    let motion_of_second = smoothed.as_ref().unwrap_or(second);
-    let ranges = pieces::stretches(&motion_of_second.t, pieces::longest_gap(step_s, settings));
-    let stretches = pieces::references(motion_of_second, &ranges, prepared.integrate, body.as_ref());
+    let compared = Compared::of(pair, &prepared, &mut body, &names, notices);
+    let moving = compared.moving();
+    let ranges = pieces::stretches(&moving.t, pieces::longest_gap(compared.step_s, settings));
+    let stretches = pieces::references(moving, &ranges, prepared.integrate, body.as_ref());
     let mut coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
     let mut cut = pieces::pieces(&prepared, &stretches, coarse.delay_s, &names, notices);
     let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse.delay_s, &prepared.speed.1);
     finding.excitation = Some(offer.clone());
-    let acceleration = !matches!(pair.second, Second::Velocity(_) | Second::Position(_));
+    let acceleration = matches!(pair.second, Second::Acceleration { .. } | Second::Rate(_));
     let motion = gate::motion(&prepared.first, &cut, &stretches, coarse.delay_s, acceleration);
-    let noise = if prepared.integrate { gate::noise_of_motion(second, step_s) } else { 0.0 };
-    if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
+    if let Some(reason) = gate::refuse_motion(&offer, &motion, compared.noise(&prepared), &prepared.speed.1) {
         return Err(reason.into());
     }
-    let walk = if is_velocity { walk_of(second, step_s) } else { 0.0 };
-    let constant = |cut: &[Piece], coarse: &Coarse| {
-        let record = Record::of(&prepared, cut, &stretches);
-        let fit = fit_of_rivals(&record.measurements(), (&settings_about(coarse.delay_s), walk), coarse);
-        (record, fit)
-    };
-    let varies = || match finding.varies {
-        None => varies::over_time(pair, &prepared, motion_of_second, &cut, settings),
-        Some(_) => None,
-    };
-    // At the same time, because the varying delay seldom asks for another constant fit.
-    let (varies, (mut record, mut fit)) = rayon::join(varies, || constant(&cut, &coarse));
-    finding.varies = varies.or(finding.varies.take());
-    if let Some(over) = &finding.varies {
-        let fewer = varies::leave_out(&mut cut, &prepared.first.t, over);
-        let elsewhere = varies::start(&coarse, over);
-        if fewer || elsewhere.is_some() {
-            coarse = elsewhere.unwrap_or(coarse);
-            (record, fit) = constant(&cut, &coarse);
-        }
-    }
+    let known = Known { pair, prepared: &prepared, compared: &compared, stretches: &stretches, settings };
+    let (record, fit) = known.fit(&mut cut, &mut coarse, &mut finding.varies);
     let delay_settings = settings_about(coarse.delay_s);
     let measurements = record.measurements();
     let knows = |fit: &DelayFit| fit.standard_uncertainty_s <= look.enough_s;
@@ -163,6 +137,95 @@ fn delay_of(
     let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
     doubt::doubt(&mut measured, &view, finding.varies.as_ref(), (pair.kind, skew.as_ref()));
     Ok(if pair.reversed { turned_round(measured) } else { measured })
+}
+
+/// The second channel as the first is compared with it.
+struct Compared<'a> {
+    /// Without spikes.
+    second: Cow<'a, Horizontal>,
+    /// A fast velocity, whose white noise is averaged before it is integrated.
+    smoothed: Option<Horizontal>,
+    /// Usual interval, s.
+    step_s: Option<f64>,
+    is_velocity: bool,
+}
+
+impl<'a> Compared<'a> {
+    fn of(
+        pair: &Pair,
+        prepared: &'a Prepared,
+        body: &mut Option<BodyAxes>,
+        names: &Names<'_>,
+        notices: &mut Notices,
+    ) -> Compared<'a> {
+        let despiked = match prepared.integrate {
+            true => pieces::without_spikes(&prepared.second, body, names.second, notices),
+            false => None,
+        };
+        let second = despiked.map_or(Cow::Borrowed(&prepared.second), Cow::Owned);
+        let step_s = pieces::usual_step_s(&second.t);
+        let is_velocity = matches!(pair.second, Second::Velocity(_));
+        let smoothed = if is_velocity { pieces::smoothed(&second, step_s) } else { None };
+        Compared { second, smoothed, step_s, is_velocity }
+    }
+
+    /// What is integrated or interpolated.
+    fn moving(&self) -> &Horizontal {
+        self.smoothed.as_ref().unwrap_or(&self.second)
+    }
+
+    /// White noise of a rate, that may pass for motion.
+    fn noise(&self, prepared: &Prepared) -> f64 {
+        if prepared.integrate { gate::noise_of_motion(&self.second, self.step_s) } else { 0.0 }
+    }
+
+    /// What the white noise of a velocity integrates to.
+    fn walk(&self) -> f64 {
+        if self.is_velocity { walk_of(&self.second, self.step_s) } else { 0.0 }
+    }
+}
+
+/// What the fits need.
+struct Known<'a> {
+    pair: &'a Pair,
+    prepared: &'a Prepared,
+    compared: &'a Compared<'a>,
+    stretches: &'a [Stretch<'a>],
+    settings: &'a FlightDelaySettings,
+}
+
+impl<'a> Known<'a> {
+    /// The delay that may vary, unless `varies` has it from an earlier look, and the constant one. Fixes of bursts are taken
+    /// out of `cut`, and `coarse` follows the varying delay where that is elsewhere: then the constant fit is made again.
+    fn fit(
+        &self,
+        cut: &mut [Piece],
+        coarse: &mut Coarse,
+        varies: &mut Option<DelayOverTime>,
+    ) -> (Record<'a>, Result<DelayFit, String>) {
+        let over_time = || match varies {
+            None => varies::over_time(self.pair, self.prepared, self.compared.moving(), cut, self.settings),
+            Some(_) => None,
+        };
+        let walk = self.compared.walk();
+        // At the same time, because the varying delay seldom asks for another constant fit.
+        let (over_time, constant) = rayon::join(over_time, || self.constant(cut, coarse, walk));
+        *varies = over_time.or(varies.take());
+        let Some(over_time) = varies else { return constant };
+        let fewer = varies::leave_out(cut, &self.prepared.first.t, over_time);
+        let elsewhere = varies::start(coarse, over_time);
+        if !fewer && elsewhere.is_none() {
+            return constant;
+        }
+        *coarse = elsewhere.unwrap_or(*coarse);
+        self.constant(cut, coarse, walk)
+    }
+
+    fn constant(&self, cut: &[Piece], coarse: &Coarse, walk: f64) -> (Record<'a>, Result<DelayFit, String>) {
+        let record = Record::of(self.prepared, cut, self.stretches);
+        let fit = fit_of_rivals(&record.measurements(), (&settings_about(coarse.delay_s), walk), coarse);
+        (record, fit)
+    }
 }
 
 /// A delay that is seen to change is the better reason.
