@@ -245,6 +245,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
         members: if is_part { pool.members.iter().map(|m| m.flight.clone()).collect() } else { empty.members },
         split: pool.split.as_ref().map(|split| split.words.clone()),
         difference: pool.difference,
+        flights: if is_part { pool.members.len() as u64 } else { empty.flights },
         ..empty
     }
 }

@@ -104,6 +104,9 @@ pub(crate) struct Planned {
     pub(crate) why: Vec<Why>,
     /// Which shard does it; `None` if there is no work, or another flight with the same key has it done.
     pub(crate) shard: Option<u32>,
+    /// Whether its log is still being written, so that it counts with its content of the last run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) is_kept: bool,
 }
 
 /// A stage of a campaign.
@@ -250,6 +253,7 @@ impl Planned {
             trouble: None,
             stage: None,
             why: vec![],
+            is_kept: false,
             shard: None,
         }
     }
@@ -586,6 +590,7 @@ pub(crate) mod tests {
             stage: Some(Stage::Measure),
             why: vec![Why::NewFlight],
             shard: None,
+            is_kept: false,
         }
     }
 

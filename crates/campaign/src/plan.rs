@@ -61,6 +61,9 @@ impl Order {
 /// Begin of the reason why a log is left out that is still being written.
 pub const STILL_WRITTEN: &str = "still being written: left for the next run";
 
+/// Why a folder without a file holds no flight.
+pub const EMPTY_FOLDER: &str = "the folder is empty";
+
 /// How it is to be done, and who is told. Nothing of it changes a result.
 pub struct Desk<'a> {
     /// Threads.
@@ -168,6 +171,12 @@ fn leave_unsettled(
     };
     say(&left, "");
     say(&kept, "; its result of the last run stays");
+    // A copy that has just begun looks like no log.
+    for input in found.ignored.iter_mut().filter(|input| state.has_flight(&input.path)) {
+        if !input.reason.starts_with(STILL_WRITTEN) && is_fresh(&root.join(&input.path)) {
+            input.reason = format!("{STILL_WRITTEN} (now: {})", input.reason);
+        }
+    }
     found.ignored.sort_by(|a, b| a.path.cmp(&b.path));
     if !left.is_empty() && kept.is_empty() && found.units.is_empty() && found.unreadable.is_empty() {
         return Err(CampaignError::AllStillWritten(left.into_iter().map(|unit| unit.id).collect()));
@@ -193,7 +202,7 @@ pub(crate) fn why_no_logs<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -
         [] => String::new(),
     };
     match reasons.len() {
-        0 => "the folder is empty".to_owned(),
+        0 => EMPTY_FOLDER.to_owned(),
         n if n > MOST_REASONS => {
             let listed: Vec<String> = reasons.iter().take(MOST_REASONS).map(told).collect();
             format!("{}; and files with {} other reasons", listed.join("; "), n - MOST_REASONS)
@@ -262,6 +271,15 @@ fn judge_replay(
 ) -> Result<(), CampaignError> {
     let measured = manifest.flights[i].measure_key.clone().filter(|_| manifest.flights[i].stage.is_none());
     let (Some(decision), Some(measured)) = (decision, measured) else { return Ok(()) };
+    // A log that is still being written cannot be replayed: what was removed last stays, whatever other flights say.
+    let flight = &manifest.flights[i];
+    if let Some((decision, key)) = state.latest_of(&flight.flight).filter(|_| flight.is_kept)
+        && state.has_result(store, &key)?
+    {
+        let flight = &mut manifest.flights[i];
+        (flight.key, flight.decision) = (Some(key), Some(decision));
+        return Ok(());
+    }
     let key = manifest.result_key(&measured, &decision);
     let whole = state.has_result(store, &key)?;
     let had_trouble = !whole && results::had_trouble(store, &key);
@@ -362,6 +380,8 @@ struct Contents<'a> {
     logs: &'a Logs,
     files: BTreeMap<PathBuf, Looked>,
     memory: Remembered,
+    /// Files that are still being written, and count with the content that they had.
+    kept: &'a BTreeSet<PathBuf>,
 }
 
 /// The memory, and whether it has learnt anything.
@@ -385,7 +405,7 @@ struct Known<'a> {
 }
 
 impl<'a> Contents<'a> {
-    fn look_at(logs: &'a Logs, root: &Path, cases: &[FlightFiles], known: &Known<'_>) -> Contents<'a> {
+    fn look_at(logs: &'a Logs, root: &Path, cases: &[FlightFiles], known: &Known<'a>) -> Contents<'a> {
         let Known { kept, verify, store } = *known;
         let mut now = Memory::recall(store, root);
         let before = now.clone();
@@ -402,7 +422,7 @@ impl<'a> Contents<'a> {
         let files: BTreeMap<PathBuf, Looked> = cases.iter().flat_map(FlightFiles::all).map(look).collect();
         let names: BTreeSet<&str> = files.values().map(|f| f.name.as_str()).collect();
         now.retain(|name| names.contains(name));
-        Contents { logs, files, memory: Remembered { before, now } }
+        Contents { logs, files, memory: Remembered { before, now }, kept }
     }
 
     fn found(&self, flights: usize, ignored: usize) -> Event {
@@ -467,7 +487,9 @@ impl<'a> Contents<'a> {
             }
         });
         let content = (trouble.is_none() && whole).then(|| content_hash(&files, reference.as_ref()));
-        Planned { kind: Some(case.unit.kind), files, reference, content, trouble, ..Planned::unread(case.unit.id) }
+        let is_kept = case.unit.files.iter().any(|file| self.kept.contains(file));
+        let unread = Planned::unread(case.unit.id);
+        Planned { kind: Some(case.unit.kind), files, reference, content, trouble, is_kept, ..unread }
     }
 }
 

@@ -90,6 +90,12 @@ impl State {
         self.flights.get(flight).is_some_and(|known| known.key.is_some())
     }
 
+    /// What the last run removed from a flight, and the key of its result.
+    pub(crate) fn latest_of(&self, flight: &str) -> Option<(Decision, String)> {
+        let known = self.flights.get(flight)?;
+        Some((known.decision.clone()?, known.key.clone()?))
+    }
+
     /// Keys of the results and measurements of the last run.
     pub(crate) fn keys(&self) -> impl Iterator<Item = &str> {
         self.flights.values().flat_map(|f| [&f.measure_key, &f.key]).flatten().map(String::as_str)

@@ -171,7 +171,7 @@ fn row_7_takes_a_card_alone() {
     let removed = by_default(&[weak]);
     assert_eq!((removed.row, removed.source), (7, RemovedFrom::Card));
     let words = removed.contradicted.unwrap();
-    assert!(words.contains("The card") && words.contains("770.0 ms more"), "{words}");
+    assert!(words.contains("The card") && words.contains("770.0 ms less than it says"), "{words}");
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn row_8_does_not_take_a_relative_figure_for_a_delay() {
         relative: relative(),
         ..untold("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
     };
-    assert!(by_default(&[weak]).contradicted.unwrap().contains("770.0 ms more"));
+    assert!(by_default(&[weak]).contradicted.unwrap().contains("770.0 ms less than it says"));
 }
 
 #[test]
@@ -238,7 +238,7 @@ fn a_stated_number_is_removed_if_asked_and_tested_against_the_flight() {
     assert_eq!((wrong.value_s, wrong.source, wrong.row), (Some(0.4), RemovedFrom::Stated, 0));
     let words = wrong.contradicted.unwrap();
     assert!(
-        words.contains("400.0 ms") && words.contains("203.0 ± 16.2 ms") && words.contains("197.0 ms more"),
+        words.contains("400.0 ms") && words.contains("203.0 ± 16.2 ms") && words.contains("197.0 ms less than it says"),
         "{words}"
     );
     assert_eq!(last(&[own(0.203 + 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted, None);

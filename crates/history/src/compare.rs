@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Trouble of a flight whose delay cannot be measured.
 const NOT_MEASURABLE: &str = "not measurable";
-const FAILED: &str = "failed";
+pub(crate) const FAILED: &str = "failed";
 const PENDING: &str = "pending";
 const DAMAGED: &str = "log damaged";
 pub(crate) const HARMED: &str = "harmed";

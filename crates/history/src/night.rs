@@ -3,7 +3,7 @@
 use crate::brief::{Brief, latest_briefs};
 use crate::change_points::Looks;
 use crate::collect::{Collecting, collect, read_campaign, texts_of};
-use crate::compare::{Texts, compare};
+use crate::compare::{FAILED, Texts, compare};
 use crate::config::NightlyConfig;
 use crate::dataset::{History, Latest, Run};
 use crate::error::HistoryError;
@@ -11,9 +11,9 @@ use crate::proof::proofs;
 use crate::row::{Dimension, Row};
 use crate::summary;
 use crate::trend::{Trend, new_changes, trend};
-use campaign::{CampaignError, Desk, Event, Exit, Order, STILL_WRITTEN, Verdict};
+use campaign::{CampaignError, Desk, EMPTY_FOLDER, Event, Exit, Order, STILL_WRITTEN, Verdict};
 use record::{
-    CampaignRecord, FlightWords, GroupLateness, LeftLog, NamedFlight, NightCampaign, NightGroup, NightRecord,
+    CampaignRecord, GroupLateness, IgnoredInput, LeftLog, NamedFlight, NightCampaign, NightGroup, NightRecord,
     ProofVerdict, RECORD_VERSION, TrendRecord,
 };
 use std::collections::BTreeSet;
@@ -137,8 +137,6 @@ struct Made {
     /// What the history says of the flights of these rows.
     before: Latest,
     gone: Vec<NamedFlight>,
-    /// Flights whose files are there and can no longer be used.
-    unusable: Vec<FlightWords>,
     groups: Vec<NightGroup>,
     left: Vec<LeftLog>,
     problems: Vec<String>,
@@ -158,7 +156,7 @@ impl Made {
             Err(CampaignError::Cancelled) => return Err(CampaignError::Cancelled.into()),
             Ok(verdict) => self.collected(name, order, context, earlier.as_ref(), &verdict).map(|()| verdict),
             // A folder that held flights is a disk that is not mounted, more often than a folder that somebody emptied.
-            Err(CampaignError::NoFlights { path, what }) if earlier.is_some() => {
+            Err(CampaignError::NoFlights { path, what }) if earlier.is_some() && what == EMPTY_FOLDER => {
                 let what = format!("{}: no flight found, and the report has some: {what}", path.display());
                 Err(CampaignError::TryAgain(what).into())
             }
@@ -189,26 +187,25 @@ impl Made {
         let record = read_campaign(&order.out)?;
         let fleet = &context.config.fleet;
         let now: BTreeSet<&str> = record.flights.iter().map(|row| row.flight.as_str()).collect();
-        let known = context.history.latest(name, &now)?;
-        let with = Collecting { run: context.run, campaign: name, fleet, known: &known };
-        self.rows.extend(collect(&record, &order.out, &with)?);
-        self.texts.extend(texts_of(&record, name));
-        self.before.extend(known);
         let left = left_of(name, &record);
         let before = earlier.iter().flat_map(|record| &record.flights).map(|row| &row.flight);
+        let mut unusable: Vec<&IgnoredInput> = vec![];
         for flight in before.filter(|flight| !now.contains(flight.as_str())) {
-            let named = NamedFlight { campaign: name.to_owned(), flight: flight.clone(), page: None };
             match record.ignored.iter().find(|input| input.path == *flight) {
-                Some(input) if !left.iter().any(|log| log.path == *flight) => self.unusable.push(FlightWords {
-                    flight: named,
-                    words: vec![UNUSABLE.to_owned()],
-                    error: Some(input.reason.clone()),
-                    texts: vec![],
-                }),
-                Some(_) => {}
-                None => self.gone.push(named),
+                Some(_) if left.iter().any(|log| log.path == *flight) => {}
+                Some(input) => unusable.push(input),
+                None => {
+                    self.gone.push(NamedFlight { campaign: name.to_owned(), flight: flight.clone(), page: None });
+                }
             }
         }
+        let names = now.iter().copied().chain(unusable.iter().map(|input| input.path.as_str())).collect();
+        let known = context.history.latest(name, &names)?;
+        let with = Collecting { run: context.run, campaign: name, fleet, known: &known };
+        self.rows.extend(collect(&record, &order.out, &with)?);
+        self.rows.extend(unusable.iter().map(|input| unusable_row(input, &record, &with)));
+        self.texts.extend(texts_of(&record, name));
+        self.before.extend(known);
         self.groups.extend(apart(name, &record, earlier));
         self.left.extend(left);
         if verdict.troubled > 0 {
@@ -221,24 +218,39 @@ impl Made {
     }
 }
 
-/// Trouble of a log that was a flight.
-const UNUSABLE: &str = "no flight any more";
+/// The row of a log that was a flight, and of which nothing can be used any more.
+fn unusable_row(input: &IgnoredInput, record: &CampaignRecord, with: &Collecting<'_>) -> Row {
+    Row {
+        run_id: with.run.id.clone(),
+        run_ns: with.run.start_ns,
+        campaign: with.campaign.to_owned(),
+        flight: input.path.clone(),
+        outcome: FAILED.to_owned(),
+        reason: Some(format!("no flight any more: {}", input.reason)),
+        data: FAILED.to_owned(),
+        settings_hash: record.pipeline.blake3.clone(),
+        analysis_version: i64::from(record.analysis_version),
+        build: record.flightlag_version.clone(),
+        ..Row::default()
+    }
+}
 
-/// Groups whose flights do not share one delay. Parts of a group that was split are told by the whole.
+/// Groups whose flights do not share one delay, or of which some differ from the others. Parts of a group that was split are
+/// told by the whole.
 fn apart(name: &str, record: &CampaignRecord, earlier: Option<&CampaignRecord>) -> Vec<NightGroup> {
-    let groups = |record: &CampaignRecord| record.groups.iter().filter(|group| group.is_apart()).cloned().collect();
-    let before: Vec<GroupLateness> = earlier.map(groups).unwrap_or_default();
-    let now: Vec<GroupLateness> = groups(record);
-    let is_known = |group: &GroupLateness| {
-        before.iter().any(|other| other.group.key == group.group.key && other.against == group.against)
+    let before: Vec<&GroupLateness> = earlier.iter().flat_map(|record| &record.groups).collect();
+    let of = |group: &GroupLateness| {
+        let same = |other: &&&GroupLateness| other.group.key == group.group.key && other.against == group.against;
+        let was_apart = before.iter().filter(same).any(|other| other.is_apart());
+        let known: Vec<&String> = before.iter().filter(same).flat_map(|other| &other.outliers).collect();
+        let (is_new, words) = match (group.is_apart(), group.lone_outliers()) {
+            (true, _) => (!was_apart, group.split.clone().unwrap_or_else(|| group.words.clone())),
+            (false, []) => return None,
+            (false, lone) => (!was_apart && lone.iter().any(|flight| !known.contains(&flight)), group.words.clone()),
+        };
+        Some(NightGroup { campaign: name.to_owned(), is_new, group: group.group.name.clone(), words })
     };
-    let of = |group: GroupLateness| NightGroup {
-        campaign: name.to_owned(),
-        is_new: !is_known(&group),
-        group: group.group.name,
-        words: group.split.unwrap_or(group.words),
-    };
-    now.into_iter().map(of).collect()
+    record.groups.iter().filter_map(of).collect()
 }
 
 /// Logs that are left for the next night.
@@ -283,7 +295,6 @@ fn record(
     let page = |campaign: &str, page: &str| Some(format!("{campaign}/{page}")).filter(|_| !page.is_empty());
     let mut changes = compare(&made.before, &made.rows, &made.texts, &page);
     changes.gone = made.gone;
-    changes.failing.extend(made.unusable);
     let charts = |rows: &[Brief]| trend(&latest_briefs(rows), &Dimension::ALL, Looks::Every, &page);
     let earlier = charts(&known);
     let mut all = known;

@@ -4,10 +4,10 @@
 //! run recommends a value from the lateness of the flights before. When later logs show that the parameter was set, their
 //! residual is measured and put beside the prediction.
 
-use crate::brief::{Brief, PageOf};
+use crate::brief::{Brief, PageOf, latest_briefs};
 use crate::change_points::SharedMean;
 use record::{Estimate, ProofVerdict, SettingProof};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Parameters are whole milliseconds: values nearer than this are the same, s.
 const SAME_S: f64 = 0.5e-3;
@@ -29,8 +29,11 @@ struct Epoch<'a> {
 /// The state of each recommended setting. `rows` are all rows of all runs.
 #[must_use]
 pub fn proofs(rows: &[Brief], page: PageOf<'_>) -> Vec<SettingProof> {
+    let counted: BTreeSet<(&str, &str)> =
+        latest_briefs(rows).into_iter().map(|row| (&*row.campaign, &*row.flight)).collect();
+    let counts = |row: &&Brief| row.duplicate_of.is_none() && counted.contains(&(&*row.campaign, &*row.flight));
     let mut subjects: BTreeMap<Subject<'_>, Vec<&Brief>> = BTreeMap::new();
-    for row in rows.iter().filter(|row| row.duplicate_of.is_none()) {
+    for row in rows.iter().filter(counts) {
         let Some(parameter) = row.parameter.as_deref() else { continue };
         let receiver = row.serial.as_deref().or(row.receiver.as_deref());
         let subject = (

@@ -290,9 +290,25 @@ pub struct PoolMean {
 }
 
 impl DelayPool {
-    /// The mean that describes the group: of the flights that are no outliers. `None` where too few are left.
+    /// Flights that surely differ, and whose spread is more than this, s and as a share of the mean, have no one delay.
+    const MOST_SPREAD_S: f64 = 0.015;
+    const MOST_SPREAD_SHARE: f64 = 0.05;
+    const SURELY: f64 = 1e-3;
+
+    /// The mean that describes the group: of the flights that are no outliers. `None` where too few are left, and where they
+    /// differ so much that it describes none of them.
     #[must_use]
     pub fn described(&self) -> Option<PoolMean> {
+        self.without_its_outliers().filter(|mean| !self.differ_about(mean))
+    }
+
+    /// Whether the flights differ so much that no mean describes them: of three delays in a group none is an outlier.
+    #[must_use]
+    pub fn has_no_mean(&self) -> bool {
+        self.without_its_outliers().is_some_and(|mean| self.differ_about(&mean))
+    }
+
+    fn without_its_outliers(&self) -> Option<PoolMean> {
         match self.members.iter().any(|member| member.outlier) {
             true => self.without_outliers,
             false => Some(PoolMean {
@@ -302,6 +318,12 @@ impl DelayPool {
                 tau_s: self.tau_s,
             }),
         }
+    }
+
+    fn differ_about(&self, mean: &PoolMean) -> bool {
+        let surely = self.difference.is_some_and(|test| test.p < Self::SURELY);
+        let most_s = Self::MOST_SPREAD_S.max(Self::MOST_SPREAD_SHARE * mean.mean_s.value.abs());
+        surely && mean.tau_s.is_some_and(|tau_s| tau_s > most_s)
     }
 }
 

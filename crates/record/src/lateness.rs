@@ -288,4 +288,10 @@ impl GroupLateness {
     pub fn is_apart(&self) -> bool {
         self.split.is_some() || (self.pooled > 1 && self.lateness_s.is_none())
     }
+
+    /// The flights that differ from the others of a group that has one delay otherwise.
+    #[must_use]
+    pub fn lone_outliers(&self) -> &[String] {
+        if self.is_apart() { &[] } else { &self.outliers }
+    }
 }

@@ -44,7 +44,7 @@ pub(crate) fn is_relative(group: &GroupLateness) -> bool {
 /// Whether the flights of a group differ so that no one number describes them.
 pub(crate) fn has_no_common_delay(group: &GroupLateness) -> bool {
     let differ = group.difference.is_some_and(|test| test.p < DIFFER_P);
-    group.split.is_some() || group.lateness_s.is_some() && is_relative(group) && differ
+    group.is_apart() || group.lateness_s.is_some() && is_relative(group) && differ
 }
 
 /// Seconds as milliseconds.

@@ -50,7 +50,10 @@ impl Alarms {
     /// What the test for a delay that varies found.
     fn over_time(&mut self, found: &DelayOverTime, is_known: bool) {
         if let Some(change) = of_change(found.kind) {
-            leap_seconds(&found.terms).into_iter().for_each(|text| self.raise(Alarm::LeapSecond, text));
+            // A queue that empties falls by any number of seconds.
+            let jumps = matches!(found.kind, DelayKind::Steps | DelayKind::Switches);
+            let terms = if jumps { found.terms.as_slice() } else { &[] };
+            leap_seconds(terms).into_iter().for_each(|text| self.raise(Alarm::LeapSecond, text));
             self.raise(change, found.words.clone());
         }
         if let Some(note) = &found.constancy.note {

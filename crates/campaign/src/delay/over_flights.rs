@@ -13,17 +13,19 @@ const POINTS: usize = 41;
 /// Sweeps that share less than this have no common curve, s.
 const LEAST_SHARED_S: f64 = 0.01;
 
-/// What the flights' delays say together; `None` if no flight has one. `outliers` are no part of a mean; they have their place among the others in the order of time.
+/// What the flights' delays say together; `None` if no flight has one. A flight whose delay changes has none to compare. `outliers` are no part of a mean; they have their place among the others in the order of time.
 pub(crate) fn campaign_delay(rows: &[&FlightRow], outliers: &[String]) -> Option<CampaignDelay> {
     let of = |row: &FlightRow| reading(&row.measured_delay_s?);
     let optimum = |row: &FlightRow| reading(&row.sweep.as_ref()?.optimum.found()?.delay_s);
+    let varies = |row: &FlightRow| row.lateness.as_ref().is_some_and(|lateness| lateness.kind.varies());
+    let rows: Vec<&FlightRow> = rows.iter().copied().filter(|row| !varies(row)).collect();
     let alike: Vec<&FlightRow> = rows.iter().copied().filter(|row| !outliers.contains(&row.flight)).collect();
     let (measured, swept) = (over_flights(&alike, of), over_flights(&alike, optimum));
-    let (control, in_time_order) = control(rows, measured.found());
+    let (control, in_time_order) = control(&rows, measured.found());
     if control.is_empty() && rows.iter().all(|row| row.sweep.is_none()) {
         return None;
     }
-    Some(CampaignDelay { card_s: card(rows), curve: pooled(&alike), measured, swept, control, in_time_order })
+    Some(CampaignDelay { card_s: card(&rows), curve: pooled(&alike), measured, swept, control, in_time_order })
 }
 
 fn reading(delay_s: &Estimate) -> Option<Reading> {

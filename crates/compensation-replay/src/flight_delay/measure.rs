@@ -125,7 +125,8 @@ fn delay_of(
     if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
         return Err(NoDelay::MoreSamples);
     }
-    let (fit, skew) = mean_of_skewed(&measurements, &delay_settings, fit?);
+    let fit = fit.map_err(|reason| refusal(reason, finding.varies.as_ref()))?;
+    let (fit, skew) = mean_of_skewed(&measurements, &delay_settings, fit);
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
@@ -228,10 +229,14 @@ impl<'a> Known<'a> {
     }
 }
 
-/// A delay that is seen to change is the better reason.
+/// A delay that is seen to change, or to differ between parts of the flight, is the better reason.
 fn refusal(reason: String, varies: Option<&DelayOverTime>) -> String {
-    match varies.filter(|varies| varies.kind.varies()) {
-        Some(varies) => format!("{} ({reason})", varies.words),
+    let seen = |varies: &DelayOverTime| match varies.kind.varies() {
+        true => Some(varies.words.clone()),
+        false => varies.constancy.note.clone(),
+    };
+    match varies.and_then(seen) {
+        Some(seen) => format!("{seen} ({reason})"),
         None => reason,
     }
 }

@@ -123,6 +123,10 @@ fn pool_cluster(
     datum_uncertainty_s: f64,
     evidence: &mut [Evidence],
 ) -> Cluster {
+    if found.has_no_mean() {
+        members.iter().for_each(|&at| evidence[at].cluster_unknown = true);
+        return Cluster { kept: None, kept_flights: 0 };
+    }
     // two flights that differ do not say which of them is odd
     let several = members.len() > LEAST_OTHERS;
     let outlier = |place: usize| several && found.members.get(place).is_some_and(|member| member.outlier);

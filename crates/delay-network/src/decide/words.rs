@@ -89,9 +89,9 @@ pub(crate) fn contradiction(what: &str, number: Estimate, (told, by): (Option<Es
     let u = told.standard_uncertainty?.hypot(number.standard_uncertainty.unwrap_or(0.0));
     let apart = number.value - told.value;
     (apart.abs() > 3.0 * u).then(|| {
-        let side = if apart > 0.0 { "more" } else { "less" };
+        let side = if apart > 0.0 { "less" } else { "more" };
         format!(
-            "{what}, {} ms, is contradicted: {by} measured {}. That is {} ms {side}, {:.1} standard uncertainties.",
+            "{what}, {} ms, is contradicted: {by} measured {}. That is {} ms {side} than it says, {:.1} standard uncertainties.",
             ms(number.value),
             with_uncertainty(told),
             ms(apart.abs()),

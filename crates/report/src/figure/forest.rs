@@ -92,7 +92,7 @@ impl<'a> Forest<'a> {
             let flights: Vec<Row<'_>> = members.filter_map(|(_, row)| Some(Row::Flight(row, late(row)?))).collect();
             let has_mean = flights.len() > 1;
             out.rows.extend(flights);
-            if let Some(group) = k.map(|k| groups[k]).filter(|group| has_mean && group.lateness_s.is_some()) {
+            if let Some(group) = k.map(|k| groups[k]).filter(|group| has_mean && group.pooled > 0) {
                 let mean = group.lateness_s.filter(|_| !has_no_common_delay(group)).map(|e| in_millis(&e));
                 out.rows.push(Row::Mean(group, mean.filter(|e| is_drawable(e.value))));
             }

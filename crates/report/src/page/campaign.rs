@@ -218,7 +218,7 @@ fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
                 "Position against velocity: a figure of consistency between flights. Where the lateness of the position is known, it \
                  is above, and differs from this by what the velocity is late."
             }
-            @for (group, delay, valley) in &figures.of_groups { (group_delay(group, delay, valley.as_ref())) }
+            @for (group, delay, valley) in &figures.of_groups { (group_delay(group, &record.flights, delay, valley.as_ref())) }
             @if left_out > 0 { p.note { (number::counted(left_out as u64, "smaller group is", "smaller groups are")) " in campaign.json." } }
             p.note {
                 "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik and Jonkman. \
@@ -230,7 +230,10 @@ fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
     }
 }
 
-fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Figure>) -> Markup {
+fn group_delay(group: &GroupLateness, flights: &[FlightRow], delay: &CampaignDelay, valley: Option<&Figure>) -> Markup {
+    let varies = |row: &&FlightRow| row.lateness.as_ref().is_some_and(|lateness| lateness.kind.varies());
+    let of_group = flights.iter().filter(|row| group.members.contains(&row.flight));
+    let varying: Vec<&String> = of_group.filter(varies).map(|row| &row.flight).collect();
     let outside: Vec<&ControlPoint> = delay.control.iter().filter(|p| p.is_outside).collect();
     html! {
         h3 { bdi { (shown(&group.group.name)) } }
@@ -242,6 +245,14 @@ fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Fig
                     (finding(&delay.measured, |found| over_flights(found, delay.card_s.as_ref()))) "."
                 }
                 (homogeneity(delay.measured.found()))
+            }
+        }
+        @if !varying.is_empty() {
+            p {
+                "Not in these figures, for the delay changes during the flight: "
+                @for (i, flight) in varying.iter().take(MOST_OUTSIDE).enumerate() { @if i > 0 { ", " } bdi { (shown(flight)) } }
+                @if varying.len() > MOST_OUTSIDE { ", " (more(varying.len() - MOST_OUTSIDE)) }
+                "."
             }
         }
         @if !group.outliers.is_empty() {

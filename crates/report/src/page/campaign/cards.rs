@@ -24,7 +24,7 @@ const LOG: &str = "log";
 /// How late the position is in the largest groups, whether the removal helped, and what to set.
 pub(super) fn first(record: &CampaignRecord) -> Markup {
     html! {
-        @if record.groups.iter().all(|g| g.lateness_s.is_none()) {
+        @if record.groups.iter().all(|g| g.pooled == 0) {
             p.answer { "No flight tells how late its position is." }
         }
         (cards(record, 0, FIRST))
@@ -49,7 +49,7 @@ pub(super) fn others(record: &CampaignRecord) -> Markup {
 fn cards(record: &CampaignRecord, from: usize, to: usize) -> Markup {
     let groups = &record.groups;
     let mut ordered: Vec<&GroupLateness> = groups.iter().collect();
-    ordered.sort_by_key(|group| group.lateness_s.is_none());
+    ordered.sort_by_key(|group| group.pooled == 0);
     html! {
         ul.cards {
             @for group in ordered.into_iter().take(to).skip(from) { (card(group, &members(group, &record.flights), &other_logs(group, groups))) }
@@ -150,7 +150,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let outliers: Vec<&FlightRow> = rows.iter().filter(|r| group.outliers.contains(&r.flight)).copied().collect();
     html! {
         (number::counted(group.flights, "flight", "flights"))
-        @if group.lateness_s.is_some() { ", " (number::count(group.pooled)) " measured it" }
+        @if group.pooled > 0 { ", " (number::count(group.pooled)) " measured it" }
         @if let Some(words) = &group.split { ": " (ended(words)) }
         @else {
             // The test is over all flights. Outliers are named instead, and are not in the mean.

@@ -52,7 +52,10 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
     if group.advice.set.is_empty() {
         return None;
     }
-    let rows: Vec<&FlightRow> = members(group, flights).into_iter().filter(|r| r.delay_s.is_some()).collect();
+    let outliers: Vec<&FlightRow> =
+        members(group, flights).into_iter().filter(|row| group.outliers.contains(&row.flight)).collect();
+    let is_alike = |row: &&FlightRow| row.delay_s.is_some() && !group.outliers.contains(&row.flight);
+    let rows: Vec<&FlightRow> = members(group, flights).into_iter().filter(is_alike).collect();
     let set_s = group.advice.set.iter().find(|setting| setting.unit == "s").map(|setting| setting.value);
     let own_s = |row: &FlightRow| row.lateness.as_ref()?.lateness_s().map(|own| own.value);
     let short = |row: &FlightRow, e: &Effect| {
@@ -84,6 +87,7 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
             ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (median of "
             (number::counted(errors.len() as u64, "flight", "flights")) ")"
         }
+        @if !outliers.is_empty() { ". Not for " (names(&outliers)) ", which " @if outliers.len() == 1 { "differs" } @else { "differ" } }
         "."
     };
     Some(Action { saves_m, what })
