@@ -145,7 +145,8 @@ fn tested(
 fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
     let measured = last.latest.iter().filter(|row| row.lateness_s.is_some());
     let recommended = measured.max_by_key(|row| (row.order(), &row.flight))?;
-    let (advised_s, from) = (recommended.advised_s?, lateness_from(recommended)?);
+    let Some(advised_s) = recommended.advised_s else { return withdrawn(subject, last, recommended) };
+    let from = lateness_from(recommended)?;
     let before_s = Estimate { value: from.value - last.set_s, ..from };
     let before_s = Some(before_s).filter(|_| !is_automatic(subject.3, last.set_s));
     let u = from.standard_uncertainty.unwrap_or(0.0);
@@ -175,6 +176,33 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
                 n => format!("The latest {n} logs have"),
             },
             set_words(subject.3, last.set_s)
+        ),
+    })
+}
+
+/// Older flights recommend a value, and the newest does not: it may need one that the parameter does not take.
+fn withdrawn(subject: Subject<'_>, last: &Epoch<'_>, newest: &Brief) -> Option<SettingProof> {
+    let older =
+        last.latest.iter().filter(|row| row.advised_s.is_some()).max_by_key(|row| (row.order(), &row.flight))?;
+    let advised_s = older.advised_s?;
+    let late_s = Estimate { value: newest.lateness_s?, standard_uncertainty: newest.lateness_u_s };
+    Some(SettingProof {
+        campaign: subject.0.to_owned(),
+        of: label(subject),
+        parameter: subject.3.to_owned(),
+        recommended_by: older.run_id.to_string(),
+        was_s: Some(last.set_s),
+        recommended_s: advised_s,
+        set_s: None,
+        before_s: None,
+        predicted_s: Estimate { value: late_s.value - advised_s, ..late_s },
+        measured_s: None,
+        flights: vec![],
+        verdict: ProofVerdict::CannotTell,
+        words: format!(
+            "No value is recommended for the newest flight, which is {} late.{}",
+            millis(late_s.value),
+            others(last, late_s.value)
         ),
     })
 }
@@ -340,6 +368,21 @@ mod tests {
         assert_eq!((proof.verdict, proof.set_s, proof.measured_s), (ProofVerdict::NotSet, None, None));
         let right: Vec<Row> = (1..=5).map(|day| row(10, day, 118.0, 118.0)).collect();
         assert_eq!(proofs(&briefs(&right), &|_, _| None), []);
+    }
+
+    #[test]
+    fn the_newest_flight_decides_and_what_it_has_no_value_for_is_said() {
+        let moved = |advised_s: Option<f64>| {
+            let newest = Row { advised_s, lateness_s: Some(0.303), ..row(20, 9, 0.0, 303.0) };
+            only(&(1..=5).map(|day| row(10, day, 0.0, 118.0)).chain([newest]).collect::<Vec<Row>>())
+        };
+        let newest = moved(Some(0.303));
+        assert_eq!((newest.verdict, newest.recommended_s), (ProofVerdict::NotSet, 0.303));
+        assert!(newest.words.starts_with("Recommended: 303 ms. Other flights recommend 118 ms."), "{}", newest.words);
+        let none = moved(None);
+        let words =
+            "No value is recommended for the newest flight, which is 303 ms late. Other flights recommend 118 ms.";
+        assert_eq!((none.verdict, none.words.as_str()), (ProofVerdict::CannotTell, words));
     }
 
     #[test]
