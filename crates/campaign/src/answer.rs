@@ -257,7 +257,7 @@ fn kind_of(out: &FlightLateness, over_time: Option<&DelayOverTime>) -> DelayKind
     let Some(Estimate { value, standard_uncertainty: Some(u) }) = out.lateness_s() else {
         return DelayKind::CannotTell;
     };
-    let tested = over_time.is_some_and(|o| o.constancy.tested);
+    let tested = over_time.is_some_and(|o| o.constancy.tested && o.kind != DelayKind::CannotTell);
     if value.abs() + 1.645 * u < ON_TIME_S {
         DelayKind::OnTime
     } else if value + 1.96 * u < 0.0 {

@@ -78,6 +78,7 @@ pub fn analyse(record: &PositionAgainstVelocity, settings: &OverTimeSettings) ->
         speed_after_direction_s: sure(|d| d.speed_lag_s),
         remarks: words::remarks(&found, &verdict),
         two_delays_fit: verdict.two_delays,
+        unplaced_change: verdict.change_on_bins.is_some() && !verdict.kind.varies(),
         search_s: found.search_s,
         edge_hit: found.map.as_ref().is_some_and(|m| m.edge),
         advice: words::advice(&verdict),

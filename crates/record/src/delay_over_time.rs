@@ -114,6 +114,10 @@ pub struct DelayOverTime {
     /// Two delays that explain the flight equally well, s; `None` if one is clearly better.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub two_delays_fit: Option<[f64; 2]>,
+    /// Whether parts of a few seconds show a change of the delay, or a reset of the position along the track, surely, and no
+    /// description of it pays.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub unplaced_change: bool,
     /// Delays that were searched, s: first and last.
     pub search_s: [f64; 2],
     /// Whether the best delay lies at the edge of the search even after it was widened.

@@ -170,7 +170,7 @@ fn other_time_scale(apart_s: f64) -> Option<String> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use serde_json::json;
 
@@ -197,7 +197,7 @@ mod tests {
     }
 
     /// A delay over time of this kind, with nothing else to say.
-    fn over_time(kind: DelayKind) -> DelayOverTime {
+    pub(in crate::answer) fn over_time(kind: DelayKind) -> DelayOverTime {
         let level = json!({ "value": 0.4, "standard_uncertainty": 0.01 });
         let quiet = json!({
             "kind": "constant", "words": "it varies", "level_s": level, "level_widening_s": 0.0,

@@ -33,6 +33,13 @@ fn late(value_s: f64, relative_to: Option<&str>) -> FlightLateness {
     FlightLateness { lateness: Some(channel), velocity: Some("velocity.gps".into()), ..unknown("k") }
 }
 
+/// The constant fit may know a delay of which the varying one cannot tell whether it stays the same.
+#[test]
+fn a_delay_whose_change_cannot_be_told_is_not_called_constant() {
+    let kind = |kind| kind_of(&late(0.203, None), Some(&crate::answer::alarms::tests::over_time(kind)));
+    assert_eq!((kind(DelayKind::Constant), kind(DelayKind::CannotTell)), (DelayKind::Constant, DelayKind::NotTested));
+}
+
 fn decision(contradicted: Option<&str>) -> Decision {
     Decision {
         asked: DelaySource::Fixed,

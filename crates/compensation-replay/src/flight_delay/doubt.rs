@@ -3,7 +3,7 @@
 use super::bands::Bands;
 use super::fit::View;
 use super::skew::Skew;
-use record::{DelayHomogeneity, DelayOverTime, DelayPairKind, Estimate, MeasuredDelay, WindowDelay};
+use record::{DelayHomogeneity, DelayKind, DelayOverTime, DelayPairKind, Estimate, MeasuredDelay, WindowDelay};
 use signal::{Reading, mean_of};
 
 /// An error of the recovery beyond this many standard uncertainties is an alarm.
@@ -24,13 +24,22 @@ pub(crate) fn doubt(
     let mut wider_s = match varying {
         Some(varying) => mean_of_varying(found, varying),
         // Both say how unlike the parts of the flight are.
-        None => over_time.map_or(0.0, |o| o.level_widening_s).max(by_window(found.homogeneity, &found.over_time)),
+        None => over_time
+            .map_or(0.0, |o| o.level_widening_s.max(by_unplaced_change(found, o)))
+            .max(by_window(found.homogeneity, &found.over_time)),
     };
     if let Some(o) = over_time {
         found.alarm = o.kind.varies().then(|| o.words.clone());
         if found.alarm.is_none() && o.level_widening_s > 0.0 {
             found.alarms.push(o.constancy.note.clone().unwrap_or_else(|| o.words.clone()));
         }
+    }
+    if over_time.is_some_and(|o| o.kind == DelayKind::CannotTell && o.unplaced_change) {
+        found.alarms.push(
+            "the delay changes during the flight, or the position was reset along the track; when and by how much, the motion \
+             does not tell"
+                .to_owned(),
+        );
     }
     wider_s = wider_s.hypot(by_frequency(found, view)).hypot(by_operating_point(found, view.settings.alarm_p));
     not_recovered(found);
@@ -56,6 +65,17 @@ fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
         1e3 * (value - shift_s)
     ));
     u.hypot(range_s)
+}
+
+/// What a change adds that is seen and cannot be placed: how far the varying fit is from the constant one, and how little it
+/// knows.
+fn by_unplaced_change(found: &MeasuredDelay, over_time: &DelayOverTime) -> f64 {
+    let Estimate { value, standard_uncertainty: Some(u) } = over_time.level_s else { return 0.0 };
+    if over_time.kind == DelayKind::CannotTell && over_time.unplaced_change {
+        (value - found.delay_s.value).hypot(u)
+    } else {
+        0.0
+    }
 }
 
 /// What the scatter of the windows adds to the uncertainty of their mean.
