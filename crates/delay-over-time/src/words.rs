@@ -92,6 +92,9 @@ fn cannot_tell(found: &Found, v: &Verdict) -> String {
     text
 }
 
+/// A step that makes up all of the change but this share is told with its levels.
+const MORE: f64 = 0.1;
+
 fn changes(found: &Found, v: &Verdict) -> String {
     let Some(shape) = &v.shape else {
         let by = v.constancy.difference_s.map_or(String::new(), |b| format!(" by {}", plus_minus(b)));
@@ -105,6 +108,10 @@ fn changes(found: &Found, v: &Verdict) -> String {
             let steps = steps(found);
             let how = if v.kind == DelayKind::Switches { "switches to and fro" } else { "jumps" };
             match steps.as_slice() {
+                [(at, size)] if shape.span_s() > (1.0 + MORE) * size.abs() => format!(
+                    "The delay jumps by {} at {at:.0} s of the flight, and changes slowly besides: {range}.",
+                    milliseconds(*size)
+                ),
                 [(at, size)] => format!(
                     "The delay jumps by {} at {at:.0} s of the flight, from {} to {}.",
                     milliseconds(*size),
