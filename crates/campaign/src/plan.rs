@@ -173,7 +173,7 @@ fn leave_unsettled(
     say(&kept, "; its result of the last run stays");
     // A copy that has just begun looks like no log.
     for input in found.ignored.iter_mut().filter(|input| state.has_flight(&input.path)) {
-        if !input.reason.starts_with(STILL_WRITTEN) && is_fresh(&root.join(&input.path)) {
+        if !input.reason.starts_with(STILL_WRITTEN) && is_fresh(&logs.root().join(&input.path)) {
             input.reason = format!("{STILL_WRITTEN} (now: {})", input.reason);
         }
     }

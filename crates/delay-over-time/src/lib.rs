@@ -31,7 +31,7 @@ mod words;
 pub use crate::input::{CannotAnalyse, PositionAgainstVelocity};
 pub use crate::settings::OverTimeSettings;
 
-use record::{CurvePoint, DelayOverTime, DeviceTime, Estimate};
+use record::{CurvePoint, DelayKind, DelayOverTime, DeviceTime, Estimate};
 
 /// How the delay of a position against a velocity behaves over a flight. Positive is late.
 ///
@@ -78,7 +78,7 @@ pub fn analyse(record: &PositionAgainstVelocity, settings: &OverTimeSettings) ->
         speed_after_direction_s: sure(|d| d.speed_lag_s),
         remarks: words::remarks(&found, &verdict),
         two_delays_fit: verdict.two_delays,
-        unplaced_change: verdict.change_on_bins.is_some() && !verdict.kind.varies(),
+        unplaced_change: verdict.change_on_bins.is_some() && verdict.kind == DelayKind::CannotTell,
         search_s: found.search_s,
         edge_hit: found.map.as_ref().is_some_and(|m| m.edge),
         advice: words::advice(&verdict),

@@ -200,15 +200,7 @@ fn position_minus_velocity(line: &DelayLine) -> String {
 
 fn lateness(line: &DelayLine) -> String {
     let value = expanded_ms(line.lateness_s, line.lateness_u_s);
-    if value.is_empty() { value } else { format!("{value} ms, {}", against(&line.datum)) }
-}
-
-fn against(datum: &str) -> String {
-    match datum {
-        "imu" => "against the IMU".to_owned(),
-        datum if datum.starts_with("relative") => datum.to_owned(),
-        datum => format!("against the {datum}"),
-    }
+    if value.is_empty() { value } else { format!("{value} ms, {}", record::counted_from(&line.datum)) }
 }
 
 fn interval(line: &DelayLine) -> String {

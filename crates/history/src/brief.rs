@@ -11,10 +11,10 @@ use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The first 64 bits of a BLAKE3 in hexadecimal; of the hashes of several files all of them together.
-fn short(hashes: &str) -> u64 {
-    let bits = |hash: &str| hash.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or_default();
-    hashes.split('+').map(bits).fold(0, |all, one| all.rotate_left(1) ^ one)
+/// The first 64 bits of a BLAKE3 in hexadecimal; of the hashes of several files all of them together. `None` for other texts.
+fn short(hashes: &str) -> Option<u64> {
+    let mut bits = hashes.split('+').map(|hash| u64::from_str_radix(hash.get(..16)?, 16).ok());
+    bits.try_fold(0_u64, |all, one| Some(all.rotate_left(1) ^ one?))
 }
 
 /// A text that many rows share.
@@ -43,7 +43,7 @@ macro_rules! brief {
                 Brief {
                     $($boxed: row.$boxed.as_str().into(),)+
                     $($own: row.$own,)+
-                    $($hash: row.$hash.as_deref().map(short),)+
+                    $($hash: row.$hash.as_deref().and_then(short),)+
                     $($one: row.$one.as_str().into(),)+
                     $($shared: row.$shared.as_deref().map(Into::into),)+
                 }
@@ -66,7 +66,7 @@ macro_rules! brief {
                         Ok(Brief {
                             $($boxed: $boxed.next().ok_or_else(uneven)?.into(),)+
                             $($own: $own.next().ok_or_else(uneven)?,)+
-                            $($hash: $hash.next().ok_or_else(uneven)?.as_deref().map(short),)+
+                            $($hash: $hash.next().ok_or_else(uneven)?.as_deref().and_then(short),)+
                             $($one: self.shared($one.next().ok_or_else(uneven)?),)+
                             $($shared: $shared.next().ok_or_else(uneven)?.map(|text| self.shared(text)),)+
                         })
@@ -289,9 +289,11 @@ mod tests {
             row("new-copy", 2, same, Some("new")),
             row("other", 1, Some("00000000000000020000"), None),
             row("unread", 1, None, None),
+            row("odd", 1, Some("?"), None),
+            row("odd-too", 1, Some("?"), None),
             row("unread-too", 1, None, None),
         ];
         let names: Vec<&str> = latest_briefs(&rows).iter().map(|row| &*row.flight).collect();
-        assert_eq!(names, ["new", "other", "unread", "unread-too"]);
+        assert_eq!(names, ["new", "odd", "odd-too", "other", "unread", "unread-too"]);
     }
 }

@@ -66,7 +66,12 @@ pub fn texts_of(record: &CampaignRecord, campaign: &str) -> Texts {
         let failed = flight.criteria.iter().flat_map(|criteria| &criteria.each).filter(|one| !one.words.is_empty());
         let criteria = failed.map(|one| (failed_criterion(&one.id), one.words.clone()));
         let effect = flight.effect.as_ref().map(|effect| (HARMED.to_owned(), effect.words.clone()));
-        alarms.chain(criteria).chain(effect).collect()
+        let mut texts = BTreeMap::new();
+        for (word, text) in alarms.chain(criteria).chain(effect) {
+            // A flight may have several alarms of one code.
+            texts.entry(word).and_modify(|all: &mut String| *all += &format!("; {text}")).or_insert(text);
+        }
+        texts
     };
     record.flights.iter().map(|flight| ((campaign.to_owned(), flight.flight.clone()), of(flight))).collect()
 }

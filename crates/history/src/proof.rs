@@ -155,17 +155,7 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
         return None;
     }
     Some(SettingProof {
-        campaign: subject.0.to_owned(),
-        of: label(subject),
-        parameter: subject.3.to_owned(),
-        recommended_by: recommended.run_id.to_string(),
-        was_s: Some(last.set_s),
-        recommended_s: advised_s,
-        set_s: None,
         before_s,
-        predicted_s: Estimate { value: from.value - advised_s, ..from },
-        measured_s: None,
-        flights: vec![],
         verdict: ProofVerdict::NotSet,
         words: format!(
             "Recommended: {}.{} {} {}.",
@@ -177,7 +167,27 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
             },
             set_words(subject.3, last.set_s)
         ),
+        ..not_set(subject, last, (recommended, advised_s), from)
     })
+}
+
+/// A recommendation without a flight after it: what is left of a lateness `from` once it is followed.
+fn not_set(subject: Subject<'_>, last: &Epoch<'_>, (by, advised_s): (&Brief, f64), from: Estimate) -> SettingProof {
+    SettingProof {
+        campaign: subject.0.to_owned(),
+        of: label(subject),
+        parameter: subject.3.to_owned(),
+        recommended_by: by.run_id.to_string(),
+        was_s: Some(last.set_s),
+        recommended_s: advised_s,
+        set_s: None,
+        before_s: None,
+        predicted_s: Estimate { value: from.value - advised_s, ..from },
+        measured_s: None,
+        flights: vec![],
+        verdict: ProofVerdict::CannotTell,
+        words: String::new(),
+    }
 }
 
 /// Older flights recommend a value, and the newest does not: it may need one that the parameter does not take.
@@ -186,25 +196,12 @@ fn withdrawn(subject: Subject<'_>, last: &Epoch<'_>, newest: &Brief) -> Option<S
         last.latest.iter().filter(|row| row.advised_s.is_some()).max_by_key(|row| (row.order(), &row.flight))?;
     let advised_s = older.advised_s?;
     let late_s = Estimate { value: newest.lateness_s?, standard_uncertainty: newest.lateness_u_s };
-    Some(SettingProof {
-        campaign: subject.0.to_owned(),
-        of: label(subject),
-        parameter: subject.3.to_owned(),
-        recommended_by: older.run_id.to_string(),
-        was_s: Some(last.set_s),
-        recommended_s: advised_s,
-        set_s: None,
-        before_s: None,
-        predicted_s: Estimate { value: late_s.value - advised_s, ..late_s },
-        measured_s: None,
-        flights: vec![],
-        verdict: ProofVerdict::CannotTell,
-        words: format!(
-            "No value is recommended for the newest flight, which is {} late.{}",
-            millis(late_s.value),
-            others(last, late_s.value)
-        ),
-    })
+    let words = format!(
+        "No value is recommended for the newest flight, which is {} late.{}",
+        millis(late_s.value),
+        others(last, late_s.value)
+    );
+    Some(SettingProof { words, ..not_set(subject, last, (older, advised_s), late_s) })
 }
 
 /// What other flights with the same setting recommend.

@@ -114,8 +114,8 @@ pub struct DelayOverTime {
     /// Two delays that explain the flight equally well, s; `None` if one is clearly better.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub two_delays_fit: Option<[f64; 2]>,
-    /// Whether parts of a few seconds show a change of the delay, or a reset of the position along the track, surely, and no
-    /// description of it pays.
+    /// Whether the kind is `cannot-tell`, and parts of a few seconds show surely that the delay changes, or that the position was
+    /// reset along the track.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub unplaced_change: bool,
     /// Delays that were searched, s: first and last.

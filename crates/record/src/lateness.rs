@@ -282,6 +282,17 @@ pub struct GroupLateness {
     pub consistency: Option<CampaignDelay>,
 }
 
+/// What a lateness is counted from, for a sentence: `against the IMU`, `against the reference`, `relative to velocity.gps`. `datum` as
+/// in [`FlightLateness::against`].
+#[must_use]
+pub fn counted_from(datum: &str) -> String {
+    match datum {
+        "imu" => "against the IMU".to_owned(),
+        datum if datum.starts_with("relative") => datum.to_owned(),
+        datum => format!("against the {datum}"),
+    }
+}
+
 impl GroupLateness {
     /// Whether its flights were seen not to share one delay.
     #[must_use]

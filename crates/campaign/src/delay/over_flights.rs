@@ -13,7 +13,8 @@ const POINTS: usize = 41;
 /// Sweeps that share less than this have no common curve, s.
 const LEAST_SHARED_S: f64 = 0.01;
 
-/// What the flights' delays say together; `None` if no flight has one. A flight whose delay changes has none to compare. `outliers` are no part of a mean; they have their place among the others in the order of time.
+/// What the flights' delays say together; `None` if no flight has one. A flight whose delay changes takes no part. `outliers` are
+/// in no mean; they have their place among the others in the order of time.
 pub(crate) fn campaign_delay(rows: &[&FlightRow], outliers: &[String]) -> Option<CampaignDelay> {
     let of = |row: &FlightRow| reading(&row.measured_delay_s?);
     let optimum = |row: &FlightRow| reading(&row.sweep.as_ref()?.optimum.found()?.delay_s);

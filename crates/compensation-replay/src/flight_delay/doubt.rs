@@ -3,7 +3,7 @@
 use super::bands::Bands;
 use super::fit::View;
 use super::skew::Skew;
-use record::{DelayHomogeneity, DelayKind, DelayOverTime, DelayPairKind, Estimate, MeasuredDelay, WindowDelay};
+use record::{DelayHomogeneity, DelayOverTime, DelayPairKind, Estimate, MeasuredDelay, WindowDelay};
 use signal::{Reading, mean_of};
 
 /// An error of the recovery beyond this many standard uncertainties is an alarm.
@@ -34,7 +34,7 @@ pub(crate) fn doubt(
             found.alarms.push(o.constancy.note.clone().unwrap_or_else(|| o.words.clone()));
         }
     }
-    if over_time.is_some_and(|o| o.kind == DelayKind::CannotTell && o.unplaced_change) {
+    if over_time.is_some_and(|o| o.unplaced_change) {
         found.alarms.push(
             "the delay changes during the flight, or the position was reset along the track; when and by how much, the motion \
              does not tell"
@@ -50,8 +50,8 @@ pub(crate) fn doubt(
     widen(found, wider_s);
 }
 
-/// Gives the mean over the flight of a delay that changes, and what its range adds to the uncertainty. The fit of one delay settles on
-/// a part of the flight and takes the rest for outliers.
+/// Gives the mean over the flight of a delay that changes, and what its range adds to the uncertainty. The fit of one delay
+/// settles on a part of the flight and takes the rest for outliers.
 fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
     // They are of the same fit, and would give the delay of that part for every speed.
     found.splits.clear();
@@ -71,11 +71,7 @@ fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
 /// knows.
 fn by_unplaced_change(found: &MeasuredDelay, over_time: &DelayOverTime) -> f64 {
     let Estimate { value, standard_uncertainty: Some(u) } = over_time.level_s else { return 0.0 };
-    if over_time.kind == DelayKind::CannotTell && over_time.unplaced_change {
-        (value - found.delay_s.value).hypot(u)
-    } else {
-        0.0
-    }
+    if over_time.unplaced_change { (value - found.delay_s.value).hypot(u) } else { 0.0 }
 }
 
 /// What the scatter of the windows adds to the uncertainty of their mean.

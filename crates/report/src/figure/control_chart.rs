@@ -39,7 +39,7 @@ pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
         caption: format!(
             "Lateness (ms) of {}, {}, {}.{}",
             number::counted(chart.points.len() as u64, "flight", "flights"),
-            counted_from(&chart.datum),
+            record::counted_from(&chart.datum),
             if by_date { "by date" } else { "in the order of the runs, for dates are not known" },
             match chart.older_points {
                 0 => String::new(),
@@ -54,15 +54,6 @@ pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
         panel_size: (540, 220),
         fine: chart.points.len() > 150,
     })
-}
-
-/// What the lateness is counted from: `against the IMU`, `against the reference`, `relative to velocity.gps`.
-fn counted_from(datum: &str) -> String {
-    match datum {
-        "imu" => "against the IMU".to_owned(),
-        datum if datum.starts_with("relative") => datum.to_owned(),
-        datum => format!("against the {datum}"),
-    }
 }
 
 fn lines(placed: &[(f64, &TrendPoint)]) -> Vec<Line> {

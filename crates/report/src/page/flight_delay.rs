@@ -9,8 +9,8 @@ use crate::text::{ended, shown, shown_block};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{
-    DelayGroup, DelayHomogeneity, DelayKind, DelayNoise, DelayPairKind, DelayPiece, DelaySplit, Estimate, Finding,
-    FlightDelays, FlightInjection, FlightLateness, FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
+    DelayGroup, DelayHomogeneity, DelayNoise, DelayPairKind, DelayPiece, DelaySplit, Estimate, Finding, FlightDelays,
+    FlightInjection, FlightLateness, FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
 };
 
 /// Most rows of each table; the record holds all.
@@ -205,7 +205,7 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
         p {
             @if varies.kind.varies() {
                 (ended(&varies.words))
-            } @else if varies.kind == DelayKind::CannotTell && varies.unplaced_change {
+            } @else if varies.unplaced_change {
                 "The delay changes during the flight, or the position was reset along the track. When and by how much, the motion does \
                  not tell."
             } @else if let Some(scatter) = scatter {
