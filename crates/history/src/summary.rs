@@ -131,14 +131,14 @@ fn count(all: &[FlightWords]) -> usize {
     all.iter().map(|of| of.words.len()).sum()
 }
 
-/// `; 1 GROUP WITHOUT ONE DELAY: uav u-blox: …`.
+/// `; 1 GROUP WHOSE FLIGHTS DIFFER: uav u-blox: …`.
 fn groups(all: &[NightGroup]) -> String {
     let new: Vec<&NightGroup> = all.iter().filter(|group| group.is_new).collect();
     match (new.as_slice(), all.len()) {
         ([], 0) => String::new(),
-        ([], n) => format!("; groups without one delay: {n}, none new"),
+        ([], n) => format!("; groups whose flights differ: {n}, none new"),
         ([first, ..], n) => format!(
-            "; groups without one delay: {n}, {} NEW: {} {}: {}",
+            "; groups whose flights differ: {n}, {} NEW: {} {}: {}",
             new.len(),
             first.campaign,
             first.group,
@@ -197,7 +197,7 @@ pub(crate) fn json(record: &NightRecord) -> String {
         "alarms_new": count(&changes.alarms_new),
         "alarms_cleared": count(&changes.alarms_cleared),
         "remarks_new": count(&changes.remarks_new),
-        "groups_without_one_delay": record.groups.len(),
+        "groups_whose_flights_differ": record.groups.len(),
         "advice_moved": changes.advice.len(),
         "new_trend_changes": record.new_trend_changes.len(),
         "proofs_failed": record.proofs.iter().filter(|proof| proof.verdict == ProofVerdict::Fail).count(),
@@ -236,7 +236,7 @@ pub(crate) fn junit(record: &NightRecord) -> String {
         cases.add("newly failing", &flight_name(&failing.flight), Some(&failing_words(failing)));
     }
     for group in record.groups.iter().filter(|group| group.is_new) {
-        cases.add("group without one delay", &format!("{} {}", group.campaign, group.group), Some(&group.words));
+        cases.add("group whose flights differ", &format!("{} {}", group.campaign, group.group), Some(&group.words));
     }
     for new in &record.new_trend_changes {
         let what = format!("{} at {}", with_u(&new.change.step_s), flight_name(&new.change.at));

@@ -132,7 +132,7 @@ fn left(record: &NightRecord) -> Markup {
 fn groups(record: &NightRecord) -> Markup {
     html! {
         @if !record.groups.is_empty() {
-            h2 { "Flights without one delay" }
+            h2 { "Flights that differ" }
             @for group in &record.groups {
                 p.why.unsure {
                     b { @if group.is_new { "New: " } (shown(&group.campaign)) ", " (shown(&group.group)) } ": " (ended(&group.words))
