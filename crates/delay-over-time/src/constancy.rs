@@ -70,25 +70,47 @@ pub(crate) fn compare(d: &Delays, settings: &OverTimeSettings) -> Comparison {
 pub(crate) struct Decision {
     pub(crate) p: f64,
     pub(crate) varies: bool,
-    /// Row without which the change would not be called one.
-    pub(crate) left_out: Option<usize>,
+    /// The one window without which the change would not be called one.
+    pub(crate) rests_on: Option<LoneWindow>,
+}
+
+/// A window that differs from the others.
+#[derive(Debug, Clone)]
+pub(crate) struct LoneWindow {
+    pub(crate) row: usize,
+    /// Its delay less the mean of the others, s.
+    pub(crate) difference: Effect,
 }
 
 /// Varies if a constant delay gives this surely not, the difference counts, and with any one window left out as well.
 pub(crate) fn decide(d: &Delays, c: &Comparison, settings: &OverTimeSettings) -> Decision {
     let p = probability(d, c, settings.draws, CLEARLY_ALIKE);
-    let mut decision = Decision { p, varies: false, left_out: None };
+    let mut decision = Decision { p, varies: false, rests_on: None };
     if p >= settings.significance || c.difference.surely() < c.limit_s {
         return decision;
     }
     let looser = 10.0 * settings.significance;
-    let falls = |row: &usize| {
-        let rest = d.without(*row);
+    let without = |row: usize| {
+        let rest = d.without(row);
         let c = compare(&rest, settings);
-        c.difference.surely() < c.limit_s || probability(&rest, &c, settings.draws, 5.0 * looser) >= looser
+        let size = d.delay_s[row] - c.level.size;
+        (
+            LoneWindow {
+                row,
+                difference: Effect { size, uncertainty: d.uncertainty_s[row].hypot(c.level.uncertainty) },
+            },
+            rest,
+            c,
+        )
     };
-    decision.left_out = (0..d.len()).find(falls);
-    decision.varies = decision.left_out.is_none();
+    let falls = |(_, rest, c): &(LoneWindow, Delays, Comparison)| {
+        c.difference.surely() < c.limit_s || probability(rest, c, settings.draws, 5.0 * looser) >= looser
+    };
+    let mut each: Vec<(LoneWindow, Delays, Comparison)> = (0..d.len()).map(without).collect();
+    // The one that differs most first: on this the change rests, if on any.
+    each.sort_by(|a, b| b.0.difference.surely().total_cmp(&a.0.difference.surely()));
+    decision.rests_on = each.into_iter().find(falls).map(|e| e.0);
+    decision.varies = decision.rests_on.is_none();
     decision
 }
 
@@ -156,5 +178,49 @@ impl Tail {
         }
         let n = self.sorted.len();
         (n - self.sorted.partition_point(|s| *s < x)) as f64 / n.max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn windows(delay_s: impl Fn(usize) -> f64) -> Delays {
+        let n = 24;
+        Delays {
+            window: (0..n).collect(),
+            middle_s: (0..n).map(|k| 12.5 + 25.0 * k as f64).collect(),
+            delay_s: (0..n).map(|k| delay_s(k) + 1e-3 * (1.7 * (k * k) as f64).sin()).collect(),
+            uncertainty_s: vec![1e-3; n],
+            speed_lag_s: Effect::default(),
+            lever_m: Effect::default(),
+            level: Effect { size: 0.2, uncertainty: 1e-3 },
+            white_m: 0.02,
+            inflation: 1.0,
+        }
+    }
+
+    fn decided(d: &Delays) -> Decision {
+        let settings = OverTimeSettings::default();
+        decide(d, &compare(d, &settings), &settings)
+    }
+
+    #[test]
+    fn a_change_of_one_window_is_its_difference_from_the_others() {
+        for (row, late) in [(23, 0.3), (0, -0.2), (11, 0.3)] {
+            let decision = decided(&windows(|k| if k == row { 0.2 + late } else { 0.2 }));
+            let lone = decision.rests_on.unwrap();
+            assert!(!decision.varies);
+            assert_eq!(lone.row, row);
+            assert!((lone.difference.size - late).abs() < 3.0 * lone.difference.uncertainty, "{lone:?}");
+            assert!((1e-3..1.2e-3).contains(&lone.difference.uncertainty), "{lone:?}");
+        }
+    }
+
+    #[test]
+    fn a_change_of_many_windows_rests_on_none() {
+        assert!(decided(&windows(|k| if k < 12 { 0.2 } else { 0.5 })).varies);
+        let alike = decided(&windows(|_| 0.2));
+        assert!(!alike.varies && alike.rests_on.is_none() && alike.p > 0.01);
     }
 }

@@ -135,12 +135,19 @@ fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy,
     out.scatter_s = Some(c.scatter_s);
     out.detectable_s = c.detectable_s;
     out.detectable_between_s = c.between_s;
-    out.difference_s = estimate(c.difference);
+    let difference = d.rests_on.as_ref().map_or(c.difference, |w| w.difference);
+    out.difference_s = estimate(difference);
     let window = |row: usize| test.known.window.get(row).and_then(|w| test.windows.get(*w)).map(|w| [w.from_s, w.to_s]);
-    out.left_out_window_s = d.left_out.and_then(window);
+    out.left_out_window_s = d.rests_on.as_ref().and_then(|w| window(w.row));
     let differs = d.p < settings.significance && !d.varies;
     out.note = note_of(&out, differs);
-    let widening_s = if differs { c.difference.size.abs() / 12f64.sqrt() } else { 0.0 };
+    // A lone window that differs: the standard deviation of such a delay over the flight. Else any course between the two.
+    let deviation = out.left_out_window_s.map_or(12f64.recip(), |[from, to]| {
+        let flown: f64 = test.windows.iter().map(|w| w.to_s - w.from_s).sum();
+        let share = (to - from) / flown.max(1e-9);
+        share * (1.0 - share)
+    });
+    let widening_s = if differs { difference.size.abs() * deviation.max(0.0).sqrt() } else { 0.0 };
     (out, widening_s)
 }
 
@@ -149,7 +156,7 @@ fn note_of(c: &Constancy, differs: bool) -> Option<String> {
         let by = plus_minus(b);
         return Some(match c.left_out_window_s {
             Some([from, to]) => format!(
-                "The delay differs by {by} between parts of the flight, but this rests on the {:.0} s that begin at {from:.0} s.",
+                "The delay differs by {by} in the {:.0} s that begin at {from:.0} s. Nothing else in the flight shows a change.",
                 to - from
             ),
             None => format!(
@@ -224,7 +231,7 @@ pub(crate) fn estimate(e: Effect) -> Option<Estimate> {
 pub(crate) fn plus_minus(e: Estimate) -> String {
     match e.standard_uncertainty {
         Some(u) => {
-            let decimals = usize::from(2e3 * u < 9.95 && e.value.abs() < 0.0995);
+            let decimals = usize::from(2e3 * u < 0.95 || 2e3 * u < 9.95 && e.value.abs() < 0.0995);
             format!("{} ± {:.decimals$} ms", flight::fixed(1e3 * e.value, decimals), 2e3 * u)
         }
         None => milliseconds(e.value),

@@ -154,7 +154,8 @@ pub struct Constancy {
     /// Probability that a constant delay differs this much; `None` if not tested. Never to be worded alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p: Option<f64>,
-    /// Largest difference between parts of the flight, s, with its standard uncertainty.
+    /// Largest difference between parts of the flight, s, with its standard uncertainty; where all rests on one window, its
+    /// difference from the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub difference_s: Option<Estimate>,
     /// Least difference that counts, s.

@@ -215,6 +215,28 @@ fn outliers_are_held_back_and_counted() {
     assert!((robust.delay_s - 0.4).abs() < 3.0 * robust.standard_uncertainty_s, "{}", robust.delay_s);
 }
 
+/// The last piece is 0.3 s later than the others: its samples are held back, and do not say what its offset is.
+#[test]
+fn a_piece_that_is_held_back_as_a_whole_costs_no_other() {
+    let reference = swing();
+    let noise = |k: usize| 0.0002 * (1.2345 * (k * k) as f64).sin();
+    let piece = |from: f64, samples: u32, late: f64| -> (Vec<f64>, Vec<f64>) {
+        let t: Vec<f64> = (0..samples).map(|k| from + 0.05 * f64::from(k)).collect();
+        let y = t.iter().enumerate().map(|(k, t)| reference.value_and_rate(t - late).0 + noise(k)).collect();
+        (t, y)
+    };
+    let pieces = [piece(3.0, 500, 0.4), piece(29.0, 500, 0.4), piece(55.0, 60, 0.7)];
+    let mut measurements = vec![];
+    for (t, y) in &pieces {
+        measurements.push(Measurement { t, y, reference: &reference, gain: Gain::Fixed(1.0), drift: true });
+    }
+    let settings = DelaySettings { noise: NoiseRule::Known(NoiseModel::white(0.00015)), ..DelaySettings::default() };
+    let fit = fit_delay(&measurements, &settings).unwrap();
+    assert!(fit.components[2].weights.iter().all(|w| *w < 1.0), "{:?}", fit.components[2].weights);
+    assert!((fit.delay_s - 0.4).abs() < 3.0 * fit.standard_uncertainty_s + 0.002, "{}", fit.delay_s);
+    assert!(fit.standard_uncertainty_s < 0.05, "{}", fit.standard_uncertainty_s);
+}
+
 #[test]
 fn a_delay_that_changes_half_way_is_not_homogeneous() {
     let reference = swing();

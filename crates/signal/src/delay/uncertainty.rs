@@ -32,6 +32,13 @@ impl Uncertainties {
     }
 }
 
+/// Share of the information of all rows that is added where those not held back do not determine all parameters: of a
+/// piece after a step of the delay all may be held back, and then nothing says what its offset is.
+const HELD_BACK_SHARE: f64 = 1e-3;
+
+/// Least pivot of a matrix with ones on its diagonal.
+const LEAST_PIVOT: f64 = 1e-13;
+
 /// How the scale of the noise is treated, and whether rows are weighted.
 pub(crate) struct Conditions<'a> {
     /// Huber weights for each component, if any row is held back.
@@ -85,7 +92,7 @@ pub(crate) fn uncertainties(
         information[(first_shared + k, first_shared + k)] += std.powi(-2);
         bread[(first_shared + k, first_shared + k)] += std.powi(-2);
     }
-    let inverse = inverse_of(&bread)?;
+    let inverse = inverse_of(&bread).or_else(|| inverse_of(&(bread + &information * HELD_BACK_SHARE)))?;
     let rss: f64 = alignment.blocks.iter().map(|b| b.residuals.iter().map(|e| e * e).sum::<f64>()).sum();
     let scale = if conditions.known_scale { 1.0 } else { score_power(alignment, conditions, rss) / degrees_of_freedom };
     let covariance = &inverse * &information * &inverse * scale;
@@ -178,7 +185,7 @@ fn matrices(jacobians: &[Jacobian], parameters: usize, weights: Option<&[Vec<f64
     (information, bread)
 }
 
-/// Inverse of a symmetric matrix whose rows may have very different units.
+/// Inverse of a symmetric matrix whose rows may have very different units; `None` if it has none but for rounding.
 fn inverse_of(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     let scale: Vec<f64> = (0..n).map(|i| matrix[(i, i)].sqrt()).collect();
@@ -186,7 +193,11 @@ fn inverse_of(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         return None;
     }
     let balanced = DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (scale[i] * scale[j]));
-    let inverse = balanced.cholesky()?.inverse();
+    let factor = balanced.cholesky()?;
+    if factor.l_dirty().diagonal().iter().any(|pivot| pivot * pivot < LEAST_PIVOT) {
+        return None;
+    }
+    let inverse = factor.inverse();
     Some(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / (scale[i] * scale[j])))
 }
 
