@@ -18,6 +18,7 @@ mod motion;
 mod noise_shape;
 mod odd;
 mod parts;
+mod ramps;
 mod refine;
 mod settings;
 mod shape;

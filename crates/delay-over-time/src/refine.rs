@@ -61,6 +61,20 @@ pub(crate) struct Refinement<'a> {
     pub(crate) bin_s: f64,
 }
 
+/// Bends at one instant are one.
+fn joined_bends(mut d: Description) -> Description {
+    let mut joined: Vec<Term> = vec![];
+    for term in d.terms {
+        let is_same = |t: &&mut Term| t.kind == DelayTermKind::Bend && t.kind == term.kind && t.at_s == term.at_s;
+        match joined.iter_mut().find(is_same) {
+            Some(bend) => bend.size += term.size,
+            None => joined.push(term),
+        }
+    }
+    d.terms = joined;
+    d
+}
+
 impl Refinement<'_> {
     /// `None` if the fixes do not determine the terms.
     pub(crate) fn refine(&self, first: Description) -> Option<Refined> {
@@ -68,6 +82,18 @@ impl Refinement<'_> {
         now = self.join_near_steps(now);
         self.place_edges(&mut now);
         now = self.descend(now.description)?;
+        now = self.without_weak_terms(now)?;
+        now = self.ramps(now);
+        now = self.bends_to_steps(now);
+        now = self.descend(joined_bends(now.description))?;
+        now = self.without_weak_terms(now)?;
+        let mut last = self.descend(now.description.clone())?;
+        last.when = (0..last.description.terms.len()).map(|i| self.edge_interval(&last.description, i)).collect();
+        Some(last)
+    }
+
+    /// Removes the weakest term, and so on, until all are worth their price.
+    fn without_weak_terms(&self, mut now: Refined) -> Option<Refined> {
         for _ in 0..now.description.terms.len() {
             let weakest = (0..now.description.terms.len())
                 .map(|i| (i, (now.description.terms[i].size / now.size_uncertainty(i).max(1e-12)).powi(2)))
@@ -80,14 +106,11 @@ impl Refinement<'_> {
             now = self.descend(now.description)?;
             self.place_edges(&mut now);
         }
-        now = self.bends_to_steps(now);
-        let mut last = self.descend(now.description.clone())?;
-        last.when = (0..last.description.terms.len()).map(|i| self.edge_interval(&last.description, i)).collect();
-        Some(last)
+        Some(now)
     }
 
     /// Gauss–Newton on level and sizes, instants held.
-    fn descend(&self, mut now: Description) -> Option<Refined> {
+    pub(crate) fn descend(&self, mut now: Description) -> Option<Refined> {
         let mut covariance = None;
         for _ in 0..ROUNDS {
             let (normal, right) = self.normal_equations(&now);
@@ -140,7 +163,7 @@ impl Refinement<'_> {
     }
 
     /// Normal equations of `n` changes of the delay on `rows`, about the delay `at`, offset and drift projected out.
-    fn part(
+    pub(crate) fn part(
         &self,
         rows: Range<usize>,
         at: &dyn Fn(f64) -> f64,
@@ -228,7 +251,7 @@ impl Refinement<'_> {
     }
 
     /// Moves every step to where it fits best.
-    fn place_edges(&self, now: &mut Refined) {
+    pub(crate) fn place_edges(&self, now: &mut Refined) {
         let scan_s = SCAN_S.max(1.2 * self.bin_s);
         for i in 0..now.description.terms.len() {
             let Term { kind: DelayTermKind::Step, at_s, .. } = now.description.terms[i] else { continue };

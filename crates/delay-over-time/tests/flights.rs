@@ -119,6 +119,25 @@ fn slow_changes_have_their_words() {
     assert!(saw.kind == DelayKind::Queues || saw.constancy.note.is_some(), "{}", saw.words);
 }
 
+/// In circuits, S-turns and surveys: grows from 0.2 s at a quarter of the flight to 1.7 s at 70 % of it, and falls back at once.
+#[test]
+fn a_queue_is_described_by_its_ramp_with_levels_and_instants() {
+    for seed in 50..58 {
+        let case = Case { duration: 240.0, ..Case::gps(TURNING[seed as usize % 3], Profile::BuildUp { top: 1.7 }) };
+        let flight = fly(&case, seed);
+        let f = flight.analyse();
+        assert_eq!(f.kind, DelayKind::Queues, "{seed}: {}", f.words);
+        let begins_s = 0.25 * case.duration + 0.2;
+        for p in f.curve.iter().filter(|p| p.t_s < begins_s - 4.0) {
+            assert!((p.delay_s - 0.2).abs() < 4.0 * p.standard_uncertainty_s + 0.01, "{seed}: {p:?}");
+        }
+        let most = f.curve.iter().map(|p| p.delay_s).fold(f64::MIN, f64::max);
+        assert!((most - 1.7).abs() < 0.1, "{seed}: {most}");
+        let first = f.terms.first().unwrap();
+        assert!(first.kind == DelayTermKind::Bend && (first.at_s - begins_s).abs() < 4.0, "{seed}: {first:?}");
+    }
+}
+
 #[test]
 fn delays_of_minus_two_to_twelve_seconds_are_measured() {
     for (k, delay) in [-2.0, -0.7, 1.4, 5.3, 12.0].into_iter().enumerate() {
