@@ -566,6 +566,10 @@ mod tests {
         }
         assert_eq!(DayOfYear::of_text("007:00:00:00").map(|d| d.day), Some(7));
         assert_eq!(DayOfYear::of_text("2024:366:00:00:00").map(|d| d.day), Some(366));
+    }
+
+    #[test]
+    fn what_is_no_day_of_a_year_with_a_time_is_none() {
         for text in [
             "",
             "131",

@@ -560,19 +560,8 @@ impl Books {
             self.ledger.count(Fate::Skipped, extent.whole as u64);
             return open.lines.pass(extent);
         }
-        if extent.broken {
-            return self.reject(open, extent, format!("line {line}: quotes that do not match"));
-        }
-        if topic.is_lost {
-            return self.reject(open, extent, format!("line {line}: a row below a header that was not followed"));
-        }
-        if topic.absent > 0 && !topic.can_afford(open.lines.offset) {
-            let reason =
-                format!("line {line}: a row that lacks {} columns of the first header, of too many", topic.absent);
+        if let Some(reason) = unusable(open, extent, topic) {
             return self.reject(open, extent, reason);
-        }
-        if open.lines.may_hold_zeros() && memchr::memchr(0, text).is_some() {
-            return self.reject(open, extent, format!("line {line}: zero bytes in the row"));
         }
         if !is_split {
             open.fields.split_with(text, delimiter, open.lines.may_hold_quotes());
@@ -632,6 +621,24 @@ impl Books {
         }
         open.lines.pass(extent);
     }
+}
+
+/// Why the cells of a row are not even looked at.
+#[inline]
+fn unusable(open: &Open<'_>, extent: Extent, topic: &Topic) -> Option<String> {
+    let line = open.lines.number;
+    if extent.broken {
+        return Some(format!("line {line}: quotes that do not match"));
+    }
+    if topic.is_lost {
+        return Some(format!("line {line}: a row below a header that was not followed"));
+    }
+    if topic.absent > 0 && !topic.can_afford(open.lines.offset) {
+        let absent = topic.absent;
+        return Some(format!("line {line}: a row that lacks {absent} columns of the first header, of too many"));
+    }
+    let has_zeros = open.lines.may_hold_zeros() && memchr::memchr(0, open.lines.text(extent)).is_some();
+    has_zeros.then(|| format!("line {line}: zero bytes in the row"))
 }
 
 /// `name = text` of a comment `// name: text`.

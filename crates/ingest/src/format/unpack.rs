@@ -395,20 +395,27 @@ impl<'c> Unpacking<'c> {
 
     fn file(&mut self, path: &Path, packing: Packing) -> Result<(), IngestError> {
         let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
-        let mut file = File::open(path).map_err(|e| io_error(path, e))?;
+        let file = File::open(path).map_err(|e| io_error(path, e))?;
         let size = file.metadata().map_err(|e| io_error(path, e))?.len();
-        if packing != Packing::Zip {
-            let (at, bad) = (Cell::new(0), Cell::new(0));
-            let decoder = decoder(packing, Packed::new(&file, 0..size, &at), &bad).map_err(unusable)?;
-            let target = self.target(&inner_name(path, packing))?;
-            self.copy((path, size), packing, &target, decoder, (&at, 0..size))?;
-            self.newest_pages(&newest_pages(path, packing), &target)?;
-            if bad.get() > 0 {
-                let text = "characters of UTF-16 that are none became replacement characters";
-                self.notices.push(Code::Corrupt, file_name(path), bad.get(), text);
-            }
-            return Ok(());
+        if packing == Packing::Zip {
+            return self.archive(path, file, size);
         }
+        let (at, bad) = (Cell::new(0), Cell::new(0));
+        let decoder = decoder(packing, Packed::new(&file, 0..size, &at), &bad).map_err(unusable)?;
+        let target = self.target(&inner_name(path, packing))?;
+        self.copy(&Piece { path, size, packing, at: &at, place: 0..size }, &target, decoder)?;
+        self.newest_pages(&newest_pages(path, packing), &target)?;
+        if bad.get() > 0 {
+            let text = "characters of UTF-16 that are none became replacement characters";
+            self.notices.push(Code::Corrupt, file_name(path), bad.get(), text);
+        }
+        Ok(())
+    }
+
+    /// Unpacks the logs of a ZIP archive.
+    fn archive(&mut self, path: &Path, mut file: File, size: u64) -> Result<(), IngestError> {
+        let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
+        let packing = Packing::Zip;
         let members = members(path, packing).map_err(|e| match e.raw_os_error() {
             Some(_) => io_error(path, e),
             None => unusable(e.to_string()),
@@ -435,7 +442,7 @@ impl<'c> Unpacking<'c> {
             let at = Cell::new(0);
             let place = zip::place(&mut file, entry).map_err(|e| io_error(path, e))?;
             let decoder = zip::decoder(entry, Packed::new(&file, place.clone(), &at)).map_err(unusable)?;
-            self.copy((path, size), packing, &target, decoder, (&at, place))?;
+            self.copy(&Piece { path, size, packing, at: &at, place }, &target, decoder)?;
         }
         if self.files.is_empty() {
             return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
@@ -468,18 +475,12 @@ impl<'c> Unpacking<'c> {
         std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| io_error(ahead, e))
     }
 
-    /// Unpacks one file of a packed one of this size; `at` says how far of its packed bytes at `place` was used.
-    fn copy(
-        &mut self,
-        (path, size): (&Path, u64),
-        packing: Packing,
-        target: &Path,
-        mut decoder: Box<dyn Read + '_>,
-        (at, place): (&Cell<u64>, Range<u64>),
-    ) -> Result<(), IngestError> {
+    /// Unpacks one file of a packed one.
+    fn copy(&mut self, piece: &Piece<'_>, target: &Path, mut decoder: Box<dyn Read + '_>) -> Result<(), IngestError> {
+        let Piece { path, size, packing, at, .. } = *piece;
         let mut out = File::create(target).map_err(|e| io_error(target, e))?;
         let mut buffer = vec![0; STEP];
-        let (mut told, mut bytes) = (place.start, 0_u64);
+        let (mut told, mut bytes) = (piece.place.start, 0_u64);
         let fault = loop {
             let got = match decoder.read(&mut buffer) {
                 Ok(0) => break None,
@@ -508,17 +509,31 @@ impl<'c> Unpacking<'c> {
             told = at.get();
         };
         out.set_len(bytes).map_err(|e| io_error(target, e))?;
-        if let Some(fault) = fault {
-            let file = file_name(path);
-            if bytes == 0 {
-                return Err(IngestError::Unusable { file, what: format!("{fault}; nothing of it could be unpacked") });
-            }
-            let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
-            let lost = place.end - at.get().min(place.end) + 1;
-            self.notices.push(Code::Corrupt, format!("{file}, near byte {}", at.get()), lost, what);
+        fault.map_or(Ok(()), |fault| self.tell_fault(piece, &fault, bytes))
+    }
+
+    /// Says what was lost behind the bytes that could be unpacked; without any of them there is nothing to read.
+    fn tell_fault(&mut self, piece: &Piece<'_>, fault: &str, bytes: u64) -> Result<(), IngestError> {
+        let (file, at, end) = (file_name(piece.path), piece.at.get(), piece.place.end);
+        if bytes == 0 {
+            return Err(IngestError::Unusable { file, what: format!("{fault}; nothing of it could be unpacked") });
         }
+        let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
+        self.notices.push(Code::Corrupt, format!("{file}, near byte {at}"), end - at.min(end) + 1, what);
         Ok(())
     }
+}
+
+/// Packed bytes of one log.
+struct Piece<'p> {
+    path: &'p Path,
+    /// Of the whole packed file.
+    size: u64,
+    packing: Packing,
+    /// How far of the packed bytes was used.
+    at: &'p Cell<u64>,
+    /// Where they lie in the file.
+    place: Range<u64>,
 }
 
 /// What an error of a decoder means.
