@@ -5,7 +5,7 @@ use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
     ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, KindName, MapFile,
-    OneOrMore, OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
+    OneOrMore, QuantityName, RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
@@ -788,7 +788,7 @@ fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> R
 fn place(f: &FieldTable, frame: Option<FrameName>) -> (Combine, Vec<Slot<'_>>) {
     use Dimension::{Angle, Length};
     if frame == Some(FrameName::Ecef) {
-        return (Combine::EcefPlace, vec![slot("x", Length, &f.x), slot("y", Length, &f.y), slot("z", Length, &f.z)]);
+        return (Combine::EcefPlace, xyz(f, Length).into());
     }
     let height = Slot { presence: Presence::Vertical, ..slot("height", Length, &f.height) };
     (Combine::AsIs, vec![slot("latitude", Angle, &f.latitude), slot("longitude", Angle, &f.longitude), height])
@@ -824,14 +824,12 @@ fn vertical(f: &FieldTable, dimension: Dimension) -> Slot<'_> {
 
 fn ecef_velocity(f: &FieldTable) -> Vec<Slot<'_>> {
     use Dimension::{Length, Speed};
-    vec![
-        slot("x", Speed, &f.x),
-        slot("y", Speed, &f.y),
-        slot("z", Speed, &f.z),
-        slot("at_x", Length, &f.at_x),
-        slot("at_y", Length, &f.at_y),
-        slot("at_z", Length, &f.at_z),
-    ]
+    let at = [slot("at_x", Length, &f.at_x), slot("at_y", Length, &f.at_y), slot("at_z", Length, &f.at_z)];
+    xyz(f, Speed).into_iter().chain(at).collect()
+}
+
+fn xyz(f: &FieldTable, dimension: Dimension) -> [Slot<'_>; 3] {
+    [slot("x", dimension, &f.x), slot("y", dimension, &f.y), slot("z", dimension, &f.z)]
 }
 
 fn body_velocity(f: &FieldTable) -> Vec<Slot<'_>> {
@@ -877,8 +875,8 @@ fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> 
             Some(FrameName::Flu) => true,
             _ => return Err("x, y and z need a frame: frd or flu".into()),
         };
-        let (y, z) = (slot("y", dimension, &f.y), slot("z", dimension, &f.z));
-        [slot("x", dimension, &f.x), Slot { opposite, ..y }, Slot { opposite, ..z }]
+        let [x, y, z] = xyz(f, dimension);
+        [x, Slot { opposite, ..y }, Slot { opposite, ..z }]
     } else {
         [
             slot("forward", dimension, &f.forward),
@@ -999,12 +997,12 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
             if !matches!(fields.len(), 6 | 7) {
                 return Err("a calendar is year, month, day, hour, minute, second, and perhaps nanoseconds".into());
             }
-            let counter = entry.counter.as_ref().map(|c| (c.field.clone(), tick_of(c.unit)));
+            let counter = entry.counter.as_ref().map(|c| (c.field.clone(), c.unit));
             Ok(TimeSource::Calendar { fields: fields.clone(), zone: zone.clone(), counter })
         }
         (None, None, None, Some(date), Some(time), offset) if of_utc || is_gps => {
             let (date, time, offset, zone) = (date.clone(), time.clone(), offset.clone(), zone.clone());
-            Ok(TimeSource::Civil { date, time, offset, zone, order: entry.order.map(order_of), is_gps })
+            Ok(TimeSource::Civil { date, time, offset, zone, order: entry.order, is_gps })
         }
         _ => Err(NO_STAMP.into()),
     }
@@ -1018,10 +1016,10 @@ fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) 
             let (clock, epoch_s) = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
             let east_s = zone.as_deref().and_then(offset_seconds).map_or(0, i64::from);
             let bits = entry.bits.unwrap_or(USUAL_BITS);
-            Ok(TimeSource::Number { field, tick: tick_of(unit), clock, zero_s: epoch_s - east_s, bits })
+            Ok(TimeSource::Number { field, tick: unit, clock, zero_s: epoch_s - east_s, bits })
         }
         (Some(unit), None, Some(week)) if matches!(clock, None | Some((Clock::Gps, 0))) => {
-            Ok(TimeSource::GpsWeek { week, field, tick: tick_of(unit), nanos: entry.nanos.clone() })
+            Ok(TimeSource::GpsWeek { week, field, tick: unit, nanos: entry.nanos.clone() })
         }
         (None, Some(TimeText::Iso8601), None) if matches!(clock, None | Some((Clock::Unix, 0))) => {
             Ok(TimeSource::Iso { field, zone })
@@ -1036,14 +1034,6 @@ fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) 
 
 const NO_STAMP: &str = "a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \
                         field and a unit, or a date and a time, or a calendar";
-
-fn order_of(order: OrderName) -> DateOrder {
-    match order {
-        OrderName::DayMonthYear => DateOrder::DayMonthYear,
-        OrderName::MonthDayYear => DateOrder::MonthDayYear,
-        OrderName::YearMonthDay => DateOrder::YearMonthDay,
-    }
-}
 
 fn container_source(stamp: ContainerStamp) -> TimeSource {
     match stamp {
@@ -1096,18 +1086,5 @@ fn clock_of(name: ClockName) -> (Clock, i64) {
         ClockName::Matlab => (Clock::Unix, -719_529 * DAY_S),
         ClockName::ModifiedJulian => (Clock::Unix, -40_587 * DAY_S),
         ClockName::Julian => (Clock::Unix, -2_440_587 * DAY_S - DAY_S / 2),
-    }
-}
-
-fn tick_of(unit: TickName) -> Tick {
-    match unit {
-        TickName::D => Tick::Days,
-        TickName::H => Tick::Hours,
-        TickName::Min => Tick::Minutes,
-        TickName::S => Tick::Seconds,
-        TickName::Ms => Tick::Millis,
-        TickName::TenthMs => Tick::TenthMillis,
-        TickName::Us => Tick::Micros,
-        TickName::Ns => Tick::Nanos,
     }
 }

@@ -22,7 +22,7 @@ use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
 use self::meaning::Meaning;
 use self::one_table::OneTable;
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::format::crew::Crew;
 use crate::format::identity::{GARMIN, of_table_head};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
@@ -123,14 +123,10 @@ fn without_bom(head: &[u8]) -> &[u8] {
 }
 
 fn open(path: &Path) -> Result<(File, u64), IngestError> {
-    let failed = |source| IngestError::Io { file: name_of(path), offset: 0, source };
+    let failed = |source| IngestError::of_file(path, source);
     let file = File::open(path).map_err(failed)?;
     let size = file.metadata().map_err(failed)?.len();
     Ok((file, size))
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// One pass over all files.
@@ -186,7 +182,7 @@ impl<'a> Open<'a> {
 
 impl Reading<'_> {
     fn file(&mut self, path: &Path, size: u64, alone: bool) -> Result<(), IngestError> {
-        let name = name_of(path);
+        let name = file_name(path);
         let stem = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let (file, _) = open(path)?;
         let head = head_of(&file, &name, self.context)?;

@@ -10,7 +10,7 @@ mod zip;
 use super::db3::write_ahead_log_of;
 use crate::bytes::{Bytes, is_zero};
 use crate::discover::FlightUnit;
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::load::reader_of;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::sniff::LogKind;
@@ -309,14 +309,7 @@ fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
 
 /// Reads a unit, unpacking its files first where they are packed.
 pub(crate) struct UnpackingReader {
-    unit: FlightUnit,
-}
-
-impl UnpackingReader {
-    /// A reader of the unit's files. Nothing is opened yet.
-    pub(crate) fn new(unit: FlightUnit) -> UnpackingReader {
-        UnpackingReader { unit }
-    }
+    pub(crate) unit: FlightUnit,
 }
 
 impl LogReader for UnpackingReader {
@@ -356,8 +349,8 @@ fn newest_pages(packed: &Path, packing: Packing) -> PathBuf {
 /// How a file is packed, by its first bytes.
 fn packing_of(path: &Path) -> Result<Option<Packing>, IngestError> {
     let mut head = vec![];
-    let file = File::open(path).map_err(|e| io_error(path, e))?;
-    file.take(utf16::TELLING as u64).read_to_end(&mut head).map_err(|e| io_error(path, e))?;
+    let file = File::open(path).map_err(|e| IngestError::of_file(path, e))?;
+    file.take(utf16::TELLING as u64).read_to_end(&mut head).map_err(|e| IngestError::of_file(path, e))?;
     Ok(Packing::of(&head, named_text(path)))
 }
 
@@ -365,14 +358,6 @@ fn packing_of(path: &Path) -> Result<Option<Packing>, IngestError> {
 pub(crate) fn named_text(path: &Path) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     ["csv", "txt", "tsv", "log"].contains(&ending.as_str())
-}
-
-fn io_error(path: &Path, source: io::Error) -> IngestError {
-    IngestError::Io { file: file_name(path), offset: 0, source }
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// The unpacked files of one unit, and what was lost on the way.
@@ -389,14 +374,14 @@ struct Unpacking<'c> {
 impl<'c> Unpacking<'c> {
     fn new(kind: LogKind, context: &'c ReadContext<'c>) -> Result<Unpacking<'c>, IngestError> {
         let folder = tempfile::Builder::new().prefix("flightlag-").tempdir();
-        let folder = folder.map_err(|e| io_error(&std::env::temp_dir(), e))?;
+        let folder = folder.map_err(|e| IngestError::of_file(&std::env::temp_dir(), e))?;
         Ok(Unpacking { kind, context, folder, files: vec![], written: 0, notices: Notices::new() })
     }
 
     fn file(&mut self, path: &Path, packing: Packing) -> Result<(), IngestError> {
         let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
-        let file = File::open(path).map_err(|e| io_error(path, e))?;
-        let size = file.metadata().map_err(|e| io_error(path, e))?.len();
+        let file = File::open(path).map_err(|e| IngestError::of_file(path, e))?;
+        let size = file.metadata().map_err(|e| IngestError::of_file(path, e))?.len();
         if packing == Packing::Zip {
             return self.archive(path, file, size);
         }
@@ -417,7 +402,7 @@ impl<'c> Unpacking<'c> {
         let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
         let packing = Packing::Zip;
         let members = members(path, packing).map_err(|e| match e.raw_os_error() {
-            Some(_) => io_error(path, e),
+            Some(_) => IngestError::of_file(path, e),
             None => unusable(e.to_string()),
         })?;
         let mut wanted = vec![];
@@ -440,7 +425,7 @@ impl<'c> Unpacking<'c> {
         }
         for (entry, target) in wanted {
             let at = Cell::new(0);
-            let place = zip::place(&mut file, entry).map_err(|e| io_error(path, e))?;
+            let place = zip::place(&mut file, entry).map_err(|e| IngestError::of_file(path, e))?;
             let decoder = zip::decoder(entry, Packed::new(&file, place.clone(), &at)).map_err(unusable)?;
             self.copy(&Piece { path, size, packing, at: &at, place }, &target, decoder)?;
         }
@@ -455,7 +440,7 @@ impl<'c> Unpacking<'c> {
         // A folder each, for two may have one name.
         let folder = self.folder.path().join(self.files.len().to_string());
         let target = folder.join(name);
-        std::fs::create_dir(&folder).map_err(|e| io_error(&target, e))?;
+        std::fs::create_dir(&folder).map_err(|e| IngestError::of_file(&target, e))?;
         self.files.push(target.clone());
         Ok(target)
     }
@@ -472,13 +457,13 @@ impl<'c> Unpacking<'c> {
             let what = format!("with the database it is larger than the limit of {limit} bytes");
             return Err(IngestError::Unusable { file: file_name(ahead), what });
         }
-        std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| io_error(ahead, e))
+        std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| IngestError::of_file(ahead, e))
     }
 
     /// Unpacks one file of a packed one.
     fn copy(&mut self, piece: &Piece<'_>, target: &Path, mut decoder: Box<dyn Read + '_>) -> Result<(), IngestError> {
         let Piece { path, size, packing, at, .. } = *piece;
-        let mut out = File::create(target).map_err(|e| io_error(target, e))?;
+        let mut out = File::create(target).map_err(|e| IngestError::of_file(target, e))?;
         let mut buffer = vec![0; STEP];
         let (mut told, mut bytes) = (piece.place.start, 0_u64);
         let fault = loop {
@@ -504,11 +489,12 @@ impl<'c> Unpacking<'c> {
                 let name = packing.name();
                 break Some(format!("the {name} content is more than {MOST_TIMES} times as large, which no log is"));
             }
-            write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(target, e))?;
+            write_sparse(&mut out, buffer.get(..got).unwrap_or_default())
+                .map_err(|e| IngestError::of_file(target, e))?;
             self.context.advance(at.get() - told)?;
             told = at.get();
         };
-        out.set_len(bytes).map_err(|e| io_error(target, e))?;
+        out.set_len(bytes).map_err(|e| IngestError::of_file(target, e))?;
         fault.map_or(Ok(()), |fault| self.tell_fault(piece, &fault, bytes))
     }
 

@@ -11,7 +11,7 @@ use super::motion::Trace;
 use super::sets::{Source, Triple};
 use super::times::Timing;
 use super::{Found, decide};
-use crate::table::{Table, numbers};
+use crate::table::Table;
 use flight::Unit;
 
 /// Agreements that confirm, and that contradict.
@@ -67,12 +67,12 @@ impl Of<'_> {
 
     /// The largest value of any of the columns, without its sign.
     fn largest(&self) -> f64 {
-        let values = |path: &str| {
-            let column = numbers(self.table, path);
-            (0..self.table.rows).filter_map(move |row| column?.number(row))
-        };
-        self.set.columns.iter().flat_map(|column| values(&column.path)).fold(0.0, |most, value| most.max(value.abs()))
+        self.set.columns.iter().map(|column| decide::largest(self.table, column)).fold(0.0, f64::max)
     }
+}
+
+fn unit(symbol: &str) -> Result<Unit, String> {
+    decide::unit(symbol).ok_or_else(|| "no such unit".to_owned())
 }
 
 /// What is found in the tables, and why other sets are not bound. `motions` are the velocities that were bound.

@@ -92,11 +92,11 @@ pub(super) fn trace<const N: usize>(
     Trace::new(compared_rows(times_s.len()).filter_map(row).collect())
 }
 
-fn unit(symbol: &str) -> Option<Unit> {
+pub(super) fn unit(symbol: &str) -> Option<Unit> {
     symbol.parse().ok()
 }
 
-fn largest(table: &Table, column: &Named) -> f64 {
+pub(super) fn largest(table: &Table, column: &Named) -> f64 {
     let values = numbers(table, &column.path);
     (0..table.rows).filter_map(|row| values?.number(row)).fold(0.0, |most, v| most.max(v.abs()))
 }

@@ -1,13 +1,12 @@
 //! A table that holds a position or a velocity alone, as the second file of a flight: the ways in which its axes may point. The
 //! motion of the first file has to decide between them.
 
-use super::decide::{Motion, Place, Vertical, plausible_height, side};
+use super::decide::{Motion, Place, Vertical, plausible_height, side, unit};
 use super::sets::{Position, Source, Velocity, says_axes, sources};
 use super::times::Timing;
 use super::write::{All, map};
 use super::{Found, Guess, odd_unit};
 use crate::reader::Log;
-use flight::Unit;
 
 /// Which column goes north, and whether the other one counts west.
 const AXES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
@@ -36,10 +35,6 @@ fn of_timing<'l>(source: &'l Source<'l>, timing: &Timing) -> Vec<All<'l>> {
     }
     let places = source.positions.iter().filter(|p| !p.is_geodetic).flat_map(|p| places(source, p));
     places.map(|what| alone(vec![Found::of(source, timing, what)], vec![])).collect()
-}
-
-fn unit(symbol: &str) -> Option<Unit> {
-    symbol.parse().ok()
 }
 
 const JUDGED: &str = "by its names; the motion of the first file decides the axes";

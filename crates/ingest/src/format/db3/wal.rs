@@ -1,7 +1,7 @@
 //! The write-ahead log beside a database: pages that were committed and not yet copied back
 //! (<https://www.sqlite.org/fileformat2.html#the_write_ahead_log>).
 
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use logscan::read_exactly;
 use std::collections::HashMap;
 use std::fs::File;
@@ -102,7 +102,7 @@ impl Wal {
     /// The log beside `database`, whose pages have `page_bytes` bytes if its header can be read.
     pub(super) fn beside(database: &Path, page_bytes: Option<u32>) -> Result<Beside, IngestError> {
         let path = path_of(database);
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = file_name(&path);
         // Looked at before it is opened: opening a pipe would wait for its writer.
         let size = match std::fs::metadata(&path) {
             Ok(about) if about.is_file() && about.len() > 0 => about.len(),

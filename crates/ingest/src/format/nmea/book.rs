@@ -33,6 +33,7 @@ const LONGEST_NS: i64 = i64::MAX / 8;
 const WHOLE: &str = " whole";
 
 /// Gives sentences to the topics.
+#[derive(Default)]
 pub(crate) struct Book {
     /// By address.
     routes: HashMap<String, Option<Route>>,
@@ -54,23 +55,6 @@ pub(crate) struct Book {
 }
 
 impl Book {
-    pub(crate) fn new() -> Book {
-        Book {
-            routes: HashMap::new(),
-            epochs: Epochs::default(),
-            age: Age::default(),
-            line: String::new(),
-            texts: vec![],
-            early: Tally::default(),
-            headless: Tally::default(),
-            timeless: Tally::default(),
-            unplaced: Tally::default(),
-            broken: Tally::default(),
-            heights: Heights::default(),
-            order: Order::default(),
-        }
-    }
-
     /// Something is missing here: a sentence without a time may be of an epoch that was lost.
     pub(crate) fn breaks(&mut self) {
         self.epochs.is_broken = true;

@@ -1,6 +1,6 @@
 //! Roll, pitch and yaw: the unit by what is stated, by the range, or by whether yaw follows the course of the velocity.
 
-use super::{Body, CONFIRMS, DECIDES, Of};
+use super::{Body, CONFIRMS, DECIDES, Of, unit};
 use crate::bind::from_euler;
 use crate::guess::Found;
 use crate::guess::decide::{self, Motion, Vertical};
@@ -135,7 +135,6 @@ const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from 
 
 /// Units that the angles may have, with the reason.
 fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
-    let unit = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
     if let Some(stated) = of.stated()? {
         let most = stated.to_si(of.largest());
         return match most <= TAU + 1e-3 {

@@ -1,7 +1,7 @@
 //! Angular rates: the unit and the axes by the turns of an attitude.
 
 use super::attitude::Turns;
-use super::{Body, CONFIRMS, Of};
+use super::{Body, CONFIRMS, Of, unit};
 use crate::guess::motion::Trace;
 use flight::Unit;
 
@@ -26,7 +26,6 @@ const FASTEST: f64 = 100.0;
 /// Why there are none.
 pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
     let stated = of.stated()?;
-    let unit = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
     let (deg, rad) = (unit("deg/s")?, unit("rad/s")?);
     let body = |unit, frame, why| {
         let set = of.set.clone();
