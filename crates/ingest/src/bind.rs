@@ -76,40 +76,47 @@ fn choose<'m>(log: &Log, library: &'m MapLibrary, forced: Option<&str>) -> Resul
     let maps = library.candidates(forced)?;
     let mut trials = Trial::of_all(&maps, log);
     trials.sort_by_key(|t| std::cmp::Reverse(t.rank()));
-    let Some(best) = trials.first().filter(|t| t.fits()) else { return Err(nothing_fits(&trials, log)) };
-    let equals: Vec<&str> = trials.iter().filter(|t| t.rank() == best.rank()).map(|t| t.map.name.as_str()).collect();
-    if equals.len() > 1 {
-        let names = equals.join(" and ");
-        return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
-    }
-    lacking::check(best, log).map_err(IngestError::MapLacks)?;
-    let joined = trials.first_mut().and_then(|best| {
-        turns::align(best.plans.iter_mut().flat_map(|plan| &mut plan.stamps));
-        let joined = restarts::join(&best.plans, &best.map.ties, log)?;
-        for plan in &mut best.plans {
-            for stamps in &mut plan.stamps {
-                Rc::make_mut(&mut stamps.nanos).change(|nanos| joined.shift(plan.table, stamps.clock, nanos));
-            }
-        }
-        Some(joined)
-    });
-    let Some(best) = trials.first() else { return Err(nothing_fits(&trials, log)) };
-    let others = trials.iter().skip(1).filter(|t| !t.plans.is_empty()).map(|t| candidate(t, best)).collect();
+    check_best(&trials, log)?;
+    let mut best = trials.remove(0);
+    turns::align(best.plans.iter_mut().flat_map(|plan| &mut plan.stamps));
+    let joined = on_one_clock(&mut best, log);
+    let others = trials.iter().filter(|t| !t.plans.is_empty()).map(|t| candidate(t, &best)).collect();
     let why = if forced.is_some() { "asked for by name".to_owned() } else { best.why(best.plans.len()) };
     let tied = if joined.is_none() { tie_of(&best.map.ties, log) } else { None };
-    let notices = notices_of(best, log);
+    let notices = notices_of(&best, log);
     let of_units = |plan: &Plan<'_>| {
         let mut said = Notices::new();
         stated::compare(plan, &log.units, &mut said);
         said
     };
     let units = best.plans.iter().map(of_units).collect();
-    let best = trials.swap_remove(0);
     let Some(map) = maps.into_iter().find(|map| std::ptr::eq(*map, best.map)) else {
         return Err(nothing_fits(&[best], log));
     };
     let parts = best.plans.into_iter().map(|plan| Parted::of(plan, map, log)).collect();
     Ok(Chosen { map, parts, units, notices, joined, tied, why, others })
+}
+
+/// Refuses trials whose first does not fit, is no better than the second, or lacks what the user's map names.
+fn check_best(trials: &[Trial<'_>], log: &Log) -> Result<(), IngestError> {
+    let Some(best) = trials.first().filter(|t| t.fits()) else { return Err(nothing_fits(trials, log)) };
+    let equals: Vec<&str> = trials.iter().filter(|t| t.rank() == best.rank()).map(|t| t.map.name.as_str()).collect();
+    if equals.len() > 1 {
+        let names = equals.join(" and ");
+        return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
+    }
+    lacking::check(best, log).map_err(IngestError::MapLacks)
+}
+
+/// Moves the stamps of all sessions of a log onto the clock of the first; `None` if it has one session.
+fn on_one_clock(best: &mut Trial<'_>, log: &Log) -> Option<Joined> {
+    let joined = restarts::join(&best.plans, &best.map.ties, log)?;
+    for plan in &mut best.plans {
+        for stamps in &mut plan.stamps {
+            Rc::make_mut(&mut stamps.nanos).change(|nanos| joined.shift(plan.table, stamps.clock, nanos));
+        }
+    }
+    Some(joined)
 }
 
 /// What is to be said before any channel is made.
@@ -152,6 +159,12 @@ fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
     told::note_coarse(&coarse, &mut flight.notices);
     note_back_jumps(&channels, back, &mut flight.notices);
     channels.sort_by(|a, b| a.name.cmp(&b.name));
+    date_clocks(&mut flight, joined, tied);
+    (flight, Binding { map: map.name.clone(), why, others, channels })
+}
+
+/// Ties a clock of the flight to UTC, and compares its clocks.
+fn date_clocks(flight: &mut Flight, joined: Option<Joined>, tied: Option<Tied>) {
     let tied = match joined {
         Some(joined) => {
             joined.report(&mut flight.notices);
@@ -164,9 +177,8 @@ fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
         note_tie(&tied, &mut flight.notices);
         flight.utc = Some(tied.tie);
     }
-    clocks::note_unknown_leaps(&mut flight, tied_by_gps);
-    clocks::compare(&mut flight);
-    (flight, Binding { map: map.name.clone(), why, others, channels })
+    clocks::note_unknown_leaps(flight, tied_by_gps);
+    clocks::compare(flight);
 }
 
 /// How a clock is tied to UTC, and what was put right or left out for it.

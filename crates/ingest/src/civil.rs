@@ -1,22 +1,9 @@
 //! Time written as text or as a number, to integer nanoseconds. Never asks the machine for its time zone.
 
+pub(crate) use crate::map_schema::{OrderName as DateOrder, TickName as Tick};
 use jiff::civil::{Date, DateTime, ISOWeekDate, Time, Weekday};
 use jiff::tz::Offset;
 use std::ops::Deref;
-
-/// Unit of an epoch number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Tick {
-    Days,
-    Hours,
-    Minutes,
-    Seconds,
-    Millis,
-    /// 100 µs.
-    TenthMillis,
-    Micros,
-    Nanos,
-}
 
 impl Tick {
     /// Nanoseconds in one.
@@ -33,18 +20,14 @@ impl Tick {
         }
     }
 
-    /// Nanoseconds of an exact number of ticks; `None` beyond the range of `i64`.
-    pub(crate) fn of_integer(self, ticks: i64) -> Option<i64> {
-        self.integer_since(ticks, 0)
-    }
-
     /// Nanoseconds of a decimal number as text. Plain decimals are exact to the nanosecond;
     /// digits beyond it are rounded. Others, such as `1.5e9`, go through a double.
     pub(crate) fn of_text(self, text: &str) -> Option<i64> {
         self.text_since(text, 0)
     }
 
-    /// As [`Tick::of_integer`], of ticks since an instant so many seconds after the one that counts as zero.
+    /// Nanoseconds of an exact number of ticks since an instant so many seconds after the one that counts as zero; `None` beyond
+    /// the range of `i64`.
     pub(crate) fn integer_since(self, ticks: i64, zero_s: i64) -> Option<i64> {
         since(self.wide(ticks), zero_s)
     }
@@ -363,17 +346,7 @@ pub(crate) fn iso_date(text: &str) -> Option<Date> {
     Date::new(i16::try_from(unsigned(year)?).ok()?, two_digits(month)?, two_digits(day)?).ok()
 }
 
-/// The order of day, month and year in dates whose writing leaves it open: `05/06/2021`, `5-6-2021`, `05.06.21`, `050621`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum DateOrder {
-    /// `23/06/2021`.
-    DayMonthYear,
-    /// `06/23/2021`.
-    MonthDayYear,
-    /// `21/06/23`.
-    YearMonthDay,
-}
-
+/// In dates whose writing leaves it open: `05/06/2021`, `5-6-2021`, `05.06.21`, `050621`.
 impl DateOrder {
     const ALL: [DateOrder; 3] = [DateOrder::DayMonthYear, DateOrder::MonthDayYear, DateOrder::YearMonthDay];
 
@@ -566,6 +539,10 @@ mod tests {
         }
         assert_eq!(DayOfYear::of_text("007:00:00:00").map(|d| d.day), Some(7));
         assert_eq!(DayOfYear::of_text("2024:366:00:00:00").map(|d| d.day), Some(366));
+    }
+
+    #[test]
+    fn what_is_no_day_of_a_year_with_a_time_is_none() {
         for text in [
             "",
             "131",

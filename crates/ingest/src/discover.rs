@@ -1,6 +1,6 @@
 //! Finds the flights below a folder.
 
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::format::bag_folder::{self, Metadata};
 use crate::format::{PACKED_ENDINGS, Packing, members, write_ahead_log_of};
 use crate::map::MapLibrary;
@@ -58,7 +58,7 @@ pub fn discover(root: &Path, library: &MapLibrary) -> Result<Discovery, IngestEr
         let mut above = vec![identity(root)];
         search.folder(entries, "", &name.unwrap_or_else(|| "flight".into()), &mut above);
     } else {
-        let name = root.file_name().unwrap_or(root.as_os_str()).to_string_lossy().into_owned();
+        let name = file_name(root);
         let mut tables = vec![];
         search.file(root, &name, about.file_type(), &mut tables);
         search.group(tables, "", &name);
@@ -134,7 +134,7 @@ impl Search<'_> {
         paths.sort();
         let (mut tables, first) = (vec![], self.found.units.len());
         for path in &paths {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let name = file_name(&path);
             let id = if below.is_empty() { name.clone() } else { format!("{below}/{name}") };
             if name.starts_with('.') {
                 self.ignore(&id, "hidden");
@@ -214,7 +214,7 @@ impl Search<'_> {
             let copy =
                 bag_of(&self.found, kept).and(bag_of(&self.found, copy)).filter(|_| is_packed_of(packed, &plain));
             if let Some(copy) = copy {
-                let kept = kept.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let kept = file_name(kept);
                 let copy = self.found.units.remove(copy);
                 self.ignore(&copy.id, format!("the same as {kept}, packed or unpacked"));
             }

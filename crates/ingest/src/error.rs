@@ -1,7 +1,7 @@
 //! Why a log cannot be used at all. Damage that leaves something to use is no error.
 
 use logscan::ScanError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Nothing of the log can be used, and why.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +57,18 @@ pub enum IngestError {
     /// The user stopped.
     #[error("stopped")]
     Cancelled,
+}
+
+impl IngestError {
+    /// A file that cannot be opened or asked for its size.
+    pub(crate) fn of_file(path: &Path, source: std::io::Error) -> IngestError {
+        IngestError::Io { file: file_name(path), offset: 0, source }
+    }
+}
+
+/// As files are called in what is said of them.
+pub(crate) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 impl From<ScanError> for IngestError {

@@ -127,45 +127,22 @@ struct Found<'l, T> {
     what: T,
 }
 
+impl<'l, T> Found<'l, T> {
+    fn of(source: &Source<'l>, timing: &Timing, what: T) -> Found<'l, T> {
+        Found { topic: &source.table.topic.name, timing: timing.clone(), what }
+    }
+}
+
 /// The map for the tables of a log that was read by [`wanted`].
-///
-/// # Errors
-/// Why there is none.
 pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     let sources = sources(log);
     if let Some(odd) = odd_unit(&sources) {
         return Err(odd);
     }
-    let mut reasons: Vec<String> = vec![];
-    let (mut places, mut motions): (Vec<Found<'_, Place>>, Vec<Found<'_, Motion>>) = (vec![], vec![]);
-    reasons.extend(sources.iter().filter(|s| s.timings.is_empty()).map(without_time));
-    for (of, velocity) in sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v))) {
-        match best_place(&sources, of, velocity) {
-            Ok(pairs) => {
-                pairs.into_iter().for_each(|(place, motion)| {
-                    if !places.iter().any(|known| {
-                        known.what.set.first.path == place.what.set.first.path && known.topic == place.topic
-                    }) {
-                        places.push(place);
-                    }
-                    if !motions.iter().any(|known| {
-                        known.what.set.first.path == motion.what.set.first.path && known.topic == motion.topic
-                    }) {
-                        motions.push(motion);
-                    }
-                })
-            }
-            Err(why) => match stated(of, velocity) {
-                Some(motion) => motions.push(motion),
-                None => reasons.push(format!("{} and {}: {why}", velocity.first.path, velocity.second.path)),
-            },
-        }
-    }
+    let mut reasons: Vec<String> = sources.iter().filter(|s| s.timings.is_empty()).map(without_time).collect();
+    let (mut places, motions) = compared(&sources, &mut reasons);
     for (of, position) in sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))) {
-        let known = |place: &Found<'_, Place>| {
-            place.what.set.first.path == position.first.path && place.topic == of.table.topic.name
-        };
-        if !places.iter().any(known) {
+        if !has_place(&places, &of.table.topic.name, &position.first) {
             match unchecked(of, position, &motions) {
                 Ok(place) => places.push(place),
                 Err(why) => reasons.push(why),
@@ -183,6 +160,38 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
         });
     }
     Ok(with_bodies(&sources, places, motions, reasons, log.tables.len() > 1))
+}
+
+/// The positions and velocities that agree, and velocities whose names say everything; `reasons` of the others.
+fn compared<'l>(
+    sources: &'l [Source<'l>],
+    reasons: &mut Vec<String>,
+) -> (Vec<Found<'l, Place>>, Vec<Found<'l, Motion>>) {
+    let (mut places, mut motions): (Vec<Found<'l, Place>>, Vec<Found<'l, Motion>>) = (vec![], vec![]);
+    for (of, velocity) in sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v))) {
+        match best_place(sources, of, velocity) {
+            Ok(pairs) => pairs.into_iter().for_each(|(place, motion)| {
+                if !has_place(&places, place.topic, &place.what.set.first) {
+                    places.push(place);
+                }
+                let is_same = |known: &Found<'_, Motion>| {
+                    known.topic == motion.topic && known.what.set.first.path == motion.what.set.first.path
+                };
+                if !motions.iter().any(is_same) {
+                    motions.push(motion);
+                }
+            }),
+            Err(why) => match stated(of, velocity) {
+                Some(motion) => motions.push(motion),
+                None => reasons.push(format!("{} and {}: {why}", velocity.first.path, velocity.second.path)),
+            },
+        }
+    }
+    (places, motions)
+}
+
+fn has_place(places: &[Found<'_, Place>], topic: &str, first: &Named) -> bool {
+    places.iter().any(|known| known.topic == topic && known.what.set.first.path == first.path)
 }
 
 /// The map of positions and velocities, with the attitudes, rates and forces that are found by them.
@@ -204,9 +213,6 @@ fn with_bodies<'l>(
 
 /// The map for a table without a header, or whose header says nothing: the two pairs of neighbours that agree best, if they
 /// agree very well.
-///
-/// # Errors
-/// There are none.
 pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     const LEAST: f64 = 0.97;
     /// Agreements in steps of this are the same: then the usual order of axes counts.
@@ -301,19 +307,13 @@ fn with_times<'l>(
 ) -> Result<Pair<'l>, String> {
     let mut fits: Vec<Pair<'l>> = vec![];
     let mut why_not = format!("no column of {} {NO_TIME}", of.table.topic.name);
+    let is_own = std::ptr::eq(source, of);
     for timing in &of.timings {
-        let own = std::ptr::eq(source, of);
-        let others = source
-            .timings
-            .iter()
-            .filter(|other| if own { other.entry == timing.entry } else { other.clock == timing.clock });
-        for other in others {
+        let is_same = |other: &&Timing| if is_own { other.entry == timing.entry } else { other.clock == timing.clock };
+        for other in source.timings.iter().filter(is_same) {
             let place = Of { table: source.table, timing: other, set: position };
             match decide(place, Of { table: of.table, timing, set: velocity }) {
-                Ok((place, motion)) => fits.push((
-                    Found { topic: &source.table.topic.name, timing: other.clone(), what: place },
-                    Found { topic: &of.table.topic.name, timing: timing.clone(), what: motion },
-                )),
+                Ok((place, motion)) => fits.push((Found::of(source, other, place), Found::of(of, timing, motion))),
                 Err(why) => why_not = why,
             }
         }
@@ -340,7 +340,7 @@ fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
     let why = vec!["by its names and stated units alone: no position is there to compare it with".to_owned()];
     let what =
         Motion { set: set.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
-    Some(Found { topic: &of.table.topic.name, timing: timing.clone(), what })
+    Some(Found::of(of, timing, what))
 }
 
 /// A position that no velocity was compared with, if its range or its names say everything.
@@ -367,12 +367,15 @@ fn unchecked<'l>(
         ));
     }
     let mut why = vec![why.clone(), "no velocity was found that moves as it does".to_owned()];
-    let third = set.third.as_ref().and_then(|third| {
-        let (found, said) = plausible_height(of.table, third, *unit);
-        why.extend(said);
-        let side = side(third)?;
-        Some((found.or("m".parse().ok())?, if found.is_some() { side } else { Vertical::LeftOut }))
-    });
+    let third = set.third.as_ref().and_then(|third| unchecked_height(of.table, third, *unit, &mut why));
     let what = Place { set: set.clone(), unit: *unit, third, swapped: false, is_west: false, why };
-    Ok(Found { topic: &of.table.topic.name, timing: timing.clone(), what })
+    Ok(Found::of(of, timing, what))
+}
+
+/// The unit of a height that nothing was compared with, and where it counts to; `why` says what was assumed.
+fn unchecked_height(table: &Table, height: &Named, angle: Unit, why: &mut Vec<String>) -> Option<(Unit, Vertical)> {
+    let (found, said) = plausible_height(table, height, angle);
+    why.extend(said);
+    let side = side(height)?;
+    Some((found.or("m".parse().ok())?, if found.is_some() { side } else { Vertical::LeftOut }))
 }

@@ -3,7 +3,7 @@
 use crate::bind::bind;
 use crate::companion::companion;
 use crate::discover::FlightUnit;
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::format::{
     BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
     UnpackingReader,
@@ -34,7 +34,7 @@ pub struct Loaded {
 /// A reader for the files of a flight, packed or not. The ledger of a packed log counts unpacked bytes.
 #[must_use]
 pub fn open(unit: &FlightUnit) -> Box<dyn LogReader> {
-    Box::new(UnpackingReader::new(unit.clone()))
+    Box::new(UnpackingReader { unit: unit.clone() })
 }
 
 /// A reader for files that are not packed.
@@ -257,17 +257,12 @@ type State = (PathBuf, u64, Option<SystemTime>, Option<FileIdentity>);
 
 fn states(files: &[PathBuf]) -> Result<Vec<State>, IngestError> {
     let state = |path: &PathBuf| {
-        let about =
-            std::fs::metadata(path).map_err(|source| IngestError::Io { file: name_of(path), offset: 0, source })?;
+        let about = std::fs::metadata(path).map_err(|source| IngestError::of_file(path, source))?;
         Ok((path.clone(), about.len(), about.modified().ok(), identity(path)))
     };
     files.iter().map(state).collect()
 }
 
 fn changed(before: &[State], after: &[State]) -> Option<String> {
-    before.iter().zip(after).find(|(a, b)| a != b).map(|((path, ..), _)| name_of(path))
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+    before.iter().zip(after).find(|(a, b)| a != b).map(|((path, ..), _)| file_name(path))
 }

@@ -5,7 +5,7 @@ use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
     ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, KindName, MapFile,
-    OneOrMore, OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
+    OneOrMore, QuantityName, RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
@@ -240,7 +240,7 @@ impl TieRule {
 
     /// What is to be decoded for it.
     fn requests(&self) -> impl Iterator<Item = FieldRequest> {
-        let require = self.require.iter().map(|r| FieldRequest { path: r.field.clone(), kind: ValueKind::Number });
+        let require = self.require.iter().map(|r| number(&r.field));
         [&self.stamp, &self.utc].into_iter().flat_map(TimeSource::requests).chain(require)
     }
 }
@@ -298,21 +298,27 @@ impl ChannelRule {
 
     /// What is to be decoded of another topic, for conditions on messages of the same epoch.
     fn requests_of<'r>(&'r self, topic: &'r TopicInfo) -> impl Iterator<Item = FieldRequest> + 'r {
-        let number = |path: &String| FieldRequest { path: path.clone(), kind: ValueKind::Number };
         let require = self.require.iter().filter(|r| r.of.contains(&topic.name));
-        require.flat_map(move |r| std::iter::once(&r.field).chain(&r.same.0).map(number))
+        require.flat_map(|r| std::iter::once(&r.field).chain(&r.same.0).map(|path| number(path)))
     }
 
     /// What is to be decoded for it.
     pub(crate) fn requests(&self) -> impl Iterator<Item = FieldRequest> {
-        let number = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
-        let parts = self.parts.iter().flat_map(|p| &p.fields).map(move |source| number(&source.path));
+        let parts = self.parts.iter().flat_map(|p| &p.fields).map(|source| number(&source.path));
         let require =
             self.require.iter().flat_map(|r| if r.of.is_empty() { std::slice::from_ref(&r.field) } else { &r.same.0 });
-        let require = require.map(move |path| number(path));
+        let require = require.map(|path| number(path));
         let times = self.times.iter().flat_map(|(_, sources)| sources).flat_map(TimeSource::requests);
         parts.chain(require).chain(times)
     }
+}
+
+fn number(path: &str) -> FieldRequest {
+    FieldRequest { path: path.to_owned(), kind: ValueKind::Number }
+}
+
+fn text(path: &str) -> FieldRequest {
+    FieldRequest { path: path.to_owned(), kind: ValueKind::Text }
 }
 
 fn specificity(topics: &[String], types: &[String]) -> Specificity {
@@ -372,31 +378,27 @@ impl TimeSource {
     }
 
     fn requests(&self) -> Vec<FieldRequest> {
-        let ask = |path: &String, kind| FieldRequest { path: path.clone(), kind };
         match self {
             TimeSource::ContainerLogged | TimeSource::ContainerPublished | TimeSource::LoggedOnBoot => vec![],
             // Text keeps every digit of a decimal fraction.
             TimeSource::Number { field, tick: Tick::TenthMillis | Tick::Micros | Tick::Nanos, .. } => {
-                vec![ask(field, ValueKind::Number)]
+                vec![number(field)]
             }
-            TimeSource::Number { field, .. } => vec![ask(field, ValueKind::Text)],
             TimeSource::GpsWeek { week, field, tick, nanos } => {
-                let kind = if *tick == Tick::Seconds { ValueKind::Text } else { ValueKind::Number };
-                let nanos = nanos.iter().map(|nanos| ask(nanos, ValueKind::Number));
-                [ask(week, ValueKind::Number), ask(field, kind)].into_iter().chain(nanos).collect()
+                let in_week = if *tick == Tick::Seconds { text(field) } else { number(field) };
+                [number(week), in_week].into_iter().chain(nanos.as_deref().map(number)).collect()
             }
             TimeSource::Calendar { fields, counter, zone: _ } => {
                 let counter = counter.iter().map(|(field, _)| field);
-                fields.iter().chain(counter).map(|f| ask(f, ValueKind::Number)).collect()
+                fields.iter().chain(counter).map(|field| number(field)).collect()
             }
-            TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {
-                vec![ask(field, ValueKind::Text)]
+            TimeSource::Number { field, .. }
+            | TimeSource::Iso { field, .. }
+            | TimeSource::DayOfYear { field, .. }
+            | TimeSource::TimeOfDay { field } => vec![text(field)],
+            TimeSource::Civil { date, time, offset, .. } => {
+                [date, time].into_iter().chain(offset).map(|field| text(field)).collect()
             }
-            TimeSource::Civil { date, time, offset, .. } => [Some(date), Some(time), offset.as_ref()]
-                .into_iter()
-                .flatten()
-                .map(|f| ask(f, ValueKind::Text))
-                .collect(),
         }
     }
 }
@@ -759,42 +761,16 @@ fn either<'a>(this: Slot<'a>, opposite: Slot<'a>) -> Slot<'a> {
 
 /// Which fields are there says how they combine.
 fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Part>), String> {
-    use Dimension::{Acceleration, Angle, AngularRate, Length, MagneticField, None as Pure, Speed, Time};
-    let vertical = |dimension| Slot {
-        presence: Presence::Vertical,
-        ..either(slot("down", dimension, &f.down), slot("up", dimension, &f.up))
-    };
-    let track = || Slot { presence: Presence::Direction, ..slot("track", Angle, &f.track) };
-    let east = |dimension| either(slot("east", dimension, &f.east), slot("west", dimension, &f.west));
+    use Dimension::{Acceleration, Angle, AngularRate, Length, MagneticField, None as Pure, Time};
     let (combine, slots): (Combine, Vec<Slot<'_>>) = match quantity {
-        QuantityName::PositionGeodetic if frame == Some(FrameName::Ecef) => {
-            (Combine::EcefPlace, vec![slot("x", Length, &f.x), slot("y", Length, &f.y), slot("z", Length, &f.z)])
-        }
-        QuantityName::VelocityNed if frame == Some(FrameName::Ecef) => (Combine::EcefVelocity, ecef_velocity(f)),
-        QuantityName::PositionGeodetic => {
-            let height = Slot { presence: Presence::Vertical, ..slot("height", Length, &f.height) };
-            let places = [slot("latitude", Angle, &f.latitude), slot("longitude", Angle, &f.longitude), height];
-            (Combine::AsIs, places.into())
-        }
+        QuantityName::PositionGeodetic => place(f, frame),
+        QuantityName::PositionNed => (Combine::AsIs, north_east_down(f, Length)),
+        QuantityName::VelocityNed => velocity(f, frame),
         QuantityName::Scalar => (Combine::AsIs, vec![slot("value", Pure, &f.value)]),
         QuantityName::Height => (Combine::AsIs, vec![slot("height", Length, &f.height)]),
         QuantityName::EncoderCount => (Combine::AsIs, vec![slot("count", Pure, &f.count)]),
         QuantityName::EncoderAngle => (Combine::AsIs, vec![slot("angle", Angle, &f.angle)]),
         QuantityName::Pulse => (Combine::AsIs, vec![slot("second", Time, &f.second)]),
-        QuantityName::PositionNed => {
-            (Combine::AsIs, vec![slot("north", Length, &f.north), east(Length), vertical(Length)])
-        }
-        QuantityName::VelocityNed if f.forward.is_some() => (Combine::Body, body_velocity(f)),
-        QuantityName::VelocityNed if f.variation.is_some() => {
-            let (speed, variation) = (slot("speed", Speed, &f.speed), slot("variation", Angle, &f.variation));
-            (Combine::MagneticPolar, vec![speed, track(), variation, vertical(Speed)])
-        }
-        QuantityName::VelocityNed if f.speed.is_some() => {
-            (Combine::Polar, vec![slot("speed", Speed, &f.speed), track(), vertical(Speed)])
-        }
-        QuantityName::VelocityNed => {
-            (Combine::AsIs, vec![slot("north", Speed, &f.north), east(Speed), vertical(Speed)])
-        }
         QuantityName::Attitude => attitude(f, frame)?,
         QuantityName::AngularRate => (Combine::AsIs, body_axes(f, AngularRate, frame)?),
         QuantityName::SpecificForce => (Combine::AsIs, body_axes(f, Acceleration, frame)?),
@@ -809,16 +785,51 @@ fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> R
     Ok((combine, parts?))
 }
 
+fn place(f: &FieldTable, frame: Option<FrameName>) -> (Combine, Vec<Slot<'_>>) {
+    use Dimension::{Angle, Length};
+    if frame == Some(FrameName::Ecef) {
+        return (Combine::EcefPlace, xyz(f, Length).into());
+    }
+    let height = Slot { presence: Presence::Vertical, ..slot("height", Length, &f.height) };
+    (Combine::AsIs, vec![slot("latitude", Angle, &f.latitude), slot("longitude", Angle, &f.longitude), height])
+}
+
+fn velocity(f: &FieldTable, frame: Option<FrameName>) -> (Combine, Vec<Slot<'_>>) {
+    use Dimension::{Angle, Speed};
+    let speed = || slot("speed", Speed, &f.speed);
+    let track = || Slot { presence: Presence::Direction, ..slot("track", Angle, &f.track) };
+    if frame == Some(FrameName::Ecef) {
+        (Combine::EcefVelocity, ecef_velocity(f))
+    } else if f.forward.is_some() {
+        (Combine::Body, body_velocity(f))
+    } else if f.variation.is_some() {
+        let variation = slot("variation", Angle, &f.variation);
+        (Combine::MagneticPolar, vec![speed(), track(), variation, vertical(f, Speed)])
+    } else if f.speed.is_some() {
+        (Combine::Polar, vec![speed(), track(), vertical(f, Speed)])
+    } else {
+        (Combine::AsIs, north_east_down(f, Speed))
+    }
+}
+
+fn north_east_down(f: &FieldTable, dimension: Dimension) -> Vec<Slot<'_>> {
+    let east = either(slot("east", dimension, &f.east), slot("west", dimension, &f.west));
+    vec![slot("north", dimension, &f.north), east, vertical(f, dimension)]
+}
+
+fn vertical(f: &FieldTable, dimension: Dimension) -> Slot<'_> {
+    let down = either(slot("down", dimension, &f.down), slot("up", dimension, &f.up));
+    Slot { presence: Presence::Vertical, ..down }
+}
+
 fn ecef_velocity(f: &FieldTable) -> Vec<Slot<'_>> {
     use Dimension::{Length, Speed};
-    vec![
-        slot("x", Speed, &f.x),
-        slot("y", Speed, &f.y),
-        slot("z", Speed, &f.z),
-        slot("at_x", Length, &f.at_x),
-        slot("at_y", Length, &f.at_y),
-        slot("at_z", Length, &f.at_z),
-    ]
+    let at = [slot("at_x", Length, &f.at_x), slot("at_y", Length, &f.at_y), slot("at_z", Length, &f.at_z)];
+    xyz(f, Speed).into_iter().chain(at).collect()
+}
+
+fn xyz(f: &FieldTable, dimension: Dimension) -> [Slot<'_>; 3] {
+    [slot("x", dimension, &f.x), slot("y", dimension, &f.y), slot("z", dimension, &f.z)]
 }
 
 fn body_velocity(f: &FieldTable) -> Vec<Slot<'_>> {
@@ -864,8 +875,8 @@ fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> 
             Some(FrameName::Flu) => true,
             _ => return Err("x, y and z need a frame: frd or flu".into()),
         };
-        let (y, z) = (slot("y", dimension, &f.y), slot("z", dimension, &f.z));
-        [slot("x", dimension, &f.x), Slot { opposite, ..y }, Slot { opposite, ..z }]
+        let [x, y, z] = xyz(f, dimension);
+        [x, Slot { opposite, ..y }, Slot { opposite, ..z }]
     } else {
         [
             slot("forward", dimension, &f.forward),
@@ -975,72 +986,54 @@ pub(crate) fn time_source_of(entry: &str) -> Option<TimeSource> {
 fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
     only_where_it_counts(entry)?;
     let clock = entry.clock.map(clock_of);
-    let entry = entry.clone();
-    let TimeEntry {
-        container,
-        field,
-        unit,
-        text,
-        week,
-        nanos,
-        calendar,
-        counter,
-        date,
-        order,
-        time,
-        offset,
-        zone,
-        year,
-        bits,
-        clock: _,
-    } = entry;
-    let order = order.map(order_of);
+    let TimeEntry { container, field, calendar, date, time, offset, zone, .. } = entry;
     let of_utc = matches!(clock, None | Some((Clock::Unix, 0)));
-    let of_gps = clock == Some((Clock::Gps, 0)) && zone.is_none() && offset.is_none();
-    match (container, field, unit, text, week, calendar, date, time, offset) {
-        (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => {
-            Ok(container_source(container))
+    let is_gps = clock == Some((Clock::Gps, 0)) && zone.is_none() && offset.is_none();
+    match (container, field, calendar, date, time, offset) {
+        (None, Some(field), None, None, None, None) => source_in_field(field, entry, clock),
+        _ if entry.unit.is_some() || entry.text.is_some() || entry.week.is_some() => Err(NO_STAMP.into()),
+        (Some(container), None, None, None, None, None) if clock.is_none() => Ok(container_source(*container)),
+        (None, None, Some(fields), None, None, None) if of_utc => {
+            if !matches!(fields.len(), 6 | 7) {
+                return Err("a calendar is year, month, day, hour, minute, second, and perhaps nanoseconds".into());
+            }
+            let counter = entry.counter.as_ref().map(|c| (c.field.clone(), c.unit));
+            Ok(TimeSource::Calendar { fields: fields.clone(), zone: zone.clone(), counter })
         }
-        (None, Some(field), Some(unit), None, None, None, None, None, None) => {
-            let (clock, epoch_s) = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
-            let east_s = zone.as_deref().and_then(offset_seconds).map_or(0, i64::from);
-            let (tick, zero_s) = (tick_of(unit), epoch_s - east_s);
-            Ok(TimeSource::Number { field, tick, clock, zero_s, bits: bits.unwrap_or(USUAL_BITS) })
+        (None, None, None, Some(date), Some(time), offset) if of_utc || is_gps => {
+            let (date, time, offset, zone) = (date.clone(), time.clone(), offset.clone(), zone.clone());
+            Ok(TimeSource::Civil { date, time, offset, zone, order: entry.order, is_gps })
         }
-        (None, Some(field), Some(unit), None, Some(week), None, None, None, None)
-            if matches!(clock, None | Some((Clock::Gps, 0))) =>
-        {
-            Ok(TimeSource::GpsWeek { week, field, tick: tick_of(unit), nanos })
-        }
-        (None, Some(field), None, Some(TimeText::Iso8601), None, None, None, None, None) if of_utc => {
-            Ok(TimeSource::Iso { field, zone })
-        }
-        (None, Some(field), None, Some(TimeText::DayOfYear), None, None, None, None, None) if clock.is_none() => {
-            Ok(TimeSource::DayOfYear { field, year, zone })
-        }
-        (None, Some(field), None, Some(TimeText::TimeOfDay), None, None, None, None, None) if clock.is_none() => {
-            Ok(TimeSource::TimeOfDay { field })
-        }
-        (None, None, None, None, None, None, Some(date), Some(time), offset) if of_utc || of_gps => {
-            Ok(TimeSource::Civil { date, time, offset, zone, order, is_gps: of_gps })
-        }
-        (None, None, None, None, None, Some(fields), None, None, None) if of_utc => match fields.len() {
-            6 | 7 => Ok(TimeSource::Calendar { fields, zone, counter: counter.map(|c| (c.field, tick_of(c.unit))) }),
-            _ => Err("a calendar is year, month, day, hour, minute, second, and perhaps nanoseconds".into()),
-        },
-        _ => Err("a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \
-                  field and a unit, or a date and a time, or a calendar"
-            .into()),
+        _ => Err(NO_STAMP.into()),
     }
 }
 
-fn order_of(order: OrderName) -> DateOrder {
-    match order {
-        OrderName::DayMonthYear => DateOrder::DayMonthYear,
-        OrderName::MonthDayYear => DateOrder::MonthDayYear,
-        OrderName::YearMonthDay => DateOrder::YearMonthDay,
+/// A source of one field, or of one and its week.
+fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) -> Result<TimeSource, String> {
+    let (field, zone) = (field.to_owned(), entry.zone.clone());
+    match (entry.unit, entry.text, entry.week.clone()) {
+        (Some(unit), None, None) => {
+            let (clock, epoch_s) = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
+            let east_s = zone.as_deref().and_then(offset_seconds).map_or(0, i64::from);
+            let bits = entry.bits.unwrap_or(USUAL_BITS);
+            Ok(TimeSource::Number { field, tick: unit, clock, zero_s: epoch_s - east_s, bits })
+        }
+        (Some(unit), None, Some(week)) if matches!(clock, None | Some((Clock::Gps, 0))) => {
+            Ok(TimeSource::GpsWeek { week, field, tick: unit, nanos: entry.nanos.clone() })
+        }
+        (None, Some(TimeText::Iso8601), None) if matches!(clock, None | Some((Clock::Unix, 0))) => {
+            Ok(TimeSource::Iso { field, zone })
+        }
+        (None, Some(TimeText::DayOfYear), None) if clock.is_none() => {
+            Ok(TimeSource::DayOfYear { field, year: entry.year, zone })
+        }
+        (None, Some(TimeText::TimeOfDay), None) if clock.is_none() => Ok(TimeSource::TimeOfDay { field }),
+        _ => Err(NO_STAMP.into()),
     }
 }
+
+const NO_STAMP: &str = "a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \
+                        field and a unit, or a date and a time, or a calendar";
 
 fn container_source(stamp: ContainerStamp) -> TimeSource {
     match stamp {
@@ -1093,18 +1086,5 @@ fn clock_of(name: ClockName) -> (Clock, i64) {
         ClockName::Matlab => (Clock::Unix, -719_529 * DAY_S),
         ClockName::ModifiedJulian => (Clock::Unix, -40_587 * DAY_S),
         ClockName::Julian => (Clock::Unix, -2_440_587 * DAY_S - DAY_S / 2),
-    }
-}
-
-fn tick_of(unit: TickName) -> Tick {
-    match unit {
-        TickName::D => Tick::Days,
-        TickName::H => Tick::Hours,
-        TickName::Min => Tick::Minutes,
-        TickName::S => Tick::Seconds,
-        TickName::Ms => Tick::Millis,
-        TickName::TenthMs => Tick::TenthMillis,
-        TickName::Us => Tick::Micros,
-        TickName::Ns => Tick::Nanos,
     }
 }

@@ -144,27 +144,33 @@ pub(crate) enum ContainerStamp {
 }
 
 /// A unit of time.
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
 pub(crate) enum TickName {
     /// Days.
-    D,
+    #[serde(rename = "d")]
+    Days,
     /// Hours.
-    H,
+    #[serde(rename = "h")]
+    Hours,
     /// Minutes.
-    Min,
+    #[serde(rename = "min")]
+    Minutes,
     /// Seconds.
-    S,
+    #[serde(rename = "s")]
+    Seconds,
     /// Milliseconds.
-    Ms,
+    #[serde(rename = "ms")]
+    Millis,
     /// 100 microseconds.
     #[serde(rename = "100us")]
-    TenthMs,
+    TenthMillis,
     /// Microseconds.
-    Us,
+    #[serde(rename = "us")]
+    Micros,
     /// Nanoseconds.
-    Ns,
+    #[serde(rename = "ns")]
+    Nanos,
 }
 
 /// A way to write an instant.
@@ -183,7 +189,7 @@ pub(crate) enum TimeText {
 }
 
 /// What a date begins with.
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum OrderName {

@@ -17,7 +17,7 @@ pub(super) fn date_by_counter(source: &TimeSource, table: &Table, dates: &mut Va
     let TimeSource::Calendar { counter: Some((field, tick)), .. } = source else { return };
     let Some(column) = numbers(table, field) else { return };
     let mut counts: Values<i64> =
-        (0..table.rows).map(|row| tick.of_integer(column.integer(row)?).filter(|ns| *ns >= 0)).collect();
+        (0..table.rows).map(|row| tick.integer_since(column.integer(row)?, 0).filter(|ns| *ns >= 0)).collect();
     unwrap(&mut counts, tick.nanos() << 32);
     let counts: Vec<Option<i64>> = counts.iter().collect();
     let mut count = 0;

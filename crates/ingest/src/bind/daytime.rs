@@ -69,29 +69,51 @@ pub(super) fn days_of_year(
 ) -> Option<(Clock, Values<i64>)> {
     let column = texts(table, field)?;
     let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(&column.text(row)?)).collect();
-    let since_begin = |day: &DayOfYear| (day.day - 1) * DAY_NS + day.nanos;
-    let zone_ns = i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
+    let zone_ns = zone_ns(zone);
     let east_ns = |day: &DayOfYear| day.east_ns.unwrap_or(zone_ns);
-    let (said, all) =
-        days.iter().flatten().fold((0, 0), |(n, all), day| (n + usize::from(day.year.is_some()), all + 1));
+    let known = || days.iter().flatten();
+    let (said, all) = (known().filter(|day| day.year.is_some()).count(), known().count());
     if 2 * said > all || all == 0 {
-        let stamp =
-            |day: &DayOfYear| year_begin_unix_ns(day.year?)?.checked_add(since_begin(day))?.checked_sub(east_ns(day));
+        let stamp = |day: &DayOfYear| unix_ns(day)?.checked_sub(east_ns(day));
         return Some((Clock::Unix, days.iter().map(|day| day.as_ref().and_then(stamp)).collect()));
     }
-    let since = days.iter().map(|day| day.as_ref().map(since_begin));
     let begin = year.and_then(year_begin_unix_ns);
-    let length = match year.and_then(|year| year_begin_unix_ns(year.checked_add(1)?)).zip(begin) {
-        Some((next, begin)) => next - begin,
-        None if days.iter().flatten().any(|day| day.day == 366) => 366 * DAY_NS,
-        None => 365 * DAY_NS,
-    };
-    // The year is known and has no such day.
-    let mut stamps: Values<i64> = since.map(|since| since.filter(|ns| begin.is_none() || *ns < length)).collect();
+    let length = year_length_ns(year, &days);
+    // A known year may have no such day.
+    let is_in_year = |ns: &i64| begin.is_none() || *ns < length;
+    let mut stamps: Values<i64> = days.iter().map(|day| day.as_ref().map(since_begin).filter(is_in_year)).collect();
     note_wraps(unwrap(&mut stamps, length), "the day of the year began anew; the stamps run on", repairs);
     let dated = |since: i64, day: &DayOfYear| since.checked_add(begin.unwrap_or(0))?.checked_sub(east_ns(day));
     let stamps = stamps.iter().zip(&days).map(|(since, day)| dated(since?, day.as_ref()?)).collect();
-    Some((if begin.is_some() { Clock::Unix } else { Clock::Elapsed }, stamps))
+    let clock = if begin.is_some() { Clock::Unix } else { Clock::Elapsed };
+    Some((clock, stamps))
+}
+
+/// How far a zone, or else UTC, is from UTC, ns.
+pub(super) fn zone_ns(zone: Option<&str>) -> i64 {
+    i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND
+}
+
+/// Of a day that says its year, in the zone in which it is written.
+fn unix_ns(day: &DayOfYear) -> Option<i64> {
+    year_begin_unix_ns(day.year?)?.checked_add(since_begin(day))
+}
+
+fn since_begin(day: &DayOfYear) -> i64 {
+    (day.day - 1) * DAY_NS + day.nanos
+}
+
+/// The length of the year of the first row: where that is not known, as long as the rows ask for.
+fn year_length_ns(year: Option<i16>, days: &[Option<DayOfYear>]) -> i64 {
+    let begin_and_next = || {
+        let year = year?;
+        Some((year_begin_unix_ns(year)?, year_begin_unix_ns(year.checked_add(1)?)?))
+    };
+    match begin_and_next() {
+        Some((begin, next)) => next - begin,
+        None if days.iter().flatten().any(|day| day.day == 366) => 366 * DAY_NS,
+        None => 365 * DAY_NS,
+    }
 }
 
 fn note_wraps(count: u64, text: &'static str, repairs: &mut Vec<Repair>) {

@@ -232,23 +232,16 @@ struct Axis {
 }
 
 impl Axis {
-    /// The first of the dates that has every session makes it, or else the one that has most rows. If nothing dates any
-    /// session the longest stays.
+    /// The first of the dates that has every session makes it, or else the one that has most rows.
     fn of(mut all: Vec<Dates>, rows: &[u64]) -> Axis {
         let dated = |dates: &Dates| -> u64 {
             dates.sessions.iter().zip(rows).filter(|(tie, _)| tie.is_some()).map(|(_, rows)| rows).sum()
         };
         all.retain(|dates| dates.sessions.iter().any(Option::is_some));
         let Some(chosen) = (0..all.len()).rev().max_by_key(|i| all.get(*i).map(|d| (d.all(), dated(d)))) else {
-            let longest = (0..rows.len()).rev().max_by_key(|session| rows.get(*session));
-            let shifts = (0..rows.len()).map(|session| (Some(session) == longest).then_some(0)).collect();
-            return Axis { shifts, ..Axis::default() };
+            return Axis::undated(rows);
         };
-        // What the messages say of one session is a better date of all than when the log has them.
-        let said = all.iter().find(|d| !d.by_log).and_then(|d| {
-            let (session, tie) = (0..).zip(&d.sessions).find_map(|(i, tie)| Some((i, tie.clone()?)))?;
-            Some((session, tie, d.from_gps))
-        });
+        let said = first_said(&all);
         let dates = all.swap_remove(chosen);
         let first = dates.sessions.iter().flatten().next();
         let shifts: Vec<Option<i64>> =
@@ -263,6 +256,21 @@ impl Axis {
         let source = first.map(|tie| tie.source.clone());
         Axis { shifts, source, tied: tie.map(|tie| Tied { tie, from_gps, repairs: vec![] }) }
     }
+
+    /// Nothing dates any session: the longest stays.
+    fn undated(rows: &[u64]) -> Axis {
+        let longest = (0..rows.len()).rev().max_by_key(|session| rows.get(*session));
+        let shifts = (0..rows.len()).map(|session| (Some(session) == longest).then_some(0)).collect();
+        Axis { shifts, ..Axis::default() }
+    }
+}
+
+/// The first session that messages date, its tie, and whether that is from GPS time: a better date of all than when the log has
+/// the messages.
+fn first_said(all: &[Dates]) -> Option<(usize, UtcTie, bool)> {
+    let said = all.iter().find(|dates| !dates.by_log)?;
+    let (session, tie) = (0..).zip(&said.sessions).find_map(|(i, tie)| Some((i, tie.clone()?)))?;
+    Some((session, tie, said.from_gps))
 }
 
 /// The tie of the first session with the pairs of all, and the widest spread.

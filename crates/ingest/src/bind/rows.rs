@@ -97,22 +97,12 @@ pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
     let columns: Vec<Option<&Found<'_>>> = columns.collect();
     let Some(primary) = plan.stamps.first() else { return unusable(plan, &columns, rejects, notices) };
     let mut samples = samples.stamped(|row| primary.nanos.get(row).unwrap_or_default());
-    order::leave_out_far(&mut samples, primary.clock, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
-    let as_logged = describe(primary, &samples);
-    let back = as_logged.as_ref().and_then(|logged| StepBack::of(samples.stamps(), logged));
-    order::sort(&mut samples, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
-    let stamps = as_logged.map(|logged| as_used(logged, primary, &samples));
+    let (stamps, back) = put_in_order(plan, primary, &mut samples, &mut rejects);
     let coarse_s = coarse(&rejects, samples.stamps());
     assumptions(plan, &columns, &mut notices);
     report(plan, &rejects, samples.is_empty(), coarse_s.is_some(), &mut notices);
     let (held, held_health) = held_rows(&samples, compared(plan.rule.quantity, columns.len()));
-    if let Some(health) = &held_health {
-        let text = format!(
-            "channel {} repeats held values: updates every {:.3} s, most often {} rows each; the repeats are no measurements",
-            plan.rule.name, health.update_interval_s, health.modal_run
-        );
-        notices.push(Code::HeldRows, &plan.table.topic.name, health.repeats, text);
-    }
+    held_health.iter().for_each(|held| note_held(plan, held, &mut notices));
     let mut health = health_of(plan, &columns, rejects, samples.len());
     health.stamps = stamps;
     let (near, apart) = offsets(plan, &samples, &mut notices);
@@ -120,6 +110,28 @@ pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
     health.held = held_health;
     let channel = channel_of(plan, primary, &columns, samples, held, coarse_s, &mut notices);
     Bound { channel, health, apart, coarse_s, back, notices }
+}
+
+/// Leaves out stamps that are far from the others and sorts the rest; what the stamps are like, and their longest step back.
+fn put_in_order(
+    plan: &Plan<'_>,
+    primary: &Stamps,
+    samples: &mut Samples,
+    rejects: &mut Rejects,
+) -> (Option<StampHealth>, Option<StepBack>) {
+    order::leave_out_far(samples, primary.clock, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
+    let as_logged = describe(primary, samples);
+    let back = as_logged.as_ref().and_then(|logged| StepBack::of(samples.stamps(), logged));
+    order::sort(samples, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
+    (as_logged.map(|logged| as_used(logged, primary, samples)), back)
+}
+
+fn note_held(plan: &Plan<'_>, held: &Held, notices: &mut Notices) {
+    let text = format!(
+        "channel {} repeats held values: updates every {:.3} s, most often {} rows each; the repeats are no measurements",
+        plan.rule.name, held.update_interval_s, held.modal_run
+    );
+    notices.push(Code::HeldRows, &plan.table.topic.name, held.repeats, text);
 }
 
 fn describe(stamps: &Stamps, samples: &Samples) -> Option<StampHealth> {
@@ -329,33 +341,28 @@ fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, n
 
 /// What the map takes for granted.
 fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut Notices) {
-    let topic = plan.table.topic.name.as_str();
     let name = &plan.rule.name;
-    let rows = plan.table.rows as u64;
+    let mut say = |code: Code, text: &str| {
+        notices.push(code, &plan.table.topic.name, plan.table.rows as u64, format!("channel {name}: {text}"));
+    };
     if let Some(note) = &plan.rule.note {
-        notices.push(Code::Assumption, topic, rows, format!("channel {name}: {note}"));
+        say(Code::Assumption, note);
     }
     for (found, column) in columns.iter().flatten().filter_map(|found| Some((found, found.passed_over?))) {
         let text = format!("{} is zero in every row, and {} is read in its place", column.path, found.column.path);
-        notices.push(Code::Substitute, topic, rows, format!("channel {name}: {text}"));
+        say(Code::Substitute, &text);
     }
     if columns.iter().flatten().any(|found| found.above == Some(HeightAbove::MeanSeaLevel)) {
-        let text = "the height above mean sea level is taken as the height above the ellipsoid";
-        notices.push(Code::Substitute, topic, rows, format!("channel {name}: {text}"));
+        say(Code::Substitute, "the height above mean sea level is taken as the height above the ellipsoid");
     }
     if plan.rule.combine == Combine::MagneticPolar {
-        let text = "the track is magnetic; true track = track + variation";
-        notices.push(Code::Substitute, topic, rows, format!("channel {name}: {text}"));
+        say(Code::Substitute, "the track is magnetic; true track = track + variation");
     }
     // A column that was left out has its own notice.
-    let absent = if columns.iter().flatten().count() == plan.columns.iter().flatten().count() {
-        absent(plan, columns)
-    } else {
-        vec![]
-    };
-    for absent in absent {
-        let text = format!("channel {name}: the log has no {absent}; it counts as zero");
-        notices.push(Code::Substitute, topic, rows, text);
+    if columns.iter().flatten().count() == plan.columns.iter().flatten().count() {
+        for absent in absent(plan, columns) {
+            say(Code::Substitute, &format!("the log has no {absent}; it counts as zero"));
+        }
     }
 }
 

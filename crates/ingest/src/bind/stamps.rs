@@ -2,9 +2,9 @@
 
 use super::counted::date_by_counter;
 use super::dated::{dated, without_zone};
-use super::daytime::{DAY_NS, days_of_year, times_of_day};
+use super::daytime::{DAY_NS, days_of_year, times_of_day, zone_ns};
 use super::repair::Repair;
-use crate::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns, offset_seconds};
+use crate::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns};
 use crate::map::{TieRule, TimeSource, USUAL_BITS};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table, numbers, texts};
@@ -95,16 +95,7 @@ pub(super) fn read_stamps(
 ) -> Option<Stamps> {
     let mut repairs = vec![];
     let mut nanos = match source {
-        TimeSource::GpsWeek { week, field, tick, nanos } => {
-            let logged = written_at().and_then(|unix| Some(gps_of_unix(Stamp(unix))?.0 / (WEEK_S * NANOS_PER_SECOND)));
-            let (mut stamps, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
-            let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
-            note(&mut repairs, Code::GpsWeek, ten_bit, rule);
-            if let Some(nanos) = nanos.as_ref().and_then(|nanos| numbers(table, nanos)) {
-                stamps.change(|stamps| add(nanos, stamps));
-            }
-            stamps
-        }
+        TimeSource::GpsWeek { .. } => gps_time(source, table, written_at(), &mut repairs)?,
         _ => nanos_of(source, table, &mut repairs)?,
     };
     date_by_counter(source, table, &mut nanos, &mut repairs);
@@ -116,16 +107,34 @@ pub(super) fn read_stamps(
     if is_wide(source, table) {
         counts.clear();
     }
-    let any = nanos.given().next().is_some();
+    nanos.given().next()?;
     let clock = clock_of(source, table, &nanos);
-    let silent = if any && clock == Clock::Unix { without_zone(source, table) } else { 0 };
+    let silent = if clock == Clock::Unix { without_zone(source, table) } else { 0 };
     if silent > 0 {
         repairs.push(Repair { what: Code::DateInferred.into(), count: silent, text: NO_ZONE.into() });
     }
     if clock != source.clock() && source.clock() == Clock::Boot {
         note(&mut repairs, Code::DateInferred, nanos.given().count() as u64, UNIX_STAMPS);
     }
-    any.then(|| Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
+    Some(Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
+}
+
+/// GPS time of a source of weeks, those of ten bits by when the log was written, and its nanoseconds.
+fn gps_time(
+    source: &TimeSource,
+    table: &Table,
+    written_at: Option<i64>,
+    repairs: &mut Vec<Repair>,
+) -> Option<Values<i64>> {
+    let TimeSource::GpsWeek { week, field, tick, nanos } = source else { return None };
+    let logged = written_at.and_then(|unix| Some(gps_of_unix(Stamp(unix))?.0 / (WEEK_S * NANOS_PER_SECOND)));
+    let (mut stamps, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
+    let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
+    note(repairs, Code::GpsWeek, ten_bit, rule);
+    if let Some(nanos) = nanos.as_ref().and_then(|nanos| numbers(table, nanos)) {
+        stamps.change(|stamps| add(nanos, stamps));
+    }
+    Some(stamps)
 }
 
 const NO_ZONE: &str = "say no zone and are taken as UTC";
@@ -237,7 +246,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
         TimeSource::TimeOfDay { field } => times_of_day(field, table, repairs)?,
         TimeSource::Calendar { fields, zone, .. } => {
             let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
-            let east_ns = i64::from(zone.as_deref().and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
+            let east_ns = zone_ns(zone.as_deref());
             rows.map(|row| calendar(&columns, row)?.checked_sub(east_ns)).collect()
         }
         TimeSource::GpsWeek { week, field, tick, .. } => gps_weeks(numbers(table, week)?, field, *tick, None, table)?.0,

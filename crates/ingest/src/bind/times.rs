@@ -46,13 +46,7 @@ pub struct TableTimes {
 pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestError> {
     let trials = Trial::of_all(&library.candidates(None)?, log);
     let best = trials.into_iter().filter(|t| !t.plans.is_empty()).max_by_key(Trial::rank);
-    let Some(Trial { map, mut plans, .. }) = best else {
-        let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
-        let said: Vec<Option<Stamps>> = log.tables.iter().map(dated).collect();
-        let notices = repairs(log, &said);
-        let tables = said.into_iter().map(|said| said.map(TableTimes::of)).collect();
-        return Ok(RowTimes { tables, utc: None, notices });
-    };
+    let Some(Trial { map, mut plans, .. }) = best else { return Ok(without_map(log, library)) };
     let stamps = |table: &Table| {
         let exact = exact(log, library, table);
         let table = exact.as_ref().unwrap_or(table);
@@ -80,6 +74,15 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
         None => tie_of(&map.ties, log),
     };
     Ok(RowTimes { tables, utc: tied.map(|tied| tied.tie), notices })
+}
+
+/// The times of a log of which no map finds anything.
+fn without_map(log: &Log, library: &MapLibrary) -> RowTimes {
+    let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
+    let said: Vec<Option<Stamps>> = log.tables.iter().map(dated).collect();
+    let notices = repairs(log, &said);
+    let tables = said.into_iter().map(|said| said.map(TableTimes::of)).collect();
+    RowTimes { tables, utc: None, notices }
 }
 
 /// Puts what each table says into the turn where [`bind`](crate::bind) puts its channels, and then tables of which it makes

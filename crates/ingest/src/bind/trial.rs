@@ -364,37 +364,19 @@ pub(super) fn stamps_of(
 ) -> Result<(Vec<Stamps>, Vec<String>), String> {
     let mut remarks = vec![];
     let mut found: Vec<Stamps> = vec![];
-    let written_at = || written_at(rule.times.iter().flat_map(|(_, sources)| sources), table);
-    for (kind, sources) in &rule.times {
-        let mut first: Option<Stamps> = None;
-        for source in sources {
-            if first.as_ref().is_some_and(|first| first.nanos.is_whole()) {
-                break;
-            }
-            let read = match source {
-                TimeSource::LoggedOnBoot => on_boot(*kind),
-                _ => read_stamps(*kind, source, table, written_at),
-            };
-            let Some(stamps) = read else {
-                remarks.extend(unclear(source, table).filter(|_| first.is_none()));
-                continue;
-            };
-            match &mut first {
-                Some(first) => first.fill(stamps),
-                None if is_constant(&stamps.nanos) => {
-                    remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
-                }
-                None => first = Some(stamps),
-            }
-        }
-        found.extend(first);
+    let sources = || rule.times.iter().flat_map(|(_, sources)| sources);
+    for (kind, of_kind) in &rule.times {
+        let read = |source: &TimeSource| match source {
+            TimeSource::LoggedOnBoot => on_boot(*kind),
+            _ => read_stamps(*kind, source, table, || written_at(sources(), table)),
+        };
+        found.extend(filled(*kind, of_kind, table, read, &mut remarks));
     }
     let Some(primary) = found.iter().position(|s| s.kind == rule.timeline).or((!found.is_empty()).then_some(0)) else {
-        let names: Vec<String> = rule.times.iter().flat_map(|(_, s)| s).map(TimeSource::label).collect();
         if remarks.is_empty() {
-            let sources = rule.times.iter().flat_map(|(_, sources)| sources);
-            remarks.extend(sources.filter_map(|source| example(source, table)).take(1));
+            remarks.extend(sources().filter_map(|source| example(source, table)).take(1));
         }
+        let names: Vec<String> = sources().map(TimeSource::label).collect();
         let why: Vec<String> = remarks.iter().map(|remark| format!("; {remark}")).collect();
         return Err(format!("no stamps ({}){}", names.join(" or "), why.concat()));
     };
@@ -403,4 +385,32 @@ pub(super) fn stamps_of(
         remarks.push(format!("no {} stamps: the {} ones ({}) stand in", rule.timeline, first.kind, first.label));
     }
     Ok((found, remarks))
+}
+
+/// The stamps of the first of some sources of a kind, those that it lacks from the next.
+fn filled(
+    kind: StampKind,
+    sources: &[TimeSource],
+    table: &Table,
+    read: impl Fn(&TimeSource) -> Option<Stamps>,
+    remarks: &mut Vec<String>,
+) -> Option<Stamps> {
+    let mut first: Option<Stamps> = None;
+    for source in sources {
+        if first.as_ref().is_some_and(|first| first.nanos.is_whole()) {
+            break;
+        }
+        let Some(stamps) = read(source) else {
+            remarks.extend(unclear(source, table).filter(|_| first.is_none()));
+            continue;
+        };
+        match &mut first {
+            Some(first) => first.fill(stamps),
+            None if is_constant(&stamps.nanos) => {
+                remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
+            }
+            None => first = Some(stamps),
+        }
+    }
+    first
 }

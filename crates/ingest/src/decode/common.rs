@@ -219,39 +219,41 @@ mod tests {
         assert_eq!(common_definition("no_msgs/Such"), None);
     }
 
+    /// As `rosmsg md5` prints them (Noetic).
+    const PUBLISHED_SUMS: &[(&str, &str)] = &[
+        ("std_msgs/Header", "2176decaecbce78abc3b96ef049fabed"),
+        ("std_msgs/Time", "cd7166c74c552c311fbcc2fe5a7bc289"),
+        ("geometry_msgs/Point32", "cc153912f1453b708d221682bc23d9ac"),
+        ("geometry_msgs/PoseStamped", "d3812c3cbc69362b77dc0b19b345f8f5"),
+        ("geometry_msgs/PoseWithCovarianceStamped", "953b798c0f514ff060a53a3498ce6246"),
+        ("geometry_msgs/TwistStamped", "98d34b0043a2093cf9d9345ab6eef12e"),
+        ("geometry_msgs/TwistWithCovarianceStamped", "8927a1a12fb2607ceea095b2dc440a96"),
+        ("geometry_msgs/AccelWithCovarianceStamped", "96adb295225031ec8d57fb4251b0a886"),
+        ("geometry_msgs/WrenchStamped", "d78d3cb249ce23087ade7e7d0c40cfa7"),
+        ("geometry_msgs/TransformStamped", "b5764a33bfeb3588febc2682852579b0"),
+        ("tf/tfMessage", "94810edda583a504dfda3829e70d7eec"),
+        ("nav_msgs/Odometry", "cd5e73d190d741a2f92e81eda573aca7"),
+        ("nav_msgs/Path", "6227e2b7e9cce15051f669a5e197bbf7"),
+        ("sensor_msgs/NavSatStatus", "331cdbddfa4bc96ffc3b9ad98900a54c"),
+        ("sensor_msgs/NavSatFix", "2d3a8cd499b9b4a0249fb98fd05cfa48"),
+        ("sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2"),
+        ("sensor_msgs/MagneticField", "2f3b0b43eed0c9501de0fa3ff89a45aa"),
+        ("sensor_msgs/FluidPressure", "804dc5cea1c5306d6a2eb80b9833befe"),
+        ("sensor_msgs/Temperature", "ff71b307acdbe7c871a5a6d7ed359100"),
+        ("sensor_msgs/JointState", "3066dcd76a6cfaef579bd0f34173e9fd"),
+        ("sensor_msgs/TimeReference", "fded64a0265108ba86c3d38fb11c0c16"),
+        ("sensor_msgs/Range", "c005c34273dc426c67a020a87bc24148"),
+        ("geographic_msgs/GeoPoseStamped", "cc409c8ed6064d8a846fa207bf3fba6b"),
+        ("gps_common/GPSFix", "3db3d0a7bc53054c67c528af84710b70"),
+        ("mavros_msgs/Altitude", "1296a05dc5b6160be0ae04ba9ed3a3fa"),
+    ];
+
     #[test]
     fn built_in_ros_1_definitions_have_the_published_sums() {
-        // As `rosmsg md5` prints them (Noetic).
-        for (name, sum) in [
-            ("std_msgs/Header", "2176decaecbce78abc3b96ef049fabed"),
-            ("std_msgs/Time", "cd7166c74c552c311fbcc2fe5a7bc289"),
-            ("geometry_msgs/Point32", "cc153912f1453b708d221682bc23d9ac"),
-            ("geometry_msgs/PoseStamped", "d3812c3cbc69362b77dc0b19b345f8f5"),
-            ("geometry_msgs/PoseWithCovarianceStamped", "953b798c0f514ff060a53a3498ce6246"),
-            ("geometry_msgs/TwistStamped", "98d34b0043a2093cf9d9345ab6eef12e"),
-            ("geometry_msgs/TwistWithCovarianceStamped", "8927a1a12fb2607ceea095b2dc440a96"),
-            ("geometry_msgs/AccelWithCovarianceStamped", "96adb295225031ec8d57fb4251b0a886"),
-            ("geometry_msgs/WrenchStamped", "d78d3cb249ce23087ade7e7d0c40cfa7"),
-            ("geometry_msgs/TransformStamped", "b5764a33bfeb3588febc2682852579b0"),
-            ("tf/tfMessage", "94810edda583a504dfda3829e70d7eec"),
-            ("nav_msgs/Odometry", "cd5e73d190d741a2f92e81eda573aca7"),
-            ("nav_msgs/Path", "6227e2b7e9cce15051f669a5e197bbf7"),
-            ("sensor_msgs/NavSatStatus", "331cdbddfa4bc96ffc3b9ad98900a54c"),
-            ("sensor_msgs/NavSatFix", "2d3a8cd499b9b4a0249fb98fd05cfa48"),
-            ("sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2"),
-            ("sensor_msgs/MagneticField", "2f3b0b43eed0c9501de0fa3ff89a45aa"),
-            ("sensor_msgs/FluidPressure", "804dc5cea1c5306d6a2eb80b9833befe"),
-            ("sensor_msgs/Temperature", "ff71b307acdbe7c871a5a6d7ed359100"),
-            ("sensor_msgs/JointState", "3066dcd76a6cfaef579bd0f34173e9fd"),
-            ("sensor_msgs/TimeReference", "fded64a0265108ba86c3d38fb11c0c16"),
-            ("sensor_msgs/Range", "c005c34273dc426c67a020a87bc24148"),
-            ("geographic_msgs/GeoPoseStamped", "cc409c8ed6064d8a846fa207bf3fba6b"),
-            ("gps_common/GPSFix", "3db3d0a7bc53054c67c528af84710b70"),
-            ("mavros_msgs/Altitude", "1296a05dc5b6160be0ae04ba9ed3a3fa"),
-        ] {
+        for (name, sum) in PUBLISHED_SUMS {
             let find = |name: &str| section(TYPES_ROS1, name);
             let text = with_all_types(name, find(name).unwrap(), Dialect::Ros1, find);
-            assert_eq!(type_sum(name, &text).unwrap(), sum, "{name}");
+            assert_eq!(type_sum(name, &text).unwrap(), *sum, "{name}");
         }
     }
 

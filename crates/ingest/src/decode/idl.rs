@@ -193,6 +193,12 @@ impl<'t> Parser<'t> {
         there
     }
 
+    fn word(&mut self, word: &str) -> bool {
+        let there = self.peek() == Some(&Token::Word(word));
+        self.at += usize::from(there);
+        there
+    }
+
     fn expect(&mut self, sign: char) -> Result<(), String> {
         if self.sign(sign) { Ok(()) } else { Err(format!("{}: {sign:?} is missing", self.place())) }
     }
@@ -366,23 +372,12 @@ impl<'t> Parser<'t> {
             return Ok(kind(number));
         }
         Ok(match name {
-            "long" => match self.peek() {
-                Some(Token::Word("long")) => {
-                    self.at += 1;
-                    kind(Number::I64)
-                }
-                Some(Token::Word("double")) => {
-                    self.at += 1;
-                    Type::Refused("a long double")
-                }
-                _ => kind(Number::I32),
-            },
+            "long" if self.word("long") => kind(Number::I64),
+            "long" if self.word("double") => Type::Refused("a long double"),
+            "long" => kind(Number::I32),
             "unsigned" => match self.name()? {
                 "short" => kind(Number::U16),
-                _ if self.peek() == Some(&Token::Word("long")) => {
-                    self.at += 1;
-                    kind(Number::U64)
-                }
+                _ if self.word("long") => kind(Number::U64),
                 _ => kind(Number::U32),
             },
             "string" | "wstring" => {

@@ -182,6 +182,13 @@ impl Tally {
         self.count += 1;
     }
 
+    /// Says that it happened, if it did.
+    pub(crate) fn tell(&self, what: impl Into<Graded>, place: &str, text: &str, notices: &mut Notices) {
+        if self.count > 0 {
+            notices.push(what, place, self.count, format!("{text}; the first: {}", self.first));
+        }
+    }
+
     /// Takes in what was counted behind.
     pub(crate) fn extend(&mut self, behind: Tally) {
         if self.count == 0 {
@@ -561,20 +568,13 @@ impl Topic {
 
     fn raise(&self, notices: &mut Notices) {
         let place = format!("topic {}", self.info.name);
+        self.undecodable.tell(Code::Undecodable, &place, "messages that cannot be decoded", notices);
+        self.too_long.tell(Code::ReadLeniently, &place, "messages are longer than their definition", notices);
         let mut raise = |what: Graded, count, text: String| {
             if count > 0 {
                 notices.push(what, place.as_str(), count, text);
             }
         };
-        let bad = &self.undecodable;
-        raise(
-            Code::Undecodable.into(),
-            bad.count,
-            format!("messages that cannot be decoded; the first: {}", bad.first),
-        );
-        let long = &self.too_long;
-        let text = format!("messages are longer than their definition; the first: {}", long.first);
-        raise(Code::ReadLeniently.into(), long.count, text);
         let text = "rows left out: the values of this log take more memory than a log of its size may".to_owned();
         raise(Code::TooMuchData.into(), self.beyond_memory, text);
         let (misfits, field) = self.rows.misfits().unwrap_or_default();

@@ -178,27 +178,10 @@ impl Step {
                 }
             }
             PackedKind::Half => self.floats(records, rows, |bytes| half(u16::from_le_bytes(bytes))),
-            PackedKind::Number(Number::Bool) => {
-                self.floats(records, rows, |[byte]| f64::from(u8::from(byte != 0)));
-            }
-            PackedKind::Number(Number::U8) => self.floats(records, rows, |b| u8::from_le_bytes(b).into()),
-            PackedKind::Number(Number::I8) => self.floats(records, rows, |b| i8::from_le_bytes(b).into()),
-            PackedKind::Number(Number::U16) => self.floats(records, rows, |b| u16::from_le_bytes(b).into()),
-            PackedKind::Number(Number::I16) => self.floats(records, rows, |b| i16::from_le_bytes(b).into()),
-            PackedKind::Number(Number::U32) => self.floats(records, rows, |b| u32::from_le_bytes(b).into()),
-            PackedKind::Number(Number::I32) => self.floats(records, rows, |b| i32::from_le_bytes(b).into()),
-            PackedKind::Number(Number::F32) => self.floats(records, rows, |b| f32::from_le_bytes(b).into()),
-            PackedKind::Number(Number::F64) => self.floats(records, rows, f64::from_le_bytes),
-            PackedKind::Number(Number::U64) if scale.is_some() => {
-                self.floats(records, rows, |b| u64::from_le_bytes(b) as f64);
-            }
-            PackedKind::Number(Number::I64) if scale.is_some() => {
-                self.floats(records, rows, |b| i64::from_le_bytes(b) as f64);
-            }
-            PackedKind::Number(Number::I64) => {
+            PackedKind::Number(Number::I64) if scale.is_none() => {
                 rows.integers(records.first, column, records.each(at).map(i64::from_le_bytes));
             }
-            PackedKind::Number(Number::U64) => {
+            PackedKind::Number(Number::U64) if scale.is_none() => {
                 let values = || records.each(at).map(u64::from_le_bytes);
                 if values().all(|value| i64::try_from(value).is_ok()) {
                     return rows.integers(records.first, column, values().map(|value| value as i64));
@@ -207,6 +190,23 @@ impl Step {
                     rows.set_at(records.first + i, column, Value::unsigned(value));
                 }
             }
+            PackedKind::Number(number) => self.deliver_floats(number, records, rows),
+        }
+    }
+
+    fn deliver_floats(&self, number: Number, records: Records<'_>, rows: &mut Rows) {
+        match number {
+            Number::Bool => self.floats(records, rows, |[byte]| f64::from(u8::from(byte != 0))),
+            Number::U8 => self.floats(records, rows, |b| u8::from_le_bytes(b).into()),
+            Number::I8 => self.floats(records, rows, |b| i8::from_le_bytes(b).into()),
+            Number::U16 => self.floats(records, rows, |b| u16::from_le_bytes(b).into()),
+            Number::I16 => self.floats(records, rows, |b| i16::from_le_bytes(b).into()),
+            Number::U32 => self.floats(records, rows, |b| u32::from_le_bytes(b).into()),
+            Number::I32 => self.floats(records, rows, |b| i32::from_le_bytes(b).into()),
+            Number::U64 => self.floats(records, rows, |b| u64::from_le_bytes(b) as f64),
+            Number::I64 => self.floats(records, rows, |b| i64::from_le_bytes(b) as f64),
+            Number::F32 => self.floats(records, rows, |b| f32::from_le_bytes(b).into()),
+            Number::F64 => self.floats(records, rows, f64::from_le_bytes),
         }
     }
 

@@ -648,46 +648,24 @@ impl<'p> Walk<'p> {
         if self.aligned { self.forward(padding(self.at as u64, alignment)) } else { Some(()) }
     }
 
-    fn raw<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.align(N as u64)?;
-        let bytes: [u8; N] = *self.data.get(self.at..)?.first_chunk()?;
-        self.at += N;
-        Some(bytes)
-    }
-
     fn u32(&mut self) -> Option<u32> {
-        let bytes = self.raw()?;
+        self.align(4)?;
+        let bytes = *self.data.get(self.at..)?.first_chunk()?;
+        self.at += 4;
         Some(if self.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
     }
 
-    fn u64(&mut self) -> Option<u64> {
-        let bytes = self.raw()?;
-        Some(if self.big_endian { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
-    }
-
-    fn u16(&mut self) -> Option<u16> {
-        let bytes = self.raw()?;
-        Some(if self.big_endian { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
-    }
-
-    fn u8(&mut self) -> Option<u8> {
-        self.raw().map(u8::from_le_bytes)
-    }
-
     fn number(&mut self, number: Number) -> Option<Value<'static>> {
-        Some(match number {
-            Number::Bool => Value::Float(f64::from(u8::from(self.u8()? != 0))),
-            Number::U8 => Value::Float(self.u8()?.into()),
-            Number::I8 => Value::Float((self.u8()? as i8).into()),
-            Number::U16 => Value::Float(self.u16()?.into()),
-            Number::I16 => Value::Float((self.u16()? as i16).into()),
-            Number::U32 => Value::Float(self.u32()?.into()),
-            Number::I32 => Value::Float((self.u32()? as i32).into()),
-            Number::F32 => Value::Float(f32::from_bits(self.u32()?).into()),
-            Number::F64 => Value::Float(f64::from_bits(self.u64()?)),
-            Number::I64 => Value::Integer(self.u64()? as i64),
-            Number::U64 => Value::unsigned(self.u64()?),
-        })
+        self.align(number.size())?;
+        let start = self.at;
+        self.forward(number.size())?;
+        let mut little = [0; 8];
+        let bytes = little.get_mut(..self.at - start)?;
+        bytes.copy_from_slice(self.data.get(start..self.at)?);
+        if self.big_endian {
+            bytes.reverse();
+        }
+        number_of(number, &little)
     }
 
     fn fixed(&mut self, what: Fixed) -> Option<Value<'static>> {

@@ -2,7 +2,7 @@
 //! counted. It is a hint: what was read is compared with it.
 
 use super::yaml::{self, ELEMENT};
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::reader::Log;
 use flight::{Code, Notices, Severity};
 use std::collections::BTreeMap;
@@ -149,7 +149,7 @@ fn in_order_of_numbers(files: &mut [String]) {
 pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
     let mut parts = BTreeMap::<_, Vec<(u64, String)>>::new();
     for path in files {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = file_name(path);
         if let Some((front, number)) = numbered(&name) {
             parts.entry((path.parent(), front.to_owned())).or_default().push((number, name));
         }

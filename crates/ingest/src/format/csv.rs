@@ -22,7 +22,7 @@ use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
 use self::meaning::Meaning;
 use self::one_table::OneTable;
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::format::crew::Crew;
 use crate::format::identity::{GARMIN, of_table_head};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
@@ -123,14 +123,10 @@ fn without_bom(head: &[u8]) -> &[u8] {
 }
 
 fn open(path: &Path) -> Result<(File, u64), IngestError> {
-    let failed = |source| IngestError::Io { file: name_of(path), offset: 0, source };
+    let failed = |source| IngestError::of_file(path, source);
     let file = File::open(path).map_err(failed)?;
     let size = file.metadata().map_err(failed)?.len();
     Ok((file, size))
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// One pass over all files.
@@ -186,7 +182,7 @@ impl<'a> Open<'a> {
 
 impl Reading<'_> {
     fn file(&mut self, path: &Path, size: u64, alone: bool) -> Result<(), IngestError> {
-        let name = name_of(path);
+        let name = file_name(path);
         let stem = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let (file, _) = open(path)?;
         let head = head_of(&file, &name, self.context)?;
@@ -560,19 +556,8 @@ impl Books {
             self.ledger.count(Fate::Skipped, extent.whole as u64);
             return open.lines.pass(extent);
         }
-        if extent.broken {
-            return self.reject(open, extent, format!("line {line}: quotes that do not match"));
-        }
-        if topic.is_lost {
-            return self.reject(open, extent, format!("line {line}: a row below a header that was not followed"));
-        }
-        if topic.absent > 0 && !topic.can_afford(open.lines.offset) {
-            let reason =
-                format!("line {line}: a row that lacks {} columns of the first header, of too many", topic.absent);
+        if let Some(reason) = unusable(open, extent, topic) {
             return self.reject(open, extent, reason);
-        }
-        if open.lines.may_hold_zeros() && memchr::memchr(0, text).is_some() {
-            return self.reject(open, extent, format!("line {line}: zero bytes in the row"));
         }
         if !is_split {
             open.fields.split_with(text, delimiter, open.lines.may_hold_quotes());
@@ -632,6 +617,24 @@ impl Books {
         }
         open.lines.pass(extent);
     }
+}
+
+/// Why the cells of a row are not even looked at.
+#[inline]
+fn unusable(open: &Open<'_>, extent: Extent, topic: &Topic) -> Option<String> {
+    let line = open.lines.number;
+    if extent.broken {
+        return Some(format!("line {line}: quotes that do not match"));
+    }
+    if topic.is_lost {
+        return Some(format!("line {line}: a row below a header that was not followed"));
+    }
+    if topic.absent > 0 && !topic.can_afford(open.lines.offset) {
+        let absent = topic.absent;
+        return Some(format!("line {line}: a row that lacks {absent} columns of the first header, of too many"));
+    }
+    let has_zeros = open.lines.may_hold_zeros() && memchr::memchr(0, open.lines.text(extent)).is_some();
+    has_zeros.then(|| format!("line {line}: zero bytes in the row"))
 }
 
 /// `name = text` of a comment `// name: text`.

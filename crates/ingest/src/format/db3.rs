@@ -254,18 +254,7 @@ fn read_database(
     walk.unused()?;
     let tables = tables(&mut walk, utf16)?;
     let columns = Columns::of(&tables);
-    let mut named = gather(&mut walk, &tables.topics, columns.topics.texts())?;
-    let mut definitions = gather(&mut walk, &tables.definitions, columns.definitions.texts())?;
-    if walk.astray {
-        let mut more = |third: fn(&[u8]) -> bool| {
-            let found = walk.found(&|cell| looks_like_text(cell, third))?;
-            let leaves: Vec<Leaf> = found.into_iter().map(|(_, leaf)| leaf).collect();
-            walk.forget_numbers();
-            gather(&mut walk, &leaves, [1, 2])
-        };
-        named.extend(more(is_type)?);
-        definitions.extend(more(is_encoding)?);
-    }
+    let (named, definitions) = named_and_defined(&mut walk, &tables, &columns)?;
     let routes = announce(&named, &definitions, &columns, tables.utf16, topics);
     let columns = tables.columns.unwrap_or(MessageColumns::USUAL);
     let like_message = |cell: &Cell<'_>| columns.look_like(cell);
@@ -286,6 +275,27 @@ fn read_database(
     let all = Losses { lost: &lost, unplaced: &unplaced, packed: &packed, contested, has_messages, write_ahead };
     all.report(&name, notices);
     Ok(unplaced.count + packed.count)
+}
+
+/// The rows of topics and of definitions, and those that are found by their look where something is amiss.
+fn named_and_defined(
+    walk: &mut Walk<'_, '_>,
+    tables: &Tables,
+    columns: &Columns,
+) -> Result<(Vec<OwnedRow>, Vec<OwnedRow>), IngestError> {
+    let mut named = gather(walk, &tables.topics, columns.topics.texts())?;
+    let mut definitions = gather(walk, &tables.definitions, columns.definitions.texts())?;
+    if walk.astray {
+        let mut more = |third: fn(&[u8]) -> bool| {
+            let found = walk.found(&|cell| looks_like_text(cell, third))?;
+            let leaves: Vec<Leaf> = found.into_iter().map(|(_, leaf)| leaf).collect();
+            walk.forget_numbers();
+            gather(walk, &leaves, [1, 2])
+        };
+        named.extend(more(is_type)?);
+        definitions.extend(more(is_encoding)?);
+    }
+    Ok((named, definitions))
 }
 
 /// What a row of the first table says.

@@ -472,18 +472,15 @@ impl<'t, 'w> Channels<'t, 'w> {
         raise(Code::MissingMessages, stated.saturating_sub(self.found), text);
         let text = format!("messages more than the summary counts ({stated})");
         raise(Code::IndexDiffers, self.found.saturating_sub(stated), text);
-        let text = format!("messages that belong to no known topic; the first: {}", self.unplaced.first);
-        raise(Code::UnknownChannel, self.unplaced.count, text);
-        let text = format!("messages whose compression is broken; the first: {}", self.broken.first);
-        raise(Code::Undecodable, self.broken.count, text);
-        let text =
-            format!("definitions were replaced by others of the same number; the first: {}", self.redefined.first);
-        raise(Code::Redefined, self.redefined.count, text);
-        let text =
-            format!("attachments longer than a record may be were not taken; the first: {}", self.too_long.first);
-        raise(Code::TooMuchData, self.too_long.count, text);
-        let text = "stamps beyond the year 2262 were set to the last instant before".to_owned();
-        raise(Code::StampOutOfRange, self.late_stamps, text);
+        self.unplaced.tell(Code::UnknownChannel, file, "messages that belong to no known topic", notices);
+        self.broken.tell(Code::Undecodable, file, "messages whose compression is broken", notices);
+        let text = "definitions were replaced by others of the same number";
+        self.redefined.tell(Code::Redefined, file, text, notices);
+        self.too_long.tell(Code::TooMuchData, file, "attachments longer than a record may be were not taken", notices);
+        if self.late_stamps > 0 {
+            let text = "stamps beyond the year 2262 were set to the last instant before";
+            notices.push(Code::StampOutOfRange, file, self.late_stamps, text);
+        }
     }
 }
 

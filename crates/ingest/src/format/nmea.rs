@@ -196,7 +196,7 @@ struct Counts {
 
 impl Lines {
     pub(super) fn new(has_text: bool) -> Lines {
-        let (book, counts) = (Book::new(), Counts::default());
+        let (book, counts) = (Book::default(), Counts::default());
         Lines { book, has_text, bare: false, number: 1, is_begin: true, counts }
     }
 

@@ -72,12 +72,7 @@ fn read(paths: &[PathBuf], of_lines: bool, want: &dyn Select, context: &ReadCont
     }
     super::tell_preamble(preamble, &mut notices);
     let mut log = Log::default();
-    log.health.format = match (of_lines, stream.frames.any) {
-        (true, false) => "NMEA 0183",
-        (true, true) => "NMEA 0183 among UBX or RTCM 3",
-        (false, _) => "u-blox UBX",
-    }
-    .to_owned();
+    log.health.format = name_of(of_lines, stream.frames.any).to_owned();
     let Stream { frames, lines, .. } = stream;
     let (weeks, marks) = frames.finish(&mut log, &mut notices);
     let dates = lines.finish(&mut log, &mut notices);
@@ -91,6 +86,14 @@ fn read(paths: &[PathBuf], of_lines: bool, want: &dyn Select, context: &ReadCont
     dates.put(&mut log);
     super::forget_log_times(&mut log);
     Ok(log)
+}
+
+fn name_of(of_lines: bool, has_frames: bool) -> &'static str {
+    match (of_lines, has_frames) {
+        (true, false) => "NMEA 0183",
+        (true, true) => "NMEA 0183 among UBX or RTCM 3",
+        (false, _) => "u-blox UBX",
+    }
 }
 
 fn refuse_foreign(file: &mut LogFile, of_lines: bool, context: &ReadContext<'_>) -> Result<(), IngestError> {

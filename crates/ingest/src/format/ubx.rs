@@ -196,29 +196,20 @@ impl Frames {
 
     /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
     pub(super) fn finish(mut self, log: &mut Log, notices: &mut Notices) -> (Weeks, EarlyMarks) {
-        if self.unplaced.count > 0 {
-            let text = format!("messages found no topic, for there are too many; the first: {}", self.unplaced.first);
-            notices.push(Code::UnknownChannel, "", self.unplaced.count, text);
-        }
+        self.unplaced.tell(Code::UnknownChannel, "", "messages found no topic, for there are too many", notices);
         if !self.receiver.weeks.are_of(self.early_run) {
             self.untimed.extend(std::mem::take(&mut self.early));
         }
         if !self.receiver.weeks.are_told() {
             self.early = std::mem::take(&mut self.untimed);
         }
-        if self.early.count > 0 {
-            let text = match self.receiver.weeks.are_told() {
-                true => "messages stand before the first that tells the week, and are dated backwards from it",
-                false => "messages have a time of week and no week: none in the log tells it",
-            };
-            let text = format!("{text}; the first: {}", self.early.first);
-            notices.push(Code::Undated, "", self.early.count, text);
-        }
-        if self.untimed.count > 0 {
-            let text = "messages of a receiver that did not know the time yet have none";
-            let text = format!("{text}; the first: {}", self.untimed.first);
-            notices.push(Code::Undated, "", self.untimed.count, text);
-        }
+        let text = match self.receiver.weeks.are_told() {
+            true => "messages stand before the first that tells the week, and are dated backwards from it",
+            false => "messages have a time of week and no week: none in the log tells it",
+        };
+        self.early.tell(Code::Undated, "", text, notices);
+        let text = "messages of a receiver that did not know the time yet have none";
+        self.untimed.tell(Code::Undated, "", text, notices);
         if self.receiver.nowhere > 0 {
             let text = "velocities are in the earth's own axes, and no message near them says the place, without which north is \
                         not known: they are not used";
@@ -226,10 +217,7 @@ impl Frames {
         }
         let marks = self.receiver.early_marks();
         let untimed = &self.receiver.pulses.untimed;
-        if untimed.count > 0 {
-            let text = format!("pulses have no GPS time; the first: {}", untimed.first);
-            notices.push(Code::Undated.at(Severity::Warning), "", untimed.count, text);
-        }
+        untimed.tell(Code::Undated.at(Severity::Warning), "", "pulses have no GPS time", notices);
         if let Some((text, dates)) = self.receiver.suspicion() {
             notices.push(Code::GpsWeek, "", dates, text);
         }

@@ -10,7 +10,7 @@ mod zip;
 use super::db3::write_ahead_log_of;
 use crate::bytes::{Bytes, is_zero};
 use crate::discover::FlightUnit;
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::load::reader_of;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::sniff::LogKind;
@@ -111,9 +111,6 @@ pub(crate) struct Member {
 }
 
 /// The files in a packed file, with their first bytes.
-///
-/// # Errors
-/// Why it cannot be looked into.
 pub(crate) fn members(path: &Path, packing: Packing) -> io::Result<Vec<Member>> {
     let mut file = File::open(path)?;
     if packing != Packing::Zip {
@@ -309,14 +306,7 @@ fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
 
 /// Reads a unit, unpacking its files first where they are packed.
 pub(crate) struct UnpackingReader {
-    unit: FlightUnit,
-}
-
-impl UnpackingReader {
-    /// A reader of the unit's files. Nothing is opened yet.
-    pub(crate) fn new(unit: FlightUnit) -> UnpackingReader {
-        UnpackingReader { unit }
-    }
+    pub(crate) unit: FlightUnit,
 }
 
 impl LogReader for UnpackingReader {
@@ -356,8 +346,8 @@ fn newest_pages(packed: &Path, packing: Packing) -> PathBuf {
 /// How a file is packed, by its first bytes.
 fn packing_of(path: &Path) -> Result<Option<Packing>, IngestError> {
     let mut head = vec![];
-    let file = File::open(path).map_err(|e| io_error(path, e))?;
-    file.take(utf16::TELLING as u64).read_to_end(&mut head).map_err(|e| io_error(path, e))?;
+    let file = File::open(path).map_err(|e| IngestError::of_file(path, e))?;
+    file.take(utf16::TELLING as u64).read_to_end(&mut head).map_err(|e| IngestError::of_file(path, e))?;
     Ok(Packing::of(&head, named_text(path)))
 }
 
@@ -365,14 +355,6 @@ fn packing_of(path: &Path) -> Result<Option<Packing>, IngestError> {
 pub(crate) fn named_text(path: &Path) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     ["csv", "txt", "tsv", "log"].contains(&ending.as_str())
-}
-
-fn io_error(path: &Path, source: io::Error) -> IngestError {
-    IngestError::Io { file: file_name(path), offset: 0, source }
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// The unpacked files of one unit, and what was lost on the way.
@@ -389,28 +371,35 @@ struct Unpacking<'c> {
 impl<'c> Unpacking<'c> {
     fn new(kind: LogKind, context: &'c ReadContext<'c>) -> Result<Unpacking<'c>, IngestError> {
         let folder = tempfile::Builder::new().prefix("flightlag-").tempdir();
-        let folder = folder.map_err(|e| io_error(&std::env::temp_dir(), e))?;
+        let folder = folder.map_err(|e| IngestError::of_file(&std::env::temp_dir(), e))?;
         Ok(Unpacking { kind, context, folder, files: vec![], written: 0, notices: Notices::new() })
     }
 
     fn file(&mut self, path: &Path, packing: Packing) -> Result<(), IngestError> {
         let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
-        let mut file = File::open(path).map_err(|e| io_error(path, e))?;
-        let size = file.metadata().map_err(|e| io_error(path, e))?.len();
-        if packing != Packing::Zip {
-            let (at, bad) = (Cell::new(0), Cell::new(0));
-            let decoder = decoder(packing, Packed::new(&file, 0..size, &at), &bad).map_err(unusable)?;
-            let target = self.target(&inner_name(path, packing))?;
-            self.copy((path, size), packing, &target, decoder, (&at, 0..size))?;
-            self.newest_pages(&newest_pages(path, packing), &target)?;
-            if bad.get() > 0 {
-                let text = "characters of UTF-16 that are none became replacement characters";
-                self.notices.push(Code::Corrupt, file_name(path), bad.get(), text);
-            }
-            return Ok(());
+        let file = File::open(path).map_err(|e| IngestError::of_file(path, e))?;
+        let size = file.metadata().map_err(|e| IngestError::of_file(path, e))?.len();
+        if packing == Packing::Zip {
+            return self.archive(path, file, size);
         }
+        let (at, bad) = (Cell::new(0), Cell::new(0));
+        let decoder = decoder(packing, Packed::new(&file, 0..size, &at), &bad).map_err(unusable)?;
+        let target = self.target(&inner_name(path, packing))?;
+        self.copy(&Piece { path, size, packing, at: &at, place: 0..size }, &target, decoder)?;
+        self.newest_pages(&newest_pages(path, packing), &target)?;
+        if bad.get() > 0 {
+            let text = "characters of UTF-16 that are none became replacement characters";
+            self.notices.push(Code::Corrupt, file_name(path), bad.get(), text);
+        }
+        Ok(())
+    }
+
+    /// Unpacks the logs of a ZIP archive.
+    fn archive(&mut self, path: &Path, mut file: File, size: u64) -> Result<(), IngestError> {
+        let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
+        let packing = Packing::Zip;
         let members = members(path, packing).map_err(|e| match e.raw_os_error() {
-            Some(_) => io_error(path, e),
+            Some(_) => IngestError::of_file(path, e),
             None => unusable(e.to_string()),
         })?;
         let mut wanted = vec![];
@@ -433,9 +422,9 @@ impl<'c> Unpacking<'c> {
         }
         for (entry, target) in wanted {
             let at = Cell::new(0);
-            let place = zip::place(&mut file, entry).map_err(|e| io_error(path, e))?;
+            let place = zip::place(&mut file, entry).map_err(|e| IngestError::of_file(path, e))?;
             let decoder = zip::decoder(entry, Packed::new(&file, place.clone(), &at)).map_err(unusable)?;
-            self.copy((path, size), packing, &target, decoder, (&at, place))?;
+            self.copy(&Piece { path, size, packing, at: &at, place }, &target, decoder)?;
         }
         if self.files.is_empty() {
             return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
@@ -448,7 +437,7 @@ impl<'c> Unpacking<'c> {
         // A folder each, for two may have one name.
         let folder = self.folder.path().join(self.files.len().to_string());
         let target = folder.join(name);
-        std::fs::create_dir(&folder).map_err(|e| io_error(&target, e))?;
+        std::fs::create_dir(&folder).map_err(|e| IngestError::of_file(&target, e))?;
         self.files.push(target.clone());
         Ok(target)
     }
@@ -465,21 +454,15 @@ impl<'c> Unpacking<'c> {
             let what = format!("with the database it is larger than the limit of {limit} bytes");
             return Err(IngestError::Unusable { file: file_name(ahead), what });
         }
-        std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| io_error(ahead, e))
+        std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| IngestError::of_file(ahead, e))
     }
 
-    /// Unpacks one file of a packed one of this size; `at` says how far of its packed bytes at `place` was used.
-    fn copy(
-        &mut self,
-        (path, size): (&Path, u64),
-        packing: Packing,
-        target: &Path,
-        mut decoder: Box<dyn Read + '_>,
-        (at, place): (&Cell<u64>, Range<u64>),
-    ) -> Result<(), IngestError> {
-        let mut out = File::create(target).map_err(|e| io_error(target, e))?;
+    /// Unpacks one file of a packed one.
+    fn copy(&mut self, piece: &Piece<'_>, target: &Path, mut decoder: Box<dyn Read + '_>) -> Result<(), IngestError> {
+        let Piece { path, size, packing, at, .. } = *piece;
+        let mut out = File::create(target).map_err(|e| IngestError::of_file(target, e))?;
         let mut buffer = vec![0; STEP];
-        let (mut told, mut bytes) = (place.start, 0_u64);
+        let (mut told, mut bytes) = (piece.place.start, 0_u64);
         let fault = loop {
             let got = match decoder.read(&mut buffer) {
                 Ok(0) => break None,
@@ -503,22 +486,37 @@ impl<'c> Unpacking<'c> {
                 let name = packing.name();
                 break Some(format!("the {name} content is more than {MOST_TIMES} times as large, which no log is"));
             }
-            write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(target, e))?;
+            write_sparse(&mut out, buffer.get(..got).unwrap_or_default())
+                .map_err(|e| IngestError::of_file(target, e))?;
             self.context.advance(at.get() - told)?;
             told = at.get();
         };
-        out.set_len(bytes).map_err(|e| io_error(target, e))?;
-        if let Some(fault) = fault {
-            let file = file_name(path);
-            if bytes == 0 {
-                return Err(IngestError::Unusable { file, what: format!("{fault}; nothing of it could be unpacked") });
-            }
-            let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
-            let lost = place.end - at.get().min(place.end) + 1;
-            self.notices.push(Code::Corrupt, format!("{file}, near byte {}", at.get()), lost, what);
+        out.set_len(bytes).map_err(|e| IngestError::of_file(target, e))?;
+        fault.map_or(Ok(()), |fault| self.tell_fault(piece, &fault, bytes))
+    }
+
+    /// Says what was lost behind the bytes that could be unpacked; without any of them there is nothing to read.
+    fn tell_fault(&mut self, piece: &Piece<'_>, fault: &str, bytes: u64) -> Result<(), IngestError> {
+        let (file, at, end) = (file_name(piece.path), piece.at.get(), piece.place.end);
+        if bytes == 0 {
+            return Err(IngestError::Unusable { file, what: format!("{fault}; nothing of it could be unpacked") });
         }
+        let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
+        self.notices.push(Code::Corrupt, format!("{file}, near byte {at}"), end - at.min(end) + 1, what);
         Ok(())
     }
+}
+
+/// Packed bytes of one log.
+struct Piece<'p> {
+    path: &'p Path,
+    /// Of the whole packed file.
+    size: u64,
+    packing: Packing,
+    /// How far of the packed bytes was used.
+    at: &'p Cell<u64>,
+    /// Where they lie in the file.
+    place: Range<u64>,
 }
 
 /// What an error of a decoder means.

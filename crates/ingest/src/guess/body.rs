@@ -11,7 +11,7 @@ use super::motion::Trace;
 use super::sets::{Source, Triple};
 use super::times::Timing;
 use super::{Found, decide};
-use crate::table::{Table, numbers};
+use crate::table::Table;
 use flight::Unit;
 
 /// Agreements that confirm, and that contradict.
@@ -67,12 +67,12 @@ impl Of<'_> {
 
     /// The largest value of any of the columns, without its sign.
     fn largest(&self) -> f64 {
-        let values = |path: &str| {
-            let column = numbers(self.table, path);
-            (0..self.table.rows).filter_map(move |row| column?.number(row))
-        };
-        self.set.columns.iter().flat_map(|column| values(&column.path)).fold(0.0, |most, value| most.max(value.abs()))
+        self.set.columns.iter().map(|column| decide::largest(self.table, column)).fold(0.0, f64::max)
     }
+}
+
+fn unit(symbol: &str) -> Result<Unit, String> {
+    decide::unit(symbol).ok_or_else(|| "no such unit".to_owned())
 }
 
 /// What is found in the tables, and why other sets are not bound. `motions` are the velocities that were bound.
@@ -81,31 +81,46 @@ pub(super) fn bodies<'l>(
     motions: &[Found<'_, Motion>],
     times: &[(&str, &Timing)],
 ) -> (Vec<Found<'l, Body>>, Vec<String>) {
-    let (mut found, mut reasons): (Vec<Found<'l, Body>>, Vec<String>) = (vec![], vec![]);
+    let mut bodies = Bodies::default();
     let flown = motions.iter().find_map(|motion| attitude::flown(sources, motion));
     let mut turns: Vec<Turns> = vec![];
-    let mut keep = |source: &'l Source<'l>, timing: &Timing, set: &Triple, body: Result<Body, String>| match body {
-        Ok(what) => found.push(Found { topic: &source.table.topic.name, timing: timing.clone(), what }),
-        Err(why) => reasons.push(format!("{}: {why}", set.names())),
-    };
-    for (source, timing) in sources.iter().filter_map(|source| Some((source, timing_of(source, times)?))) {
+    let timed = || sources.iter().filter_map(|source| Some((source, timing_of(source, times)?)));
+    for (source, timing) in timed() {
         for set in &source.attitudes {
             let of = Of { table: source.table, timing, set };
             let decided = attitude::decide(&of, flown.as_ref());
             turns.extend(decided.as_ref().ok().map(|body| Turns::new(&of, body)));
-            keep(source, timing, set, decided);
+            bodies.keep(source, &of, decided);
         }
     }
-    for (source, timing) in sources.iter().filter_map(|source| Some((source, timing_of(source, times)?))) {
+    for (source, timing) in timed() {
         let turns = turns.iter().find(|turns| turns.clock == timing.clock);
         for set in &source.rates {
-            keep(source, timing, set, rate::decide(&Of { table: source.table, timing, set }, turns));
+            let of = Of { table: source.table, timing, set };
+            bodies.keep(source, &of, rate::decide(&of, turns));
         }
         for set in &source.forces {
-            keep(source, timing, set, force::decide(&Of { table: source.table, timing, set }, turns));
+            let of = Of { table: source.table, timing, set };
+            bodies.keep(source, &of, force::decide(&of, turns));
         }
     }
-    (found, reasons)
+    (bodies.found, bodies.reasons)
+}
+
+/// What is decided so far, and why the rest is not.
+#[derive(Default)]
+struct Bodies<'l> {
+    found: Vec<Found<'l, Body>>,
+    reasons: Vec<String>,
+}
+
+impl<'l> Bodies<'l> {
+    fn keep(&mut self, source: &'l Source<'l>, of: &Of<'_>, body: Result<Body, String>) {
+        match body {
+            Ok(what) => self.found.push(Found::of(source, of.timing, what)),
+            Err(why) => self.reasons.push(format!("{}: {why}", of.set.names())),
+        }
+    }
 }
 
 /// The way to read the time of a table: that of its positions and velocities, else a certain one.

@@ -92,11 +92,11 @@ pub(super) fn trace<const N: usize>(
     Trace::new(compared_rows(times_s.len()).filter_map(row).collect())
 }
 
-fn unit(symbol: &str) -> Option<Unit> {
+pub(super) fn unit(symbol: &str) -> Option<Unit> {
     symbol.parse().ok()
 }
 
-fn largest(table: &Table, column: &Named) -> f64 {
+pub(super) fn largest(table: &Table, column: &Named) -> f64 {
     let values = numbers(table, &column.path);
     (0..table.rows).filter_map(|row| values?.number(row)).fold(0.0, |most, v| most.max(v.abs()))
 }
@@ -177,7 +177,7 @@ impl<S> Copy for Of<'_, S> {}
 /// # Errors
 /// Why there are none, or more than one way.
 pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Result<(Place, Motion), String> {
-    let mut found: Vec<(f64, Place, Motion)> = vec![];
+    let mut found: Vec<(Place, Motion)> = vec![];
     let mut why_not = String::new();
     for (angle, why) in units_of_place(place.table, place.set) {
         for track in tracks(motion.table, motion.set) {
@@ -186,19 +186,19 @@ pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Resul
             match Windows::new(metres, speeds) {
                 None => why_not = "too little moves to compare them".into(),
                 Some(windows) => match fit(place, motion, &windows, (angle, &why), track) {
-                    Ok((agreement, place, motion)) => found.push((agreement, place, motion)),
+                    Ok(fit) => found.push(fit),
                     Err(why) => why_not = why,
                 },
             }
         }
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.sort_by(|(_, a), (_, b)| b.agreement.total_cmp(&a.agreement));
     match found.as_slice() {
         [] => Err(why_not),
-        [(best, a, _), (other, b, _), ..] if best - other < SAME && a.unit != b.unit => {
+        [(a, best), (b, other), ..] if best.agreement - other.agreement < SAME && a.unit != b.unit => {
             Err(format!("{} may be in {} or in {}", place.set.first.path, a.unit, b.unit))
         }
-        _ => found.into_iter().next().map(|(_, place, motion)| (place, motion)).ok_or(why_not),
+        _ => found.into_iter().next().ok_or(why_not),
     }
 }
 
@@ -217,17 +217,14 @@ fn fit(
     windows: &Windows,
     (angle, why): (Unit, &str),
     track: Option<Unit>,
-) -> Result<(f64, Place, Motion), String> {
+) -> Result<(Place, Motion), String> {
     let found = axes(place.set, motion.set, windows)?;
     let (first, second) = (&motion.set.first, &motion.set.second);
     let speed = unit_of_speed(motion, found.scale)?;
-    let evidence = evidence(windows, &place.set.first.path, &found, speed);
     let (height, vertical, notes) = verticals(place, motion.set, windows, (angle, speed));
-    let is_unnamed = |first: &Named| !says_axes(first);
-    // Axes that only agree with each other: x is called north.
-    let both_local = !place.set.is_geodetic && is_unnamed(&place.set.first);
-    let mut whys = vec![evidence];
-    if both_local {
+    let is_unnamed = !place.set.is_geodetic && !says_axes(&place.set.first);
+    let mut whys = vec![evidence(windows, &place.set.first.path, &found, speed)];
+    if is_unnamed {
         whys.push("nothing says where x points: it is called north, which changes no delay".into());
     }
     if found.swapped {
@@ -236,19 +233,18 @@ fn fit(
     whys.extend(notes);
     let place_unit_why = if why.starts_with("tried") { format!("{angle}, as the motion says") } else { why.to_owned() };
     // Where the velocity names its axes, those of an unnamed place are found and not its own.
-    let of_place = !place.set.is_geodetic && is_unnamed(&place.set.first) && !is_unnamed(first);
+    let of_place = is_unnamed && says_axes(first);
     if of_place && found.signs[1] < 0.0 {
         return Err(format!(
             "{} and {} count the other way than {} and {}",
             place.set.first.path, place.set.second.path, first.path, second.path
         ));
     }
-    let (place_swapped, swapped) = if of_place { (found.swapped, false) } else { (false, found.swapped) };
     let place = Place {
         set: place.set.clone(),
         unit: angle,
         third: height,
-        swapped: place_swapped,
+        swapped: of_place && found.swapped,
         is_west: false,
         why: vec![place_unit_why],
     };
@@ -257,12 +253,12 @@ fn fit(
         unit: speed,
         angle: track,
         third: vertical,
-        swapped,
+        swapped: !of_place && found.swapped,
         is_west: found.signs[1] < 0.0,
         agreement: found.agreement,
         why: whys,
     };
-    Ok((found.agreement, place, motion))
+    Ok((place, motion))
 }
 
 /// Why a velocity is taken as it is.

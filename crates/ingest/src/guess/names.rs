@@ -264,28 +264,35 @@ fn take_unit(words: &mut Vec<String>) -> Vec<Unit> {
     vec![]
 }
 
+fn has(words: &[String], word: &str) -> bool {
+    words.iter().any(|w| w == word)
+}
+
+/// The role that one of the words says by itself.
+fn role_of_word(word: &str, words: &[String]) -> Option<Role> {
+    Some(match word {
+        "lat" | "latitude" => Role::Latitude,
+        "lon" | "lng" | "long" | "longitude" => Role::Longitude,
+        "week" | "gwk" | "wn" | "weekno" => Role::Week,
+        "heading" if has(words, "motion") => Role::Track,
+        "sink" | "sinkrate" => Role::Velocity(Axis::Down),
+        _ if HEIGHTS.contains(&word) => Role::Height,
+        _ if SPEEDS.contains(&word) => Role::Speed,
+        _ if TRACKS.contains(&word) => Role::Track,
+        _ if CLIMBS.contains(&word) => Role::Velocity(Axis::Up),
+        _ => return fused(word, OF_VELOCITY).map(Role::Velocity).or_else(|| fused(word, OF_PLACE).map(Role::Position)),
+    })
+}
+
 fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
-    let has = |word: &str| words.iter().any(|w| w == word);
     let is_other = words.iter().any(|word| OTHERS.contains(&word.as_str()));
-    if is_other && !has("week") {
+    if is_other && !has(words, "week") {
         return None;
     }
     let mut left: Vec<&str> = vec![];
     let (mut role, mut axis, mut of) = (None, None, None);
     for word in words.iter().map(String::as_str) {
-        let found = match word {
-            "lat" | "latitude" => Some(Role::Latitude),
-            "lon" | "lng" | "long" | "longitude" => Some(Role::Longitude),
-            "week" | "gwk" | "wn" | "weekno" => Some(Role::Week),
-            "heading" if has("motion") => Some(Role::Track),
-            "sink" | "sinkrate" => Some(Role::Velocity(Axis::Down)),
-            _ if HEIGHTS.contains(&word) => Some(Role::Height),
-            _ if SPEEDS.contains(&word) => Some(Role::Speed),
-            _ if TRACKS.contains(&word) => Some(Role::Track),
-            _ if CLIMBS.contains(&word) => Some(Role::Velocity(Axis::Up)),
-            _ => fused(word, OF_VELOCITY).map(Role::Velocity).or_else(|| fused(word, OF_PLACE).map(Role::Position)),
-        };
-        match found {
+        match role_of_word(word, words) {
             Some(found) if role.is_none_or(|known| known == found || found == Role::Height) => {
                 role = role.or(Some(found))
             }
@@ -293,7 +300,7 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
             None if OF_VELOCITY.contains(&word) => of = Some(Dimension::Speed),
             None if OF_PLACE.contains(&word) => of = of.or(Some(Dimension::Length)),
             None if axis_of(word).is_some() && axis.is_none() => axis = axis_of(word),
-            None if word == "vertical" && (has("speed") || has("velocity")) => axis = Some(Axis::Up),
+            None if word == "vertical" && (has(words, "speed") || has(words, "velocity")) => axis = Some(Axis::Up),
             None if FILLERS.contains(&word) => {}
             None => left.push(word),
         }
@@ -397,7 +404,7 @@ fn body_role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
         }
     }
     // The heading of motion is a course, and no attitude.
-    if angle == Some(Role::Yaw) && words.iter().any(|word| word == "motion") {
+    if angle == Some(Role::Yaw) && has(words, "motion") {
         return None;
     }
     let states = |dimension| ending.iter().any(|unit| unit.dimension() == dimension);
@@ -434,8 +441,7 @@ pub(super) const SOURCES: &[&str] = &[
 
 /// The axis where a word of the name says the frame.
 fn in_frame(axis: Axis, words: &[String]) -> Axis {
-    let has = |word: &str| words.iter().any(|w| w == word);
-    match (axis, has("ned"), has("enu")) {
+    match (axis, has(words, "ned"), has(words, "enu")) {
         (Axis::X, true, false) | (Axis::Y, false, true) => Axis::North,
         (Axis::Y, true, false) | (Axis::X, false, true) => Axis::East,
         (Axis::Z, true, false) => Axis::Down,
@@ -453,12 +459,16 @@ mod tests {
         named(&head, name).map(|n| (n.role, n.source, n.unit.map(Unit::symbol)))
     }
 
+    fn say(names: &[(&str, Role, &str, Option<&'static str>)]) {
+        for (name, role, source, unit) in names {
+            assert_eq!(of(name), Some((*role, (*source).to_owned(), *unit)), "{name}");
+        }
+    }
+
     #[test]
     fn names_say_roles_axes_sources_and_units() {
-        use Role::{
-            Force, Height, Latitude, Longitude, Pitch, Position, Rate, Roll, Speed, Time, Track, Velocity, Yaw,
-        };
-        for (name, role, source, unit) in [
+        use Role::{Height, Latitude, Longitude, Position, Speed, Time, Track, Velocity};
+        say(&[
             ("lat", Latitude, "", None),
             ("lat_deg", Latitude, "", Some("deg")),
             ("gps_lon_e7", Longitude, "gps", Some("1e-7 deg")),
@@ -488,6 +498,13 @@ mod tests {
             ("t_s", Time, "", Some("s")),
             ("Time [s]", Time, "", Some("s")),
             ("vertical_speed", Velocity(Axis::Up), "", None),
+        ]);
+    }
+
+    #[test]
+    fn names_say_attitudes_rates_and_forces() {
+        use Role::{Force, Pitch, Rate, Roll, Yaw};
+        say(&[
             ("Roll (deg)", Roll, "", Some("deg")),
             ("ekf_pitch_rad", Pitch, "ekf", Some("rad")),
             ("heading", Yaw, "", None),
@@ -500,9 +517,11 @@ mod tests {
             ("acc_y", Force(Axis::Y), "", None),
             ("AccelZ [m/s^2]", Force(Axis::Z), "", Some("m/s^2")),
             ("linear_acceleration_x", Force(Axis::X), "", None),
-        ] {
-            assert_eq!(of(name), Some((role, source.to_owned(), unit)), "{name}");
-        }
+        ]);
+    }
+
+    #[test]
+    fn names_of_other_things_say_no_role() {
         for other in [
             "mag_x",
             "roll_std",

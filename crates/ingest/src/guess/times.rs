@@ -82,16 +82,11 @@ fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
 }
 
 fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
-    let field = super::quoted(&column.path);
     if numbers(table, &column.path).is_none() {
-        let texts = ["iso-8601", "time-of-day", "day-of-year"].into_iter().filter_map(|text| {
-            let why = format!("its text is {text}");
-            let said = format!("{} as {text}", column.path);
-            timing(table, (format!("{{ field = {field}, text = \"{text}\" }}"), said), kind_of(column), why, true)
-        });
-        return texts.into_iter().next().into_iter().collect();
+        return of_text(table, column).into_iter().collect();
     }
     let Some((middle, step)) = middles(table, column) else { return vec![] };
+    let field = super::quoted(&column.path);
     let gps = column.words.iter().any(|word| word.contains("gps"));
     let of_unit = |(unit, scale): (&str, f64), why: &str, is_certain: bool| {
         let clock = match UNIX_S.contains(&(middle * scale)) {
@@ -116,6 +111,15 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     let is_only = found.len() == 1;
     found.iter_mut().for_each(|timing| timing.is_certain = is_only);
     found
+}
+
+fn of_text(table: &Table, column: &Named) -> Option<Timing> {
+    let field = super::quoted(&column.path);
+    ["iso-8601", "time-of-day", "day-of-year"].into_iter().find_map(|text| {
+        let why = format!("its text is {text}");
+        let said = format!("{} as {text}", column.path);
+        timing(table, (format!("{{ field = {field}, text = \"{text}\" }}"), said), kind_of(column), why, true)
+    })
 }
 
 /// The value and the step in the middle of all.

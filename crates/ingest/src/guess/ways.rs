@@ -1,13 +1,12 @@
 //! A table that holds a position or a velocity alone, as the second file of a flight: the ways in which its axes may point. The
 //! motion of the first file has to decide between them.
 
-use super::decide::{Motion, Place, Vertical, plausible_height, side};
+use super::decide::{Motion, Place, Vertical, plausible_height, side, unit};
 use super::sets::{Position, Source, Velocity, says_axes, sources};
 use super::times::Timing;
 use super::write::{All, map};
 use super::{Found, Guess, odd_unit};
 use crate::reader::Log;
-use flight::Unit;
 
 /// Which column goes north, and whether the other one counts west.
 const AXES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
@@ -24,27 +23,18 @@ pub(crate) fn ways(log: &Log) -> Vec<Guess> {
 }
 
 fn of_source<'l>(source: &'l Source<'l>) -> Vec<All<'l>> {
-    let topic = source.table.topic.name.as_str();
     // A time whose unit is open is read in each: only one of them moves as the log does.
-    source.timings.iter().flat_map(|timing| of_timing(source, topic, timing)).collect()
+    source.timings.iter().flat_map(|timing| of_timing(source, timing)).collect()
 }
 
-fn of_timing<'l>(source: &'l Source<'l>, topic: &'l str, timing: &Timing) -> Vec<All<'l>> {
+fn of_timing<'l>(source: &'l Source<'l>, timing: &Timing) -> Vec<All<'l>> {
     let alone = |places, motions| All { places, motions, bodies: vec![] };
     if source.positions.is_empty() {
         let motions = source.velocities.iter().flat_map(motions);
-        return motions.map(|what| alone(vec![], vec![found(topic, timing, what)])).collect();
+        return motions.map(|what| alone(vec![], vec![Found::of(source, timing, what)])).collect();
     }
     let places = source.positions.iter().filter(|p| !p.is_geodetic).flat_map(|p| places(source, p));
-    places.map(|what| alone(vec![found(topic, timing, what)], vec![])).collect()
-}
-
-fn found<'l, T>(topic: &'l str, timing: &Timing, what: T) -> Found<'l, T> {
-    Found { topic, timing: timing.clone(), what }
-}
-
-fn unit(symbol: &str) -> Option<Unit> {
-    symbol.parse().ok()
+    places.map(|what| alone(vec![Found::of(source, timing, what)], vec![])).collect()
 }
 
 const JUDGED: &str = "by its names; the motion of the first file decides the axes";

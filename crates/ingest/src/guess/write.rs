@@ -25,35 +25,14 @@ pub(super) fn map(All { places, motions, bodies }: &All<'_>, reasons: &[String],
     }
     let names = names("position", places.iter().map(|p| (p.what.set.source.as_str(), p.what.set.is_geodetic)));
     for (place, name) in places.iter().zip(&names) {
-        said.push(channel(
-            &mut text,
-            name,
-            (quantity(&place.what), None),
-            &place_fields(&place.what),
-            &place.what.why,
-            &Where::of(place, several),
-        ));
+        said.push(channel(&mut text, name, &of_place(&place.what), &Where::of(place, several)));
     }
     let names = self::names("velocity", motions.iter().map(|m| (m.what.set.source.as_str(), true)));
     for (motion, name) in motions.iter().zip(&names) {
-        said.push(channel(
-            &mut text,
-            name,
-            ("velocity-ned", None),
-            &motion_fields(&motion.what),
-            &motion.what.why,
-            &Where::of(motion, several),
-        ));
+        said.push(channel(&mut text, name, &of_motion(&motion.what), &Where::of(motion, several)));
     }
     for (body, name) in bodies.iter().zip(body_names(bodies)) {
-        said.push(channel(
-            &mut text,
-            &name,
-            (body.what.quantity, Some(body.what.frame)),
-            &body_fields(&body.what),
-            &body.what.why,
-            &Where::of(body, several),
-        ));
+        said.push(channel(&mut text, &name, &of_body(&body.what), &Where::of(body, several)));
     }
     said.extend(times(places, motions));
     said.extend(left_out(places, motions));
@@ -89,9 +68,10 @@ fn left_out(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<S
     heights.chain(speeds).collect()
 }
 
-fn body_fields(body: &Body) -> Vec<Field<'_>> {
+fn of_body(body: &Body) -> Channel<'_> {
     let columns = body.set.columns.iter().map(|column| column.path.as_str());
-    body.roles.into_iter().zip(columns).map(|(role, column)| (role, column, body.unit)).collect()
+    let fields = body.roles.into_iter().zip(columns).map(|(role, column)| (role, column, body.unit)).collect();
+    Channel { quantity: body.quantity, frame: Some(body.frame), fields, why: &body.why }
 }
 
 /// A name for each attitude, rate and force: after its source, as `attitude.ins` and `angular-rate.imu` where there is none.
@@ -134,12 +114,16 @@ impl<'f> Where<'f> {
     }
 }
 
-fn quantity(place: &Place) -> &'static str {
-    if place.set.is_geodetic { "position-geodetic" } else { "position-ned" }
-}
-
 /// Role, column and unit.
 type Field<'a> = (&'static str, &'a str, Unit);
+
+/// What a channel is, and why.
+struct Channel<'f> {
+    quantity: &'f str,
+    frame: Option<&'f str>,
+    fields: Vec<Field<'f>>,
+    why: &'f [String],
+}
 
 fn vertical<'a>(third: Option<(Unit, Vertical)>, column: Option<&'a str>, is_height: bool) -> Option<Field<'a>> {
     let ((unit, side), column) = third.zip(column)?;
@@ -151,7 +135,7 @@ fn vertical<'a>(third: Option<(Unit, Vertical)>, column: Option<&'a str>, is_hei
     }
 }
 
-fn place_fields(place: &Place) -> Vec<Field<'_>> {
+fn of_place(place: &Place) -> Channel<'_> {
     let set = &place.set;
     let third = vertical(place.third, set.third.as_ref().map(|c| c.path.as_str()), set.is_geodetic);
     let roles = match (set.is_geodetic, place.is_west) {
@@ -160,13 +144,12 @@ fn place_fields(place: &Place) -> Vec<Field<'_>> {
         (false, true) => ["north", "west"],
     };
     let (first, second) = if place.swapped { (&set.second, &set.first) } else { (&set.first, &set.second) };
-    [(roles[0], first.path.as_str(), place.unit), (roles[1], second.path.as_str(), place.unit)]
-        .into_iter()
-        .chain(third)
-        .collect()
+    let pair = [(roles[0], first.path.as_str(), place.unit), (roles[1], second.path.as_str(), place.unit)];
+    let quantity = if set.is_geodetic { "position-geodetic" } else { "position-ned" };
+    Channel { quantity, frame: None, fields: pair.into_iter().chain(third).collect(), why: &place.why }
 }
 
-fn motion_fields(motion: &Motion) -> Vec<Field<'_>> {
+fn of_motion(motion: &Motion) -> Channel<'_> {
     let set = &motion.set;
     let third = vertical(motion.third, set.third.as_ref().map(|c| c.path.as_str()), false);
     let (first, second) = if motion.swapped { (&set.second, &set.first) } else { (&set.first, &set.second) };
@@ -175,7 +158,8 @@ fn motion_fields(motion: &Motion) -> Vec<Field<'_>> {
         Some(angle) => [("speed", first, motion.unit), ("track", second, angle)],
         None => [("north", first, motion.unit), (if motion.is_west { "west" } else { "east" }, second, motion.unit)],
     };
-    pair.into_iter().chain(third).collect()
+    let fields = pair.into_iter().chain(third).collect();
+    Channel { quantity: "velocity-ned", frame: None, fields, why: &motion.why }
 }
 
 /// A name for each channel: after its source, `gps` where there is none; the first one has a name that pipelines look for.
@@ -208,16 +192,10 @@ fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<
 }
 
 /// Writes a channel and says it in a line.
-fn channel(
-    text: &mut String,
-    name: &str,
-    (quantity, frame): (&str, Option<&str>),
-    fields: &[Field<'_>],
-    why: &[String],
-    at: &Where<'_>,
-) -> String {
+fn channel(text: &mut String, name: &str, channel: &Channel<'_>, at: &Where<'_>) -> String {
+    let Channel { quantity, frame, fields, why } = channel;
     let _ = writeln!(text);
-    for why in why {
+    for why in *why {
         let _ = writeln!(text, "# {}.", one_line(why));
     }
     let _ = writeln!(text, "[[channel]]\nname = {}\nquantity = \"{quantity}\"", quoted(name));

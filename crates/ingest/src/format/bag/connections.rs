@@ -108,15 +108,8 @@ impl<'b, 't> Connections<'b, 't> {
     pub(super) fn end(&mut self, file: &str, notices: &mut Notices) -> u64 {
         let (unplaced, redefined) = (std::mem::take(&mut self.unplaced), std::mem::take(&mut self.redefined));
         (self.known, self.definition_bytes) = Default::default();
-        if unplaced.count > 0 {
-            let text = format!("messages that belong to no known topic; the first: {}", unplaced.first);
-            notices.push(Code::UnknownChannel, file, unplaced.count, text);
-        }
-        if redefined.count > 0 {
-            let text =
-                format!("connections were replaced by others of the same number; the first: {}", redefined.first);
-            notices.push(Code::Redefined, file, redefined.count, text);
-        }
+        unplaced.tell(Code::UnknownChannel, file, "messages that belong to no known topic", notices);
+        redefined.tell(Code::Redefined, file, "connections were replaced by others of the same number", notices);
         unplaced.count
     }
 }

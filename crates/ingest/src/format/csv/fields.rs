@@ -517,6 +517,10 @@ mod tests {
             };
             assert_eq!(short, expected, "{text}");
         }
+    }
+
+    #[test]
+    fn a_short_number_has_no_exponent_no_plus_and_no_more_digits_than_fit() {
         let read = [
             "0.1",
             "-12.5",

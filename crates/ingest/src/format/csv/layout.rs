@@ -264,93 +264,129 @@ fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
     if delimiter != b',' && certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
 }
 
-/// The line that says the units of the columns.
-fn units_below<'s>(
-    header: Option<&'s Sampled>,
-    before_data: &[&'s Sampled],
-    comments: &[&'s Sampled],
-    (rows, width, decimal): (&[&'s Sampled], usize, Decimal),
-) -> Option<&'s Sampled> {
-    let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
-    let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
-    // What a remark says above the header is not of its columns, unless it says units.
-    let is_below = |c: &Sampled| header.is_some_and(|h| h.comment || c.line > h.line);
-    let no_row = |c: &&Sampled| !c.has_number(decimal);
-    let says = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
-    let comments = || comments.iter().copied();
-    let units = units.or_else(|| comments().rfind(says));
-    let units = units.or_else(|| {
-        let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
-        // The header may stand again between the rows, with the units behind it.
-        let is_header = |r: &Sampled| header.is_some_and(|h| h.fields == r.fields);
-        let again = |before: &Sampled, r: &Sampled| is_header(r) || (is_header(before) && r.fields == below.fields);
-        let pairs = rows.iter().zip(rows.iter().skip(1)).filter(|(_, r)| r.line > below.line);
-        let data: Vec<&Sampled> = pairs.filter(|(before, r)| !again(before, r)).map(|(_, r)| *r).collect();
-        below.describes(&data, width, decimal).then_some(below)
-    });
-    units.or_else(|| comments().filter(no_row).rfind(|c| is_other(c)))
+/// The records of a table that are no remarks, how many fields most of them have, and what stands before decimals.
+struct Rows<'s> {
+    all: Vec<&'s Sampled>,
+    width: usize,
+    decimal: Decimal,
+}
+
+impl<'s> Rows<'s> {
+    /// The lines that name the columns and say their units.
+    fn head(&self, sample: &'s [Sampled]) -> (Option<&'s Sampled>, Option<&'s Sampled>) {
+        // Where a remark names the columns, dates and times in words below it are no names.
+        let first_line = self.all.first().map_or(0, |r| r.line);
+        let is_marked_header = |s: &Sampled| s.comment && s.line < first_line && self.fits(&s.fields);
+        let marked = sample.iter().any(|s| is_marked_header(s) && s.names_columns(self.decimal));
+        let names = |r: &Sampled| r.names_columns(self.decimal) && !(marked && r.has_moment());
+        let is_data = |r: &&Sampled| r.fields.len() == self.width && !names(r) && !r.states_units();
+        let data_at = self.all.iter().position(is_data);
+        let before_data = self.all.get(..data_at.unwrap_or(self.all.len())).unwrap_or_default();
+        let header = before_data.iter().copied().find(|r| self.fits(&r.fields) && names(r));
+        let data_line = data_at.and_then(|i| self.all.get(i)).map_or(u64::MAX, |r| r.line);
+        let is_remark = |s: &&Sampled| s.comment && s.line < data_line && self.fits(&s.fields);
+        let comments: Vec<&Sampled> = sample.iter().filter(is_remark).collect();
+        let header = header.or_else(|| comments.iter().copied().rfind(|c| c.names_columns(self.decimal)));
+        (header, self.units_below(header, before_data, &comments))
+    }
+
+    /// The line that says the units of the columns.
+    fn units_below(
+        &self,
+        header: Option<&'s Sampled>,
+        before_data: &[&'s Sampled],
+        comments: &[&'s Sampled],
+    ) -> Option<&'s Sampled> {
+        let width = self.width;
+        let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
+        let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
+        // What a remark says above the header is not of its columns, unless it says units.
+        let is_below = |c: &Sampled| header.is_some_and(|h| h.comment || c.line > h.line);
+        let no_row = |c: &&Sampled| !c.has_number(self.decimal);
+        let says = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
+        let comments = || comments.iter().copied();
+        let units = units.or_else(|| comments().rfind(says));
+        let units = units.or_else(|| {
+            let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
+            // The header may stand again between the rows, with the units behind it.
+            let is_header = |r: &Sampled| header.is_some_and(|h| h.fields == r.fields);
+            let again = |before: &Sampled, r: &Sampled| is_header(r) || (is_header(before) && r.fields == below.fields);
+            let pairs = self.all.iter().zip(self.all.iter().skip(1)).filter(|(_, r)| r.line > below.line);
+            let data: Vec<&Sampled> = pairs.filter(|(before, r)| !again(before, r)).map(|(_, r)| *r).collect();
+            below.describes(&data, width, self.decimal).then_some(below)
+        });
+        units.or_else(|| comments().filter(no_row).rfind(|c| is_other(c)))
+    }
+
+    /// The names of the columns, empty where there are none.
+    fn names(&self, header: Option<&Sampled>) -> Vec<String> {
+        let mut named = header.map_or_else(|| vec![String::new(); self.width], |h| h.fields.clone());
+        // A delimiter at the end of the lines makes no column.
+        let unnamed_last = named.last().is_some_and(String::is_empty);
+        if named.len() == self.width + 1 || (header.is_some() && unnamed_last && self.trail()) {
+            named.pop();
+        }
+        named
+    }
+
+    /// Whether a column is one of numbers in the rows behind a line. Among them may be other headers.
+    fn is_of_numbers(&self, column: usize, behind: u64) -> bool {
+        let rows = self.all.iter().filter(|r| r.line > behind);
+        let cells = rows.filter_map(|r| r.fields.get(column)).map(|cell| self.decimal.number(cell.as_bytes()));
+        let (mut numbers, mut bad) = (0, 0);
+        for cell in cells {
+            numbers += usize::from(matches!(cell, Cell::Integer(_) | Cell::Float(_)));
+            bad += usize::from(cell == Cell::Bad);
+        }
+        numbers > bad
+    }
+
+    /// Whether a header has a name for each field: one more or less is a delimiter at the end of the line.
+    fn fits(&self, header: &[String]) -> bool {
+        header.len() == self.width
+            || (header.len() == self.width + 1 && header.last().is_some_and(|last| last.is_empty() || last == REMARKS))
+            || (header.len() + 1 == self.width && self.trail())
+    }
+
+    /// Whether all rows of this width end in a delimiter.
+    fn trail(&self) -> bool {
+        let mut rows = self.all.iter().filter(|r| r.fields.len() == self.width);
+        rows.all(|r| r.fields.last().is_some_and(String::is_empty))
+    }
 }
 
 /// The layout with one delimiter, and how many records agree with it. `None` if it makes no table.
 fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
-    let rows: Vec<&Sampled> = sample.iter().filter(|s| !s.comment).collect();
-    let (width, agree) = common_width(&rows)?;
-    if width < 2 || 2 * agree < rows.len() {
+    let all: Vec<&Sampled> = sample.iter().filter(|s| !s.comment).collect();
+    let (width, agree) = common_width(&all)?;
+    if width < 2 || 2 * agree < all.len() {
         return None;
     }
-    let decimal = decimal_of(&rows, delimiter);
-    // Where a remark names the columns, dates and times in words below it are no names.
-    let first_line = rows.first().map_or(0, |r| r.line);
-    let is_marked_header = |s: &Sampled| s.comment && s.line < first_line && fits_width(&s.fields, width, &rows);
-    let marked = sample.iter().any(|s| is_marked_header(s) && s.names_columns(decimal));
-    let names = |r: &Sampled| r.names_columns(decimal) && !(marked && r.has_moment());
-    let data_at = rows.iter().position(|r| r.fields.len() == width && !names(r) && !r.states_units());
-    let before_data = rows.get(..data_at.unwrap_or(rows.len()))?;
-    let header = before_data.iter().find(|r| fits_width(&r.fields, width, &rows) && names(r));
-    let data_line = data_at.and_then(|i| rows.get(i)).map_or(u64::MAX, |r| r.line);
-    let comments = || sample.iter().filter(|s| s.comment && s.line < data_line && fits_width(&s.fields, width, &rows));
-    let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns(decimal)));
-    let comments: Vec<&Sampled> = comments().collect();
-    let units = units_below(header, before_data, &comments, (&rows, width, decimal));
+    let decimal = decimal_of(&all, delimiter);
+    let rows = Rows { all, width, decimal };
+    let (header, units) = rows.head(sample);
     let last_before = [header, units].into_iter().flatten().map(|s| s.line).max().unwrap_or(0);
-    let mut named = header.map_or_else(|| vec![String::new(); width], |h| h.fields.clone());
-    // A delimiter at the end of the lines makes no column.
-    let unnamed_last = named.last().is_some_and(String::is_empty);
-    if named.len() == width + 1 || (header.is_some() && unnamed_last && rows_trail(&rows, width)) {
-        named.pop();
-    }
-    let (names, renamed) = unique(named);
-    let rows_looked_at = rows.iter().filter(|r| r.line > last_before);
-    let regular = header.is_some()
-        && rows_looked_at.clone().all(|r| r.fields.len() == width)
-        && rows_looked_at.clone().any(|r| r.has_number(decimal));
-    let of_numbers = |column: usize| {
-        let cells =
-            || rows_looked_at.clone().filter_map(|r| r.fields.get(column)).map(|c| decimal.number(c.as_bytes()));
-        // Among them may be other headers.
-        let numbers = cells().filter(|cell| matches!(cell, Cell::Integer(_) | Cell::Float(_))).count();
-        numbers > cells().filter(|cell| *cell == Cell::Bad).count()
-    };
-    let numbers = (0..names.len()).map(of_numbers).collect();
+    let (names, renamed) = unique(rows.names(header));
+    let looked_at = || rows.all.iter().filter(|r| r.line > last_before);
+    let regular =
+        header.is_some() && looked_at().all(|r| r.fields.len() == width) && looked_at().any(|r| r.has_number(decimal));
     let bare = header.is_none()
-        && rows.len() >= FEWEST_BARE
-        && rows.iter().all(|r| r.fields.len() == width && r.is_all_numbers(decimal));
-    Some((
-        agree,
-        TableLayout {
-            delimiter,
-            decimal,
-            names,
-            renamed,
-            header_line: header.map(|h| h.line),
-            units_line: units.map(|u| u.line),
-            first_row_line: if header.is_none() { 1 } else { last_before + 1 },
-            other_rows: header.and_then(|h| other_rows(rows.iter().take_while(|r| r.line < h.line), decimal)),
-            regular,
-            numbers,
-            bare,
-        },
-    ))
+        && rows.all.len() >= FEWEST_BARE
+        && rows.all.iter().all(|r| r.fields.len() == width && r.is_all_numbers(decimal));
+    let layout = TableLayout {
+        delimiter,
+        decimal,
+        numbers: (0..names.len()).map(|column| rows.is_of_numbers(column, last_before)).collect(),
+        names,
+        renamed,
+        header_line: header.map(|h| h.line),
+        units_line: units.map(|u| u.line),
+        first_row_line: if header.is_none() { 1 } else { last_before + 1 },
+        other_rows: header.and_then(|h| other_rows(rows.all.iter().take_while(|r| r.line < h.line), decimal)),
+        regular,
+        bare,
+    };
+    Some((agree, layout))
 }
 
 /// First line and number of the rows that stand there before a header and are no mere remarks: at least three cells, most of
@@ -368,18 +404,6 @@ fn other_rows<'s>(rows: impl Iterator<Item = &'s &'s Sampled>, decimal: Decimal)
 fn common_width(rows: &[&Sampled]) -> Option<(usize, usize)> {
     let count = |width: usize| rows.iter().filter(|r| r.fields.len() == width).count();
     rows.iter().map(|r| r.fields.len()).max_by_key(|&width| (count(width), width)).map(|width| (width, count(width)))
-}
-
-/// Whether a header has a name for each field: one more or less is a delimiter at the end of the line.
-fn fits_width(header: &[String], width: usize, rows: &[&Sampled]) -> bool {
-    header.len() == width
-        || (header.len() == width + 1 && header.last().is_some_and(|last| last.is_empty() || last == REMARKS))
-        || (header.len() + 1 == width && rows_trail(rows, width))
-}
-
-/// Whether all rows of this width end in a delimiter.
-fn rows_trail(rows: &[&Sampled], width: usize) -> bool {
-    rows.iter().filter(|r| r.fields.len() == width).all(|r| r.fields.last().is_some_and(String::is_empty))
 }
 
 /// Gives every column a name of its own, and says how many had none. `rostopic echo -p` puts

@@ -151,7 +151,6 @@ impl Own {
     }
 
     fn column(&self, table: &Table, notices: &mut Notices) -> Option<Column> {
-        let rows = 0..table.rows;
         match self {
             Own::Offset(offset) => Some(Column {
                 path: OFFSET.into(),
@@ -160,33 +159,35 @@ impl Own {
             }),
             Own::Mode(name) => {
                 let column = table.column(name)?;
-                let words: Vec<Option<String>> = rows.map(|row| said(column, row)).collect();
+                let words: Vec<Option<String>> = (0..table.rows).map(|row| said(column, row)).collect();
                 let has_fix = |mode: i64| i64::from(!OXTS_WITHOUT_FIX.contains(&mode));
                 fixes(column, &words, |text| mode_of(text).map(has_fix), table, notices)
             }
             Own::Status => {
                 let column = texts(table, XSENS_WORD)?;
                 // A device that measures sets some bit: all zeros stand for no word.
-                let words = rows.map(|row| said(column, row).filter(|word| word.bytes().any(|digit| digit != b'0')));
-                let words: Vec<Option<String>> = words.collect();
+                let is_word = |word: &String| word.bytes().any(|digit| digit != b'0');
+                let words: Vec<Option<String>> = (0..table.rows).map(|row| said(column, row).filter(is_word)).collect();
                 let radix = radix_of(words.iter().flatten().map(String::as_str));
                 let has_fix = |word: i64| i64::from(word & XSENS_FIX != 0);
                 fixes(column, &words, |text| word_of(text, radix?).map(has_fix), table, notices)
             }
             Own::Year => Some(year(table, notices)),
-            Own::Given(path, columns) => {
-                let columns: Vec<&Column> = columns.iter().map(|column| table.column(column)).collect::<Option<_>>()?;
-                let values = |row| columns.iter().map(|column| column.number(row)).collect::<Option<Vec<f64>>>();
-                let is_there = |values: &[f64]| values.iter().any(|value| *value != 0.0);
-                let place = |row| -> Vec<f64> {
-                    XSENS_POSITION.iter().filter_map(|column| table.column(column)?.number(row)).collect()
-                };
-                let stands = |row| path.starts_with("velocity") && is_there(&place(row));
-                let given = |row| Some(i64::from(is_there(&values(row)?) || stands(row)));
-                Some(of_integers(path, &rows.map(given).collect::<Vec<_>>()))
-            }
+            Own::Given(path, columns) => given(path, columns, table),
         }
     }
+}
+
+/// Whether a row has what Xsens exports in these columns.
+fn given(path: &str, columns: &[&str; 3], table: &Table) -> Option<Column> {
+    let columns: Vec<&Column> = columns.iter().map(|column| table.column(column)).collect::<Option<_>>()?;
+    let values = |row| columns.iter().map(|column| column.number(row)).collect::<Option<Vec<f64>>>();
+    let is_there = |values: &[f64]| values.iter().any(|value| *value != 0.0);
+    let place =
+        |row| -> Vec<f64> { XSENS_POSITION.iter().filter_map(|column| table.column(column)?.number(row)).collect() };
+    let stands = |row| path.starts_with("velocity") && is_there(&place(row));
+    let given = |row| Some(i64::from(is_there(&values(row)?) || stands(row)));
+    Some(of_integers(path, &(0..table.rows).map(given).collect::<Vec<_>>()))
 }
 
 /// What stands in a row.

@@ -6,8 +6,9 @@ use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::reader::{Log, Restart};
 use crate::table::TopicInfo;
-use flight::{Code, Graded, NANOS_PER_SECOND, Notices, Severity};
+use flight::{Code, NANOS_PER_SECOND, Notices, Severity};
 use logscan::Fate;
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// Bytes of a type's name.
@@ -327,14 +328,8 @@ impl<'t, 'w> Book<'t, 'w> {
         match role {
             Role::Samples => {}
             Role::Formats => {
-                let (Some(id), Some(length)) = (integer("Type"), integer("Length")) else {
-                    return Err("a definition without a type".to_owned());
-                };
-                let (Ok(id), Ok(length)) = (u8::try_from(id), u8::try_from(length)) else {
-                    return Err("a definition whose type or length is no byte".to_owned());
-                };
-                let [name, codes, columns] = ["Name", "Format", "Columns"].map(|n| text(n).unwrap_or_default());
-                return self.define(id, length, &name, &codes, &columns);
+                let texts = ["Name", "Format", "Columns"].map(|name| text(name).unwrap_or_default());
+                return self.define(integer("Type"), integer("Length"), texts);
             }
             Role::FieldUnits => {
                 let ids = ["UnitIds", "MultIds"].map(|name| text(name).unwrap_or_default().into_owned());
@@ -366,7 +361,16 @@ impl<'t, 'w> Book<'t, 'w> {
         Ok(())
     }
 
-    fn define(&mut self, id: u8, length: u8, name: &str, codes: &str, columns: &str) -> Result<(), String> {
+    fn define(
+        &mut self,
+        id: Option<i64>,
+        length: Option<i64>,
+        [name, codes, columns]: [Cow<'_, str>; 3],
+    ) -> Result<(), String> {
+        let (id, length) = id.zip(length).ok_or("a definition without a type")?;
+        let (Ok(id), Ok(length)) = (u8::try_from(id), u8::try_from(length)) else {
+            return Err("a definition whose type or length is no byte".to_owned());
+        };
         if id == FMT_ID {
             let usual = usize::from(length) == FMT_LENGTH && name == "FMT";
             return if usual {
@@ -378,7 +382,7 @@ impl<'t, 'w> Book<'t, 'w> {
                 Err("a definition of the definitions that is not the usual one".into())
             };
         }
-        let format = Format::new(length, name, codes, columns)?;
+        let format = Format::new(length, &name, &codes, &columns)?;
         let known = self.known(id).and_then(|index| self.types.get(index));
         if known.is_some_and(|known| known.format == format) {
             return Ok(());
@@ -430,29 +434,21 @@ impl<'t, 'w> Book<'t, 'w> {
     /// Writes what the log says of itself, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let file = self.file.as_str();
-        let mut say = |what: Graded, tally: &Tally, text: &str| {
-            if tally.count > 0 {
-                notices.push(what, file, tally.count, format!("{text}; the first: {}", tally.first));
-            }
-        };
         let [used, unused] = self.redefinitions();
         let text = "types were defined again and otherwise; what follows is read by the new definition";
-        say(Code::Redefined.at(Severity::Loss), &used, text);
-        say(
-            Code::Redefined.at(Severity::Info),
-            &unused,
-            "types were defined again and otherwise, and there is no record of the old or the new one",
-        );
-        say(Code::Undecodable.into(), &self.misfits, "records are not as long as their definition says");
-        say(Code::UnknownChannel.into(), &self.unplaced, "records found no topic, for there are too many");
+        used.tell(Code::Redefined.at(Severity::Loss), file, text, notices);
+        let text = "types were defined again and otherwise, and there is no record of the old or the new one";
+        unused.tell(Code::Redefined.at(Severity::Info), file, text, notices);
+        self.misfits.tell(Code::Undecodable, file, "records are not as long as their definition says", notices);
+        self.unplaced.tell(Code::UnknownChannel, file, "records found no topic, for there are too many", notices);
         let text = "the field that tells instances apart was named after the first records, which are in one topic";
-        say(Code::Redefined.into(), &self.late_instances, text);
+        self.late_instances.tell(Code::Redefined, file, text, notices);
         let text = "units and instances of a type are stated twice and otherwise, of which the first holds, or for another number \
                     of fields: they may be of another type";
-        say(Code::Redefined.into(), &self.other_units, text);
+        self.other_units.tell(Code::Redefined, file, text, notices);
         let text = "the clock restarts within the file; what follows is stamped as if it came ten seconds later";
-        say(Code::ClockRestart.into(), &self.clock.moved, text);
-        say(Code::BackJump.into(), &self.clock.back, "the clock steps back by more than a second");
+        self.clock.moved.tell(Code::ClockRestart, file, text, notices);
+        self.clock.back.tell(Code::BackJump, file, "the clock steps back by more than a second", notices);
         log.health.undecodable += self.misfits.count;
         log.health.messages += self.misfits.count;
         log.restarts = self.clock.begun;

@@ -88,8 +88,6 @@ impl Sink for Gather {
         }
         Fate::Structure
     }
-
-    fn unwanted(&mut self, _cell: &Cell<'_>) {}
 }
 
 /// Rows of a table that is not ours.
@@ -103,8 +101,6 @@ impl Sink for PassOver {
     fn whole(&mut self, _cell: &Cell<'_>, _row: &[u8]) -> Fate {
         Fate::Skipped
     }
-
-    fn unwanted(&mut self, _cell: &Cell<'_>) {}
 }
 
 /// The names of the stored columns in a `CREATE TABLE`, in order, in lower case.

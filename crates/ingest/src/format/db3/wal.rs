@@ -1,7 +1,7 @@
 //! The write-ahead log beside a database: pages that were committed and not yet copied back
 //! (<https://www.sqlite.org/fileformat2.html#the_write_ahead_log>).
 
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use logscan::read_exactly;
 use std::collections::HashMap;
 use std::fs::File;
@@ -82,11 +82,27 @@ fn stated_in(frame: &[u8]) -> (u32, u32) {
     (u32_at(frame, 16), u32_at(frame, 20))
 }
 
+/// The size of the pages, which are those of a database if its own size is known, and the sum that frames go on with.
+fn parse_header(head: &[u8], page_bytes: Option<u32>) -> Result<(u32, Sum), &'static str> {
+    let magic = u32_at(head, 0);
+    let mut sum = Sum { big_endian: magic & 1 == 1, value: (0, 0) };
+    sum.add(head.get(..24).unwrap_or_default());
+    if magic & !1 != MAGIC || sum.value != (u32_at(head, 24), u32_at(head, 28)) {
+        return Err("its header is damaged");
+    }
+    let own = u32_at(head, 8);
+    let is_size = own.is_power_of_two() && (512..=65_536).contains(&own);
+    if page_bytes.unwrap_or(own) != own || !is_size {
+        return Err("its pages are not as large as those of the database");
+    }
+    Ok((own, sum))
+}
+
 impl Wal {
     /// The log beside `database`, whose pages have `page_bytes` bytes if its header can be read.
     pub(super) fn beside(database: &Path, page_bytes: Option<u32>) -> Result<Beside, IngestError> {
         let path = path_of(database);
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = file_name(&path);
         // Looked at before it is opened: opening a pipe would wait for its writer.
         let size = match std::fs::metadata(&path) {
             Ok(about) if about.is_file() && about.len() > 0 => about.len(),
@@ -99,20 +115,11 @@ impl Wal {
             return Ok(Beside::Useless(size, "it is shorter than its own header".to_owned()));
         }
         read_exactly(&file, &name, &mut head, 0)?;
-        let magic = u32_at(&head, 0);
-        let mut sum = Sum { big_endian: magic & 1 == 1, value: (0, 0) };
-        sum.add(head.get(..24).unwrap_or_default());
-        let stated = (u32_at(&head, 24), u32_at(&head, 28));
-        let is_sound = magic & !1 == MAGIC && sum.value == stated;
-        let own = u32_at(&head, 8);
-        let is_size = own.is_power_of_two() && (512..=65_536).contains(&own);
-        if is_sound && (page_bytes.unwrap_or(own) != own || !is_size) {
-            return Ok(Beside::Useless(size, "its pages are not as large as those of the database".to_owned()));
-        }
-        if !is_sound {
-            return Ok(Beside::Useless(size, "its header is damaged".to_owned()));
-        }
-        let mut wal = Wal { file, name, size, page_bytes: own, pages: 0, places: HashMap::new(), unfinished: 0 };
+        let (page_bytes, sum) = match parse_header(&head, page_bytes) {
+            Ok(known) => known,
+            Err(why) => return Ok(Beside::Useless(size, why.to_owned())),
+        };
+        let mut wal = Wal { file, name, size, page_bytes, pages: 0, places: HashMap::new(), unfinished: 0 };
         wal.walk(head.get(16..24).unwrap_or_default(), sum)?;
         Ok(match wal.places.len() {
             0 if wal.unfinished > 0 => Beside::Useless(size, "no transaction in it is whole".to_owned()),

@@ -89,7 +89,9 @@ pub(super) trait Sink {
     fn whole(&mut self, cell: &Cell<'_>, row: &[u8]) -> Fate;
 
     /// One that was not wanted and is there.
-    fn unwanted(&mut self, cell: &Cell<'_>);
+    fn unwanted(&mut self, _: &Cell<'_>) {
+        // Only messages are counted all the same.
+    }
 }
 
 /// A walk in progress.
@@ -409,39 +411,10 @@ impl<'w, 'c> Walk<'w, 'c> {
             }
             return Ok(());
         };
-        // Rows that lie over each other would be a way to make much of little.
-        let mut room = self.usable() as usize;
-        let mut bad = Tally::default();
-        let (mut listed, mut copies) = (0, 0);
-        let mut order = Order::default();
-        for index in 0..node.len() {
-            let Some(cell) = node.row(index).filter(|cell| cell.local.len() <= room) else {
-                bad.add(|| "it does not fit on its page".to_owned());
-                continue;
-            };
-            let belongs = leaf.may_hold(cell.rowid);
-            let follows = belongs && order.follows(node, index, cell.rowid);
-            if !follows && order.is_twice(node, index) {
-                bad.add(|| "it is listed twice".to_owned());
-                continue;
-            }
-            listed += cell.extent;
-            if leaf.found && self.is_held(cell.rowid) {
-                copies += 1;
-                continue;
-            }
-            match self.take(&cell, sink)? {
-                Ok(()) => {
-                    room -= cell.local.len();
-                    self.lost.misnumbered += u64::from(!follows);
-                }
-                Err(why) => bad.add(|| why),
-            }
-        }
+        let OnPage { bad, copies, good, listed } = self.take_all(leaf, node, sink)?;
         if leaf.found {
             self.spans.insert(first, last);
         }
-        let good = (self.usable() as usize - room) as u64;
         self.lost.bad_rows += bad.count;
         self.lost.copies += copies;
         self.astray |= bad.count > 0;
@@ -456,6 +429,40 @@ impl<'w, 'c> Walk<'w, 'c> {
             self.damaged_but(leaf.page, good, UNLISTED);
         }
         Ok(())
+    }
+
+    /// Takes the rows of a page, one by one.
+    fn take_all(&mut self, leaf: Leaf, node: &Node<'_>, sink: &mut dyn Sink) -> Result<OnPage, IngestError> {
+        let mut page = OnPage::default();
+        // Rows that lie over each other would be a way to make much of little.
+        let mut room = self.usable() as usize;
+        let mut order = Order::default();
+        for index in 0..node.len() {
+            let Some(cell) = node.row(index).filter(|cell| cell.local.len() <= room) else {
+                page.bad.add(|| "it does not fit on its page".to_owned());
+                continue;
+            };
+            let belongs = leaf.may_hold(cell.rowid);
+            let follows = belongs && order.follows(node, index, cell.rowid);
+            if !follows && order.is_twice(node, index) {
+                page.bad.add(|| "it is listed twice".to_owned());
+                continue;
+            }
+            page.listed += cell.extent;
+            if leaf.found && self.is_held(cell.rowid) {
+                page.copies += 1;
+                continue;
+            }
+            match self.take(&cell, sink)? {
+                Ok(()) => {
+                    room -= cell.local.len();
+                    self.lost.misnumbered += u64::from(!follows);
+                }
+                Err(why) => page.bad.add(|| why),
+            }
+        }
+        page.good = (self.usable() as usize - room) as u64;
+        Ok(page)
     }
 
     /// A page whose rows cannot stand where it does. What belongs there is missing; the page may be found again.
@@ -770,6 +777,17 @@ impl<'w, 'c> Walk<'w, 'c> {
             index += run + 1;
         }
     }
+}
+
+/// What became of the rows of a page.
+#[derive(Default)]
+struct OnPage {
+    bad: Tally,
+    copies: u64,
+    /// Bytes of the rows that were taken.
+    good: u64,
+    /// Bytes of the rows that the page lists.
+    listed: usize,
 }
 
 /// What is below a page of a tree.

@@ -13,7 +13,7 @@ use crate::decode::{Tally, Vouch};
 use crate::format::unpacker::Unpacker;
 use crate::format::wrong_start;
 use crate::reader::ReadContext;
-use flight::{Code, Graded, Notices, Severity};
+use flight::{Code, Notices, Severity};
 use logscan::{Fate, Fetched, Framing, LogFile, Parsed, ScanError, Source, Trust};
 use mcap::records::op;
 use std::borrow::Cow;
@@ -250,6 +250,8 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         }
         let follows = self.begins(file.look(head.end, &mut [0; MAGIC.len() + HEAD_BYTES as usize])?);
         let wrong = |reason| if follows { Fetched::Damaged(reason) } else { Fetched::Refuted(reason) };
+        // The checksum of the data section is of the packed bytes, and so of the messages too.
+        let outer = self.outer();
         self.unpacker.come_to(head.start, file);
         file.bytes(head.start, (head.end - head.start) as usize)?;
         let Some(unpacked) = self.unpacker.unpack(&chunk.packed(head, file.size()), file)? else {
@@ -258,13 +260,10 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         if let Some(fault) = unpacked.fault {
             return Ok(wrong(fault.into()));
         }
-        if chunk.crc == 0 {
-            self.log.without_crc += 1;
-        } else if unpacked.crc != chunk.crc {
+        if chunk.crc != 0 && unpacked.crc != chunk.crc {
             return Ok(wrong("the chunk's checksum is wrong".into()));
         }
-        // The checksum of the data section is of the packed bytes, and so of these too.
-        let outer = if self.log.data_crc.is_some() { Vouch::Later } else { Vouch::Nothing };
+        self.log.without_crc += u64::from(chunk.crc == 0);
         self.visit.vouch(if chunk.crc == 0 { outer } else { Vouch::Checksum });
         let verdict = contents(unpacked.bytes, self.visit, &mut self.log.unknown);
         self.visit.vouch(outer);
@@ -518,36 +517,31 @@ const NO_RECORD: &str = "what stands here is no record";
 
 impl State {
     fn conclude(&self, file: &str, notices: &mut Notices) {
-        let mut raise = |what: Graded, count, text: &str| {
-            if count > 0 {
-                notices.push(what, file, count, text);
-            }
-        };
         if !self.footer_seen {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
-            raise(Code::IncompleteFile.into(), 1, text);
+            notices.push(Code::IncompleteFile, file, 1, text);
         } else if !self.data_ended && !self.damaged {
             let text = "the record that ends the data is missing: it was swallowed by another, or never written";
-            raise(Code::IncompleteFile.at(Severity::Warning), 1, text);
+            notices.push(Code::IncompleteFile.at(Severity::Warning), file, 1, text);
         } else if self.end.is_none() && !self.damaged {
-            raise(Code::IncompleteFile.into(), 1, "the file was cut just behind its footer");
+            notices.push(Code::IncompleteFile, file, 1, "the file was cut just behind its footer");
         }
         if self.summary.trust == summary::Trust::Bad {
             let text = "the summary at the end does not have the checksum that it states; it was not used";
-            raise(Code::Corrupt.into(), 1, text);
+            notices.push(Code::Corrupt, file, 1, text);
         }
-        let text = format!("records of unknown types, passed over; the first: {}", self.unknown.first);
-        raise(Code::UnknownRecord.into(), self.unknown.count, &text);
-        let text = format!("records of an application's own types, passed over; the first: {}", self.private.first);
-        raise(Code::UnknownRecord.at(Severity::Info), self.private.count, &text);
-        raise(
-            Code::NoChecksum.at(Severity::Info),
-            self.without_crc,
-            "chunks carry no checksum: their content cannot be verified",
-        );
+        self.unknown.tell(Code::UnknownRecord, file, "records of unknown types, passed over", notices);
+        let text = "records of an application's own types, passed over";
+        self.private.tell(Code::UnknownRecord.at(Severity::Info), file, text, notices);
+        if self.without_crc > 0 {
+            let text = "chunks carry no checksum: their content cannot be verified";
+            notices.push(Code::NoChecksum.at(Severity::Info), file, self.without_crc, text);
+        }
         let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
                     which knows neither their size nor when they were published";
-        raise(Code::ClosedChunks.into(), self.not_opened, text);
+        if self.not_opened > 0 {
+            notices.push(Code::ClosedChunks, file, self.not_opened, text);
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use crate::format::identity::of_version;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
 use crate::time::{SaidDates, Since};
-use flight::{Code, Graded, NANOS_PER_SECOND, Notices, Severity, Stamp};
+use flight::{Code, NANOS_PER_SECOND, Notices, Severity, Stamp};
 use logscan::Fate;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -33,6 +33,7 @@ const LONGEST_NS: i64 = i64::MAX / 8;
 const WHOLE: &str = " whole";
 
 /// Gives sentences to the topics.
+#[derive(Default)]
 pub(crate) struct Book {
     /// By address.
     routes: HashMap<String, Option<Route>>,
@@ -54,23 +55,6 @@ pub(crate) struct Book {
 }
 
 impl Book {
-    pub(crate) fn new() -> Book {
-        Book {
-            routes: HashMap::new(),
-            epochs: Epochs::default(),
-            age: Age::default(),
-            line: String::new(),
-            texts: vec![],
-            early: Tally::default(),
-            headless: Tally::default(),
-            timeless: Tally::default(),
-            unplaced: Tally::default(),
-            broken: Tally::default(),
-            heights: Heights::default(),
-            order: Order::default(),
-        }
-    }
-
     /// Something is missing here: a sentence without a time may be of an epoch that was lost.
     pub(crate) fn breaks(&mut self) {
         self.epochs.is_broken = true;
@@ -117,21 +101,26 @@ impl Book {
                 self.order.doubtful(Stamps { utc_ns: utc_cell(utc_ns, elapsed_ns), elapsed_ns });
             }
         }
-        if kind.time.is_none() && elapsed_ns.is_none() && self.epochs.time_of_day_ns.is_some() {
-            self.broken.add(|| sentence.body.to_owned());
-        }
         match (utc_ns, elapsed_ns) {
-            (None, None) if kind.time.is_none() && self.epochs.time_of_day_ns.is_some() => {}
             (None, Some(_)) => self.early.add(|| format!("{talker}{name}")),
-            (None, None) if route.is_wanted() && kind.says_something(sentence) => {
-                let tally = if kind.time.is_none() { &mut self.headless } else { &mut self.timeless };
-                tally.add(|| sentence.body.to_owned());
-            }
+            (_, None) => self.without_time(&kind, sentence, route.is_wanted()),
             _ => {}
         }
         self.begin_line(utc_ns, elapsed_ns, logged_ns);
         kind.write(sentence, &mut self.line);
         topics.message(route, times, self.line.as_bytes())
+    }
+
+    /// Counts a sentence that is given no time.
+    #[inline]
+    fn without_time(&mut self, kind: &Kind, sentence: &Sentence<'_>, is_wanted: bool) {
+        let tally = match kind.time {
+            None if self.epochs.time_of_day_ns.is_some() => &mut self.broken,
+            _ if !is_wanted || !kind.says_something(sentence) => return,
+            None => &mut self.headless,
+            Some(_) => &mut self.timeless,
+        };
+        tally.add(|| sentence.body.to_owned());
     }
 
     /// Writes the stamps of a sentence.
@@ -183,25 +172,20 @@ impl Book {
 
     /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
     pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
-        let mut say = |what: Graded, tally: &Tally, text: &str| {
-            if tally.count > 0 {
-                notices.push(what, "", tally.count, format!("{text}; the first: {}", tally.first));
-            }
-        };
         let text = match self.epochs.begin_ns {
             Some(_) => "sentences stand before the first date, and are dated backwards from it",
             None => "sentences have no date: the log has no RMC with a valid fix and no ZDA",
         };
-        say(Code::Undated.into(), &self.early, text);
+        self.early.tell(Code::Undated, "", text, notices);
         let text = "sentences stand before the first time, for the log begins inside an epoch: they are not used";
-        say(Code::Undated.into(), &self.headless, text);
+        self.headless.tell(Code::Undated, "", text, notices);
         let text = "sentences that say no time stand behind damage, or where the receiver has lost the time, and those before them \
                     may be of another epoch: they are not used";
-        say(Code::Undated.at(Severity::Warning), &self.broken, text);
+        self.broken.tell(Code::Undated.at(Severity::Warning), "", text, notices);
         let text = "sentences lack the time that their type has: nothing dates them";
-        say(Code::Undecodable.into(), &self.timeless, text);
+        self.timeless.tell(Code::Undecodable, "", text, notices);
         let text = "sentences found no topic, for there are too many";
-        say(Code::UnknownChannel.into(), &self.unplaced, text);
+        self.unplaced.tell(Code::UnknownChannel, "", text, notices);
         if let Some((text, dates)) = self.age.suspicion() {
             notices.push(Code::GpsWeek, "", dates, text);
         }

@@ -10,7 +10,7 @@ use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
-use flight::{Clock, Code, Graded, Notices, Severity};
+use flight::{Clock, Code, Notices, Severity};
 use logscan::Fate;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -206,22 +206,17 @@ impl<'b, 't> Book<'b, 't> {
 
     /// Writes what the log says of its vehicle, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
-        let mut say = |what: Graded, tally: &Tally, text: &str| {
-            if tally.count > 0 {
-                notices.push(what, "", tally.count, format!("{text}; the first: {}", tally.first));
-            }
-        };
         let text = format!("frames have {FLAGGED}: they are intact and were not read, as MAVLink asks");
-        say(Code::UnknownRecord.at(Severity::Loss), &self.flagged, &text);
+        self.flagged.tell(Code::UnknownRecord.at(Severity::Loss), "", &text, notices);
         let text = "messages found no topic, for there are too many";
-        say(Code::UnknownChannel.into(), &self.unplaced, text);
+        self.unplaced.tell(Code::UnknownChannel, "", text, notices);
         let text = "the times in front of frames leap away from those of their neighbours and back; the frames have a time \
                     between";
-        say(Code::ReceiveClock.at(Severity::Loss), &self.receive.out_of_line, text);
+        self.receive.out_of_line.tell(Code::ReceiveClock.at(Severity::Loss), "", text, notices);
         let text = "frames were received before 2000 or after 2100 by a clock that was not set";
-        say(Code::ReceiveClock.into(), &self.receive.unset, text);
+        self.receive.unset.tell(Code::ReceiveClock, "", text, notices);
         let text = "the clock by which frames were received was set back";
-        say(Code::ReceiveClock.into(), &self.receive.set_back, text);
+        self.receive.set_back.tell(Code::ReceiveClock, "", text, notices);
         let frames = self.undefined.values().sum();
         if frames > 0 {
             let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));

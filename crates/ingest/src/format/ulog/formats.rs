@@ -27,7 +27,7 @@ const LONGEST_MESSAGE: u64 = u16::MAX as u64 - 2;
 const LONGEST_PATH: usize = 512;
 
 /// All formats so far.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Formats {
     by_name: HashMap<String, Format>,
     text_bytes: usize,
@@ -37,22 +37,8 @@ pub(super) struct Formats {
     pub(super) version: u64,
     measured: HashMap<String, Extent>,
     looked_at: u64,
-    /// Fields that may still be laid out.
-    layable: Cell<u32>,
-}
-
-impl Default for Formats {
-    fn default() -> Formats {
-        Formats {
-            by_name: HashMap::new(),
-            text_bytes: 0,
-            replaced: 0,
-            version: 0,
-            measured: HashMap::new(),
-            looked_at: 0,
-            layable: Cell::new(MOST_LAID_OUT),
-        }
-    }
+    /// Fields that were laid out.
+    laid_out: Cell<u32>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -284,10 +270,11 @@ impl Flat<'_> {
 
     /// Fails if too many fields were laid out.
     fn spend(&self, name: &str) -> Result<(), String> {
-        let left = self.formats.layable.get().checked_sub(1);
-        self.formats
-            .layable
-            .set(left.ok_or_else(|| format!("the formats have too many fields, first in {name:.128}"))?);
+        let laid_out = self.formats.laid_out.get();
+        if laid_out >= MOST_LAID_OUT {
+            return Err(format!("the formats have too many fields, first in {name:.128}"));
+        }
+        self.formats.laid_out.set(laid_out + 1);
         Ok(())
     }
 

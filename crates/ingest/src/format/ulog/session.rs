@@ -10,7 +10,7 @@ use crate::decode::packed::float_of;
 use crate::decode::schema::Number;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::table::TopicInfo;
-use flight::{Code, Graded, Notices, Severity};
+use flight::{Code, Notices, Severity};
 use logscan::Fate;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -43,14 +43,43 @@ pub(super) struct Session<'t, 'w> {
     began: bool,
     dropouts: Dropouts,
     pub(super) unplaced: Tally,
-    bad_formats: Tally,
     redefined: Tally,
     unknown: Tally,
     back_jumps: Tally,
+    odd: Odd,
+}
+
+/// Messages whose format is not all that it should be.
+#[derive(Debug, Default)]
+struct Odd {
+    bad_formats: Tally,
     without_stamp: Tally,
-    /// Messages of formats that end with padding, with it and without.
+    /// Of formats that end with padding, with it and without.
     padded: Tally,
     unpadded: Tally,
+}
+
+impl Odd {
+    #[inline]
+    fn look(&mut self, known: &Known, payload: &[u8]) {
+        let extent = match &known.meaning.extent {
+            Ok(extent) => extent,
+            Err(reason) => return self.bad_formats.add(|| reason.as_ref().to_owned()),
+        };
+        if extent.stamp.is_none() {
+            self.without_stamp.add(|| format!("topic {}", known.name));
+        }
+        if extent.full > extent.shortest {
+            let tally = if payload.len() == extent.full { &mut self.padded } else { &mut self.unpadded };
+            tally.add(|| known.name.clone());
+        }
+    }
+
+    /// The rarer of the messages with padding and of those without, if there are both.
+    fn rarer(&self) -> Option<&Tally> {
+        let rarer = if self.padded.count <= self.unpadded.count { &self.padded } else { &self.unpadded };
+        (rarer.count > 0).then_some(rarer)
+    }
 }
 
 /// A topic that is subscribed to.
@@ -75,6 +104,18 @@ impl Known {
             Some(former) if self.is_foreign(body) && former.fits(body) => former,
             _ => self,
         }
+    }
+
+    /// As [`Known::of_message`].
+    #[inline]
+    fn of_message_mut(&mut self, body: &[u8]) -> &mut Known {
+        if self.former.as_ref().is_some_and(|former| former.fits(body))
+            && self.is_foreign(body)
+            && let Known { former: Some(former), .. } = self
+        {
+            return former;
+        }
+        self
     }
 
     /// Whether a message is certainly none of this topic, whose format is known.
@@ -128,13 +169,10 @@ impl<'t, 'w> Session<'t, 'w> {
             began: false,
             dropouts: Dropouts::default(),
             unplaced: Tally::default(),
-            bad_formats: Tally::default(),
             redefined: Tally::default(),
             unknown: Tally::default(),
             back_jumps: Tally::default(),
-            without_stamp: Tally::default(),
-            padded: Tally::default(),
-            unpadded: Tally::default(),
+            odd: Odd::default(),
         }
     }
 
@@ -276,28 +314,13 @@ impl<'t, 'w> Session<'t, 'w> {
         let mut rest = Bytes(body);
         let number = rest.u16().unwrap_or_default();
         let payload = rest.0;
-        let Some(mut known) = self.known.get_mut(usize::from(number)).and_then(Option::as_mut) else {
+        let Some(known) = self.known.get_mut(usize::from(number)).and_then(Option::as_mut) else {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
-        if known.former.as_ref().is_some_and(|former| former.fits(body))
-            && known.is_foreign(body)
-            && let Known { former: Some(former), .. } = known
-        {
-            known = former;
-        }
+        let known = known.of_message_mut(body);
+        self.odd.look(known, payload);
         let Meaning { route, extent, tells, .. } = &known.meaning;
-        match extent {
-            Ok(Extent { stamp: Some(_), .. }) => {}
-            Ok(_) => self.without_stamp.add(|| format!("topic {}", known.name)),
-            Err(reason) => self.bad_formats.add(|| reason.as_ref().to_owned()),
-        }
-        if let Ok(extent) = extent
-            && extent.full > extent.shortest
-        {
-            let tally = if payload.len() == extent.full { &mut self.padded } else { &mut self.unpadded };
-            tally.add(|| known.name.clone());
-        }
         let stamp = extent.as_ref().ok().and_then(|extent| extent.stamp);
         let at_us = stamp.and_then(|s| s.read(payload, self.latest_us)).or(self.latest_us).unwrap_or_default();
         if at_us < known.last_us {
@@ -324,47 +347,54 @@ impl<'t, 'w> Session<'t, 'w> {
 
     /// Says what happened, but for the damage.
     pub(super) fn conclude(&self, file: &str, notices: &mut Notices) {
-        let mut raise = |what: Graded, count: u64, text: String| {
-            if count > 0 {
-                notices.push(what, file, count, text);
-            }
-        };
-        let first = |tally: &Tally, what: &str| format!("{what}; the first: {}", tally.first);
+        self.tell_lost(file, notices);
+        self.tell_lenient(file, notices);
+        if self.gathered.not_kept > 0 {
+            let text = "names, or changes of parameters and modes, that are too many to be listed";
+            notices.push(Code::NotListed, file, self.gathered.not_kept, text);
+        }
+        let more = self.gathered.texts_not_kept();
+        if more > 0 {
+            notices.push(Code::NotListed, file, more, "more logged texts, counted and not listed");
+        }
+    }
+
+    /// What is missing, or was not understood.
+    fn tell_lost(&self, file: &str, notices: &mut Notices) {
         let Dropouts { count, total_ms, longest_ms } = self.dropouts;
-        let text = format!(
-            "the logger could not keep up: dropouts of {:.3} s in all, the longest {longest_ms} ms; what was published then was never written",
-            total_ms as f64 * 1e-3
-        );
-        raise(Code::Dropout.into(), count, text);
-        let text = first(&self.unplaced, "messages that belong to no known topic");
-        raise(Code::UnknownChannel.into(), self.unplaced.count, text);
-        let text = first(&self.bad_formats, "messages whose format cannot be used");
-        raise(Code::Undecodable.into(), self.bad_formats.count, text);
-        let text = first(&self.unknown, "messages of a type that is not known");
-        raise(Code::UnknownRecord.at(Severity::Loss), self.unknown.count, text);
+        if count > 0 {
+            let text = format!(
+                "the logger could not keep up: dropouts of {:.3} s in all, the longest {longest_ms} ms; what was published then was never written",
+                total_ms as f64 * 1e-3
+            );
+            notices.push(Code::Dropout, file, count, text);
+        }
+        self.unplaced.tell(Code::UnknownChannel, file, "messages that belong to no known topic", notices);
+        self.odd.bad_formats.tell(Code::Undecodable, file, "messages whose format cannot be used", notices);
+        let what = Code::UnknownRecord.at(Severity::Loss);
+        self.unknown.tell(what, file, "messages of a type that is not known", notices);
         if self.flags.unknown() {
             let text = "the log says that it uses features that are not known: what was read may be wrong";
-            raise(Code::UnknownRecord.at(Severity::Loss), 1, text.to_owned());
+            notices.push(what, file, 1, text);
         }
-        let text = first(&self.redefined, "numbers of topics were given to others");
-        raise(Code::Redefined.into(), self.redefined.count, text);
-        let text = "formats were replaced by others of their name; each topic is read by the one before it".to_owned();
-        raise(Code::Redefined.into(), self.formats.replaced, text);
-        let text = first(&self.back_jumps, "messages whose stamp lies before that of the message before");
-        raise(Code::BackJump.into(), self.back_jumps.count, text);
-        let rarer = if self.padded.count <= self.unpadded.count { &self.padded } else { &self.unpadded };
-        let both = self.padded.count.min(self.unpadded.count) > 0;
-        let text = first(
-            rarer,
-            "messages that are padded otherwise than all others: their format may not be what they were written by",
-        );
-        raise(Code::ReadLeniently.into(), if both { rarer.count } else { 0 }, text);
-        let text = first(&self.without_stamp, "messages without a stamp: that of the message before stands in");
-        raise(Code::Undated.at(Severity::Warning), self.without_stamp.count, text);
-        let text = "names, or changes of parameters and modes, that are too many to be listed".to_owned();
-        raise(Code::NotListed.into(), self.gathered.not_kept, text);
-        let more = self.gathered.texts_not_kept();
-        raise(Code::NotListed.into(), more, "more logged texts, counted and not listed".to_owned());
+    }
+
+    /// What was read although it is odd.
+    fn tell_lenient(&self, file: &str, notices: &mut Notices) {
+        self.redefined.tell(Code::Redefined, file, "numbers of topics were given to others", notices);
+        if self.formats.replaced > 0 {
+            let text = "formats were replaced by others of their name; each topic is read by the one before it";
+            notices.push(Code::Redefined, file, self.formats.replaced, text);
+        }
+        let text = "messages whose stamp lies before that of the message before";
+        self.back_jumps.tell(Code::BackJump, file, text, notices);
+        if let Some(rarer) = self.odd.rarer() {
+            let text =
+                "messages that are padded otherwise than all others: their format may not be what they were written by";
+            rarer.tell(Code::ReadLeniently, file, text, notices);
+        }
+        let text = "messages without a stamp: that of the message before stands in";
+        self.odd.without_stamp.tell(Code::Undated.at(Severity::Warning), file, text, notices);
     }
 }
 

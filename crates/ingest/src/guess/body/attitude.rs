@@ -1,6 +1,6 @@
 //! Roll, pitch and yaw: the unit by what is stated, by the range, or by whether yaw follows the course of the velocity.
 
-use super::{Body, CONFIRMS, DECIDES, Of};
+use super::{Body, CONFIRMS, DECIDES, Of, unit};
 use crate::bind::from_euler;
 use crate::guess::Found;
 use crate::guess::decide::{self, Motion, Vertical};
@@ -75,18 +75,10 @@ struct Way {
 }
 
 /// The unit and the frame of three angles.
-///
-/// # Errors
-/// Why there are none.
 pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String> {
     let (units, why_unit) = units(of)?;
     let flown = flown.filter(|flown| flown.clock == of.timing.clock);
     let ways: Vec<Way> = units.iter().flat_map(|unit| COUNTS.map(|count| Way { unit: *unit, count })).collect();
-    let mut scored: Vec<(f64, Way)> = ways
-        .iter()
-        .filter_map(|way| Some((agreement(&of.trace(way.unit), flown?, way.count.clockwise)?, *way)))
-        .collect();
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let body = |unit, frame, why| Body {
         set: of.set.clone(),
         quantity: "attitude",
@@ -95,15 +87,32 @@ pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String>
         frame,
         why,
     };
-    let Some((best, way)) = scored.first().copied().filter(|(best, _)| *best >= CONFIRMS) else {
+    let Some((best, way)) = followed(of, &ways, flown)? else {
         not_off(of, &ways, flown)?;
         return match units.as_slice() {
             [unit] => Ok(body(*unit, "frd-ned", vec![why_unit, UNCONFIRMED.to_owned()])),
             _ => Err("nothing shows whether they are in degrees or radians".to_owned()),
         };
     };
-    let rival = scored.iter().skip(1).find(|(other, _)| best - other < DECIDES);
-    if let Some((_, other)) = rival {
+    let course = format!(
+        "{} follows the course of the velocity to {best:.3} if it counts {}",
+        of.set.columns[2].path, way.count.words
+    );
+    let pitch = pitch_side(of, way, flown)?;
+    let why_unit = if units.len() > 1 { format!("{}, as the course says", way.unit) } else { why_unit };
+    Ok(body(way.unit, way.count.frame, vec![why_unit, course, pitch]))
+}
+
+/// The way in which yaw follows the course of the velocity, with the agreement; `None` if it does in none.
+///
+/// # Errors
+/// Two ways that fit alike, or one that a map has no word for.
+fn followed(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<Option<(f64, Way)>, String> {
+    let score = |way: &Way| Some((agreement(&of.trace(way.unit), flown?, way.count.clockwise)?, *way));
+    let mut scored: Vec<(f64, Way)> = ways.iter().filter_map(score).collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let Some((best, way)) = scored.first().copied().filter(|(best, _)| *best >= CONFIRMS) else { return Ok(None) };
+    if let Some((_, other)) = scored.iter().skip(1).find(|(other, _)| best - other < DECIDES) {
         return match other.unit == way.unit {
             true => Err(format!(
                 "the way is too straight to tell whether yaw counts {} or {}",
@@ -115,13 +124,7 @@ pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String>
     if way.count.frame.is_empty() {
         return Err(format!("yaw counts {}, for which a channel map has no frame", way.count.words));
     }
-    let course = format!(
-        "{} follows the course of the velocity to {best:.3} if it counts {}",
-        of.set.columns[2].path, way.count.words
-    );
-    let pitch = pitch_side(of, way, flown)?;
-    let why_unit = if units.len() > 1 { format!("{}, as the course says", way.unit) } else { why_unit };
-    Ok(body(way.unit, way.count.frame, vec![why_unit, course, pitch]))
+    Ok(Some((best, way)))
 }
 
 const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from north, with the nose up and the right side down, by \
@@ -129,7 +132,6 @@ const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from 
 
 /// Units that the angles may have, with the reason.
 fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
-    let unit = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
     if let Some(stated) = of.stated()? {
         let most = stated.to_si(of.largest());
         return match most <= TAU + 1e-3 {

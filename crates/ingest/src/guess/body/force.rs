@@ -1,7 +1,7 @@
 //! Specific forces: the unit by a magnitude near 1 g, and the axes by where gravity is.
 
 use super::attitude::Turns;
-use super::{Body, Of};
+use super::{Body, Of, unit};
 use crate::guess::motion::Trace;
 use flight::Unit;
 
@@ -19,11 +19,8 @@ const LEAST_TILT: f64 = 0.03;
 const FEWEST: usize = 20;
 
 /// The unit and the frame of three forces.
-///
-/// # Errors
-/// Why there are none.
 pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
-    let (unit, g) = unit(of)?;
+    let (unit, g) = unit_by_gravity(of)?;
     let magnitude = format!("the median of their magnitude is {g:.2} g if they are in {unit}");
     let trace = of.trace(unit);
     let (frame, why) = match turns.map(|turns| by_attitude(&trace, turns)) {
@@ -35,9 +32,8 @@ pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String>
 }
 
 /// The unit in which the median magnitude is near 1 g, and that median in g.
-fn unit(of: &Of<'_>) -> Result<(Unit, f64), String> {
-    let parse = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
-    let si = parse("m/s^2")?;
+fn unit_by_gravity(of: &Of<'_>) -> Result<(Unit, f64), String> {
+    let si = unit("m/s^2")?;
     let mut magnitudes: Vec<f64> =
         of.trace(si).values.iter().map(|v| v.iter().map(|v| v * v).sum::<f64>().sqrt() / si.to_si(1.0)).collect();
     magnitudes.sort_by(f64::total_cmp);
@@ -51,7 +47,7 @@ fn unit(of: &Of<'_>) -> Result<(Unit, f64), String> {
             )),
         };
     }
-    let tried = [si, parse("g0")?, parse("mg0")?];
+    let tried = [si, unit("g0")?, unit("mg0")?];
     let fits = tried.into_iter().find(|unit| PLAUSIBLE.contains(&in_g(*unit)));
     fits.map(|unit| (unit, in_g(unit))).ok_or_else(|| {
         format!("the median of their magnitude is {median:.3}, which is near 1 g in no unit: gravity may be taken out")

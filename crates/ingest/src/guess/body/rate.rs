@@ -1,7 +1,7 @@
 //! Angular rates: the unit and the axes by the turns of an attitude.
 
 use super::attitude::Turns;
-use super::{Body, CONFIRMS, Of};
+use super::{Body, CONFIRMS, Of, unit};
 use crate::guess::motion::Trace;
 use flight::Unit;
 
@@ -21,36 +21,26 @@ const NEAR: f64 = 0.3;
 const FASTEST: f64 = 100.0;
 
 /// The unit and the frame of three rates.
-///
-/// # Errors
-/// Why there are none.
 pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
     let stated = of.stated()?;
-    let unit = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
     let (deg, rad) = (unit("deg/s")?, unit("rad/s")?);
     let body = |unit, frame, why| {
         let set = of.set.clone();
         Ok(Body { set, quantity: "angular-rate", roles: ["x", "y", "z"], unit, frame, why })
     };
     let Some((compared, turns)) = turns.and_then(|turns| Some((compare(&of.trace(rad), turns)?, turns))) else {
-        return match stated {
-            Some(stated) => body(stated, "frd", vec![format!("the table states {stated}"), UNCONFIRMED.to_owned()]),
-            None if of.largest() > FASTEST => {
-                body(deg, "frd", vec!["their range is that of deg/s".to_owned(), UNCONFIRMED.to_owned()])
-            }
-            None => Err("nothing shows whether they are in deg/s or rad/s".to_owned()),
+        let (unit, why) = match stated {
+            Some(stated) => (stated, format!("the table states {stated}")),
+            None if of.largest() > FASTEST => (deg, "their range is that of deg/s".to_owned()),
+            None => return Err("nothing shows whether they are in deg/s or rad/s".to_owned()),
         };
+        return body(unit, "frd", vec![why, UNCONFIRMED.to_owned()]);
     };
     if compared.agreement < CONFIRMS {
         let agreement = compared.agreement;
         return Err(format!("they do not say how {} and its neighbours change (agreement {agreement:.2})", turns.path));
     }
-    let near = |unit: &Unit| (compared.scale * unit.to_si(1.0)).ln().abs() <= NEAR;
-    let Some(unit) = stated.into_iter().chain(stated.is_none().then_some([deg, rad]).into_iter().flatten()).find(near)
-    else {
-        let stated = stated.map_or(String::new(), |stated| format!(", which is not {stated} as stated"));
-        return Err(format!("they are {:.3} times as fast as the attitude turns in rad/s{stated}", compared.scale));
-    };
+    let unit = unit_by_scale(compared.scale, stated, [deg, rad])?;
     let why = format!(
         "{} windows of {WINDOW_S} s: they agree with the turns of {} to {:.3}, and are {:.3} times as fast in rad/s ({unit} would be \
          {:.3})",
@@ -61,6 +51,15 @@ pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String>
         1.0 / unit.to_si(1.0)
     );
     body(unit, compared.frame, vec![why])
+}
+
+/// The stated unit, or the first of the usual ones, that is as fast as the attitude turns.
+fn unit_by_scale(scale: f64, stated: Option<Unit>, usual: [Unit; 2]) -> Result<Unit, String> {
+    let tried = stated.map_or(usual.to_vec(), |stated| vec![stated]);
+    tried.into_iter().find(|unit| (scale * unit.to_si(1.0)).ln().abs() <= NEAR).ok_or_else(|| {
+        let stated = stated.map_or(String::new(), |stated| format!(", which is not {stated} as stated"));
+        format!("they are {scale:.3} times as fast as the attitude turns in rad/s{stated}")
+    })
 }
 
 const UNCONFIRMED: &str =
