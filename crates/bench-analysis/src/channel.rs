@@ -158,6 +158,7 @@ fn delay_finding(
         held_fit_s: held_fit(channel, bench, updates),
         minimum_detectable_s: judgement.minimum_detectable_s,
         margin_s: margin(bench, updates),
+        strict_margin_s: strict_margin(bench),
         deciding_length_s: judgement.deciding_length_s,
     }
 }
@@ -168,10 +169,17 @@ fn stamp_uncertainty(channel: &SensedChannel<'_>, updates: &Updates) -> f64 {
     row_s / 12f64.sqrt()
 }
 
+/// Margin of a delay that differs from zero, and of a fast channel, s.
+const LEAST_MARGIN_S: f64 = 0.005;
+
 /// Half the interval of the channel's updates, or 5 ms, whichever is larger (design note 3.7).
 fn margin(bench: &Circumstances<'_>, updates: &Updates) -> f64 {
     let half_interval_s = updates.rate_hz().map_or(0.0, |rate| 0.5 / rate);
-    bench.margin_s.unwrap_or_else(|| half_interval_s.max(0.005))
+    bench.margin_s.unwrap_or_else(|| half_interval_s.max(LEAST_MARGIN_S))
+}
+
+fn strict_margin(bench: &Circumstances<'_>) -> f64 {
+    bench.margin_s.unwrap_or(LEAST_MARGIN_S)
 }
 
 fn evidence(bench: &Circumstances<'_>, updates: &Updates, fit: &DelayFit, standard_uncertainty_s: f64) -> Evidence {
@@ -180,6 +188,7 @@ fn evidence(bench: &Circumstances<'_>, updates: &Updates, fit: &DelayFit, standa
         standard_uncertainty_s,
         degrees_of_freedom: fit.degrees_of_freedom,
         margin_s: margin(bench, updates),
+        strict_margin_s: strict_margin(bench),
         duration_s: duration(&updates.t),
     }
 }

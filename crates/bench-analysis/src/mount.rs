@@ -50,6 +50,7 @@ pub fn mount_finding(
     for clue in &alignment.clues {
         checks.extend(look.checks(clue));
     }
+    ask_for_witnesses(&mut checks);
     let finding = MountFinding {
         detected: detected.map_or_else(
             || {
@@ -164,6 +165,27 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
         stated: Some(used.value),
         agrees: Some(agrees),
         of_rig: source == STATED,
+    }
+}
+
+/// The radius of a channel's circle is the bar's length times the channel's gain: it contradicts the rig file only where
+/// another channel shows the same length.
+fn ask_for_witnesses(checks: &mut [MountCheck]) {
+    let ratio = |c: &MountCheck| {
+        let (stated, fitted) = (c.stated.filter(|_| c.unit == "m")?, c.fitted.found()?);
+        Some(Estimate { value: fitted.value / stated, standard_uncertainty: Some(u(fitted) / stated) })
+    };
+    let ratios: Vec<Option<Estimate>> = checks.iter().map(ratio).collect();
+    for (k, check) in checks.iter_mut().enumerate() {
+        let Some(own) = ratios[k].filter(|_| check.name.starts_with(circle::NAME)) else { continue };
+        let is_alike =
+            |other: &Estimate| (other.value - own.value).abs() <= 3.0 * u(other).hypot(u(&own)) + LENGTH_TOLERANCE;
+        let others = ratios.iter().enumerate().filter(|(other, _)| *other != k).filter_map(|(_, ratio)| ratio.as_ref());
+        if check.of_rig && check.agrees == Some(false) && !others.into_iter().any(is_alike) {
+            check.of_rig = false;
+            check.text +=
+                ". No other channel shows this length: it is this channel's own gain or lag, or the bar's length";
+        }
     }
 }
 

@@ -408,16 +408,18 @@ const PARTS: [&str; 19] = [
 /// What stands before such a word.
 const BEFORE_PART: [char; 4] = ['_', '-', '.', ' '];
 
-/// What the names of several tables share before a word that says which part of the flight they hold: `x_` of `x_GPS` and
-/// `x_POS`.
-/// By table.
+/// What the names of several tables share beside a word that says which part of the flight they hold: `x` of `x_GPS` and
+/// `x_POS`, or of `GPS_x` and `POS_x`; nothing of `gps` and `imu`. By table.
 fn shared_prefixes(tables: &[TableFile]) -> BTreeMap<String, String> {
     let mut fronts: BTreeMap<&str, BTreeMap<String, &str>> = BTreeMap::new();
     for table in tables.iter().filter(|t| t.named) {
-        let Some((front, part)) = table.stem.rsplit_once(BEFORE_PART) else { continue };
-        let part = part.to_ascii_lowercase();
-        if !front.is_empty() && PARTS.contains(&part.as_str()) {
-            fronts.entry(front).or_default().insert(part, &table.stem);
+        let stem = table.stem.as_str();
+        let ways = [Some(("", stem)), stem.rsplit_once(BEFORE_PART), stem.split_once(BEFORE_PART).map(|(a, b)| (b, a))];
+        for (front, part) in ways.into_iter().flatten() {
+            let part = part.to_ascii_lowercase();
+            if PARTS.contains(&part.as_str()) {
+                fronts.entry(front).or_default().insert(part, stem);
+            }
         }
     }
     let several = fronts.into_iter().filter(|(_, parts)| parts.len() > 1);

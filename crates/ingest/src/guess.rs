@@ -20,8 +20,8 @@ use self::times::Timing;
 use self::write::All;
 use crate::reader::{FieldRequest, Log, Select, Selection, TableHead, ValueKind};
 use crate::table::{Table, TopicInfo};
-use flight::Unit;
-use std::collections::BTreeMap;
+use flight::{Clock, Unit};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Said of a table without a time.
 pub(crate) const NO_TIME: &str = "is a time that goes on";
@@ -206,9 +206,27 @@ fn with_bodies<'l>(
     let times: Vec<(&str, &Timing)> = motions.iter().map(|m| (m.topic, &m.timing)).chain(of_places).collect();
     let (bodies, unsure) = body::bodies(sources, &motions, &times);
     reasons.extend(unsure.iter().cloned());
+    let own_starts = own_starts(&times);
     let guess = write::map(&All { places, motions, bodies }, &reasons, several);
-    let unsure: Vec<String> = unsure.iter().map(|why| format!("; not bound: {why}")).collect();
-    Guess { said: guess.said + &unsure.concat(), ..guess }
+    let unsure = unsure.iter().map(|why| format!("; not bound: {why}"));
+    let notes: Vec<String> = unsure.chain(own_starts.map(|note| format!("; {note}"))).collect();
+    Guess { said: guess.said + &notes.concat(), ..guess }
+}
+
+/// Tables that each count from about zero may not have begun together.
+fn own_starts(times: &[(&str, &Timing)]) -> Option<String> {
+    const ABOUT_ZERO_S: f64 = 10.0;
+    let first = |timing: &Timing| timing.times_s.iter().copied().find(|t| t.is_finite());
+    let counts = |timing: &Timing| timing.clock == Clock::Elapsed && first(timing).is_some_and(|t| t < ABOUT_ZERO_S);
+    let tables: BTreeSet<&str> = times.iter().filter(|(_, timing)| counts(timing)).map(|(topic, _)| *topic).collect();
+    let all: Vec<&str> = tables.into_iter().collect();
+    (all.len() > 1).then(|| {
+        format!(
+            "the times of {} each count from about zero and are taken as one clock: if they did not start together, the \
+             difference is part of every delay between them",
+            all.join(" and ")
+        )
+    })
 }
 
 /// The map for a table without a header, or whose header says nothing: the two pairs of neighbours that agree best, if they

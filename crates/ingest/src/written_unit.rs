@@ -4,7 +4,7 @@ use flight::{Dimension, Unit};
 
 /// Spellings beside the symbol itself, without blanks and in lower case.
 const SPELLINGS: &[(&str, &[&str])] = &[
-    ("deg", &["°", "degree", "degrees", "degs"]),
+    ("deg", &["°", "degree", "degrees", "degs", "°t", "degtrue"]),
     ("rad", &["radian", "radians", "rads"]),
     ("1e-7 deg", &["1e-7deg", "dege7", "deg*1e7", "dege-7", "deg*1e-7"]),
     ("1e-5 deg", &["1e-5deg"]),
@@ -66,7 +66,9 @@ pub(crate) fn read(text: &str, wanted: Dimension) -> Written {
 
 /// Whether a cell of units says nothing.
 pub(crate) fn is_blank(text: &str) -> bool {
-    matches!(bare(text).to_ascii_lowercase().as_str(), "" | "-" | "1" | "none" | "n/a" | "unitless")
+    let text = bare(text).to_ascii_lowercase();
+    let is_datum = || text.split_whitespace().all(|word| DATUMS.contains(&word));
+    matches!(text.as_str(), "-" | "1" | "none" | "n/a" | "unitless") || is_datum()
 }
 
 /// What stands in brackets at the end of a name, as `m/s` in `Velocity north (m/s)`.
@@ -136,6 +138,7 @@ mod tests {
             ("(deg)", "other"),
             ("furlongs", "unknown"),
             ("()", "blank"),
+            ("(MSL)", "blank"),
             ("", "blank"),
         ] {
             assert_eq!(speed(text), said, "{text}");

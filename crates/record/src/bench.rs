@@ -348,6 +348,9 @@ pub struct DelayFinding {
     pub minimum_detectable_s: f64,
     /// Margin of the equivalence test, s.
     pub margin_s: f64,
+    /// Margin of a delay that differs from zero, s: half an interval of a slow channel would hide a large one.
+    #[serde(default)]
+    pub strict_margin_s: f64,
     /// Record length that would decide, s; only where the verdict is inconclusive.
     pub deciding_length_s: Option<f64>,
 }

@@ -340,13 +340,14 @@ impl<'a> Several<'a> {
         if let [only] = self.runs.as_slice() {
             return Some(only.channel.verdict);
         }
-        let margin_s = self.runs.iter().map(|r| r.delay.margin_s).fold(0.0, f64::max);
+        let largest = |margin: fn(&Run<'_>) -> f64| self.runs.iter().map(margin).fold(0.0, f64::max);
         let evidence = Evidence {
             delay_s: delay.value,
             standard_uncertainty_s: delay.standard_uncertainty,
             // The uncertainty of a mean is widened already, so that 1.96 of it is the interval.
             degrees_of_freedom: f64::INFINITY,
-            margin_s,
+            margin_s: largest(|run| run.delay.margin_s),
+            strict_margin_s: largest(|run| run.delay.strict_margin_s),
             duration_s: 0.0,
         };
         Some(evidence.judge().verdict)

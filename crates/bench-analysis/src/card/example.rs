@@ -120,6 +120,7 @@ pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
             held_fit_s: None,
             minimum_detectable_s: 2.8 * u_s,
             margin_s: 0.005,
+            strict_margin_s: 0.005,
             deciding_length_s: None,
         }),
         components: vec![ComponentDynamics {

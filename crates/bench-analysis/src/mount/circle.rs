@@ -8,6 +8,8 @@ use record::MountCheck;
 /// A length less well known than this share is not told.
 const LEAST_USEFUL_SHARE: f64 = 0.2;
 const CLEAR: f64 = 5.0;
+/// How the name of such a check begins.
+pub(super) const NAME: &str = "distance from the axis by";
 
 fn circle(look: &Look<'_>, clue: &Clue) -> Option<Circle> {
     let sign = look.alignment.sign;
@@ -25,7 +27,7 @@ pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
     let [x, _, z] = clue.mount.lever_arm_m;
     let stated = x.hypot(z);
     let text = "radius of the circle, times the sensor's gain; a bar that bends raises it too".to_owned();
-    let label = format!("distance from the axis by {}", clue.name);
+    let label = format!("{NAME} {}", clue.name);
     let found = look.length_check(label, estimate(radius, u), stated, stated, (LENGTH_TOLERANCE * stated, text));
     // The gain of a barometer is its own: it is slow, and wind and tubes play with it.
     vec![MountCheck { of_rig: found.of_rig && clue.quantity != Quantity::Height, ..found }]

@@ -340,7 +340,7 @@ fn mean_of_skewed(
         DelayStart { delay_s: fit.delay_s, noise: fit.components.iter().map(|c| c.noise).collect(), keep_noise: false };
     match signal::fit_delay_near(measurements, &DelaySettings { robust: false, ..*settings }, &start) {
         // As near to each other as this, it does not matter which is meant.
-        Ok(mean) if mean.converged && (mean.delay_s - fit.delay_s).abs() > mean.standard_uncertainty_s => {
+        Ok(mean) if mean.converged && (mean.delay_s - fit.delay_s).abs() > 2.0 * mean.standard_uncertainty_s => {
             let found = skew::Skew { typical_s: fit.delay_s };
             (DelayFit { second_minimum: fit.second_minimum, ..mean }, Some(found))
         }

@@ -124,6 +124,25 @@ impl Samples {
         self.values.iter().take(components).all(|column| column.get(a) == column.get(b))
     }
 
+    /// Whether the first components of these samples, so many, change by one step of their resolution nearly each time: such
+    /// values repeat because they are rounded.
+    pub(super) fn is_rounded(&self, at: &[usize], components: usize) -> bool {
+        const NEARLY_ALL: f64 = 0.8;
+        let changes = |column: &'_ Vec<f64>| -> Vec<f64> {
+            let pairs = at.iter().zip(at.iter().skip(1));
+            let change = |(a, b): (&usize, &usize)| Some((column.get(*b)? - column.get(*a)?).abs());
+            pairs.filter_map(change).filter(|change| *change > 0.0).collect()
+        };
+        let of_column = |column: &Vec<f64>| {
+            let changes = changes(column);
+            let step = changes.iter().copied().fold(f64::MAX, f64::min);
+            (changes.iter().filter(|change| **change < 1.5 * step).count(), changes.len())
+        };
+        let counts = self.values.iter().take(components).map(of_column);
+        let (single, all) = counts.fold((0, 0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
+        all > 0 && single as f64 >= NEARLY_ALL * all as f64
+    }
+
     /// Stamps and components.
     pub(super) fn into_columns(self) -> (Vec<i64>, Vec<Vec<f64>>) {
         let rows = self.stamps.len();

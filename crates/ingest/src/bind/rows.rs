@@ -463,7 +463,8 @@ fn compared(quantity: Quantity, parts: usize) -> Option<usize> {
 }
 
 /// Which rows repeat the value before, if the stream is held: at least half of its values stand for
-/// two rows or more, so the most frequent run is two or longer (design note 3.8).
+/// two rows or more, so the most frequent run is two or longer (design note 3.8). Rounded values that repeat because the
+/// vehicle is slow are measurements.
 fn held_rows(samples: &Samples, compared: Option<usize>) -> (Vec<bool>, Option<Held>) {
     let Some(compared) = compared else { return (vec![false; samples.len()], None) };
     let mut repeats: Vec<bool> = (0..samples.len()).map(|i| i > 0 && samples.is_same(i - 1, i, compared)).collect();
@@ -474,6 +475,10 @@ fn held_rows(samples: &Samples, compared: Option<usize>) -> (Vec<bool>, Option<H
         return (repeats, None);
     }
     let updates: Vec<usize> = updated().collect();
+    if samples.is_rounded(&updates, compared) {
+        repeats.fill(false);
+        return (repeats, None);
+    }
     let stamp = |i: &usize| samples.stamps().get(*i).copied().unwrap_or_default();
     let steps: Vec<f64> = updates
         .windows(2)

@@ -126,6 +126,16 @@ pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String
     degrees.into_iter().chain(radians.map(|rad| (rad, "tried as rad".to_owned()))).collect()
 }
 
+/// What is said of a position whose values are in no unit of an angle.
+fn out_of_range(table: &Table, set: &Position) -> String {
+    let [latitude, longitude] = [&set.first, &set.second].map(|column| (&column.path, largest(table, column)));
+    format!(
+        "the values of {} reach {}, those of {} {}: neither degrees nor radians nor 1e-7 degrees (missing values as -9999, or \
+         degrees and minutes as 4807.038, are not read from a table)",
+        latitude.0, latitude.1, longitude.0, longitude.1
+    )
+}
+
 /// A position in metres north, east, up from its first row; of lengths as the columns stand.
 fn metres(table: &Table, timing: &Timing, set: &Position, angle: Unit) -> Trace<3> {
     let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
@@ -178,7 +188,7 @@ impl<S> Copy for Of<'_, S> {}
 /// Why there are none, or more than one way.
 pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Result<(Place, Motion), String> {
     let mut found: Vec<(Place, Motion)> = vec![];
-    let mut why_not = String::new();
+    let mut why_not = out_of_range(place.table, place.set);
     for (angle, why) in units_of_place(place.table, place.set) {
         for track in tracks(motion.table, motion.set) {
             let speeds = speeds(motion.table, motion.timing, motion.set, track);

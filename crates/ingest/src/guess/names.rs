@@ -181,7 +181,8 @@ const TIMES: &[&str] = &[
 const OF_VELOCITY: &[&str] = &["velocity", "vel", "speed", "spd", "v"];
 const OF_PLACE: &[&str] = &["position", "pos", "p", "displacement"];
 const SPEEDS: &[&str] = &["gspeed", "gndspd", "groundspeed", "sog", "gs", "hspeed"];
-const TRACKS: &[&str] = &["track", "course", "cog", "trk", "crs", "gcrs", "headmot", "gtrk"];
+const TRACKS: &[&str] =
+    &["track", "course", "cog", "trk", "crs", "gcrs", "headmot", "gtrk", "bearing", "direction", "courseoverground"];
 const CLIMBS: &[&str] = &["climb", "vs", "vspd", "vspeed", "roc", "climbrate", "verticalspeed"];
 const HEIGHTS: &[&str] = &["alt", "altitude", "height", "hgt", "elev", "elevation", "h", "hmsl"];
 
@@ -325,6 +326,11 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
         return None;
     }
     left.retain(|word| !TIMES.contains(word));
+    // `true_lat` is of the truth, `true_track` is no magnetic one.
+    let is_angle_or_speed = matches!(role, Role::Track | Role::Speed);
+    if has(words, "true") && !is_angle_or_speed && left.is_empty() {
+        left.push("truth");
+    }
     Some((role, left.join("-")))
 }
 

@@ -83,7 +83,10 @@ fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
 
 fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     if numbers(table, &column.path).is_none() {
-        return of_text(table, column).into_iter().collect();
+        return of_text(table, column, &["iso-8601", "time-of-day", "day-of-year"]).into_iter().collect();
+    }
+    if column.unit.is_none() && is_hours_minutes_seconds(table, column) {
+        return of_text(table, column, &["time-of-day"]).into_iter().collect();
     }
     let Some((middle, step)) = middles(table, column) else { return vec![] };
     let field = super::quoted(&column.path);
@@ -113,9 +116,21 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     found
 }
 
-fn of_text(table: &Table, column: &Named) -> Option<Timing> {
+/// Whether numbers are times as `hhmmss`: no minute and no second reaches 60, and where a minute ends they jump to the next
+/// hundred.
+fn is_hours_minutes_seconds(table: &Table, column: &Named) -> bool {
+    const MINUTE: f64 = 100.0;
+    let Some(values) = numbers(table, &column.path) else { return false };
+    let all = || (0..table.rows).filter_map(|row| values.number(row));
+    let fits = |x: f64| (0.0..240_000.0).contains(&x) && x % MINUTE < 60.0 && (x / MINUTE) % MINUTE < 60.0;
+    let ends = || all().zip(all().skip(1)).filter(|(a, b)| (a / MINUTE).floor() < (b / MINUTE).floor());
+    let jumps = |(a, b): (f64, f64)| b - a > 40.0 && b % MINUTE < a % MINUTE;
+    ends().next().is_some() && all().all(fits) && ends().all(jumps)
+}
+
+fn of_text(table: &Table, column: &Named, texts: &[&str]) -> Option<Timing> {
     let field = super::quoted(&column.path);
-    ["iso-8601", "time-of-day", "day-of-year"].into_iter().find_map(|text| {
+    texts.iter().find_map(|text| {
         let why = format!("its text is {text}");
         let said = format!("{} as {text}", column.path);
         timing(table, (format!("{{ field = {field}, text = \"{text}\" }}"), said), kind_of(column), why, true)

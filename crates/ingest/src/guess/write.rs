@@ -171,7 +171,14 @@ fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<
         "ref" | "reference" | "gt" | "groundtruth" | "ground-truth" => "truth".to_owned(),
         other => other.to_owned(),
     };
-    let mut names: Vec<String> = sources.map(|(source, is_geodetic)| plain(source, is_geodetic)).collect();
+    let sources: Vec<(&str, bool)> = sources.collect();
+    let says_gps = sources.iter().any(|(source, _)| matches!(*source, "gps" | "gnss"));
+    let name = |(source, is_geodetic): &(&str, bool)| match *source {
+        // Beside columns that are named after the GPS, plain ones are of something else.
+        "" if says_gps => "plain".to_owned(),
+        source => plain(source, *is_geodetic),
+    };
+    let mut names: Vec<String> = sources.iter().map(name).collect();
     let is_usual = |name: &String| USUAL.contains(&name.as_str());
     if !names.iter().any(is_usual)
         && let Some(first) = names.iter_mut().find(|name| *name != "truth")

@@ -181,6 +181,7 @@ fn delay(kind: &Kind) -> DelayFinding {
         held_fit_s: held.then(|| estimate(kind.delay_s + 0.12, kind.u_s * 0.7)),
         minimum_detectable_s: 2.8 * kind.u_s,
         margin_s: 0.005,
+        strict_margin_s: 0.005,
         deciding_length_s: (kind.verdict == Verdict::Inconclusive).then(|| DURATION * (2.8 * kind.u_s / 0.005).powi(2)),
     }
 }
