@@ -17,8 +17,9 @@ use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, 
 use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
-    DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredFlight,
-    NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock, ReferenceFile,
+    DelaySetting, DelaySource, Estimate, Finding, FlightContent, FlightDelays, FlightLateness, Gravity, JudgedBy,
+    MeasuredFlight, NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock,
+    ReferenceFile,
 };
 
 /// Codes of notices of a log that are alarms of its flight: columns bound by guess, and stated units that are not known.
@@ -48,27 +49,22 @@ pub(crate) fn measure(
     pipeline: &Pipeline,
 ) -> MeasuredFlight {
     let (positions, velocities) = pipeline.position_and_velocity();
-    let has_position = flight.first_of(positions).is_some();
     let picked = pick_pair(flight, positions, velocities);
     let detailed = picked.as_ref().ok().map(|[p, v]| (p.0.to_owned(), v.0.to_owned()));
     let settings = FlightDelaySettings { detailed, ..pipeline.measure_settings() };
     let (mut delays, notices) = measure_delays(flight, &settings);
     lever::take_out(&mut delays, flight, &health.about, pipeline.antenna());
-    let names = match &picked {
-        Ok([position, velocity]) => (Some(position.0.to_owned()), Some(velocity.0.to_owned())),
-        Err(_) => (flight.first_of(positions).map(|p| p.0.to_owned()), None),
+    let (position, velocity) = match &picked {
+        Ok([position, velocity]) => (Some(position.0), Some(velocity.0)),
+        Err(_) => (flight.first_of(positions).map(|p| p.0), None),
     };
-    let network = network_of(&delays, names.1.as_deref(), reference.as_ref());
+    let network = network_of(&delays, velocity, reference.as_ref());
     let reference_file = reference.map(|reference| settled(reference, network.as_ref()));
-    let grouped = names.0.as_deref().and_then(|position| {
-        let kind = flight.channels.get(position)?.series.timeline().kind();
-        let rate = rate_of(&binding.channels, position);
-        Some((group_of(&health.about, binding, &health.format, position, rate, kind), content_of(flight, position)))
-    });
+    let grouped = position.and_then(|position| grouped(position, flight, health, binding));
     let (group, content) = grouped.unwrap_or_default();
     let base = FlightLateness {
-        position: names.0,
-        velocity: names.1,
+        position: position.map(str::to_owned),
+        velocity: velocity.map(str::to_owned),
         group,
         content,
         card: pipeline.card_delay(flight, binding),
@@ -78,20 +74,30 @@ pub(crate) fn measure(
     };
     let mut lateness = match picked {
         Ok(_) => answered(base, &delays, network.as_ref(), health),
-        Err(_) if !has_position => {
-            let reason = no_position(flight, binding, positions);
-            FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
-        }
-        Err(refusal @ Refusal::NoChannel { .. }) => {
-            let reason = refusal.to_string();
-            FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
-        }
+        Err(_) if position.is_none() => unusable(base, no_position(flight, binding, positions)),
+        Err(refusal @ Refusal::NoChannel { .. }) => unusable(base, refusal.to_string()),
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
     lateness.alarms.extend(lateness.reference_file.as_ref().and_then(unused_reference));
     lateness.alarms.extend(assumed(flight));
     lateness.alarms.sort();
     measured_with(lateness, Some(delays), network, notices)
+}
+
+/// The group of the flight by its receiver, and what tells it from a copy.
+fn grouped(
+    position: &str,
+    flight: &Flight,
+    health: &LogHealth,
+    binding: &Binding,
+) -> Option<(ReceiverGroup, Option<FlightContent>)> {
+    let kind = flight.channels.get(position)?.series.timeline().kind();
+    let rate = rate_of(&binding.channels, position);
+    Some((group_of(&health.about, binding, &health.format, position, rate, kind), content_of(flight, position)))
+}
+
+fn unusable(base: FlightLateness, reason: String) -> FlightLateness {
+    FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
 }
 
 /// What was assumed of a table is said with the answer.

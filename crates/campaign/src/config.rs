@@ -782,9 +782,7 @@ struct Checker<'a> {
 
 impl Checker<'_> {
     fn meaning_of(&self, written: Written) -> Result<Pipeline, Refused> {
-        if *written.schema.get_ref() != 1 {
-            return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
-        }
+        self.known_layout(&written.schema)?;
         let sensor = written.sensor.map(|s| self.sensor(s)).transpose();
         let written_delay = written.delay.unwrap_or_else(|| Spanned::new(0..0, WrittenDelay::default()));
         let delay = sensor.as_ref().map_err(|r| *r).and_then(|s| self.delay(&written_delay, s.as_ref()));
@@ -817,9 +815,20 @@ impl Checker<'_> {
         if meant.reference.is_some() {
             meant.channels.with_reference_file();
         }
-        let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let maps_folder = written.maps.folder.map(|f| self.beside(&f));
+        let file_name = self.file_name();
         Ok(Pipeline { meant, delay: rule, maps_folder, criteria: criteria?, file_name, channel_lines })
+    }
+
+    fn known_layout(&self, schema: &Spanned<u32>) -> Result<(), Refused> {
+        match schema.get_ref() {
+            1 => Ok(()),
+            _ => Err(self.fault(schema, "schema must be 1, the only layout that this flightlag knows")),
+        }
+    }
+
+    fn file_name(&self) -> String {
+        self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
     /// A stated delay that no flight could be tested for is a slip of the pen.
@@ -1468,13 +1477,18 @@ mod tests {
         ] {
             assert_eq!(rule(delay.clone()).unwrap(), (from, fixed, cards), "{delay}");
         }
+    }
+
+    #[test]
+    fn a_source_of_the_delay_that_is_not_given_or_not_known_is_refused() {
+        let (_folder, path) = cards();
         for (delay, says) in [
-            (format!("from = \"fixed\"\n{card}"), "needs `position_s`"),
-            (format!("from = \"card\"\n{number}"), "needs `card` or `cards`"),
-            ("from = \"flight\"\nsource = \"s\"\n".to_owned(), "goes with position_s"),
-            ("from = \"moon\"\n".to_owned(), "unknown value `moon`"),
+            ("from = \"fixed\"\ncard = \"shelf/a.card.toml\"", "needs `position_s`"),
+            ("from = \"card\"\nposition_s = 0.4\nsource = \"s\"", "needs `card` or `cards`"),
+            ("from = \"flight\"\nsource = \"s\"", "goes with position_s"),
+            ("from = \"moon\"", "unknown value `moon`"),
         ] {
-            let error = rule(delay).unwrap_err();
+            let error = Pipeline::parse(&format!("schema = 1\n[delay]\n{delay}\n"), &path).unwrap_err();
             assert!(error.what.contains(says) && error.line.is_some(), "{error}");
         }
     }

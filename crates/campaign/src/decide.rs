@@ -8,7 +8,7 @@ use crate::manifest::Planned;
 use delay_network::{AskedSource, FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
 use record::{
     Decision, DelayAdvice, DelayPool, DelaySource, Estimate, Finding, FlightContent, FlightLateness, FlightRow,
-    GroupLateness, NetworkDatum, PoolMean, RemovedDelay, RemovedFrom,
+    GroupLateness, NetworkDatum, PoolMean, PoolMember, RemovedDelay, RemovedFrom,
 };
 use std::collections::BTreeMap;
 
@@ -200,39 +200,36 @@ fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> V
 }
 
 fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLateness, is_part: bool) -> GroupLateness {
-    let of = |name: &str| members.iter().find(|(flight, _)| *flight == name).map(|(_, lateness)| *lateness);
-    let against = pool.members.iter().find_map(|m| of(&m.flight)).map_or("imu".to_owned(), |l| l.against.clone());
+    let of = |m: &PoolMember| Some(members.iter().find(|(flight, _)| *flight == m.flight)?.1);
+    let own: Vec<&FlightLateness> = pool.members.iter().filter_map(of).collect();
+    let against = own.first().map_or("imu".to_owned(), |l| l.against.clone());
     let outliers: Vec<String> = pool.members.iter().filter(|m| m.outlier).map(|m| m.flight.clone()).collect();
     let described = pool.described();
     let mean_s = described.map(|mean| as_wide_as(&mean.mean_s, mean.half_width_95_s));
-    let all = crate::answer::counted(members.len(), "flight");
     let mut words = match described.zip(mean_s) {
         Some((mean, mean_s)) => {
-            format!("position {} ms late against {against} ({} of {all})", in_ms(&mean_s), mean.flights)
+            let of_all = of_all(mean.flights, members);
+            format!("position {} ms late against {against} ({of_all})", in_ms(&mean_s))
         }
         None => {
-            let own = pool.members.iter().filter_map(|m| Some(1e3 * of(&m.flight)?.lateness_s()?.value));
-            let (low, high) =
-                own.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ms| (low.min(ms), high.max(ms)));
-            format!(
-                "no common delay: position {low:.0} to {high:.0} ms late against {against} ({} of {all})",
-                pool.flights
-            )
+            let range = range_ms(own.iter().filter_map(|l| Some(l.lateness_s()?.value)));
+            let of_all = of_all(pool.flights, members);
+            format!("no common delay: position {range} ms late against {against} ({of_all})")
         }
     };
     if described.is_some() && !outliers.is_empty() {
-        words += &format!("; {} from the others: {}", differ(outliers.len()), outliers.join(", "));
+        words += &differ(&outliers);
     }
     if let Some(split) = &pool.split {
         words += &format!("; {}", split.words);
     }
     // The mean of two receivers is a setting for neither; each of them follows as a group of its own.
-    let own: Vec<&FlightLateness> = pool.members.iter().filter_map(|m| of(&m.flight)).collect();
     let advice = match described {
         Some(mean) if pool.split.is_none() => crate::answer::advice_for(&mean.mean_s, &own),
         _ => DelayAdvice::default(),
     };
     let interval = |mean: PoolMean| [-1.0, 1.0].map(|side| mean.mean_s.value + side * mean.half_width_95_s);
+    let empty = if is_part { part_of(empty, pool) } else { empty };
     GroupLateness {
         pooled: u64::from(pool.flights),
         lateness_s: mean_s,
@@ -242,12 +239,28 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
         words,
         outliers,
         advice,
-        members: if is_part { pool.members.iter().map(|m| m.flight.clone()).collect() } else { empty.members },
         split: pool.split.as_ref().map(|split| split.words.clone()),
         difference: pool.difference,
-        flights: if is_part { pool.members.len() as u64 } else { empty.flights },
         ..empty
     }
+}
+
+/// The same group with the flights of a pool alone.
+fn part_of(group: GroupLateness, pool: &DelayPool) -> GroupLateness {
+    let members: Vec<String> = pool.members.iter().map(|m| m.flight.clone()).collect();
+    GroupLateness { flights: members.len() as u64, members, ..group }
+}
+
+/// `3 of 4 flights`.
+fn of_all(flights: u32, members: &[(&str, &FlightLateness)]) -> String {
+    format!("{flights} of {}", crate::answer::counted(members.len(), "flight"))
+}
+
+/// `190 to 260`, the least and the greatest of some seconds in ms.
+fn range_ms(seconds: impl Iterator<Item = f64>) -> String {
+    let ms = seconds.map(|s| 1e3 * s);
+    let (low, high) = ms.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ms| (low.min(ms), high.max(ms)));
+    format!("{low:.0} to {high:.0}")
 }
 
 /// Probability below which flights are said to differ.
@@ -259,11 +272,12 @@ fn as_wide_as(mean_s: &Estimate, half_width_95_s: f64) -> Estimate {
     Estimate { value: mean_s.value, standard_uncertainty: Some(0.5 * half_width_95_s) }
 }
 
-fn differ(flights: usize) -> String {
-    match flights {
+fn differ(outliers: &[String]) -> String {
+    let flights = match outliers.len() {
         1 => "one flight differs".to_owned(),
         n => format!("{n} flights differ"),
-    }
+    };
+    format!("; {flights} from the others: {}", outliers.join(", "))
 }
 
 /// A group without a datum: one for each velocity that positions are told against, for such numbers have no common mean.
@@ -296,42 +310,26 @@ fn relative_groups(members: &[(&str, &FlightLateness)], empty: &GroupLateness) -
 
 /// A group without a datum: how far position and velocity are apart, weighted over its flights.
 fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> GroupLateness {
-    let told: Vec<(&str, f64, f64)> = members
+    let flights: Vec<delay_network::FlightLateness> = members
         .iter()
         .filter(|(_, l)| matches!(l.datum, NetworkDatum::None | NetworkDatum::Refused))
-        .filter_map(|(flight, l)| Some((*flight, l.lateness_s()?)))
-        .filter_map(|(flight, e)| Some((flight, e.value, e.standard_uncertainty.filter(|u| *u > 0.0)?)))
-        .collect();
-    let flights: Vec<delay_network::FlightLateness> = told
-        .iter()
-        .map(|(flight, lateness_s, u)| delay_network::FlightLateness {
-            flight: (*flight).to_owned(),
-            lateness_s: *lateness_s,
-            standard_uncertainty_s: *u,
-            model_uncertainty_s: 0.0,
-        })
+        .filter_map(|(flight, l)| told_apart(flight, l))
         .collect();
     let Some(pool) = delay_network::pool(&flights, 0.0) else { return empty };
     let velocity = empty.against.strip_prefix("relative to ").unwrap_or(&empty.against);
-    let side = if pool.mean_s.value < 0.0 { "earlier" } else { "later" };
     let mean_s = as_wide_as(&pool.mean_s, pool.half_width_95_s);
-    let apart = Estimate { value: mean_s.value.abs(), ..mean_s };
-    let mut words = format!(
-        "position {} ms {side} than {velocity} ({} of {}); how late both are is not known",
-        in_ms(&apart),
-        pool.flights,
-        crate::answer::counted(members.len(), "flight")
-    );
-    let between = told.iter().map(|(_, lateness_s, _)| 1e3 * lateness_s);
-    let (low, high) = between.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ms| (low.min(ms), high.max(ms)));
-    if pool.difference.is_some_and(|test| test.p < DIFFER_P) {
-        words = format!(
-            "no common delay: position {low:.0} to {high:.0} ms later than {velocity} ({} of {}); the flights differ by more \
-             than their uncertainties",
-            pool.flights,
-            crate::answer::counted(members.len(), "flight")
-        );
-    }
+    let of_all = of_all(pool.flights, members);
+    let words = if pool.difference.is_some_and(|test| test.p < DIFFER_P) {
+        let range = range_ms(flights.iter().map(|flight| flight.lateness_s));
+        format!(
+            "no common delay: position {range} ms later than {velocity} ({of_all}); the flights differ by more \
+             than their uncertainties"
+        )
+    } else {
+        let side = if pool.mean_s.value < 0.0 { "earlier" } else { "later" };
+        let apart = in_ms(&Estimate { value: mean_s.value.abs(), ..mean_s });
+        format!("position {apart} ms {side} than {velocity} ({of_all}); how late both are is not known")
+    };
     GroupLateness {
         pooled: u64::from(pool.flights),
         lateness_s: Some(mean_s),
@@ -341,6 +339,17 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
         words,
         ..empty
     }
+}
+
+/// How far position and velocity of a flight are apart, where it tells that with an uncertainty.
+fn told_apart(flight: &str, lateness: &FlightLateness) -> Option<delay_network::FlightLateness> {
+    let apart = lateness.lateness_s()?;
+    Some(delay_network::FlightLateness {
+        flight: flight.to_owned(),
+        lateness_s: apart.value,
+        standard_uncertainty_s: apart.standard_uncertainty.filter(|u| *u > 0.0)?,
+        model_uncertainty_s: 0.0,
+    })
 }
 
 /// `203.4 ± 16.2`, expanded uncertainty with k = 2.

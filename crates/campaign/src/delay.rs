@@ -102,23 +102,9 @@ impl DelayRule {
         known: &Known<'_>,
         best: impl FnOnce() -> Finding<SweepOptimum>,
     ) -> Result<Decided, String> {
-        let Known { decision, lateness, measured } = known;
+        let decision = known.decision;
         let optimum = (self.from == DelaySource::Sweep).then(best);
-        let mut candidates: Vec<Candidate> = vec![];
-        if let Some(optimum) = &optimum {
-            candidates.push((DelaySource::Sweep, of_sweep(case, optimum)));
-        }
-        if decision.used == Some(DelaySource::OthersFlights) {
-            candidates.push((DelaySource::OthersFlights, decided(decision)));
-        }
-        candidates.push((DelaySource::OwnNetwork, of_network(lateness)));
-        if let Some(card) = &lateness.card {
-            candidates.push((DelaySource::Card, of_card(card)));
-        }
-        if let Some(fixed) = &self.fixed {
-            candidates.push((DelaySource::Fixed, Ok(fixed.found())));
-        }
-        candidates.push((DelaySource::Flight, of_flight(case, measured)));
+        let mut candidates = self.candidates(case, known, optimum.as_ref());
         let swept = optimum.is_some() && candidates.first().is_some_and(|c| c.1.is_ok());
         let source = if swept { DelaySource::Sweep } else { decision.used.ok_or_else(|| decision.words.clone())? };
         let used = candidates.iter().position(|c| c.0 == source).ok_or_else(|| decision.words.clone())?;
@@ -142,6 +128,32 @@ impl DelayRule {
             differences: vec![],
         };
         Ok(Decided { found, choice, optimum })
+    }
+
+    /// What each source says of the flight; the sweep is the first if it was asked for.
+    fn candidates(
+        &self,
+        case: &Case<'_>,
+        known: &Known<'_>,
+        optimum: Option<&Finding<SweepOptimum>>,
+    ) -> Vec<Candidate> {
+        let Known { decision, lateness, measured } = known;
+        let mut candidates: Vec<Candidate> = vec![];
+        if let Some(optimum) = optimum {
+            candidates.push((DelaySource::Sweep, of_sweep(case, optimum)));
+        }
+        if decision.used == Some(DelaySource::OthersFlights) {
+            candidates.push((DelaySource::OthersFlights, decided(decision)));
+        }
+        candidates.push((DelaySource::OwnNetwork, of_network(lateness)));
+        if let Some(card) = &lateness.card {
+            candidates.push((DelaySource::Card, of_card(card)));
+        }
+        if let Some(fixed) = &self.fixed {
+            candidates.push((DelaySource::Fixed, Ok(fixed.found())));
+        }
+        candidates.push((DelaySource::Flight, of_flight(case, measured)));
+        candidates
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::answer;
 use crate::config::Pipeline;
-use crate::decide;
+use crate::decide::{self, Decided};
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
 use crate::fetch::{Brought, Logs};
@@ -11,14 +11,17 @@ use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
 use crate::losses;
 use crate::plan::{Desk, why_no_logs};
-use crate::reference::{FlightFiles, ReferenceLog, with_references};
+use crate::reference::{FlightFiles, ReferenceLog, settle, with_references};
 use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
-use flight::{Code, Flight, Notices};
+use flight::{Code, Notices};
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
-use record::{Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness};
+use record::{
+    Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness, MeasuredFlight,
+    ReferenceFile,
+};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -165,53 +168,35 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
     places.iter().try_for_each(|logs| logs.fetch_heads(desk.threads, desk.cancel))?;
     let units = units_of(order, &places, &library)?;
     places.iter().for_each(Logs::drop_heads);
-    let size =
-        |unit: &FlightFiles| -> u64 { unit.all().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum() };
-    let sizes: Vec<u64> = units.iter().map(|(_, unit)| size(unit)).collect();
+    let sizes: Vec<u64> = units.iter().map(|(_, unit)| size_of(unit)).collect();
     let bytes = sizes.iter().sum();
     let stage = Some(crate::manifest::Stage::Measure);
     desk.tell(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
     let reader = Reader { library: &library, places: &places, order, desk, keep: bytes <= KEPT_BYTES };
-    let mut queue: Vec<usize> = (0..units.len()).collect();
-    queue.sort_by_key(|&i| std::cmp::Reverse(sizes[i]));
     let workers = Workers::start(desk.threads)?;
-    let answers = workers.each(&queue, desk.cancel, || (), |(), &i| reader.measure(&units[i].0, &units[i].1));
-    desk.stopped()?;
-    let mut measured: Vec<Option<Measured>> = units.iter().map(|_| None).collect();
-    for (&i, answer) in queue.iter().zip(answers) {
-        measured[i] = answer;
-    }
-    let measured: Vec<Measured> =
-        measured.into_iter().map(|m| m.unwrap_or_else(|| Measured::failed("stopped"))).collect();
+    let measured = reader.measure_all(&units, &sizes, &workers)?;
     let named: Vec<(&str, &FlightLateness)> =
         units.iter().zip(&measured).map(|((name, _), m)| (name.as_str(), &m.lateness)).collect();
     let decided = decide::over(&named, &order.pipeline);
-    let line = |(): &mut (), &i: &usize| {
-        let (name, unit) = &units[i];
-        let decision = decided.decisions.get(name.as_str());
-        let effect = decision.and_then(|decision| reader.effect(unit, &measured[i], decision));
-        DelayLine::of(&LineParts {
-            flight: name,
-            lateness: Some(&measured[i].lateness),
-            decision,
-            effect: effect.as_ref(),
-            failed: measured[i].lateness.failed.as_deref(),
-            pending: None,
-            damaged: measured[i].damaged,
-            minor_loss: measured[i].minor_loss,
-            tail_cut: measured[i].tail_cut,
-            replayed: decision.is_some_and(|d| measured[i].may_be_replayed(d)),
-            duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
-        })
-    };
-    let all: Vec<usize> = (0..units.len()).collect();
+    let all: Vec<(&(String, FlightFiles), &Measured)> = units.iter().zip(&measured).collect();
+    let line =
+        |(): &mut (), (unit, measured): &(&(String, FlightFiles), &Measured)| reader.line(unit, measured, &decided);
     let flights = workers.each(&all, desk.cancel, || (), line).into_iter().flatten().collect();
     desk.stopped()?;
     let groups = decided.groups.iter().map(GroupLine::of).collect();
+    Ok(DelayReport { schema: 1, flights, groups, filter_values: by_folder(&units, &measured) })
+}
+
+/// Values for the design of a filter by the folder name of each flight that has some.
+fn by_folder(units: &[(String, FlightFiles)], measured: &[Measured]) -> BTreeMap<String, EkfValues> {
     let folders = slugs(units.iter().map(|(name, _)| name.as_str()));
-    let values = units.iter().zip(&measured).filter_map(|((name, _), m)| Some((name, m.filter_values.clone()?)));
-    let filter_values = values.filter_map(|(name, v)| Some((folders.get(name)?.clone(), v))).collect();
-    Ok(DelayReport { schema: 1, flights, groups, filter_values })
+    let values = units.iter().zip(measured).filter_map(|((name, _), m)| Some((name, m.filter_values.clone()?)));
+    values.filter_map(|(name, v)| Some((folders.get(name)?.clone(), v))).collect()
+}
+
+/// Bytes of the files of a flight.
+fn size_of(unit: &FlightFiles) -> u64 {
+    unit.all().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum()
 }
 
 /// The flights of all paths with their names, sorted.
@@ -296,6 +281,25 @@ impl Reader<'_> {
         Ok((loaded, reference))
     }
 
+    /// Measures all flights, the largest first.
+    fn measure_all(
+        &self,
+        units: &[(String, FlightFiles)],
+        sizes: &[u64],
+        workers: &Workers,
+    ) -> Result<Vec<Measured>, CampaignError> {
+        let mut queue: Vec<usize> = (0..units.len()).collect();
+        queue.sort_by_key(|&i| std::cmp::Reverse(sizes[i]));
+        let one = |(): &mut (), &i: &usize| self.measure(&units[i].0, &units[i].1);
+        let answers = workers.each(&queue, self.desk.cancel, || (), one);
+        self.desk.stopped()?;
+        let mut measured: Vec<Option<Measured>> = units.iter().map(|_| None).collect();
+        for (&i, answer) in queue.iter().zip(answers) {
+            measured[i] = answer;
+        }
+        Ok(measured.into_iter().map(|m| m.unwrap_or_else(|| Measured::failed("stopped"))).collect())
+    }
+
     fn measure(&self, name: &str, files: &FlightFiles) -> Measured {
         let measured = caught(|| self.measured(files))
             .unwrap_or_else(|panic| Measured::failed(&format!("a defect in flightlag, please report it: {panic}")));
@@ -318,17 +322,7 @@ impl Reader<'_> {
         let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
         let minor_loss = loaded.flight.notices.iter().any(|notice| notice.code == Code::MinorLoss);
         let pipeline = &self.order.pipeline;
-        let (mut measured, filter_values) = match &loaded.binding {
-            _ if loaded.companion.is_some() => {
-                (answer::companion("", loaded.companion.clone().unwrap_or_default()), None)
-            }
-            Ok(binding) => {
-                let measured = answer::measure("", &loaded.flight, &loaded.health, binding, joined, pipeline);
-                let wanted = self.order.filter_values.then(|| filter_values::of(&measured, binding)).flatten();
-                (measured, wanted)
-            }
-            Err(reason) => (answer::failed("", reason.clone()), None),
-        };
+        let (mut measured, filter_values) = self.answer(&loaded, joined);
         settle(&mut loaded.flight, reference.as_ref(), &measured.lateness, pipeline);
         measured.lateness.alarms.extend(losses::alarm(&loaded.flight.notices, &loaded.health));
         measured.lateness.alarms.extend(wrong_map(&loaded.flight.notices));
@@ -336,6 +330,39 @@ impl Reader<'_> {
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
         Measured { lateness: measured.lateness, damaged, minor_loss, tail_cut, has_reference, kept, filter_values }
+    }
+
+    /// What a log says of its delays, with the values for the design of a filter if they are wanted.
+    fn answer(&self, loaded: &Loaded, joined: Option<ReferenceFile>) -> (MeasuredFlight, Option<EkfValues>) {
+        let Loaded { flight, health, binding, companion } = loaded;
+        match (companion, binding) {
+            (Some(what), _) => (answer::companion("", what.clone()), None),
+            (None, Ok(binding)) => {
+                let measured = answer::measure("", flight, health, binding, joined, &self.order.pipeline);
+                let wanted = self.order.filter_values.then(|| filter_values::of(&measured, binding)).flatten();
+                (measured, wanted)
+            }
+            (None, Err(reason)) => (answer::failed("", reason.clone()), None),
+        }
+    }
+
+    /// The line of a flight, with what the removal does.
+    fn line(&self, (name, unit): &(String, FlightFiles), measured: &Measured, decided: &Decided<'_>) -> DelayLine {
+        let decision = decided.decisions.get(name.as_str());
+        let effect = decision.and_then(|decision| self.effect(unit, measured, decision));
+        DelayLine::of(&LineParts {
+            flight: name,
+            lateness: Some(&measured.lateness),
+            decision,
+            effect: effect.as_ref(),
+            failed: measured.lateness.failed.as_deref(),
+            pending: None,
+            damaged: measured.damaged,
+            minor_loss: measured.minor_loss,
+            tail_cut: measured.tail_cut,
+            replayed: decision.is_some_and(|d| measured.may_be_replayed(d)),
+            duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
+        })
     }
 
     /// What the removal does: against the reference where the log has one, else by the lateness.
@@ -368,33 +395,13 @@ fn wrong_map(notices: &Notices) -> Option<DelayAlarm> {
     Some(DelayAlarm { gravity: Gravity::Red, code: notice.code.clone(), text: notice.text.clone() })
 }
 
-/// Gives the reference file the clock that it has once the network is solved.
-fn settle(flight: &mut Flight, reference: Option<&ReferenceLog>, lateness: &FlightLateness, pipeline: &Pipeline) {
-    if let Some((reference, known)) = reference.zip(lateness.reference_file.as_ref()) {
-        reference.join_as(flight, pipeline, known.clock.clone());
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_harmed_flight_outweighs_a_damaged_one() {
-        let parts = LineParts {
-            flight: "a",
-            lateness: None,
-            decision: None,
-            effect: None,
-            failed: None,
-            pending: None,
-            damaged: false,
-            minor_loss: false,
-            tail_cut: false,
-            replayed: false,
-            duplicate_of: None,
-        };
-        let whole = DelayLine::of(&parts);
+        let whole = DelayLine::of(&LineParts { flight: "a", ..LineParts::default() });
         let report = |flights: Vec<DelayLine>| DelayReport { schema: 1, flights, ..DelayReport::default() }.exit();
         let with = |change: &dyn Fn(&mut DelayLine)| {
             let mut line = whole.clone();

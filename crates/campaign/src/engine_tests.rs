@@ -233,9 +233,9 @@ fn depends_on_earlier_runs(path: &Path) -> bool {
     ["run.json", "since-last-run.json", "since-last-run.html"].iter().any(|name| path == Path::new(name))
 }
 
-#[test]
-fn what_changed_since_the_run_before_is_said_with_its_cause() {
-    let mut bench = group();
+/// A group of flights after two runs, between which one log was written anew, one came and one went.
+fn changed_group() -> Bench {
+    let bench = group();
     bench.run();
     let first = bench.changes();
     assert!(first.before.is_none() && first.new.is_empty() && first.rerun.is_empty(), "{first:?}");
@@ -243,19 +243,36 @@ fn what_changed_since_the_run_before_is_said_with_its_cause() {
     bench.log("h.csv", "late 0.2004");
     fs::remove_file(bench.flights().join("g.csv")).unwrap();
     bench.run();
+    bench
+}
+
+fn causes(changes: &CampaignChanges, flight: &str) -> Option<String> {
+    changes.rerun.iter().find(|r| r.flight == flight).map(|r| r.causes.join(", "))
+}
+
+#[test]
+fn what_changed_since_the_run_before_is_said_with_its_cause() {
+    let mut bench = changed_group();
     let then = bench.changes();
-    assert_eq!(
-        (then.new.as_slice(), then.gone.as_slice()),
-        (["h.csv".to_owned()].as_slice(), ["g.csv".to_owned()].as_slice())
-    );
+    assert_eq!((&then.new, &then.gone), (&vec!["h.csv".to_owned()], &vec!["g.csv".to_owned()]));
     assert_eq!(then.moved.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["b.csv"]);
     let moved = &then.moved[0];
     assert!((moved.now_s.value - moved.before_s.value - 0.0488).abs() < 1e-9, "{moved:?}");
-    let causes = |changes: &CampaignChanges, flight: &str| {
-        changes.rerun.iter().find(|r| r.flight == flight).map(|r| r.causes.join(", "))
-    };
     assert_eq!(causes(&then, "b.csv").as_deref(), Some("the log has changed"));
-    // A run that changes nothing leaves what the last one said, byte for byte.
+    bench.pipeline += "[delay]\nposition_s = 0.3\nsource = \"bench\"\n";
+    bench.run();
+    let settings = bench.changes();
+    assert_eq!(settings.rerun.len(), 7);
+    assert!(causes(&settings, "a.csv").unwrap().contains("settings have changed: "), "{settings:?}");
+    assert!(
+        settings.moved.is_empty() && settings.before.as_ref().unwrap().pipeline_blake3 != settings.now.pipeline_blake3
+    );
+}
+
+#[test]
+fn a_run_that_changes_nothing_leaves_what_the_last_one_said_of_changes() {
+    let bench = changed_group();
+    let then = bench.changes();
     let page = || fs::read(bench.out().join("since-last-run.html")).unwrap();
     let before = page();
     assert!(bench.run().verdict().nothing_changed && page() == before && bench.changes() == then);
@@ -266,14 +283,6 @@ fn what_changed_since_the_run_before_is_said_with_its_cause() {
     fs::remove_file(bench.out().join(".flightlag/state.json")).unwrap();
     bench.run();
     assert_eq!(bench.changes(), then);
-    bench.pipeline += "[delay]\nposition_s = 0.3\nsource = \"bench\"\n";
-    bench.run();
-    let settings = bench.changes();
-    assert_eq!(settings.rerun.len(), 7);
-    assert!(causes(&settings, "a.csv").unwrap().contains("settings have changed: "), "{settings:?}");
-    assert!(
-        settings.moved.is_empty() && settings.before.as_ref().unwrap().pipeline_blake3 != settings.now.pipeline_blake3
-    );
 }
 
 #[test]

@@ -96,6 +96,7 @@ pub struct LineSetting {
 }
 
 /// What a line is made from.
+#[derive(Default)]
 pub(crate) struct LineParts<'a> {
     pub(crate) flight: &'a str,
     pub(crate) lateness: Option<&'a FlightLateness>,
@@ -109,6 +110,22 @@ pub(crate) struct LineParts<'a> {
     /// Whether the decision could be carried out.
     pub(crate) replayed: bool,
     pub(crate) duplicate_of: Option<&'a str>,
+}
+
+impl LineParts<'_> {
+    /// How whole the data is, as tables name it.
+    fn data_name(&self) -> &'static str {
+        let is_companion = |l: &FlightLateness| l.alarms.iter().any(|a| a.code == flight::Alarm::Companion);
+        match self.failed {
+            Some(_) => "failed",
+            None if self.pending.is_some() => "pending",
+            None if self.damaged => "damaged",
+            None if self.lateness.is_some_and(is_companion) => "companion",
+            None if self.minor_loss => "minor-loss",
+            None if self.tail_cut => "tail-cut",
+            None => "whole",
+        }
+    }
 }
 
 impl DelayLine {
@@ -140,18 +157,7 @@ impl DelayLine {
             error_compensated_m: compensated.map(|e| e.value),
             error_compensated_u_m: compensated.and_then(|e| e.standard_uncertainty),
             alarms: flight_alarms(lateness, parts.decision).iter().map(alarm).collect(),
-            data: match parts.failed {
-                Some(_) => "failed",
-                None if parts.pending.is_some() => "pending",
-                None if parts.damaged => "damaged",
-                None if lateness.is_some_and(|l| l.alarms.iter().any(|a| a.code == flight::Alarm::Companion)) => {
-                    "companion"
-                }
-                None if parts.minor_loss => "minor-loss",
-                None if parts.tail_cut => "tail-cut",
-                None => "whole",
-            }
-            .to_owned(),
+            data: parts.data_name().to_owned(),
             words: parts.failed.or(parts.pending).or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
             effect_words: parts.effect.map(|e| e.words.clone()).unwrap_or_default(),
             set: advice.set.into_iter().map(LineSetting::of).collect(),

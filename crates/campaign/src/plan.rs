@@ -90,100 +90,130 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
     let logs = Logs::below(&root)?;
-    let mut found = logs::find(&logs, &library, store, order.verify, desk)?;
+    let planner = Planner { order, desk, store, state, root, library, logs };
+    let mut found = logs::find(&planner.logs, &planner.library, store, order.verify, desk)?;
     let kept = match order.settle {
-        Some(settle) => leave_unsettled(&mut found, (&logs, &root), (settle, SystemTime::now()), (store, state), desk)?,
+        Some(settle) => planner.leave_unsettled(&mut found, settle)?,
         None => BTreeSet::new(),
     };
-    let mut manifest = Manifest::new(
-        root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-        root.clone(),
-        (out, store.id()?),
-        (order.pipeline.as_used(), order.pipeline.measure_blake3(), order.pipeline.replay_blake3()),
-        order.pipeline.card_files(),
-        order.pipeline.maps_folder().map(absolute).transpose()?,
-        library.blake3().to_owned(),
-        order.command.clone(),
-        found.ignored,
-    );
-    manifest.criteria = order.pipeline.criteria().map(Criteria::as_used);
-    if found.units.is_empty() && found.unreadable.is_empty() {
-        return Err(CampaignError::NoFlights { path: root, what: no_logs(&manifest.ignored) });
+    let Found { units, ignored, unreadable } = found;
+    let mut manifest = planner.manifest(out, ignored)?;
+    if units.is_empty() && unreadable.is_empty() {
+        return Err(CampaignError::NoFlights { path: planner.root, what: no_logs(&manifest.ignored) });
     }
-    let told = |error| as_shown(error, &logs);
-    let names = found.units.iter().map(|unit| unit.id.as_str());
-    manifest.test_cards = TestCardFiles::find(logs.root(), names, &mut manifest.ignored).map_err(told)?;
-    if order.pipeline.reference_file().is_some() {
-        logs.fetch_heads(desk.threads, desk.cancel)?;
-    }
-    let cases = with_references(found.units, order.pipeline.reference_file(), &library).map_err(told)?;
-    logs.drop_heads();
-    let mut contents = Contents::look_at(&logs, &root, &cases, &Known { kept: &kept, verify: order.verify, store });
-    desk.tell(contents.found(cases.len() + found.unreadable.len(), manifest.ignored.len()));
-    contents.read_unknown(desk)?;
-    // What was hashed before the user stopped need not be hashed again.
-    contents.memory.save_if_changed(store)?;
-    desk.stopped()?;
+    let names = units.iter().map(|unit| unit.id.as_str());
+    let test_cards = TestCardFiles::find(planner.logs.root(), names, &mut manifest.ignored);
+    manifest.test_cards = test_cards.map_err(|error| planner.as_shown(error))?;
+    let cases = planner.with_references(units)?;
+    let mut contents = Contents::look_at(&planner, &cases, &kept);
+    desk.tell(contents.found(cases.len() + unreadable.len(), manifest.ignored.len()));
+    contents.learn(&planner)?;
     manifest.flights = cases.into_iter().map(|case| contents.planned(case)).collect();
-    manifest.flights.extend(found.unreadable.into_iter().map(unreadable));
+    manifest.flights.extend(unreadable.into_iter().map(unreadable_flight));
     manifest.flights.sort_by(|a, b| a.flight.cmp(&b.flight));
     judge(&mut manifest, &order.pipeline, store, state, Retry::Troubled)?;
     Ok(manifest)
 }
 
-/// An error in which a local file may be named that stands for an object.
-fn as_shown(error: CampaignError, logs: &Logs) -> CampaignError {
-    match error {
-        CampaignError::Asked(text) => CampaignError::Asked(logs.told(text)),
-        other => other,
-    }
+/// Plans one campaign.
+struct Planner<'a> {
+    order: &'a Order,
+    desk: &'a Desk<'a>,
+    store: &'a Store,
+    /// What the last run left.
+    state: &'a State,
+    /// The folder of the flights, absolute.
+    root: PathBuf,
+    library: Library,
+    logs: Logs,
 }
 
-/// Takes flights whose files were written to less than `settle` ago off the list of flights, and says so. A flight that has a
-/// result stays with it, unread: the files of such flights are returned. A time that is later than now by more than that is a
-/// wrong clock, not a recent write.
-fn leave_unsettled(
-    found: &mut Found,
-    (logs, root): (&Logs, &Path),
-    (settle, now): (Duration, SystemTime),
-    (store, state): (&Store, &State),
-    desk: &Desk<'_>,
-) -> Result<BTreeSet<PathBuf>, CampaignError> {
-    let is_fresh = |file: &PathBuf| {
-        let written = logs.modified(file);
-        let apart = written.map(|at| now.duration_since(at).unwrap_or_else(|ahead| ahead.duration()));
-        apart.is_some_and(|apart| apart < settle)
-    };
-    let (left, settled): (Vec<FlightUnit>, Vec<FlightUnit>) =
-        std::mem::take(&mut found.units).into_iter().partition(|unit| unit.files.iter().any(is_fresh));
-    found.units = settled;
-    let memory = Memory::recall(store, root);
-    let is_remembered = |file: &PathBuf| memory.latest_hash_of(&name_below(logs.root(), file)).is_some();
-    let has_result = |unit: &FlightUnit| state.has_flight(&unit.id) && unit.files.iter().all(is_remembered);
-    let (kept, left): (Vec<FlightUnit>, Vec<FlightUnit>) = left.into_iter().partition(has_result);
-    let minutes = settle.as_secs_f64() / 60.0;
-    let mut say = |units: &[FlightUnit], more: &str| {
+impl Planner<'_> {
+    /// A manifest without flights.
+    fn manifest(&self, out: PathBuf, ignored: Vec<IgnoredInput>) -> Result<Manifest, CampaignError> {
+        let pipeline = &self.order.pipeline;
+        let mut manifest = Manifest::new(
+            self.root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            self.root.clone(),
+            (out, self.store.id()?),
+            (pipeline.as_used(), pipeline.measure_blake3(), pipeline.replay_blake3()),
+            pipeline.card_files(),
+            pipeline.maps_folder().map(absolute).transpose()?,
+            self.library.blake3().to_owned(),
+            self.order.command.clone(),
+            ignored,
+        );
+        manifest.criteria = pipeline.criteria().map(Criteria::as_used);
+        Ok(manifest)
+    }
+
+    /// The flights with their reference files.
+    fn with_references(&self, units: Vec<FlightUnit>) -> Result<Vec<FlightFiles>, CampaignError> {
+        let wanted = self.order.pipeline.reference_file();
+        if wanted.is_some() {
+            self.logs.fetch_heads(self.desk.threads, self.desk.cancel)?;
+        }
+        let cases = with_references(units, wanted, &self.library).map_err(|error| self.as_shown(error))?;
+        self.logs.drop_heads();
+        Ok(cases)
+    }
+
+    /// An error in which a local file may be named that stands for an object.
+    fn as_shown(&self, error: CampaignError) -> CampaignError {
+        match error {
+            CampaignError::Asked(text) => CampaignError::Asked(self.logs.told(text)),
+            other => other,
+        }
+    }
+
+    /// Takes flights whose files were written to less than `settle` ago off the list of flights, and says so. A flight that has
+    /// a result stays with it, unread: the files of such flights are returned. A time that is later than now by more than that
+    /// is a wrong clock, not a recent write.
+    fn leave_unsettled(&self, found: &mut Found, settle: Duration) -> Result<BTreeSet<PathBuf>, CampaignError> {
+        let now = SystemTime::now();
+        let is_fresh = |file: &PathBuf| {
+            let written = self.logs.modified(file);
+            let apart = written.map(|at| now.duration_since(at).unwrap_or_else(|ahead| ahead.duration()));
+            apart.is_some_and(|apart| apart < settle)
+        };
+        let (unsettled, settled): (Vec<FlightUnit>, Vec<FlightUnit>) =
+            std::mem::take(&mut found.units).into_iter().partition(|unit| unit.files.iter().any(is_fresh));
+        found.units = settled;
+        let memory = Memory::recall(self.store, &self.root);
+        let (kept, left): (Vec<FlightUnit>, Vec<FlightUnit>) =
+            unsettled.into_iter().partition(|unit| self.has_result(unit, &memory));
+        let minutes = settle.as_secs_f64() / 60.0;
+        let reason = format!("{STILL_WRITTEN} (written to less than {minutes} min before this one)");
+        self.ignore(&left, &reason, found);
+        self.ignore(&kept, &format!("{reason}; its result of the last run stays"), found);
+        // A copy that has just begun looks like no log.
+        for input in found.ignored.iter_mut().filter(|input| self.state.has_flight(&input.path)) {
+            if !input.reason.starts_with(STILL_WRITTEN) && is_fresh(&self.logs.root().join(&input.path)) {
+                input.reason = format!("{STILL_WRITTEN} (now: {})", input.reason);
+            }
+        }
+        found.ignored.sort_by(|a, b| a.path.cmp(&b.path));
+        if !left.is_empty() && kept.is_empty() && found.units.is_empty() && found.unreadable.is_empty() {
+            return Err(CampaignError::AllStillWritten(left.into_iter().map(|unit| unit.id).collect()));
+        }
+        let files = kept.iter().flat_map(|unit| unit.files.clone()).collect();
+        found.units.extend(kept);
+        Ok(files)
+    }
+
+    /// Whether the last run left a result of a flight, and the contents of its files.
+    fn has_result(&self, unit: &FlightUnit, memory: &Memory) -> bool {
+        let is_remembered = |file: &PathBuf| memory.latest_hash_of(&name_below(self.logs.root(), file)).is_some();
+        self.state.has_flight(&unit.id) && unit.files.iter().all(is_remembered)
+    }
+
+    /// Lists flights as ignored, and says so.
+    fn ignore(&self, units: &[FlightUnit], reason: &str, found: &mut Found) {
         for unit in units {
-            let reason = format!("{STILL_WRITTEN} (written to less than {minutes} min before this one){more}");
-            desk.tell(Event::Remark { text: format!("{}: {reason}", unit.id) });
-            found.ignored.push(IgnoredInput { path: unit.id.clone(), reason });
-        }
-    };
-    say(&left, "");
-    say(&kept, "; its result of the last run stays");
-    // A copy that has just begun looks like no log.
-    for input in found.ignored.iter_mut().filter(|input| state.has_flight(&input.path)) {
-        if !input.reason.starts_with(STILL_WRITTEN) && is_fresh(&logs.root().join(&input.path)) {
-            input.reason = format!("{STILL_WRITTEN} (now: {})", input.reason);
+            self.desk.tell(Event::Remark { text: format!("{}: {reason}", unit.id) });
+            found.ignored.push(IgnoredInput { path: unit.id.clone(), reason: reason.to_owned() });
         }
     }
-    found.ignored.sort_by(|a, b| a.path.cmp(&b.path));
-    if !left.is_empty() && kept.is_empty() && found.units.is_empty() && found.unreadable.is_empty() {
-        return Err(CampaignError::AllStillWritten(left.into_iter().map(|unit| unit.id).collect()));
-    }
-    let files = kept.iter().flat_map(|unit| unit.files.clone()).collect();
-    found.units.extend(kept);
-    Ok(files)
 }
 
 fn no_logs(ignored: &[IgnoredInput]) -> String {
@@ -354,7 +384,7 @@ fn absolute(path: &Path) -> Result<PathBuf, CampaignError> {
 }
 
 /// What could not be looked at is a flight that failed, until somebody can look at it.
-fn unreadable(input: IgnoredInput) -> Planned {
+fn unreadable_flight(input: IgnoredInput) -> Planned {
     let trouble = Some(format!("{}: {}", input.path, input.reason));
     Planned { trouble, ..Planned::unread(input.path) }
 }
@@ -396,18 +426,10 @@ impl Remembered {
     }
 }
 
-/// What is known of files beforehand.
-struct Known<'a> {
-    /// Files that are still being written, and count with the content that they had.
-    kept: &'a BTreeSet<PathBuf>,
-    verify: bool,
-    store: &'a Store,
-}
-
 impl<'a> Contents<'a> {
-    fn look_at(logs: &'a Logs, root: &Path, cases: &[FlightFiles], known: &Known<'a>) -> Contents<'a> {
-        let Known { kept, verify, store } = *known;
-        let mut now = Memory::recall(store, root);
+    fn look_at(planner: &'a Planner<'_>, cases: &[FlightFiles], kept: &'a BTreeSet<PathBuf>) -> Contents<'a> {
+        let (logs, verify) = (&planner.logs, planner.order.verify);
+        let mut now = Memory::recall(planner.store, &planner.root);
         let before = now.clone();
         let look = |path: &PathBuf| {
             let name = name_below(logs.root(), path);
@@ -429,6 +451,13 @@ impl<'a> Contents<'a> {
         Event::Found { flights, ignored, bytes: self.files.values().map(Looked::bytes).sum() }
     }
 
+    /// Learns all contents that are not known. What was hashed before the user stopped need not be hashed again.
+    fn learn(&mut self, planner: &Planner<'_>) -> Result<(), CampaignError> {
+        self.read_unknown(planner.desk)?;
+        self.memory.save_if_changed(planner.store)?;
+        planner.desk.stopped()
+    }
+
     /// Hashes every file whose content is not known.
     fn read_unknown(&mut self, desk: &Desk<'_>) -> Result<(), CampaignError> {
         let unknown: Vec<&Looked> = self.files.values().filter(|f| f.stamp.is_ok() && f.blake3.is_none()).collect();
@@ -448,12 +477,12 @@ impl<'a> Contents<'a> {
         let hashes = Workers::start(desk.threads)?.each(&unknown, desk.cancel, || vec![0; PIECE], hash);
         let paths: Vec<PathBuf> = unknown.iter().map(|f| f.path.clone()).collect();
         for (path, hash) in paths.iter().zip(hashes) {
-            self.learn(path, hash);
+            self.note(path, hash);
         }
         Ok(())
     }
 
-    fn learn(&mut self, path: &Path, hash: Option<std::io::Result<Option<String>>>) {
+    fn note(&mut self, path: &Path, hash: Option<std::io::Result<Option<String>>>) {
         let Some(file) = self.files.get_mut(path) else { return };
         match hash {
             Some(Ok(Some(hash))) => {

@@ -11,6 +11,7 @@ use crate::error::{CampaignError, Exit};
 use crate::event::Event;
 use crate::line::DelayLine;
 use crate::lock::OutputLock;
+use crate::losses;
 use crate::manifest::{Manifest, Planned, hash_of_parts};
 use crate::plan::Desk;
 use crate::rate::rate_of;
@@ -445,11 +446,10 @@ impl Reducer<'_> {
         list: Option<&ResultFiles>,
     ) -> Result<Result<Files, Damaged>, CampaignError> {
         let folder = format!("flights/{}", line.slug);
-        let explorer = match list.filter(|_| record.drawable().is_some()) {
-            Some(list) => match results::read_explorer(self.store, list)? {
-                Ok(rows) => rows,
-                Err(damaged) => return Ok(Err(damaged)),
-            },
+        let drawn = list.filter(|_| record.drawable().is_some());
+        let explorer = match drawn.map(|list| results::read_explorer(self.store, list)).transpose()? {
+            Some(Err(damaged)) => return Ok(Err(damaged)),
+            Some(Ok(rows)) => rows,
             None => None,
         };
         let track = match list.map(|list| results::track_of(self.store, list)).transpose()? {
@@ -473,17 +473,22 @@ impl Reducer<'_> {
         };
         let site = caught(|| report::flight_site(&page)).map_err(|what| defect(&folder, what))?;
         let mut files = self.write_site(&folder, &site)?;
-        if let Some((short, details)) = beside {
-            for (base, bytes) in [(results::RECORD, Some(short)), (results::DETAILS, details)] {
-                let (Some(bytes), name) = (bytes, format!("{folder}/{base}")) else { continue };
-                let kept = self.store.write(&name, &bytes, Keep::Renewable)?;
-                files.insert(name, kept);
-            }
+        let (short, details) = beside.unzip();
+        for (base, bytes) in [(results::RECORD, short), (results::DETAILS, details.flatten())] {
+            let (Some(bytes), name) = (bytes, format!("{folder}/{base}")) else { continue };
+            let kept = self.store.write(&name, &bytes, Keep::Renewable)?;
+            files.insert(name, kept);
         }
-        for name in self.store.list(&folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
+        self.remove_other_files(&folder, &files)?;
+        Ok(Ok(files))
+    }
+
+    /// Files of an earlier page of the flight that the new one does not have.
+    fn remove_other_files(&self, folder: &str, files: &Files) -> Result<(), CampaignError> {
+        for name in self.store.list(folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
             self.store.remove(name)?;
         }
-        Ok(Ok(files))
+        Ok(())
     }
 
     fn write_site(&self, folder: &str, site: &Site) -> Result<Files, CampaignError> {
@@ -727,11 +732,7 @@ fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &V
 
 /// The line of the table that a record gives.
 fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
-    let replay = record.replay.as_ref();
-    let result = |name: &str| replay.and_then(|r| r.compensators.iter().find(|c| c.name == name));
-    let error = |name: &str| result(name).and_then(|c: &CompensatorResult| c.error_rms_m);
-    let known = |e: Estimate| e.value.is_finite().then_some(e);
-    let count = |severity| record.notices.iter().filter(|n| n.severity == severity).count() as u64;
+    let (replay, log) = (record.replay.as_ref(), record.log.as_ref());
     let position = replay.map(|r| r.pair.position.clone());
     let velocity = replay.map(|r| r.pair.velocity.clone());
     FlightRow {
@@ -741,9 +742,9 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         outcome: record.outcome.clone(),
         lossy: record.has_loss(),
         minor_loss: record.has_minor_loss(),
-        damage: record.log.as_ref().and_then(|log| crate::losses::damage(&record.notices, log)),
-        tail_cut_bytes: record.log.as_ref().map_or(0, |log| log.bytes.tail_cut),
-        format: record.log.as_ref().map(|l| l.format.clone()).unwrap_or_default(),
+        damage: log.and_then(|log| losses::damage(&record.notices, log)),
+        tail_cut_bytes: log.map_or(0, |log| log.bytes.tail_cut),
+        format: log.map(|log| log.format.clone()).unwrap_or_default(),
         map: record.binding.as_ref().map(|b| b.map.clone()),
         bytes: record.inputs.iter().map(|i| i.bytes).sum(),
         duration_s: replay.map(|r| r.coverage.duration_s),
@@ -754,17 +755,15 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         speed_median_mps: replay.map(|r| r.speed_mps.median),
         delay_s: replay.map(|r| r.settings.delay.seconds()),
         measured_delay_s: record.lateness.as_ref().and_then(|l| l.position_minus_velocity_s),
-        delay_from: replay.and_then(|r| r.choice.as_ref()).map(|choice| choice.used),
+        delay_from: replay.and_then(|r| Some(r.choice.as_ref()?.used)),
         card_delay_s: card_delay(record),
-        flown_at: record
-            .began()
-            .and_then(|t| Some(jiff::Timestamp::from_nanosecond(i128::from(t.0)).ok()?.to_string())),
+        flown_at: flown_at(record),
         track_sketch_m: record.drawable().and_then(|r| sketch(&r.lead.as_ref()?.track)),
         sweep: replay.and_then(|r| r.sweep.clone()),
-        correction_rms_m: result("exact-async").map(|c| c.raw_minus_this_rms_m).and_then(known),
-        raw_error_rms_m: error("raw").and_then(known),
-        pade_error_rms_m: error("pade-1-1").and_then(known),
-        exact_error_rms_m: error("exact-async").and_then(known),
+        correction_rms_m: finite(record, "exact-async", |c| Some(c.raw_minus_this_rms_m)),
+        raw_error_rms_m: finite(record, "raw", |c| c.error_rms_m),
+        pade_error_rms_m: finite(record, "pade-1-1", |c| c.error_rms_m),
+        exact_error_rms_m: finite(record, "exact-async", |c| c.error_rms_m),
         valid_share: replay.and_then(valid_share),
         criteria: record.criteria.as_ref().map(row_verdicts),
         cards: record.test.as_ref().map(row_cards).unwrap_or_default(),
@@ -773,9 +772,23 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         effect: record.effect.clone(),
         duplicate_of: None,
         attention: attention(record),
-        warnings: count(Severity::Warning),
-        losses: count(Severity::Loss),
+        warnings: count(record, Severity::Warning),
+        losses: count(record, Severity::Loss),
     }
+}
+
+fn flown_at(record: &FlightRecord) -> Option<String> {
+    Some(jiff::Timestamp::from_nanosecond(i128::from(record.began()?.0)).ok()?.to_string())
+}
+
+/// A number of the compensator with this name, if it ran and the number is one.
+fn finite(record: &FlightRecord, name: &str, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Option<Estimate> {
+    let result = record.replay.as_ref()?.compensators.iter().find(|c| c.name == name)?;
+    of(result).filter(|e| e.value.is_finite())
+}
+
+fn count(record: &FlightRecord, severity: Severity) -> u64 {
+    record.notices.iter().filter(|n| n.severity == severity).count() as u64
 }
 
 /// What the sensor card says of the delay of the pair that was replayed, s.
@@ -802,7 +815,6 @@ const FEW_VALID: f64 = 0.95;
 
 /// Why somebody should look at this flight.
 fn attention(record: &FlightRecord) -> Vec<String> {
-    let told = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
     let harmed = record.effect.as_ref().filter(|e| e.verdict == EffectVerdict::Harmed);
     let alarms = flight_alarms(record.lateness.as_ref(), record.decision.as_ref());
     let mut reasons: Vec<String> = harmed.map(|e| e.words.clone()).into_iter().collect();
@@ -812,6 +824,15 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     reasons.extend(grave);
     let findings = record.criteria.iter().flat_map(|c| &c.findings);
     reasons.extend(findings.filter(|f| f.verdict == CriterionVerdict::Fail).map(report::criterion_sentence));
+    reasons.extend(loss_reasons(record));
+    reasons.extend(record.replay.iter().flat_map(output_reasons));
+    reasons
+}
+
+/// What the log lost.
+fn loss_reasons(record: &FlightRecord) -> Vec<String> {
+    let told = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
+    let mut reasons: Vec<String> = vec![];
     reasons.extend(record.notices.iter().find(|n| n.code == Code::MinorLoss).map(told));
     let damage = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0 && record.has_loss());
     if let Some(damage) = damage {
@@ -824,15 +845,19 @@ fn attention(record: &FlightRecord) -> Vec<String> {
         let notices = if more == 1 { "notice" } else { "notices" };
         reasons.push(format!("{more} more {notices} of damage on the flight's page"));
     }
-    if let Some(replay) = &record.replay {
-        match replay.coverage.restarts {
-            0 => {}
-            1 => reasons.push("a velocity gap: the compensators restarted once".to_owned()),
-            restarts => reasons.push(format!("velocity gaps: the compensators restarted {restarts} times")),
-        }
-        if let Some(share) = valid_share(replay).filter(|share| *share < FEW_VALID) {
-            reasons.push(format!("compensated for {:.0} % of the time only", 100.0 * share));
-        }
+    reasons
+}
+
+/// When the compensators gave no output.
+fn output_reasons(replay: &record::ReplayRecord) -> Vec<String> {
+    let mut reasons = vec![];
+    match replay.coverage.restarts {
+        0 => {}
+        1 => reasons.push("a velocity gap: the compensators restarted once".to_owned()),
+        restarts => reasons.push(format!("velocity gaps: the compensators restarted {restarts} times")),
+    }
+    if let Some(share) = valid_share(replay).filter(|share| *share < FEW_VALID) {
+        reasons.push(format!("compensated for {:.0} % of the time only", 100.0 * share));
     }
     reasons
 }

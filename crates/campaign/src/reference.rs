@@ -6,7 +6,7 @@ use crate::logs::Library;
 use compensation_replay::{ClockRule, Likeness, join_reference, likeness, relate_clocks};
 use flight::{Flight, Notice, Severity};
 use ingest::{FlightUnit, IngestError, ReadContext};
-use record::{ChannelLateness, DelayNetwork, ReferenceClock, ReferenceFile};
+use record::{ChannelLateness, DelayNetwork, FlightLateness, ReferenceClock, ReferenceFile};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -292,6 +292,18 @@ impl ReferenceLog {
         }
         let words = words(&self.files, &clock) + said.as_deref().unwrap_or_default();
         ReferenceFile { files: self.files.clone(), channels, clock, words }
+    }
+}
+
+/// Gives the reference file the clock that it has once the network is solved.
+pub(crate) fn settle(
+    flight: &mut Flight,
+    reference: Option<&ReferenceLog>,
+    lateness: &FlightLateness,
+    pipeline: &Pipeline,
+) {
+    if let Some((reference, known)) = reference.zip(lateness.reference_file.as_ref()) {
+        reference.join_as(flight, pipeline, known.clock.clone());
     }
 }
 

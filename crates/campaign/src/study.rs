@@ -8,11 +8,11 @@ use crate::event::Event;
 use crate::logs::Library;
 use crate::manifest::{Manifest, Planned, PlannedReference};
 use crate::plan::Desk;
-use crate::reference::ReferenceLog;
+use crate::reference::{ReferenceLog, settle};
 use compensation_replay::{Replay, Sweeper, TrackRows, TruthEffect, effect, replay, sketch};
-use flight::{Code, Flight, Notices};
+use flight::{Code, Notices};
 use ingest::{IngestError, Limits, Loaded, ReadContext};
-use record::{Decision, Effect, ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
+use record::{Decision, Effect, ExplorerRows, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
 
 /// What was found in a flight, for good: the same log and settings always give it.
 #[derive(Debug)]
@@ -97,9 +97,47 @@ impl Replaying {
         }
     }
 
-    fn replayed(&self, flight: &Flight, case: &FlightCase<'_>, draft: FlightRecord) -> Studied {
-        let mut draft = draft;
+    /// What was found in a log that could be read; `base` is the record of a flight of which nothing is known.
+    fn of_log(
+        &self,
+        loaded: Loaded,
+        measured: MeasuredFlight,
+        decision: Option<&Decision>,
+        base: FlightRecord,
+    ) -> Studied {
+        let Loaded { flight, health, binding, companion } = loaded;
+        let log = Some(health);
+        if let Some(reason) = companion {
+            let (lateness, notices) = (Some(measured.lateness), flight.notices);
+            let outcome = Outcome::NotMeasurable { reason };
+            return Studied::without_track(FlightRecord { outcome, log, lateness, notices, ..base });
+        }
+        let (binding, decision) = match (binding, decision) {
+            (Ok(binding), Some(decision)) => (binding, decision),
+            (binding, _) => {
+                let reason = binding.err().unwrap_or_else(|| "it is not decided what is removed".to_owned());
+                let (outcome, notices) = (Outcome::Failed { reason }, flight.notices);
+                return Studied::without_track(FlightRecord { outcome, log, notices, ..base });
+            }
+        };
+        let mut notices = flight.notices.clone();
+        notices.extend(measured.notices);
+        let delays = measured.delays.unwrap_or_default();
+        let case =
+            FlightCase { flight: &flight, binding: &binding, delays: &delays, lateness: &measured.lateness, decision };
+        self.replayed(&case, FlightRecord { log, network: measured.network, notices, ..base })
+    }
+
+    /// The record of a flight, of which `draft` has what does not depend on the delay that is removed.
+    fn replayed(&self, case: &FlightCase<'_>, draft: FlightRecord) -> Studied {
         let lateness = case.lateness;
+        let mut draft = FlightRecord {
+            binding: Some(case.binding.clone()),
+            delays: Some(case.delays.clone()),
+            lateness: Some(lateness.clone()),
+            decision: Some(case.decision.clone()),
+            ..draft
+        };
         if let Some(reason) = &lateness.failed {
             return Studied::without_track(FlightRecord {
                 outcome: Outcome::Failed { reason: reason.clone() },
@@ -108,7 +146,7 @@ impl Replaying {
         }
         let done = self.compensated(case, &mut draft.notices);
         let removed_s = done.as_ref().ok().map(|done| done.record.settings.delay.seconds());
-        draft.effect = self.effect(flight, lateness, case.decision, removed_s);
+        draft.effect = self.effect(case, removed_s);
         match done {
             Ok(done) => {
                 draft.notices.extend_unsaid(done.notices);
@@ -128,14 +166,9 @@ impl Replaying {
     }
 
     /// Whether what was removed helped; `None` where the channels cannot be compared at all.
-    fn effect(
-        &self,
-        flight: &Flight,
-        lateness: &FlightLateness,
-        decision: &Decision,
-        removed_s: Option<f64>,
-    ) -> Option<Effect> {
-        let truth = TruthEffect::of(flight, &self.pipeline.provisional(), removed_s.unwrap_or(0.0)).ok().flatten();
+    fn effect(&self, case: &FlightCase<'_>, removed_s: Option<f64>) -> Option<Effect> {
+        let (lateness, decision) = (case.lateness, case.decision);
+        let truth = TruthEffect::of(case.flight, &self.pipeline.provisional(), removed_s.unwrap_or(0.0)).ok().flatten();
         lateness.velocity.as_ref()?;
         Some(effect(truth.as_ref(), answer::known(lateness, decision).as_ref(), lateness.speed_rms_mps, removed_s))
     }
@@ -191,51 +224,14 @@ impl Study for Replaying {
         manifest: &Manifest,
         desk: &Desk<'_>,
     ) -> Result<Studied, Interrupted> {
-        let failed = |reason| failed_record(planned, manifest, reason);
-        let decision = planned.decision.clone();
-        let (loaded, reference) = match self.load(planned, desk)? {
+        let (mut loaded, reference) = match self.load(planned, desk)? {
             Ok(both) => both,
-            Err(reason) => return Ok(Studied::without_track(failed(reason))),
+            Err(reason) => return Ok(Studied::without_track(failed_record(planned, manifest, reason))),
         };
-        let Loaded { mut flight, health, binding, companion } = loaded;
-        if let Some((reference, known)) = reference.zip(measured.lateness.reference_file.as_ref()) {
-            reference.join_as(&mut flight, &self.pipeline, known.clock.clone());
-        }
-        if let Some(reason) = companion {
-            let (log, lateness, notices) = (Some(health), Some(measured.lateness), flight.notices);
-            let outcome = Outcome::NotMeasurable { reason };
-            let record = FlightRecord { outcome, log, lateness, notices, ..failed(String::new()) };
-            return Ok(Studied::without_track(record));
-        }
-        let mut notices = flight.notices.clone();
-        notices.extend(measured.notices);
-        let (binding, decision) = match (binding, decision) {
-            (Ok(binding), Some(decision)) => (binding, decision),
-            (binding, _) => {
-                let reason = binding.err().unwrap_or_else(|| "it is not decided what is removed".to_owned());
-                let (log, notices) = (Some(health), flight.notices);
-                return Ok(Studied::without_track(FlightRecord { log, notices, ..failed(reason) }));
-            }
-        };
-        let delays = measured.delays.unwrap_or_default();
-        let case = FlightCase {
-            flight: &flight,
-            binding: &binding,
-            delays: &delays,
-            lateness: &measured.lateness,
-            decision: &decision,
-        };
-        let draft = FlightRecord {
-            log: Some(health),
-            binding: Some(binding.clone()),
-            delays: Some(delays.clone()),
-            lateness: Some(measured.lateness.clone()),
-            network: measured.network,
-            decision: Some(decision.clone()),
-            notices,
-            ..failed(String::new())
-        };
-        Ok(self.replayed(&flight, &case, draft))
+        settle(&mut loaded.flight, reference.as_ref(), &measured.lateness, &self.pipeline);
+        drop(reference);
+        let base = failed_record(planned, manifest, String::new());
+        Ok(self.of_log(loaded, measured, planned.decision.as_ref(), base))
     }
 }
 

@@ -99,99 +99,125 @@ pub(crate) fn write_flights(store: &Store, rows: &[FlightRow]) -> Result<Files, 
 
 /// The columns of the table; names end in their unit.
 fn flight_sheet(rows: &[FlightRow]) -> Sheet {
-    let column = |name: &str, cells| SheetColumn { name: name.to_owned(), cells };
-    let text = |name: &str, of: &dyn Fn(&FlightRow) -> Option<String>| {
-        column(name, Cells::Text(rows.iter().map(of).collect()))
-    };
-    let number =
-        |name: &str, of: &dyn Fn(&FlightRow) -> Option<f64>| column(name, Cells::F64(rows.iter().map(of).collect()));
-    let count = |name: &str, of: &dyn Fn(&FlightRow) -> u64| {
-        column(name, Cells::I64(rows.iter().map(|r| Some(i64::try_from(of(r)).unwrap_or(i64::MAX))).collect()))
-    };
-    let value = |e: &Option<Estimate>| e.map(|e| e.value);
-    let spread = |e: &Option<Estimate>| e.and_then(|e| e.standard_uncertainty);
     let lines: Vec<DelayLine> = rows.iter().map(DelayLine::of_row).collect();
+    let of = Columns(rows);
     let mut columns = line_columns(&lines);
+    columns.extend(log_columns(&of));
+    columns.extend(error_columns(&of));
     columns.extend([
-        text("duplicate_of", &|r| r.duplicate_of.clone()),
-        text("outcome", &|r| Some(r.outcome.word().to_owned())),
-        text("reason", &|r| r.outcome.reason().map(str::to_owned)),
-        count("lossy", &|r| u64::from(r.lossy)),
-        text("format", &|r| Some(r.format.clone())),
-        text("map", &|r| r.map.clone()),
-        count("bytes", &|r| r.bytes),
-        number("duration_s", &|r| r.duration_s),
-        text("position", &|r| r.position.clone()),
-        text("velocity", &|r| r.velocity.clone()),
-        number("position_rate_hz", &|r| r.position_rate_hz),
-        number("velocity_rate_hz", &|r| r.velocity_rate_hz),
-        number("speed_median_mps", &|r| r.speed_median_mps),
-        number("card_delay_s", &|r| value(&r.card_delay_s)),
-        number("card_delay_standard_uncertainty_s", &|r| spread(&r.card_delay_s)),
-        number("sweep_optimum_s", &|r| value(&optimum(r))),
-        number("sweep_optimum_standard_uncertainty_s", &|r| spread(&optimum(r))),
-        text("flown_at", &|r| r.flown_at.clone()),
-        number("correction_rms_m", &|r| value(&r.correction_rms_m)),
-        number("correction_rms_standard_uncertainty_m", &|r| spread(&r.correction_rms_m)),
-        number("raw_held_error_rms_m", &|r| value(&r.raw_error_rms_m)),
-        number("raw_held_error_rms_standard_uncertainty_m", &|r| spread(&r.raw_error_rms_m)),
-        number("pade_error_rms_m", &|r| value(&r.pade_error_rms_m)),
-        number("pade_error_rms_standard_uncertainty_m", &|r| spread(&r.pade_error_rms_m)),
-        number("exact_error_rms_m", &|r| value(&r.exact_error_rms_m)),
-        number("exact_error_rms_standard_uncertainty_m", &|r| spread(&r.exact_error_rms_m)),
-        number("valid_share", &|r| r.valid_share),
-        text("criteria", &|r| r.criteria.as_ref().map(|c| c.overall.word().to_owned())),
-        text("criteria_failed", &|r| r.criteria.as_ref().map(RowVerdicts::failed)),
-        count("warnings", &|r| r.warnings),
-        count("losses", &|r| r.losses),
-        text("key", &|r| Some(r.key.clone())),
-        text("page", &|r| Some(r.page.clone())),
+        of.number("valid_share", &|r| r.valid_share),
+        of.text("criteria", &|r| r.criteria.as_ref().map(|c| c.overall.word().to_owned())),
+        of.text("criteria_failed", &|r| r.criteria.as_ref().map(RowVerdicts::failed)),
+        of.count("warnings", &|r| r.warnings),
+        of.count("losses", &|r| r.losses),
+        of.text("key", &|r| Some(r.key.clone())),
+        of.text("page", &|r| Some(r.page.clone())),
     ]);
     Sheet { columns }
 }
 
+/// What is in the log, and delays from elsewhere.
+fn log_columns(of: &Columns<'_, FlightRow>) -> Vec<SheetColumn> {
+    vec![
+        of.text("duplicate_of", &|r| r.duplicate_of.clone()),
+        of.text("outcome", &|r| Some(r.outcome.word().to_owned())),
+        of.text("reason", &|r| r.outcome.reason().map(str::to_owned)),
+        of.count("lossy", &|r| u64::from(r.lossy)),
+        of.text("format", &|r| Some(r.format.clone())),
+        of.text("map", &|r| r.map.clone()),
+        of.count("bytes", &|r| r.bytes),
+        of.number("duration_s", &|r| r.duration_s),
+        of.text("position", &|r| r.position.clone()),
+        of.text("velocity", &|r| r.velocity.clone()),
+        of.number("position_rate_hz", &|r| r.position_rate_hz),
+        of.number("velocity_rate_hz", &|r| r.velocity_rate_hz),
+        of.number("speed_median_mps", &|r| r.speed_median_mps),
+        of.number("card_delay_s", &|r| value(&r.card_delay_s)),
+        of.number("card_delay_standard_uncertainty_s", &|r| spread(&r.card_delay_s)),
+        of.number("sweep_optimum_s", &|r| value(&optimum(r))),
+        of.number("sweep_optimum_standard_uncertainty_s", &|r| spread(&optimum(r))),
+        of.text("flown_at", &|r| r.flown_at.clone()),
+    ]
+}
+
+/// How far the compensators moved the position, and the errors against the reference.
+fn error_columns(of: &Columns<'_, FlightRow>) -> Vec<SheetColumn> {
+    vec![
+        of.number("correction_rms_m", &|r| value(&r.correction_rms_m)),
+        of.number("correction_rms_standard_uncertainty_m", &|r| spread(&r.correction_rms_m)),
+        of.number("raw_held_error_rms_m", &|r| value(&r.raw_error_rms_m)),
+        of.number("raw_held_error_rms_standard_uncertainty_m", &|r| spread(&r.raw_error_rms_m)),
+        of.number("pade_error_rms_m", &|r| value(&r.pade_error_rms_m)),
+        of.number("pade_error_rms_standard_uncertainty_m", &|r| spread(&r.pade_error_rms_m)),
+        of.number("exact_error_rms_m", &|r| value(&r.exact_error_rms_m)),
+        of.number("exact_error_rms_standard_uncertainty_m", &|r| spread(&r.exact_error_rms_m)),
+    ]
+}
+
+fn value(e: &Option<Estimate>) -> Option<f64> {
+    e.map(|e| e.value)
+}
+
+fn spread(e: &Option<Estimate>) -> Option<f64> {
+    e.and_then(|e| e.standard_uncertainty)
+}
+
+/// Makes columns with a cell for each of these.
+struct Columns<'a, T>(&'a [T]);
+
+impl<T> Columns<'_, T> {
+    fn text(&self, name: &str, of: &dyn Fn(&T) -> Option<String>) -> SheetColumn {
+        SheetColumn { name: name.to_owned(), cells: Cells::Text(self.0.iter().map(of).collect()) }
+    }
+
+    /// Empty text is an absent cell.
+    fn said(&self, name: &str, of: &dyn Fn(&T) -> &str) -> SheetColumn {
+        self.text(name, &|item| Some(of(item).to_owned()).filter(|text| !text.is_empty()))
+    }
+
+    fn number(&self, name: &str, of: &dyn Fn(&T) -> Option<f64>) -> SheetColumn {
+        SheetColumn { name: name.to_owned(), cells: Cells::F64(self.0.iter().map(of).collect()) }
+    }
+
+    fn count(&self, name: &str, of: &dyn Fn(&T) -> u64) -> SheetColumn {
+        let cell = |item: &T| Some(i64::try_from(of(item)).unwrap_or(i64::MAX));
+        SheetColumn { name: name.to_owned(), cells: Cells::I64(self.0.iter().map(cell).collect()) }
+    }
+}
+
 /// The columns of the answer, which `flightlag delay` and the campaign's table share.
 fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
-    let column = |name: &str, cells| SheetColumn { name: name.to_owned(), cells };
-    let said = |name: &str, of: &dyn Fn(&DelayLine) -> &str| {
-        let cell = |line: &DelayLine| Some(of(line).to_owned()).filter(|text| !text.is_empty());
-        column(name, Cells::Text(lines.iter().map(cell).collect()))
-    };
-    let told =
-        |name: &str, of: &dyn Fn(&DelayLine) -> Option<f64>| column(name, Cells::F64(lines.iter().map(of).collect()));
+    let of = Columns(lines);
     let alarms = |line: &DelayLine| line.alarms.iter().map(|a| a.code.as_str()).collect::<Vec<_>>().join(" ");
     vec![
-        said("flight", &|l| &l.flight),
-        said("group", &|l| &l.group),
-        said("kind", &|l| &l.kind),
-        told("lateness_s", &|l| l.lateness_s),
-        told("lateness_u_s", &|l| l.lateness_u_s),
-        told("lateness_low_s", &|l| l.lateness_low_s),
-        told("lateness_high_s", &|l| l.lateness_high_s),
-        said("datum", &|l| &l.datum),
-        told("position_minus_velocity_s", &|l| l.position_minus_velocity_s),
-        told("removed_s", &|l| l.removed_s),
-        said("removed_from", &|l| &l.removed_from),
-        said("effect", &|l| &l.effect),
-        told("error_raw_m", &|l| l.error_raw_m),
-        told("error_compensated_m", &|l| l.error_compensated_m),
-        column("alarms", Cells::Text(lines.iter().map(|l| Some(alarms(l)).filter(|a| !a.is_empty())).collect())),
-        said("data", &|l| &l.data),
-        told("position_minus_velocity_u_s", &|l| l.position_minus_velocity_u_s),
-        told("error_raw_u_m", &|l| l.error_raw_u_m),
-        told("error_compensated_u_m", &|l| l.error_compensated_u_m),
-        said("answer", &|l| &l.words),
-        said("effect_words", &|l| &l.effect_words),
+        of.said("flight", &|l| &l.flight),
+        of.said("group", &|l| &l.group),
+        of.said("kind", &|l| &l.kind),
+        of.number("lateness_s", &|l| l.lateness_s),
+        of.number("lateness_u_s", &|l| l.lateness_u_s),
+        of.number("lateness_low_s", &|l| l.lateness_low_s),
+        of.number("lateness_high_s", &|l| l.lateness_high_s),
+        of.said("datum", &|l| &l.datum),
+        of.number("position_minus_velocity_s", &|l| l.position_minus_velocity_s),
+        of.number("removed_s", &|l| l.removed_s),
+        of.said("removed_from", &|l| &l.removed_from),
+        of.said("effect", &|l| &l.effect),
+        of.number("error_raw_m", &|l| l.error_raw_m),
+        of.number("error_compensated_m", &|l| l.error_compensated_m),
+        of.text("alarms", &|l| Some(alarms(l)).filter(|a| !a.is_empty())),
+        of.said("data", &|l| &l.data),
+        of.number("position_minus_velocity_u_s", &|l| l.position_minus_velocity_u_s),
+        of.number("error_raw_u_m", &|l| l.error_raw_u_m),
+        of.number("error_compensated_u_m", &|l| l.error_compensated_u_m),
+        of.said("answer", &|l| &l.words),
+        of.said("effect_words", &|l| &l.effect_words),
     ]
 }
 
 /// The answers as CSV.
 pub(crate) fn write_lines(lines: &[DelayLine], out: &mut dyn std::io::Write) -> std::io::Result<()> {
     let mut sheet = Sheet { columns: line_columns(lines) };
-    sheet.columns.push(SheetColumn {
-        name: "duplicate_of".to_owned(),
-        cells: Cells::Text(lines.iter().map(|l| l.duplicate_of.clone()).collect()),
-    });
+    sheet.columns.push(Columns(lines).text("duplicate_of", &|l| l.duplicate_of.clone()));
     let mut bytes = vec![];
     write_csv(&sheet, &mut bytes).map_err(std::io::Error::other)?;
     out.write_all(&bytes)

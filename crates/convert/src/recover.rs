@@ -9,10 +9,10 @@ use crate::recording::{Content, Entry, Recording, Tally};
 use crate::row_time::{self, LogTime, RowTime};
 use flight::{Code, LogHealth, Notices, Severity};
 use ingest::{
-    Extra, FlightUnit, LogKind, LogReader, MapLibrary, McapReader, MessageSink, OriginalLog, RawMessage, ReadContext,
-    Select, Selection, TopicInfo,
+    Extra, FlightUnit, Log, LogKind, LogReader, MapLibrary, McapReader, MessageSink, OriginalLog, RawMessage,
+    ReadContext, Select, Selection, TopicInfo,
 };
-use serde_json::{Value, json};
+use serde_json::json;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -100,13 +100,9 @@ pub fn recover(
     let mut recording = taker.into_recording()?;
     let how = if log.tables.is_empty() { How::Copied } else { How::Rewritten };
     let mut notices = log.notices.clone();
-    let times = if how == How::Rewritten { Some(row_time::of_log(&log, library)?) } else { None };
-    times.iter().for_each(|t| t.note(&mut notices));
-    let log_times: Vec<LogTime> = times.iter().flat_map(|t| &t.tables).map(RowTime::as_logged).collect();
-    let names = log.tables.iter().map(|table| table.topic.name.as_str());
-    let said_of_times = row_time::tell(names.zip(&log_times), &mut notices);
-    if let Some(times) = &times {
-        anew::write(&log, times, &log_times, &mut recording, &mut notices, context)?;
+    let mut about_times = BTreeMap::new();
+    if how == How::Rewritten {
+        about_times = rewrite(&log, library, &mut recording, &mut notices, context)?;
     } else if let Some(lost) = OriginalLog::lost(&log) {
         let (name, entries) = lost.metadata();
         recording.extra(&Extra::Metadata { name, entries: &entries })?;
@@ -119,11 +115,7 @@ pub fn recover(
     let extras = extras(&recording.content);
     note_rest(&recording, &mut notices);
     let mut entries = provenance(unit, &log.health, &notices);
-    if let Some(times) = &times {
-        let json = |value: Value| value.to_string();
-        entries.insert("log_time".to_owned(), json(json!(said_of_times)));
-        entries.insert("utc".to_owned(), json(json!(times.utc.as_ref().map(about_tie))));
-    }
+    entries.extend(about_times);
     recording.extra(&Extra::Metadata { name: "flightlag-recover", entries: &entries })?;
     let written = recording.end()?;
     check(output.written(), out, &written, context)?;
@@ -131,6 +123,25 @@ pub fn recover(
     let bytes = std::fs::metadata(output.written()).map_err(ConvertError::write(out, "look at"))?.len();
     output.keep()?;
     Ok(Recovered { how, topics, extras, health: log.health, notices, bytes })
+}
+
+/// Writes the rows of a log, and says what the times of the messages are.
+fn rewrite(
+    log: &Log,
+    library: &MapLibrary,
+    recording: &mut Recording,
+    notices: &mut Notices,
+    context: &ReadContext<'_>,
+) -> Result<BTreeMap<String, String>, ConvertError> {
+    let times = row_time::of_log(log, library)?;
+    times.note(notices);
+    let log_times: Vec<LogTime> = times.tables.iter().map(RowTime::as_logged).collect();
+    let names = log.tables.iter().map(|table| table.topic.name.as_str());
+    let said_of_times = row_time::tell(names.zip(&log_times), notices);
+    anew::write(log, &times, &log_times, recording, notices, context)?;
+    let utc = times.utc.as_ref().map(about_tie);
+    let entries = [("log_time", json!(said_of_times)), ("utc", json!(utc))];
+    Ok(entries.map(|(key, value)| (key.to_owned(), value.to_string())).into())
 }
 
 /// What came from where, and what was lost: texts for the output itself.

@@ -160,9 +160,23 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     let refused = |what: String| ConvertError::Refused { path: order.track.to_owned(), what };
     let file = File::open(order.track).map_err(|e| refused(e.to_string()))?;
     let ReadTable { sheet, mut about } = read_parquet(file).map_err(|e| refused(format!("no track: {e}")))?;
+    let instants = instants(&sheet, order.most_hz).map_err(refused)?;
+    if !instants.iter().any(|i| i.places[1].is_some()) {
+        return Err(refused("the flight knows no latitude and longitude: nothing to put on a map".to_owned()));
+    }
+    Ok(Track {
+        name: order.name.to_owned(),
+        instants,
+        rows: sheet.rows() as u64,
+        about: about.remove(METADATA).unwrap_or_default(),
+    })
+}
+
+/// At most `most_hz` of the rows of a track per second, or what the table lacks.
+fn instants(sheet: &Sheet, most_hz: Option<f64>) -> Result<Vec<Instant>, String> {
     let needed = |name: &str| match sheet.cells(name) {
         Some(Cells::F64(numbers)) => Ok(numbers),
-        _ => Err(refused(format!("no column {name}: run the campaign again, then export"))),
+        _ => Err(format!("no column {name}: run the campaign again, then export")),
     };
     let (t, height) = (needed("t_s")?, needed("height_m")?);
     let utc = match sheet.cells("utc_ns") {
@@ -182,21 +196,13 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     for (row, utc_ns) in utc.into_iter().enumerate() {
         let Some(t_s) = t.get(row) else { continue };
         // The first row of each interval: a clock that is a little slow or fast leaves no interval empty.
-        let interval = order.most_hz.map(|hz| (t_s * hz + 1e-6).floor());
+        let interval = most_hz.map(|hz| (t_s * hz + 1e-6).floor());
         if interval.is_none() || interval != last {
             last = interval;
             instants.push(Instant { t_s, utc_ns, places: [place(0, row), place(1, row)] });
         }
     }
-    if !instants.iter().any(|i| i.places[1].is_some()) {
-        return Err(refused("the flight knows no latitude and longitude: nothing to put on a map".to_owned()));
-    }
-    Ok(Track {
-        name: order.name.to_owned(),
-        instants,
-        rows: sheet.rows() as u64,
-        about: about.remove(METADATA).unwrap_or_default(),
-    })
+    Ok(instants)
 }
 
 /// One row for each instant.

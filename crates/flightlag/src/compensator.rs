@@ -29,16 +29,7 @@ pub(crate) fn names_and(exit_codes: &str) -> String {
 pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
     let asked = |e: &dyn std::fmt::Display| Failure::new(Exit::Wrong, e.to_string());
     let kind: CompensatorKind = arguments.name.parse().map_err(|e| asked(&e))?;
-    let delay = Delay::from_seconds(arguments.delay_s)
-        .filter(|delay| delay.seconds() > 0.0)
-        .ok_or_else(|| asked(&format!("--delay-s {}: a compensator removes a positive delay", arguments.delay_s)))?;
-    if let Some(u) = arguments.uncertainty_s.filter(|u| *u > arguments.delay_s) {
-        let what = format!(
-            "--uncertainty-s {u}: it is larger than the delay of {} s, which is then not known",
-            arguments.delay_s
-        );
-        return Err(asked(&what));
-    }
+    let delay = delay_of(arguments).map_err(|what| asked(&what))?;
     let export = CExport {
         kind,
         prefix: arguments.prefix.clone(),
@@ -66,6 +57,19 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
     let advice = autopilot_advice(delay, arguments.uncertainty_s, MeasuredAgainst::UnknownVelocity);
     writeln!(out, "\nInstead of a compensator, an autopilot can be told the delay:\n{}", advice.text())?;
     Ok(Exit::Well.into())
+}
+
+/// The delay to remove.
+fn delay_of(arguments: &CompensatorArguments) -> Result<Delay, String> {
+    let delay_s = arguments.delay_s;
+    let delay = Delay::from_seconds(delay_s).filter(|delay| delay.seconds() > 0.0);
+    let delay = delay.ok_or_else(|| format!("--delay-s {delay_s}: a compensator removes a positive delay"))?;
+    match arguments.uncertainty_s.filter(|u| *u > delay_s) {
+        Some(u) => {
+            Err(format!("--uncertainty-s {u}: it is larger than the delay of {delay_s} s, which is then not known"))
+        }
+        None => Ok(delay),
+    }
 }
 
 /// Up to which frequency of motion it helps, and from where on it harms.

@@ -69,31 +69,9 @@ fn track_in(folder: &Path) -> Option<PathBuf> {
 
 /// The track of a flight of a report.
 fn track(arguments: &ExportArguments) -> Result<End, Failure> {
-    let (to, ending) = match arguments.to {
-        ExportKind::Geojson => (TrackTo::GeoJson, "geojson"),
-        ExportKind::Kml => (TrackTo::Kml, "kml"),
-        ExportKind::Gpx => (TrackTo::Gpx, "gpx"),
-        ExportKind::Csv => (TrackTo::Csv, "csv"),
-        ExportKind::Mcap => (TrackTo::Mcap, "mcap"),
-        ExportKind::Parquet => {
-            return Err(Failure::new(Exit::Wrong, "--track --to parquet: track.parquet is that file already"));
-        }
-    };
-    let is_map = matches!(to, TrackTo::GeoJson | TrackTo::Kml | TrackTo::Gpx);
-    let most_hz = match arguments.rate {
-        None => is_map.then_some(MAP_HZ),
-        Some(0.0) => None,
-        Some(rate) if rate > 0.0 && rate <= MOST_HZ => Some(rate),
-        Some(rate) => return Err(Failure::new(Exit::Wrong, format!("--rate {rate}: must be from 0 to {MOST_HZ} Hz"))),
-    };
-    let folder =
-        if arguments.log.is_dir() { arguments.log.as_path() } else { arguments.log.parent().unwrap_or(Path::new("")) };
-    let table = if arguments.log.is_dir() { track_in(folder).unwrap_or_default() } else { arguments.log.clone() };
-    if !table.is_file() {
-        let what = "no track.parquet there. Give the folder of a flight in a report, as reports/NAME/flights/FLIGHT; a \
-                    flight of which nothing was removed has no track";
-        return Err(Failure::new(Exit::Wrong, format!("{}: {what}", arguments.log.display())));
-    }
+    let (to, ending) = track_to(arguments.to)?;
+    let most_hz = most_hz(arguments.rate, to)?;
+    let (folder, table) = flight_of(&arguments.log)?;
     let name = folder.canonicalize().ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
     let name = name.unwrap_or_else(|| "flight".to_owned());
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.track.{ending}")));
@@ -115,6 +93,45 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
     }
     std::io::stdout().lock().write_all(said.as_bytes())?;
     Ok(Exit::Well.into())
+}
+
+/// As what a track is written, and how the name of such a file ends.
+fn track_to(kind: ExportKind) -> Result<(TrackTo, &'static str), Failure> {
+    match kind {
+        ExportKind::Geojson => Ok((TrackTo::GeoJson, "geojson")),
+        ExportKind::Kml => Ok((TrackTo::Kml, "kml")),
+        ExportKind::Gpx => Ok((TrackTo::Gpx, "gpx")),
+        ExportKind::Csv => Ok((TrackTo::Csv, "csv")),
+        ExportKind::Mcap => Ok((TrackTo::Mcap, "mcap")),
+        ExportKind::Parquet => {
+            Err(Failure::new(Exit::Wrong, "--track --to parquet: track.parquet is that file already"))
+        }
+    }
+}
+
+/// Most points per second of a track; `None` for all.
+fn most_hz(asked: Option<f64>, to: TrackTo) -> Result<Option<f64>, Failure> {
+    let is_map = matches!(to, TrackTo::GeoJson | TrackTo::Kml | TrackTo::Gpx);
+    match asked {
+        None => Ok(is_map.then_some(MAP_HZ)),
+        Some(0.0) => Ok(None),
+        Some(rate) if rate > 0.0 && rate <= MOST_HZ => Ok(Some(rate)),
+        Some(rate) => Err(Failure::new(Exit::Wrong, format!("--rate {rate}: must be from 0 to {MOST_HZ} Hz"))),
+    }
+}
+
+/// The folder of a flight in a report and its track, of either of them.
+fn flight_of(given: &Path) -> Result<(&Path, PathBuf), Failure> {
+    let (folder, table) = match given.is_dir() {
+        true => (given, track_in(given).unwrap_or_default()),
+        false => (given.parent().unwrap_or(Path::new("")), given.to_owned()),
+    };
+    if table.is_file() {
+        return Ok((folder, table));
+    }
+    let what = "no track.parquet there. Give the folder of a flight in a report, as reports/NAME/flights/FLIGHT; a \
+                flight of which nothing was removed has no track";
+    Err(Failure::new(Exit::Wrong, format!("{}: {what}", given.display())))
 }
 
 /// Beside where the user stands, named after the log.

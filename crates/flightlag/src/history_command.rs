@@ -6,8 +6,9 @@ use crate::failure::{End, Failure};
 use crate::files::write_site;
 use crate::show::{Table, count, number, visible};
 use campaign::Exit;
+use convert::Cells;
 use history::{Dimension, History, LatencyLine, Looks, RunLine, latency, latest_briefs, runs, trend};
-use record::{Estimate, TrendRecord};
+use record::{Estimate, TrendChart, TrendPoint, TrendRecord};
 use std::io::Write;
 use std::path::Path;
 
@@ -158,32 +159,7 @@ pub(crate) fn trend_over(arguments: &TrendArguments) -> Result<End, Failure> {
 }
 
 fn trend_text(found: &TrendRecord) -> String {
-    let mut charts =
-        Table::new(&["chart", "counted from", "flights|", "late now ms|", "spread ms|", "changes|", "outside|"]);
-    let mut changes = Table::new(&["chart", "from this flight on", "step ms|", "sigma|", "with it"]);
-    for chart in &found.charts {
-        let name = chart.name();
-        let now = chart.segments.last().map(|segment| with_u(&segment.mean_s, "s")).unwrap_or_default();
-        charts.row(vec![
-            name.clone(),
-            chart.datum.clone(),
-            (chart.points.len() as u64 + chart.older_points).to_string(),
-            now,
-            number(Some(chart.between_s * 1e3), 1),
-            chart.changes.len().to_string(),
-            chart.points.iter().filter(|point| point.is_outside).count().to_string(),
-        ]);
-        for change in &chart.changes {
-            let at = format!("{}/{}", change.at.campaign, change.at.flight);
-            changes.row(vec![
-                name.clone(),
-                at,
-                with_u(&change.step_s, "s"),
-                format!("{:+.1}", change.sigmas),
-                change.with_it.join("; "),
-            ]);
-        }
-    }
+    let (charts, changes) = (charts_table(found), changes_table(found));
     let left_out = found.left_out.iter().map(|why| format!("  {}\n", visible(why))).collect::<String>();
     let left_out = if left_out.is_empty() { left_out } else { format!("not on a chart\n{left_out}") };
     let charts = if charts.is_empty() {
@@ -194,29 +170,64 @@ fn trend_text(found: &TrendRecord) -> String {
     charts + &crate::findings::section("changes", &changes) + &left_out
 }
 
+fn charts_table(found: &TrendRecord) -> Table {
+    let mut table =
+        Table::new(&["chart", "counted from", "flights|", "late now ms|", "spread ms|", "changes|", "outside|"]);
+    for chart in &found.charts {
+        let now = chart.segments.last().map(|segment| with_u(&segment.mean_s, "s")).unwrap_or_default();
+        table.row(vec![
+            chart.name(),
+            chart.datum.clone(),
+            (chart.points.len() as u64 + chart.older_points).to_string(),
+            now,
+            number(Some(chart.between_s * 1e3), 1),
+            chart.changes.len().to_string(),
+            chart.points.iter().filter(|point| point.is_outside).count().to_string(),
+        ]);
+    }
+    table
+}
+
+fn changes_table(found: &TrendRecord) -> Table {
+    let mut table = Table::new(&["chart", "from this flight on", "step ms|", "sigma|", "with it"]);
+    for (chart, change) in found.charts.iter().flat_map(|chart| chart.changes.iter().map(move |change| (chart, change)))
+    {
+        table.row(vec![
+            chart.name(),
+            format!("{}/{}", change.at.campaign, change.at.flight),
+            with_u(&change.step_s, "s"),
+            format!("{:+.1}", change.sigmas),
+            change.with_it.join("; "),
+        ]);
+    }
+    table
+}
+
 /// Every point of every chart.
 fn trend_csv(found: &TrendRecord) -> String {
     let mut sheet = convert::Sheet::default();
     let points: Vec<_> =
         found.charts.iter().flat_map(|chart| chart.points.iter().map(move |point| (chart, point))).collect();
-    let texts = |of: &dyn Fn(&(&record::TrendChart, &record::TrendPoint)) -> Option<String>| {
-        convert::Cells::Text(points.iter().map(of).collect())
+    let of_chart = |of: &dyn Fn(&TrendChart) -> &String| {
+        Cells::Text(points.iter().map(|(chart, _)| Some(of(chart).clone())).collect())
     };
-    let numbers = |of: &dyn Fn(&(&record::TrendChart, &record::TrendPoint)) -> Option<f64>| {
-        convert::Cells::F64(points.iter().map(of).collect())
-    };
-    sheet.push("dimension", texts(&|(chart, _)| Some(chart.dimension.clone())));
-    sheet.push("value", texts(&|(chart, _)| Some(chart.value.clone())));
-    sheet.push("datum", texts(&|(chart, _)| Some(chart.datum.clone())));
-    sheet.push("campaign", texts(&|(_, point)| Some(point.flight.campaign.clone())));
-    sheet.push("flight", texts(&|(_, point)| Some(point.flight.flight.clone())));
-    sheet.push("flown_at", texts(&|(_, point)| point.flown_at.clone()));
-    sheet.push("lateness_s", numbers(&|(_, point)| Some(point.lateness_s.value)));
-    sheet.push("lateness_u_s", numbers(&|(_, point)| point.lateness_s.standard_uncertainty));
-    sheet.push("centre_s", numbers(&|(_, point)| Some(point.centre_s)));
-    sheet.push("limit_s", numbers(&|(_, point)| Some(point.limit_s)));
-    sheet.push("is_outside", convert::Cells::I64(points.iter().map(|(_, p)| Some(i64::from(p.is_outside))).collect()));
-    sheet.push("is_odd", convert::Cells::I64(points.iter().map(|(_, p)| Some(i64::from(p.is_odd))).collect()));
+    let texts =
+        |of: &dyn Fn(&TrendPoint) -> Option<&String>| Cells::Text(points.iter().map(|(_, p)| of(p).cloned()).collect());
+    let numbers = |of: &dyn Fn(&TrendPoint) -> Option<f64>| Cells::F64(points.iter().map(|(_, p)| of(p)).collect());
+    let marks =
+        |of: &dyn Fn(&TrendPoint) -> bool| Cells::I64(points.iter().map(|(_, p)| Some(i64::from(of(p)))).collect());
+    sheet.push("dimension", of_chart(&|chart| &chart.dimension));
+    sheet.push("value", of_chart(&|chart| &chart.value));
+    sheet.push("datum", of_chart(&|chart| &chart.datum));
+    sheet.push("campaign", texts(&|p| Some(&p.flight.campaign)));
+    sheet.push("flight", texts(&|p| Some(&p.flight.flight)));
+    sheet.push("flown_at", texts(&|p| p.flown_at.as_ref()));
+    sheet.push("lateness_s", numbers(&|p| Some(p.lateness_s.value)));
+    sheet.push("lateness_u_s", numbers(&|p| p.lateness_s.standard_uncertainty));
+    sheet.push("centre_s", numbers(&|p| Some(p.centre_s)));
+    sheet.push("limit_s", numbers(&|p| Some(p.limit_s)));
+    sheet.push("is_outside", marks(&|p| p.is_outside));
+    sheet.push("is_odd", marks(&|p| p.is_odd));
     let mut bytes = vec![];
     // Columns are of one length, and a vector takes everything.
     let _ = convert::write_csv(&sheet, &mut bytes);

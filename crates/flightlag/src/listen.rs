@@ -24,41 +24,36 @@ pub(crate) fn listener(desk: &DeskArguments) -> Box<dyn EventSink> {
 
 /// What a person wants to hear of an event, apart from progress.
 fn sentence(event: &Event) -> Option<String> {
-    match event {
+    let count = |n: &usize, what| count(*n as u64, what);
+    let said = match event {
         Event::Found { flights, ignored, bytes: size } => {
             let others = match ignored {
                 0 => String::new(),
-                n => format!(", {}", count(*n as u64, "other file")),
+                n => format!(", {}", count(n, "other file")),
             };
-            Some(format!("{}, {}{others}", count(*flights as u64, "flight"), bytes(*size)))
+            format!("{}, {}{others}", count(flights, "flight"), bytes(*size))
         }
-        Event::Hashing { files, bytes: size } => {
-            Some(format!("hashing {}, {}", count(*files as u64, "file"), bytes(*size)))
+        Event::Hashing { files, bytes: size } => format!("hashing {}, {}", count(files, "file"), bytes(*size)),
+        Event::Planned { stage: Some(Stage::Measure), to_run, .. } => format!("{} to measure", count(to_run, "flight")),
+        Event::Planned { reused, to_run, .. } => {
+            let (to_run, reused) = (count(to_run, "flight"), count(reused, "flight"));
+            format!("{to_run} to replay, {reused} with a result already")
         }
-        Event::Planned { stage: Some(Stage::Measure), to_run, .. } => {
-            Some(format!("{} to measure", count(*to_run as u64, "flight")))
-        }
-        Event::Planned { reused, to_run, .. } => Some(format!(
-            "{} to replay, {} with a result already",
-            count(*to_run as u64, "flight"),
-            count(*reused as u64, "flight")
-        )),
-        Event::DelayMeasured { flight, words, .. } => Some(format!("{flight}: {words}")),
+        Event::DelayMeasured { flight, words, .. } => format!("{flight}: {words}"),
         Event::Finished { flight, outcome, reason, lossy, effect, .. } => {
-            Some(finished(flight, result_word(outcome, *effect), reason.as_deref(), *lossy))
+            finished(flight, result_word(outcome, *effect), reason.as_deref(), *lossy)
         }
-        Event::Troubled { flight, reason } => Some(format!("{flight}: no result: {reason}")),
-        Event::Remark { text } => Some(text.clone()),
-        Event::Reduced { pages, kept } => Some(format!("{} made, {kept} kept", count(*pages as u64, "page"))),
-        Event::Logs { logs, bytes: size } => Some(format!("{}, {}", count(*logs as u64, "log"), bytes(*size))),
-        Event::Measuring { records } => Some(format!("measuring {}", count(*records as u64, "record"))),
-        Event::Measured { record, outcome, reason, lossy } => {
-            Some(finished(record, outcome, reason.as_deref(), *lossy))
-        }
-        Event::NothingChanged => Some("nothing changed".to_owned()),
-        Event::Campaign { name, flights } => Some(format!("campaign {name}: {}", flights.display())),
-        _ => None,
-    }
+        Event::Troubled { flight, reason } => format!("{flight}: no result: {reason}"),
+        Event::Remark { text } => text.clone(),
+        Event::Reduced { pages, kept } => format!("{} made, {kept} kept", count(pages, "page")),
+        Event::Logs { logs, bytes: size } => format!("{}, {}", count(logs, "log"), bytes(*size)),
+        Event::Measuring { records } => format!("measuring {}", count(records, "record")),
+        Event::Measured { record, outcome, reason, lossy } => finished(record, outcome, reason.as_deref(), *lossy),
+        Event::NothingChanged => "nothing changed".to_owned(),
+        Event::Campaign { name, flights } => format!("campaign {name}: {}", flights.display()),
+        _ => return None,
+    };
+    Some(said)
 }
 
 /// As the badge on the pages: a flight that says nothing is no flight without a change.

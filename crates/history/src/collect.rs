@@ -116,9 +116,6 @@ fn row_of(
     with: &Collecting<'_>,
 ) -> Result<Row, HistoryError> {
     let line = DelayLine::of_row(flight);
-    let position = flight.lateness.as_ref().and_then(|l| l.lateness.as_ref());
-    let text = |words: &str| Some(words.to_owned()).filter(|w| !w.is_empty());
-    let codes: Vec<&str> = line.alarms.iter().map(|alarm| alarm.code.as_str()).collect();
     let row = Row {
         run_id: with.run.id.clone(),
         run_ns: with.run.start_ns,
@@ -132,12 +129,27 @@ fn row_of(
         key: flight.key.clone(),
         outcome: flight.outcome.word().to_owned(),
         reason: flight.outcome.reason().map(str::to_owned),
+        lateness_model_u_s: flight.lateness.as_ref().and_then(|l| Some(l.lateness.as_ref()?.model_uncertainty_s)),
+        criteria: flight.criteria.as_ref().map(|c| c.overall.word().to_owned()),
+        criteria_failed: flight.criteria.as_ref().and_then(|c| text(&c.failed())),
+        duplicate_of: flight.duplicate_of.clone(),
+        duration_s: flight.duration_s,
+        page: flight.page.clone(),
+        ..Row::default()
+    };
+    let row = with_record(with_answer(row, &line), (flight, group), report, with)?;
+    Ok(with_identity(with_advice(row, flight, group), flight, with.fleet))
+}
+
+/// Adds how late the position is, and what was removed.
+fn with_answer(row: Row, line: &DelayLine) -> Row {
+    let codes: Vec<&str> = line.alarms.iter().map(|alarm| alarm.code.as_str()).collect();
+    Row {
         group: text(&line.group),
         data: line.data.clone(),
         kind: text(&line.kind),
         lateness_s: line.lateness_s,
         lateness_u_s: line.lateness_u_s,
-        lateness_model_u_s: position.map(|found| found.model_uncertainty_s),
         lateness_low_s: line.lateness_low_s,
         lateness_high_s: line.lateness_high_s,
         datum: text(&line.datum),
@@ -151,15 +163,12 @@ fn row_of(
         error_compensated_m: line.error_compensated_m,
         error_compensated_u_m: line.error_compensated_u_m,
         alarms: text(&codes.join(" ")),
-        criteria: flight.criteria.as_ref().map(|c| c.overall.word().to_owned()),
-        criteria_failed: flight.criteria.as_ref().and_then(|c| text(&c.failed())),
-        duplicate_of: flight.duplicate_of.clone(),
-        duration_s: flight.duration_s,
-        page: flight.page.clone(),
-        ..Row::default()
-    };
-    let row = with_record(row, (flight, group), report, with)?;
-    Ok(with_identity(with_advice(row, flight, group), flight, with.fleet))
+        ..row
+    }
+}
+
+fn text(words: &str) -> Option<String> {
+    Some(words.to_owned()).filter(|w| !w.is_empty())
 }
 
 /// Adds what only the flight's record says. A known row of the same result says the same.

@@ -143,12 +143,7 @@ impl Reader<'_> {
         let settle = self.settle(&written.settle_min);
         let fleet = written.fleet.as_ref().map(|at| self.named_file(at, Fleet::read)).transpose();
         let all = (written.pipeline.as_ref(), written.criteria.as_ref());
-        let out = match campaign::is_in_bucket(written.out.get_ref()) {
-            true => Err(self
-                .file
-                .reject(&written.out, "out: a night is written to a folder; only its flights may be in a bucket")),
-            false => self.outside_logs("out", &written.out, &written.campaign),
-        };
+        let out = self.out(&written);
         let names = self.names(&written.campaign);
         let history = written.history.as_ref().map(|at| self.history(at, &written, names.as_deref())).transpose();
         let campaigns: Vec<Result<Order, Refused>> =
@@ -189,6 +184,15 @@ impl Reader<'_> {
                     table.get_ref().flights.get_ref().display()
                 ),
             )),
+        }
+    }
+
+    /// The folder that a night is written to.
+    fn out(&self, written: &NightlyFile) -> Result<PathBuf, Refused> {
+        let refusal = "out: a night is written to a folder; only its flights may be in a bucket";
+        match campaign::is_in_bucket(written.out.get_ref()) {
+            true => Err(self.file.reject(&written.out, refusal)),
+            false => self.outside_logs("out", &written.out, &written.campaign),
         }
     }
 

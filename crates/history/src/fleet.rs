@@ -119,14 +119,23 @@ fn meaning_of(file: &SettingsFile<'_>, written: FleetFile) -> Result<Fleet, Refu
 fn aircraft(file: &SettingsFile<'_>, written: Spanned<AircraftTable>) -> Result<(String, Aircraft), Refused> {
     let whole = Spanned::new(written.span(), ());
     let table = written.into_inner();
+    check(file, &whole, &table)?;
+    let AircraftTable { flights, airframe, receiver, serial, firmware, rate_hz, baud } = table;
+    let (rate_hz, baud) = (rate_hz.map(Spanned::into_inner), baud.map(|baud| i64::from(baud.into_inner())));
+    Ok((flights.into_inner(), Aircraft { airframe, receiver, serial, firmware, rate_hz, baud }))
+}
+
+/// Everything that is wrong with an aircraft is said.
+fn check(file: &SettingsFile<'_>, whole: &Spanned<()>, table: &AircraftTable) -> Result<(), Refused> {
     let says_nothing = table.airframe.is_none()
         && [&table.receiver, &table.serial, &table.firmware].iter().all(|text| text.is_none())
         && table.rate_hz.is_none()
         && table.baud.is_none();
     let mut right = Ok(());
     if says_nothing {
-        right = Err(file
-            .reject(&whole, "[[aircraft]] says nothing: give airframe, receiver, serial, firmware, rate_hz or baud"));
+        right = Err(
+            file.reject(whole, "[[aircraft]] says nothing: give airframe, receiver, serial, firmware, rate_hz or baud")
+        );
     }
     if table.flights.get_ref().trim().is_empty() {
         right = Err(file.reject(&table.flights, "flights must be a pattern of CAMPAIGN/FLIGHT, as \"uav-1/*\""));
@@ -137,10 +146,7 @@ fn aircraft(file: &SettingsFile<'_>, written: Spanned<AircraftTable>) -> Result<
     if let Some(baud) = table.baud.as_ref().filter(|baud| *baud.get_ref() == 0) {
         right = Err(file.reject(baud, "baud must be more than 0 baud"));
     }
-    right?;
-    let AircraftTable { flights, airframe, receiver, serial, firmware, rate_hz, baud } = table;
-    let (rate_hz, baud) = (rate_hz.map(Spanned::into_inner), baud.map(|baud| i64::from(baud.into_inner())));
-    Ok((flights.into_inner(), Aircraft { airframe, receiver, serial, firmware, rate_hz, baud }))
+    right
 }
 
 /// Whether a name fits a pattern in which `*` stands for anything.

@@ -54,9 +54,7 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
     std::fs::create_dir_all(&config.out).map_err(|e| HistoryError::io(&config.out, "make this folder", e))?;
     let _lock = lock(&config.out)?;
     let history = History::new(&config.history);
-    let nights = config.out.join(NIGHTS);
-    let is_used = |id: &str| nights.join(id).exists() || config.history.join(format!("{id}.parquet")).exists();
-    let run = Run::unused(clock.0, &is_used);
+    let run = unused_run(config, clock.0);
     let names: BTreeSet<&str> = config.campaigns.iter().map(|(name, _)| name.as_str()).collect();
     let known = history.briefs(&|campaign| names.contains(campaign))?;
     let since = if known.rows.is_empty() { None } else { history.last_run()? };
@@ -68,7 +66,7 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
     let fresh: Vec<Row> = made.rows.iter().filter(|row| !stands(row, &made.before)).cloned().collect();
     let record = record(config, &run, clock, known.rows, &fresh, made);
     let exit = exit_of(record.exit);
-    let folder = nights.join(&run.id);
+    let folder = config.out.join(NIGHTS).join(&run.id);
     write(&record, config, &folder)?;
     let history = history.append(&run, &fresh)?;
     let night = Night { page: config.out.join(MORNING), record, folder, history, exit };
@@ -95,6 +93,13 @@ impl Night {
             errors: self.errors().collect(),
         }
     }
+}
+
+/// A run whose name neither a night nor the history has.
+fn unused_run(config: &NightlyConfig, start: jiff::Timestamp) -> Run {
+    let nights = config.out.join(NIGHTS);
+    let is_used = |id: &str| nights.join(id).exists() || config.history.join(format!("{id}.parquet")).exists();
+    Run::unused(start, &is_used)
 }
 
 /// Whether the history says the same already.
@@ -188,17 +193,8 @@ impl Made {
         let fleet = &context.config.fleet;
         let now: BTreeSet<&str> = record.flights.iter().map(|row| row.flight.as_str()).collect();
         let left = left_of(name, &record);
-        let before = earlier.iter().flat_map(|record| &record.flights).map(|row| &row.flight);
-        let mut unusable: Vec<&IgnoredInput> = vec![];
-        for flight in before.filter(|flight| !now.contains(flight.as_str())) {
-            match record.ignored.iter().find(|input| input.path == *flight) {
-                Some(_) if left.iter().any(|log| log.path == *flight) => {}
-                Some(input) => unusable.push(input),
-                None => {
-                    self.gone.push(NamedFlight { campaign: name.to_owned(), flight: flight.clone(), page: None });
-                }
-            }
-        }
+        let before = earlier.iter().flat_map(|record| &record.flights).map(|row| row.flight.as_str());
+        let unusable = self.lost(name, before.filter(|flight| !now.contains(flight)), &record, &left);
         let names = now.iter().copied().chain(unusable.iter().map(|input| input.path.as_str())).collect();
         let known = context.history.latest(name, &names)?;
         let with = Collecting { run: context.run, campaign: name, fleet, known: &known };
@@ -215,6 +211,29 @@ impl Made {
             ));
         }
         Ok(())
+    }
+
+    /// Takes down which of these flights of the report before are gone. The files of the others are there, and are no flights
+    /// any more: those that are not just `left` are returned.
+    fn lost<'a>(
+        &mut self,
+        campaign: &str,
+        flights: impl Iterator<Item = &'a str>,
+        record: &'a CampaignRecord,
+        left: &[LeftLog],
+    ) -> Vec<&'a IgnoredInput> {
+        let mut unusable = vec![];
+        for flight in flights {
+            match record.ignored.iter().find(|input| input.path == flight) {
+                Some(_) if left.iter().any(|log| log.path == flight) => {}
+                Some(input) => unusable.push(input),
+                None => {
+                    let (campaign, flight) = (campaign.to_owned(), flight.to_owned());
+                    self.gone.push(NamedFlight { campaign, flight, page: None });
+                }
+            }
+        }
+        unusable
     }
 }
 

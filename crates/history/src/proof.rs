@@ -103,13 +103,8 @@ fn tested(
     let less = |set_s: f64| Estimate { value: from.value - set_s, ..from };
     let before_s = (!is_automatic(parameter, before.set_s)).then(|| less(before.set_s));
     let predicted_s = less(if is_automatic(parameter, after.set_s) { advised_s } else { after.set_s });
-    let measuring: Vec<&&Brief> = after
-        .latest
-        .iter()
-        .filter(|row| {
-            row.datum == recommended.datum && row.lateness_s.is_some() && row.lateness_u_s.is_some_and(|u| u > 0.0)
-        })
-        .collect();
+    let measures = |row: &&Brief| row.datum == recommended.datum && tells_lateness(row);
+    let measuring: Vec<&Brief> = after.latest.iter().copied().filter(measures).collect();
     let measured = mean_lateness(&measuring).filter(|_| !is_automatic(parameter, after.set_s));
     let measured_s = measured.map(|mean| residual(&mean, after.set_s));
     let (verdict, why) = match is_automatic(parameter, after.set_s) {
@@ -118,7 +113,12 @@ fn tested(
         }
         false => judge(&predicted_s, measured.zip(measured_s), (before.set_s - after.set_s).abs()),
     };
-    let proof = SettingProof {
+    let other = match (advised_s - after.set_s).abs() > SAME_S {
+        true => format!(" {} was recommended.", millis(advised_s)),
+        false => String::new(),
+    };
+    let [was, is] = [before, after].map(|epoch| set_words(parameter, epoch.set_s));
+    Some(SettingProof {
         campaign: subject.0.to_owned(),
         of: label(subject),
         parameter: parameter.to_owned(),
@@ -131,13 +131,13 @@ fn tested(
         measured_s,
         flights: measuring.iter().map(|row| row.named(page)).collect(),
         verdict,
-        words: String::new(),
-    };
-    let other = (advised_s - after.set_s).abs() > SAME_S;
-    let other = if other { format!(" {} was recommended.", millis(advised_s)) } else { String::new() };
-    let [was, is] = [before, after].map(|epoch| set_words(parameter, epoch.set_s));
-    let words = format!("Set from {was} to {is}.{other} {why}");
-    Some(SettingProof { words, ..proof })
+        words: format!("Set from {was} to {is}.{other} {why}"),
+    })
+}
+
+/// Whether a flight has a lateness with an uncertainty.
+fn tells_lateness(row: &Brief) -> bool {
+    row.lateness_s.is_some() && row.lateness_u_s.is_some_and(|u| u > 0.0)
 }
 
 /// A recommendation that no later log shows to be followed. The newest flight whose delay is known decides: what older ones
@@ -234,7 +234,7 @@ fn lateness_from(row: &Brief) -> Option<Estimate> {
 }
 
 /// Mean lateness of some flights.
-fn mean_lateness(rows: &[&&Brief]) -> Option<SharedMean> {
+fn mean_lateness(rows: &[&Brief]) -> Option<SharedMean> {
     let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
     let model: Vec<Option<f64>> = rows.iter().map(|row| row.lateness_model_u_s).collect();
     SharedMean::of(&of(&|row| row.lateness_s), &of(&|row| row.lateness_u_s), &model)

@@ -379,22 +379,7 @@ fn parse_aggregates(text: &str) -> Result<Vec<Aggregate>, String> {
 
 impl Parser {
     fn aggregate(&mut self) -> Result<Aggregate, String> {
-        const KNOWN: [&str; 8] = ["count", "median", "mean", "min", "max", "std", "sum", "quantile"];
-        let token = self.take("an aggregate, as count()")?;
-        let Word::Name(written) = &token.what else {
-            return Err(format!("character {}: expected an aggregate, found {}", token.at, shown(&token.what)));
-        };
-        let name = written.to_ascii_lowercase();
-        if !KNOWN.contains(&name.as_str()) {
-            return Err(format!("character {}: no aggregate {written:?}; there are {}", token.at, KNOWN.join(", ")));
-        }
-        if !self.is_next("(") {
-            return Err(format!(
-                "character {}: {name} needs parentheses, as {name}({})",
-                token.at,
-                if name == "count" { "" } else { "lateness_s" }
-            ));
-        }
+        let name = self.aggregate_name()?;
         if name == "count" {
             return match self.is_next(")") {
                 true => Ok(Aggregate { name: "count()".to_owned(), function: Function::Count, column: None }),
@@ -402,13 +387,7 @@ impl Parser {
             };
         }
         let of = self.take("a column")?;
-        let column = match &of.what {
-            Word::Name(column) => known_column(column).map_err(|what| format!("character {}: {what}", of.at))?,
-            other => return Err(format!("character {}: expected a column, found {}", of.at, shown(other))),
-        };
-        if kind_of(&column) == Kind::Text {
-            return Err(format!("character {}: {column} holds text, and {name} needs numbers", of.at));
-        }
+        let column = column_of_numbers(&of, &name)?;
         let share = if name == "quantile" { Some(self.share()?) } else { None };
         if !self.is_next(")") {
             return Err(format!("{name}( has no `)`"));
@@ -429,6 +408,24 @@ impl Parser {
         Ok(Aggregate { name, function, column: Some(column) })
     }
 
+    /// The name of an aggregate and the parenthesis that opens it.
+    fn aggregate_name(&mut self) -> Result<String, String> {
+        const KNOWN: [&str; 8] = ["count", "median", "mean", "min", "max", "std", "sum", "quantile"];
+        let token = self.take("an aggregate, as count()")?;
+        let Word::Name(written) = &token.what else {
+            return Err(format!("character {}: expected an aggregate, found {}", token.at, shown(&token.what)));
+        };
+        let name = written.to_ascii_lowercase();
+        if !KNOWN.contains(&name.as_str()) {
+            return Err(format!("character {}: no aggregate {written:?}; there are {}", token.at, KNOWN.join(", ")));
+        }
+        if self.is_next("(") {
+            return Ok(name);
+        }
+        let column = if name == "count" { "" } else { "lateness_s" };
+        Err(format!("character {}: {name} needs parentheses, as {name}({column})", token.at))
+    }
+
     fn share(&mut self) -> Result<f64, String> {
         let wrong = "quantile takes a column and a share from 0 to 1, as quantile(lateness_s, 0.9)";
         if !self.is_next(",") {
@@ -438,6 +435,18 @@ impl Parser {
             Word::Number(share) if (0.0..=1.0).contains(&share) => Ok(share),
             _ => Err(wrong.to_owned()),
         }
+    }
+}
+
+fn column_of_numbers(of: &Token, aggregate: &str) -> Result<String, String> {
+    let wrong = |what: String| format!("character {}: {what}", of.at);
+    let column = match &of.what {
+        Word::Name(column) => known_column(column).map_err(wrong)?,
+        other => return Err(wrong(format!("expected a column, found {}", shown(other)))),
+    };
+    match kind_of(&column) {
+        Kind::Text => Err(wrong(format!("{column} holds text, and {aggregate} needs numbers"))),
+        _ => Ok(column),
     }
 }
 

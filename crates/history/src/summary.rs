@@ -345,28 +345,6 @@ pub(crate) mod tests {
     use record::{LeftLog, NamedFlight, NightCampaign, RECORD_VERSION, TrendRecord};
 
     pub(crate) fn night() -> NightRecord {
-        let named = |flight: &str| NamedFlight { campaign: "uav".into(), flight: flight.into(), page: None };
-        let estimate = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
-        let changes = RunChanges {
-            compared: 9,
-            new: vec![named("n.bin")],
-            moved: vec![MovedNumber {
-                flight: named("m.bin"),
-                quantity: "lateness".into(),
-                unit: "s".into(),
-                before: estimate(0.118),
-                now: estimate(0.131),
-                sigmas: Some(4.6),
-                causes: vec![ChangeCause::Log],
-            }],
-            failing: vec![FlightWords {
-                flight: named("<b>&.bin"),
-                words: vec!["failed".into()],
-                error: Some("b.bin: byte 12: no frame".into()),
-                texts: vec![],
-            }],
-            ..RunChanges::default()
-        };
         let campaign = NightCampaign {
             name: "uav".into(),
             flights: "/logs/uav".into(),
@@ -388,7 +366,7 @@ pub(crate) mod tests {
             exit: 3,
             summary: vec![],
             campaigns: vec![campaign],
-            changes,
+            changes: changes(),
             groups: vec![],
             left: vec![LeftLog { campaign: "uav".into(), path: "w.bin".into(), reason: "still being written".into() }],
             new_trend_changes: vec![],
@@ -398,6 +376,32 @@ pub(crate) mod tests {
         };
         record.summary = lines(&record);
         record
+    }
+
+    /// A flight is new, one moved, and one fails.
+    fn changes() -> RunChanges {
+        let named = |flight: &str| NamedFlight { campaign: "uav".into(), flight: flight.into(), page: None };
+        let estimate = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
+        RunChanges {
+            compared: 9,
+            new: vec![named("n.bin")],
+            moved: vec![MovedNumber {
+                flight: named("m.bin"),
+                quantity: "lateness".into(),
+                unit: "s".into(),
+                before: estimate(0.118),
+                now: estimate(0.131),
+                sigmas: Some(4.6),
+                causes: vec![ChangeCause::Log],
+            }],
+            failing: vec![FlightWords {
+                flight: named("<b>&.bin"),
+                words: vec!["failed".into()],
+                error: Some("b.bin: byte 12: no frame".into()),
+                texts: vec![],
+            }],
+            ..RunChanges::default()
+        }
     }
 
     #[test]

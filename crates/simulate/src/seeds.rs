@@ -40,11 +40,20 @@ pub fn tiny_flight() -> Result<SimulatedFlight, SimulateError> {
 /// # Errors
 /// As [`Container::files`].
 pub fn seeds() -> Result<Vec<Seed>, SimulateError> {
+    let flight = tiny_flight()?;
+    let seed = |(name, container): (&'static str, Container)| {
+        Ok(Seed { name, container, files: container.files(&flight, name)? })
+    };
+    containers().into_iter().map(seed).collect()
+}
+
+/// Every container, with a name that is fit for a file.
+fn containers() -> [(&'static str, Container); 26] {
     use {BagCompression as B, Db3Compression as D, Db3Layout as L, McapCompression as C, McapEncoding as E};
     let mcap = |encoding, compression, summary| Container::Mcap(McapSettings { encoding, compression, summary });
     let bag = |compression, indexed| Container::Bag(BagSettings { compression, indexed });
     let db3 = |compression, layout| Container::Db3(Db3Settings { compression, layout, definitions: true });
-    let all = [
+    [
         ("mcap-cdr-zstd", mcap(E::Cdr, C::Zstd, true)),
         ("mcap-cdr-lz4", mcap(E::Cdr, C::Lz4, true)),
         ("mcap-cdr-none", mcap(E::Cdr, C::None, true)),
@@ -71,12 +80,7 @@ pub fn seeds() -> Result<Vec<Seed>, SimulateError> {
         ("nmea", Container::Nmea),
         ("csv-wide", Container::CsvWide),
         ("csv-folder", Container::CsvFolder),
-    ];
-    let flight = tiny_flight()?;
-    let seed = |(name, container): (&'static str, Container)| {
-        Ok(Seed { name, container, files: container.files(&flight, name)? })
-    };
-    all.into_iter().map(seed).collect()
+    ]
 }
 
 #[cfg(test)]

@@ -152,19 +152,7 @@ fn read_one(
     piece: &mut [u8],
 ) -> Result<ReadLog, CampaignError> {
     let stamps: Vec<_> = source.unit.files.iter().map(|f| FileStamp::of(f).ok()).collect();
-    let mut inputs = vec![];
-    let mut trouble = None;
-    for (path, stamp) in source.unit.files.iter().zip(&stamps) {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        match hash_file(path, piece, |_| !desk.cancel.load(Ordering::Relaxed)) {
-            Ok(Some(blake3)) => {
-                let bytes = stamp.as_ref().map(|s| s.bytes).unwrap_or_default();
-                inputs.push(InputFile { name, bytes, blake3 });
-            }
-            Ok(None) => return Err(CampaignError::Cancelled),
-            Err(e) => trouble = Some(format!("{name}: {e}")),
-        }
-    }
+    let (inputs, trouble) = hash_inputs(source, &stamps, desk, piece)?;
     let on_bytes = |bytes| desk.tell(Event::Read { bytes });
     let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
     let loaded = match (trouble, library.load(&source.unit, forced, &context)) {
@@ -179,4 +167,27 @@ fn read_one(
         false => Ok(loaded),
     });
     Ok(ReadLog { source: source.clone(), inputs, loaded })
+}
+
+/// The files of a log with their hashes, and why one of them could not be read.
+fn hash_inputs(
+    source: &Source,
+    stamps: &[Option<FileStamp>],
+    desk: &Desk<'_>,
+    piece: &mut [u8],
+) -> Result<(Vec<InputFile>, Option<String>), CampaignError> {
+    let mut inputs = vec![];
+    let mut trouble = None;
+    for (path, stamp) in source.unit.files.iter().zip(stamps) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        match hash_file(path, piece, |_| !desk.cancel.load(Ordering::Relaxed)) {
+            Ok(Some(blake3)) => {
+                let bytes = stamp.as_ref().map(|s| s.bytes).unwrap_or_default();
+                inputs.push(InputFile { name, bytes, blake3 });
+            }
+            Ok(None) => return Err(CampaignError::Cancelled),
+            Err(e) => trouble = Some(format!("{name}: {e}")),
+        }
+    }
+    Ok((inputs, trouble))
 }

@@ -19,69 +19,56 @@ pub(super) struct Subject<'a> {
 
 /// The number of a metric, or why there is none.
 pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, String> {
-    use DelayPairKind::{
-        PositionAgainstReference, PositionAgainstVelocity, VelocityAgainstAcceleration, VelocityAgainstReference,
-    };
-    let plain = |value: f64| Ok(Reading::plain(value));
-    let own = || of.delay(PositionAgainstVelocity);
     let reading = match metric {
         Metric::Lateness => of.lateness(),
         Metric::DelayVaries => of.delay_varies(),
         Metric::Delay => of.position_delay(),
-        Metric::VelocityDelay => of.delay(VelocityAgainstAcceleration).map(delay),
-        Metric::DelayAgainstReference => of.delay(PositionAgainstReference).map(delay),
-        Metric::VelocityDelayAgainstReference => of.delay(VelocityAgainstReference).map(delay),
+        Metric::VelocityDelay => of.delay(DelayPairKind::VelocityAgainstAcceleration),
+        Metric::DelayAgainstReference => of.delay(DelayPairKind::PositionAgainstReference),
+        Metric::VelocityDelayAgainstReference => of.delay(DelayPairKind::VelocityAgainstReference),
         Metric::DelayDifference => of.difference(),
         Metric::DelayNormalisedDifference => of.normalised_difference(),
-        Metric::DelayChange => own().and_then(change),
-        Metric::DelayExpandedUncertainty => own().and_then(expanded_uncertainty),
-        Metric::SmallestDetectableDelayChange => own().map(|found| Reading::plain(found.smallest_detectable_s)),
-        Metric::InjectionError => own().and_then(worst_injection),
+        Metric::DelayChange => of.own_delay().and_then(change),
+        Metric::DelayExpandedUncertainty => of.own_delay().and_then(expanded_uncertainty),
+        Metric::SmallestDetectableDelayChange => of.own_delay().map(smallest_detectable),
+        Metric::InjectionError => of.own_delay().and_then(worst_injection),
         Metric::MovingShare => of.moving_share(),
         Metric::ErrorRms => of.error(|c| c.error_rms_m),
         Metric::ErrorP95 => of.error(|c| c.error_p95_m),
         Metric::ErrorRatio => of.error_ratio(),
-        Metric::CorrectionRms => of.compensator().map(|c| Reading::uncertain(c.raw_minus_this_rms_m)),
+        Metric::CorrectionRms => of.compensator().map(correction),
         Metric::StepAtFixRms => of.step_at_fix(),
         Metric::ErrorMax => of.against_reference().map(|r| Reading::plain(r.max_m)),
         Metric::AlongTrackRms => of.against_reference().map(|r| rms(r.along_m)),
         Metric::AcrossTrackRms => of.against_reference().map(|r| rms(r.across_m)),
         Metric::ResidualDelay => of.residual_delay(),
-        Metric::ResidualDelayAgainstReference => {
-            of.against_reference().and_then(|r| told(&r.residual_delay_s)).map(|e| Reading::uncertain(*e))
-        }
+        Metric::ResidualDelayAgainstReference => of.residual_delay_against_reference(),
         Metric::LeadError => of.score().and_then(lead_error),
-        Metric::StepCorrelation => of.score().and_then(|s| told(&s.step_correlation)).map(|e| Reading::uncertain(*e)),
-        Metric::Hysteresis => of.score().and_then(|s| told(&s.hysteresis)).map(|h| Reading::uncertain(h.along_m)),
-        Metric::StraightAcrossRms => {
-            of.score().and_then(|s| told(&s.straight)).map(|s| Reading::uncertain(s.across_rms_m))
-        }
-        Metric::StraightNoiseRatio => {
-            of.score().and_then(|s| told(&s.straight)).map(|s| Reading::uncertain(s.noise_ratio))
-        }
-        Metric::MotionHelpedShare => of.motion_share().map(|[helped, ..]| Reading::plain(helped)),
-        Metric::MotionHarmedShare => of.motion_share().map(|[.., harmed]| Reading::plain(harmed)),
+        Metric::StepCorrelation => of.scored(|s| &s.step_correlation, |e| *e),
+        Metric::Hysteresis => of.scored(|s| &s.hysteresis, |h| h.along_m),
+        Metric::StraightAcrossRms => of.scored(|s| &s.straight, |s| s.across_rms_m),
+        Metric::StraightNoiseRatio => of.scored(|s| &s.straight, |s| s.noise_ratio),
+        Metric::MotionHelpedShare => of.motion_share(|[helped, ..]| helped),
+        Metric::MotionHarmedShare => of.motion_share(|[.., harmed]| harmed),
         Metric::OnboardDifferenceRms => of.onboard(),
         Metric::ErrorAtBenchValue => of.at_bench_value(true),
         Metric::StepAtBenchValue => of.at_bench_value(false),
-        Metric::DelayOfLeastError => {
-            of.sweep().and_then(|s| told(&s.optimum)).map(|o| Reading::within(o.delay_s, o.interval_95_s))
-        }
+        Metric::DelayOfLeastError => of.sweep().and_then(optimum),
         Metric::ValidShare => of.replay().and_then(valid_share),
-        Metric::Duration => of.replay().map(|r| Reading::plain(r.coverage.duration_s)),
-        Metric::SpeedMedian => of.replay().map(|r| Reading::plain(r.speed_mps.median)),
-        Metric::LongestPositionGap => of.replay().map(|r| Reading::plain(r.coverage.longest_position_gap_s)),
-        Metric::PositionResets => of.count(|r| r.coverage.position_resets),
-        Metric::BridgedGaps => of.count(|r| r.coverage.bridged_gaps),
-        Metric::Restarts => of.count(|r| r.coverage.restarts),
+        Metric::Duration => of.replayed(|r| r.coverage.duration_s),
+        Metric::SpeedMedian => of.replayed(|r| r.speed_mps.median),
+        Metric::LongestPositionGap => of.replayed(|r| r.coverage.longest_position_gap_s),
+        Metric::PositionResets => of.replayed(|r| r.coverage.position_resets as f64),
+        Metric::BridgedGaps => of.replayed(|r| r.coverage.bridged_gaps as f64),
+        Metric::Restarts => of.replayed(|r| r.coverage.restarts as f64),
         Metric::PositionRate => of.replay().and_then(|r| of.rate(&r.pair.position)),
         Metric::VelocityRate => of.replay().and_then(|r| of.rate(&r.pair.velocity)),
         Metric::ChannelRate => of.channel().and_then(|c| of.rate(&c.name)),
         Metric::ChannelLongestStep => of.channel().and_then(longest_step),
         Metric::ChannelUsedShare => of.channel().and_then(used_share),
-        Metric::BytesDamaged => of.log().and_then(|log| plain(log.bytes.damaged as f64)),
+        Metric::BytesDamaged => of.logged(|log| log.bytes.damaged as f64),
         Metric::DamagedShare => of.log().and_then(damaged_share),
-        Metric::MessagesUndecodable => of.log().and_then(|log| plain(log.undecodable as f64)),
+        Metric::MessagesUndecodable => of.logged(|log| log.undecodable as f64),
         Metric::Losses => of.notices(Severity::Loss),
         Metric::Warnings => of.notices(Severity::Warning),
     };
@@ -125,8 +112,12 @@ impl<'a> Subject<'a> {
         self.record.log.as_ref().ok_or_else(|| no_replay(self.record))
     }
 
-    fn count(&self, of: impl FnOnce(&ReplayRecord) -> u64) -> Result<Reading, String> {
-        self.replay().map(|r| Reading::plain(of(r) as f64))
+    fn replayed(&self, of: impl FnOnce(&ReplayRecord) -> f64) -> Result<Reading, String> {
+        self.replay().map(|r| Reading::plain(of(r)))
+    }
+
+    fn logged(&self, of: impl FnOnce(&LogHealth) -> f64) -> Result<Reading, String> {
+        self.log().map(|log| Reading::plain(of(log)))
     }
 
     /// A log that could not be opened has no notices of what is in it.
@@ -160,7 +151,7 @@ impl<'a> Subject<'a> {
         self.compensator_called(self.compensator.unwrap_or_default())
     }
 
-    fn scored(&self, name: &str, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Result<Estimate, String> {
+    fn error_of(&self, name: &str, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Result<Estimate, String> {
         let no_error = match self.replay()?.pair.reference {
             None => "the log holds no reference to score against",
             Some(_) => "the record holds no such error",
@@ -169,13 +160,13 @@ impl<'a> Subject<'a> {
     }
 
     fn error(&self, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Result<Reading, String> {
-        self.scored(self.compensator.unwrap_or_default(), of).map(Reading::uncertain)
+        self.error_of(self.compensator.unwrap_or_default(), of).map(Reading::uncertain)
     }
 
     /// Relative uncertainties add, for both errors are of the same flight: no correlation makes it worse.
     fn error_ratio(&self) -> Result<Reading, String> {
-        let after = self.scored(self.compensator.unwrap_or_default(), |c| c.error_rms_m)?;
-        let raw = self.scored("raw", |c| c.error_rms_m)?;
+        let after = self.error_of(self.compensator.unwrap_or_default(), |c| c.error_rms_m)?;
+        let raw = self.error_of("raw", |c| c.error_rms_m)?;
         if raw.value <= 0.0 {
             return Err("the raw error is zero".to_owned());
         }
@@ -210,9 +201,13 @@ impl<'a> Subject<'a> {
         }
     }
 
-    fn delay(&self, kind: DelayPairKind) -> Result<&'a MeasuredDelay, String> {
-        let pair = self.pair(kind)?;
-        told(&pair.delay)
+    fn delay(&self, kind: DelayPairKind) -> Result<Reading, String> {
+        told(&self.pair(kind)?.delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
+    }
+
+    /// What the flight says of position against velocity.
+    fn own_delay(&self) -> Result<&'a MeasuredDelay, String> {
+        told(&self.pair(DelayPairKind::PositionAgainstVelocity)?.delay)
     }
 
     /// The delay of position against velocity. Of the pair that the answer rests on, the interval is not narrower than the
@@ -236,6 +231,18 @@ impl<'a> Subject<'a> {
         scores.compensators.iter().find(|c| c.name == *name).ok_or_else(|| format!("{name} was not scored"))
     }
 
+    fn scored<T: 'a>(
+        &self,
+        finding: impl Fn(&'a CompensatorScore) -> &'a Finding<T>,
+        of: impl Fn(&T) -> Estimate,
+    ) -> Result<Reading, String> {
+        told(finding(self.score()?)).map(|found| Reading::uncertain(of(found)))
+    }
+
+    fn residual_delay_against_reference(&self) -> Result<Reading, String> {
+        told(&self.against_reference()?.residual_delay_s).map(|found| Reading::uncertain(*found))
+    }
+
     fn against_reference(&self) -> Result<&'a ReferenceScore, String> {
         told(&self.score()?.reference)
     }
@@ -248,9 +255,10 @@ impl<'a> Subject<'a> {
         told(&self.score()?.residual_delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
     }
 
-    fn motion_share(&self) -> Result<[f64; 3], String> {
-        let band = told(&self.score()?.band)?;
-        band.motion_share.ok_or_else(|| "how the motion is spread over frequency is not known".to_owned())
+    fn motion_share(&self, of: impl Fn([f64; 3]) -> f64) -> Result<Reading, String> {
+        let shares = told(&self.score()?.band)?.motion_share;
+        let shares = shares.ok_or("how the motion is spread over frequency is not known")?;
+        Ok(Reading::plain(of(shares)))
     }
 
     fn onboard(&self) -> Result<Reading, String> {
@@ -353,8 +361,16 @@ fn rms([_, rms]: [Estimate; 2]) -> Reading {
     Reading::uncertain(rms)
 }
 
-fn delay(found: &MeasuredDelay) -> Reading {
-    Reading::within(found.delay_s, found.interval_95_s)
+fn correction(result: &CompensatorResult) -> Reading {
+    Reading::uncertain(result.raw_minus_this_rms_m)
+}
+
+fn optimum(sweep: &DelaySweep) -> Result<Reading, String> {
+    told(&sweep.optimum).map(|found| Reading::within(found.delay_s, found.interval_95_s))
+}
+
+fn smallest_detectable(found: &MeasuredDelay) -> Reading {
+    Reading::plain(found.smallest_detectable_s)
 }
 
 fn expanded_uncertainty(found: &MeasuredDelay) -> Result<Reading, String> {

@@ -95,29 +95,8 @@ impl Checker<'_> {
         texts.into_iter().chain([channels]).collect::<Result<(), _>>()?;
         let (compensator, (limit, quantity), rule) = (compensator?, limit?, rule?);
         let applies_to = applies_to?.unwrap_or_default();
-        let text = |value: &Option<Spanned<toml::Value>>| {
-            value.as_ref().and_then(|v| read(v.get_ref(), entry.dimension).ok()).map(|q| in_toml(&q, entry.dimension))
-        };
-        let between = table.between.as_ref().and_then(|pair| {
-            let [low, high] = pair.get_ref().as_slice() else { return None };
-            let one = |v| read(v, entry.dimension).ok().map(|q| in_toml(&q, entry.dimension));
-            Some([one(low)?, one(high)?])
-        });
-        let name = |name: Option<Spanned<String>>| name.map(Spanned::into_inner);
-        let written = MeantCriterion {
-            metric: entry.name.to_owned(),
-            at_most: text(&table.at_most),
-            at_least: text(&table.at_least),
-            between,
-            compensator,
-            channel: name(table.channel),
-            against: name(table.against),
-            decision: (rule == DecisionRule::Value).then_some("value"),
-            id: table.id.into_inner(),
-            title: table.title.into_inner(),
-            rationale: table.rationale.into_inner(),
-            applies_to: applies_to.clone(),
-        };
+        let decision = (rule == DecisionRule::Value).then_some("value");
+        let written = MeantCriterion { compensator, decision, applies_to: applies_to.clone(), ..meant(table, entry) };
         Ok(Criterion { entry, limit, unit: quantity.unit, rule, applies_to, written })
     }
 
@@ -296,6 +275,30 @@ impl Checker<'_> {
 
     fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> Refused {
         self.file.reject(at, what)
+    }
+}
+
+/// What is meant by the keys of a right criterion; compensator, decision and applies_to are still to be added.
+fn meant(table: CriterionTable, entry: &MetricEntry) -> MeantCriterion {
+    let one = |value: &toml::Value| read(value, entry.dimension).ok().map(|q| in_toml(&q, entry.dimension));
+    let limit = |value: Option<Spanned<toml::Value>>| value.and_then(|value| one(value.get_ref()));
+    let name = |name: Option<Spanned<String>>| name.map(Spanned::into_inner);
+    MeantCriterion {
+        metric: entry.name.to_owned(),
+        at_most: limit(table.at_most),
+        at_least: limit(table.at_least),
+        between: table.between.and_then(|pair| {
+            let [low, high] = pair.get_ref().as_slice() else { return None };
+            Some([one(low)?, one(high)?])
+        }),
+        compensator: None,
+        channel: name(table.channel),
+        against: name(table.against),
+        decision: None,
+        id: table.id.into_inner(),
+        title: table.title.into_inner(),
+        rationale: table.rationale.into_inner(),
+        applies_to: AppliesTo::default(),
     }
 }
 

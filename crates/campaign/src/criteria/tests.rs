@@ -18,65 +18,77 @@ fn one(metric: &str, added: &str) -> String {
     )
 }
 
+/// Parts of a right file, what stands in their place, the line of the complaint, and what it says.
+const SLIPS: [(&str, &str, usize, &str); 9] = [
+    ("schema = 1", "schema = 2", 1, "schema must be 1"),
+    ("title", "titel", 4, "unknown key `titel`"),
+    ("schema = 1", "schema = one", 1, ""),
+    ("\"a\"", "\"a b\"", 3, "letters, digits"),
+    ("\"asked\"", "\" \"", 4, "say what is asked"),
+    ("\"why\"", "\"\"", 6, "why the limit is"),
+    ("rationale = \"why\"\n", "", 2, "missing key `rationale`"),
+    ("\"delay\"", "\"delays\"", 5, "no metric is called `delays`; did you mean `delay`? known are delay,"),
+    ("\"delay\"", "\"speed\"", 5, "known are speed-median"),
+];
+
+/// Metrics, the keys that are added to their criterion, the line of the complaint, and what it says.
+const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
+    ("delay", "", 2, "needs a limit"),
+    ("delay", "at_most = \"1 s\"\nat_least = \"0 s\"", 2, "has one limit"),
+    ("delay", "at_most = 150", 7, "150 has no unit: write a text with a number and one of the units s, ms"),
+    ("delay", "at_most = \"150 m\"", 7, "`m` is no unit"),
+    ("delay", "at_most = \"1,5 s\"", 7, "a point, not a comma"),
+    ("delay", "at_most = \"soon\"", 7, "does not begin with a number"),
+    ("delay", "at_most = true", 7, "true is no limit"),
+    ("delay", "between = [\"2 s\", \"1 s\"]", 7, "2 s is not below 1 s"),
+    ("delay", "between = [\"2 s\"]", 7, "takes two numbers"),
+    ("delay", "at_most = \"1 s\"\ncompensator = \"raw\"", 8, "compensator has no meaning for delay"),
+    ("delay", "at_most = \"1 s\"\nchannel = \"gps\"", 8, "`gps` is no channel"),
+    ("delay", "at_most = \"1 s\"\ndecision = \"coin\"", 8, "\"interval\" or \"value\""),
+    ("delay", "at_most = \"1 s\"\napplies_to = {}", 8, "applies_to is empty"),
+    ("delay", "at_most = \"1 s\"\napplies_to = { flights = [] }", 8, "applies_to.flights needs a name"),
+    ("delay", "at_most = \"1 s\"\napplies_to = { channels = [\"gps\"] }", 8, "`gps` is no channel"),
+    ("delay", "at_most = \"1 s\"\napplies_to = { reference = false }", 8, "true or left out"),
+    ("delay", "at_most = \"1 s\"\napplies_to = { duration_at_least = 60 }", 8, "60 has no unit"),
+    ("delay", "at_most = \"1 s\"\napplies_to = { planes = [\"x\"] }", 8, "unknown key `planes`"),
+    ("error-rms", "at_most = \"1 m\"", 2, "missing key `compensator`"),
+    ("error-rms", "at_most = \"1 m\"\ncompensator = \"wishful\"", 8, "no compensator is called \"wishful\""),
+    ("error-rms", "at_most = \"-1 m\"\ncompensator = \"raw\"", 7, "no flight can keep this limit"),
+    ("error-rms", "at_least = \"0 m\"\ncompensator = \"raw\"", 7, "every flight keeps this limit"),
+    ("error-ratio", "at_most = 1\ncompensator = \"raw\"", 8, "compares with raw"),
+    ("channel-rate", "at_least = \"4 Hz\"", 2, "missing key `channel`"),
+    ("position-rate", "at_least = \"4 Hz\"\nchannel = \"position.gps\"", 8, "channel has no meaning"),
+    ("position-rate", "at_least = \"4 Hz\"\ndecision = \"value\"", 8, "has no uncertainty of its own"),
+    ("valid-share", "at_least = \"105 %\"", 7, "from 0 to 100 %"),
+    ("valid-share", "at_least = 0.95", 7, "as \"5 %\""),
+    ("restarts", "at_most = 1.5", 7, "no count"),
+    ("restarts", "at_most = \"3 Hz\"", 7, "has no unit `Hz`"),
+];
+
+fn assert_refused(text: &str, line: usize, says: &str) {
+    let error = parse(text).unwrap_err();
+    assert_eq!(error.line, Some(line), "{error}\n{text}");
+    assert!(error.to_string().starts_with(&format!("settings/c.toml:{line}: ")), "{error}");
+    assert!(error.what.contains(says), "{error}\nshould say: {says}");
+}
+
 #[test]
-fn what_is_wrong_is_refused_with_its_line_and_what_would_be_right() {
-    let delay = |added: &str| one("delay", added);
-    let error_rms = |added: &str| one("error-rms", added);
-    let good = delay("at_most = \"1 s\"");
-    let twice = format!("{good}[[criterion]]\nid = \"a\"\ntitle = \"t\"\nmetric = \"delay\"\nrationale = \"r\"\n");
-    for (text, line, says) in [
-        (good.replace("schema = 1", "schema = 2"), 1, "schema must be 1"),
-        (good.replace("title", "titel"), 4, "unknown key `titel`"),
-        (good.replace("schema = 1", "schema = one"), 1, ""),
-        (good.replace("\"a\"", "\"a b\""), 3, "letters, digits"),
-        (good.replace("\"asked\"", "\" \""), 4, "say what is asked"),
-        (good.replace("\"why\"", "\"\""), 6, "why the limit is"),
-        (good.replace("rationale = \"why\"\n", ""), 2, "missing key `rationale`"),
-        (
-            good.replace("\"delay\"", "\"delays\""),
-            5,
-            "no metric is called `delays`; did you mean `delay`? known are delay,",
-        ),
-        (good.replace("\"delay\"", "\"speed\""), 5, "known are speed-median"),
-        (format!("{twice}at_most = \"2 s\"\n"), 9, "id \"a\" is that of the criterion on line 3 too"),
-        (delay(""), 2, "needs a limit"),
-        (delay("at_most = \"1 s\"\nat_least = \"0 s\""), 2, "has one limit"),
-        (delay("at_most = 150"), 7, "150 has no unit: write a text with a number and one of the units s, ms"),
-        (delay("at_most = \"150 m\""), 7, "`m` is no unit"),
-        (delay("at_most = \"1,5 s\""), 7, "a point, not a comma"),
-        (delay("at_most = \"soon\""), 7, "does not begin with a number"),
-        (delay("at_most = true"), 7, "true is no limit"),
-        (delay("between = [\"2 s\", \"1 s\"]"), 7, "2 s is not below 1 s"),
-        (delay("between = [\"2 s\"]"), 7, "takes two numbers"),
-        (delay("at_most = \"1 s\"\ncompensator = \"raw\""), 8, "compensator has no meaning for delay"),
-        (delay("at_most = \"1 s\"\nchannel = \"gps\""), 8, "`gps` is no channel"),
-        (delay("at_most = \"1 s\"\ndecision = \"coin\""), 8, "\"interval\" or \"value\""),
-        (delay("at_most = \"1 s\"\napplies_to = {}"), 8, "applies_to is empty"),
-        (delay("at_most = \"1 s\"\napplies_to = { flights = [] }"), 8, "applies_to.flights needs a name"),
-        (delay("at_most = \"1 s\"\napplies_to = { channels = [\"gps\"] }"), 8, "`gps` is no channel"),
-        (delay("at_most = \"1 s\"\napplies_to = { reference = false }"), 8, "true or left out"),
-        (delay("at_most = \"1 s\"\napplies_to = { duration_at_least = 60 }"), 8, "60 has no unit"),
-        (delay("at_most = \"1 s\"\napplies_to = { planes = [\"x\"] }"), 8, "unknown key `planes`"),
-        (error_rms("at_most = \"1 m\""), 2, "missing key `compensator`"),
-        (error_rms("at_most = \"1 m\"\ncompensator = \"wishful\""), 8, "no compensator is called \"wishful\""),
-        (error_rms("at_most = \"-1 m\"\ncompensator = \"raw\""), 7, "no flight can keep this limit"),
-        (error_rms("at_least = \"0 m\"\ncompensator = \"raw\""), 7, "every flight keeps this limit"),
-        (one("error-ratio", "at_most = 1\ncompensator = \"raw\""), 8, "compares with raw"),
-        (one("channel-rate", "at_least = \"4 Hz\""), 2, "missing key `channel`"),
-        (one("position-rate", "at_least = \"4 Hz\"\nchannel = \"position.gps\""), 8, "channel has no meaning"),
-        (one("position-rate", "at_least = \"4 Hz\"\ndecision = \"value\""), 8, "has no uncertainty of its own"),
-        (one("valid-share", "at_least = \"105 %\""), 7, "from 0 to 100 %"),
-        (one("valid-share", "at_least = 0.95"), 7, "as \"5 %\""),
-        (one("restarts", "at_most = 1.5"), 7, "no count"),
-        (one("restarts", "at_most = \"3 Hz\""), 7, "has no unit `Hz`"),
-    ] {
-        let error = parse(&text).unwrap_err();
-        assert_eq!(error.line, Some(line), "{error}\n{text}");
-        assert!(error.to_string().starts_with(&format!("settings/c.toml:{line}: ")), "{error}");
-        assert!(error.what.contains(says), "{error}\nshould say: {says}");
+fn a_slip_is_refused_with_its_line_and_what_would_be_right() {
+    let good = one("delay", "at_most = \"1 s\"");
+    for (right, wrong, line, says) in SLIPS {
+        assert_refused(&good.replace(right, wrong), line, says);
     }
+    let twice = format!("{good}[[criterion]]\nid = \"a\"\ntitle = \"t\"\nmetric = \"delay\"\nrationale = \"r\"\n");
+    assert_refused(&format!("{twice}at_most = \"2 s\"\n"), 9, "id \"a\" is that of the criterion on line 3 too");
     assert!(parse("schema = 1\n").unwrap_err().what.contains("holds no [[criterion]]"));
     assert!(Criteria::read(Path::new("/nowhere/c.toml")).unwrap_err().what.starts_with("cannot be read"));
+}
+
+#[test]
+fn keys_that_do_not_go_with_their_metric_are_refused_with_their_line_and_what_would_be_right() {
+    for (metric, keys, line, says) in WRONG_KEYS {
+        assert_refused(&one(metric, keys), line, says);
+    }
 }
 
 #[test]
@@ -266,72 +278,79 @@ fn any_limit(name: &str) -> String {
     }
 }
 
-/// Values by hand from the record above, and 95 % intervals where there are some.
-fn expected() -> BTreeMap<&'static str, (f64, Option<[f64; 2]>)> {
-    let around = |value: f64, u: f64| (value, Some([value - 2.0 * u, value + 2.0 * u]));
-    let plain = |value: f64| (value, None);
-    // Two places where a step was looked for: the normal quantile of 1 − 0.025/2 is 2.241403.
-    let step = 2.241_402_727_604_947 * 0.005;
-    [
-        ("delay", (0.4, Some([0.379, 0.421]))),
-        ("lateness", (0.41, Some([0.394, 0.426]))),
-        ("delay-varies", plain(0.0)),
-        ("velocity-delay", (0.01, Some([-0.011, 0.031]))),
-        ("delay-against-reference", (0.42, Some([0.399, 0.441]))),
-        ("velocity-delay-against-reference", (0.02, Some([-0.001, 0.041]))),
-        // The card says 0.38 ± 0.0075: √(0.01² + 0.0075²) = 0.0125, 0.02/0.025 = 0.8.
-        ("delay-difference", around(0.02, 0.0125)),
-        ("delay-normalised-difference", plain(0.8)),
-        ("delay-change", (0.05, Some([0.05 - step, 0.05 + step]))),
-        ("delay-expanded-uncertainty", plain(0.02)),
-        ("smallest-detectable-delay-change", plain(0.028)),
-        ("injection-error", (-0.004, Some([-0.014, 0.006]))),
-        ("moving-share", plain(0.75)),
-        ("error-rms", around(1.0, 0.05)),
-        ("error-p95", around(2.0, 0.1)),
-        // 1/8, relative uncertainties 5 % and 5 % added.
-        ("error-ratio", around(0.125, 0.0125)),
-        ("correction-rms", around(7.0, 0.1)),
-        ("step-at-fix-rms", around(0.2, 0.01)),
-        ("error-max", plain(3.5)),
-        ("along-track-rms", around(0.9, 0.04)),
-        ("across-track-rms", around(0.4, 0.02)),
-        ("residual-delay", (0.003, Some([-0.001, 0.007]))),
-        ("residual-delay-against-reference", around(0.005, 0.001)),
-        ("lead-error", around(0.005, 0.004)),
-        ("step-correlation", around(0.05, 0.03)),
-        ("hysteresis", around(0.3, 0.2)),
-        ("straight-across-rms", around(0.04, 0.01)),
-        ("straight-noise-ratio", around(1.1, 0.05)),
-        ("motion-helped-share", plain(0.9)),
-        ("motion-harmed-share", plain(0.02)),
-        ("onboard-difference-rms", plain(0.006)),
-        ("error-at-bench-value", around(0.6, 0.03)),
-        ("delay-of-least-error", (0.402, Some([0.395, 0.409]))),
-        ("valid-share", plain(0.95)),
-        ("duration", plain(200.0)),
-        ("speed-median", plain(17.0)),
-        ("longest-position-gap", plain(1.25)),
-        ("position-resets", plain(2.0)),
-        ("bridged-gaps", plain(3.0)),
-        ("restarts", plain(1.0)),
-        ("position-rate", plain(5.0)),
-        ("velocity-rate", plain(5.0)),
-        ("channel-rate", plain(5.0)),
-        ("channel-longest-step", plain(1.5)),
-        ("channel-used-share", plain(0.8)),
-        ("bytes-damaged", plain(10.0)),
-        ("damaged-share", plain(0.01)),
-        ("messages-undecodable", plain(4.0)),
-        ("losses", plain(1.0)),
-        ("warnings", plain(2.0)),
-    ]
-    .into()
+/// A value and, where there is one, its 95 % interval.
+type Expected = (f64, Option<[f64; 2]>);
+
+const fn around(value: f64, u: f64) -> Expected {
+    (value, Some([value - 2.0 * u, value + 2.0 * u]))
 }
+
+const fn plain(value: f64) -> Expected {
+    (value, None)
+}
+
+/// Two places where a step was looked for: the normal quantile of 1 − 0.025/2 is 2.241403.
+const STEP: f64 = 2.241_402_727_604_947 * 0.005;
+
+/// Values by hand from the record above, by metric.
+const EXPECTED: [(&str, Expected); 50] = [
+    ("delay", (0.4, Some([0.379, 0.421]))),
+    ("lateness", (0.41, Some([0.394, 0.426]))),
+    ("delay-varies", plain(0.0)),
+    ("velocity-delay", (0.01, Some([-0.011, 0.031]))),
+    ("delay-against-reference", (0.42, Some([0.399, 0.441]))),
+    ("velocity-delay-against-reference", (0.02, Some([-0.001, 0.041]))),
+    // The card says 0.38 ± 0.0075: √(0.01² + 0.0075²) = 0.0125, 0.02/0.025 = 0.8.
+    ("delay-difference", around(0.02, 0.0125)),
+    ("delay-normalised-difference", plain(0.8)),
+    ("delay-change", (0.05, Some([0.05 - STEP, 0.05 + STEP]))),
+    ("delay-expanded-uncertainty", plain(0.02)),
+    ("smallest-detectable-delay-change", plain(0.028)),
+    ("injection-error", (-0.004, Some([-0.014, 0.006]))),
+    ("moving-share", plain(0.75)),
+    ("error-rms", around(1.0, 0.05)),
+    ("error-p95", around(2.0, 0.1)),
+    // 1/8, relative uncertainties 5 % and 5 % added.
+    ("error-ratio", around(0.125, 0.0125)),
+    ("correction-rms", around(7.0, 0.1)),
+    ("step-at-fix-rms", around(0.2, 0.01)),
+    ("error-max", plain(3.5)),
+    ("along-track-rms", around(0.9, 0.04)),
+    ("across-track-rms", around(0.4, 0.02)),
+    ("residual-delay", (0.003, Some([-0.001, 0.007]))),
+    ("residual-delay-against-reference", around(0.005, 0.001)),
+    ("lead-error", around(0.005, 0.004)),
+    ("step-correlation", around(0.05, 0.03)),
+    ("hysteresis", around(0.3, 0.2)),
+    ("straight-across-rms", around(0.04, 0.01)),
+    ("straight-noise-ratio", around(1.1, 0.05)),
+    ("motion-helped-share", plain(0.9)),
+    ("motion-harmed-share", plain(0.02)),
+    ("onboard-difference-rms", plain(0.006)),
+    ("error-at-bench-value", around(0.6, 0.03)),
+    ("delay-of-least-error", (0.402, Some([0.395, 0.409]))),
+    ("valid-share", plain(0.95)),
+    ("duration", plain(200.0)),
+    ("speed-median", plain(17.0)),
+    ("longest-position-gap", plain(1.25)),
+    ("position-resets", plain(2.0)),
+    ("bridged-gaps", plain(3.0)),
+    ("restarts", plain(1.0)),
+    ("position-rate", plain(5.0)),
+    ("velocity-rate", plain(5.0)),
+    ("channel-rate", plain(5.0)),
+    ("channel-longest-step", plain(1.5)),
+    ("channel-used-share", plain(0.8)),
+    ("bytes-damaged", plain(10.0)),
+    ("damaged-share", plain(0.01)),
+    ("messages-undecodable", plain(4.0)),
+    ("losses", plain(1.0)),
+    ("warnings", plain(2.0)),
+];
 
 #[test]
 fn every_metric_is_the_number_that_a_hand_finds_in_the_record() {
-    let (record, expected) = (record(), expected());
+    let (record, expected) = (record(), BTreeMap::from(EXPECTED));
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs().max(1.0);
     for metric in METRICS.iter().filter(|m| m.name != "step-at-bench-value") {
         let (value, interval) = expected.get(metric.name).unwrap_or_else(|| panic!("{} is not tested", metric.name));

@@ -95,17 +95,10 @@ pub(super) fn source(
     zeros: &HashMap<Clock, Stamp>,
     utc: Option<&UtcTie>,
 ) -> Source {
-    let mut sheet = Sheet::default();
-    let mut columns = About::new();
-    let mut push = |name: String, cells, about: Value| {
-        columns.insert(name.clone(), about);
-        sheet.push(name, cells);
-    };
-    let nanos = |stamps: &[Stamp]| Cells::I64(stamps.iter().map(|s| Some(s.0)).collect());
     let timeline = channel.series.timeline();
+    let (clock, main) = (timeline.clock(), format!("{}_ns", timeline.kind()));
     let own_ns: Values<i64> = timeline.stamps().iter().map(|s| Some(s.0)).collect();
-    let utc_ns = utc_of(timeline.clock(), &own_ns, utc);
-    let is_utc = utc_ns.is_some();
+    let utc_ns = utc_of(clock, &own_ns, utc);
     let log_time = match to {
         ExportTo::Mcap => utc_ns.clone().unwrap_or(own_ns).into_parts().0,
         ExportTo::Parquet | ExportTo::Csv => {
@@ -113,35 +106,52 @@ pub(super) fn source(
             vec![]
         }
     };
-    let main = format!("{}_ns", timeline.kind());
-    push(main.clone(), nanos(timeline.stamps()), json!({ "unit": "ns", "clock": timeline.clock() }));
-    let zero = zeros.get(&timeline.clock()).copied().unwrap_or(Stamp(0));
-    let about = json!({ "unit": "s", "clock": timeline.clock(), "zero_ns": zero.0 });
-    push("t_s".to_owned(), Cells::F64(timeline.seconds_since(zero).into()), about);
-    if let Some(utc_ns) = utc_ns.filter(|_| timeline.clock() != Clock::Unix) {
-        push("utc_ns".to_owned(), Cells::I64(utc_ns), json!({ "unit": "ns", "clock": Clock::Unix }));
-    }
-    for (kind, clock, stamps) in &channel.other_stamps {
-        push(format!("{kind}_ns"), nanos(stamps), json!({ "unit": "ns", "clock": clock }));
-    }
-    let way = is_utc.then(|| format!("{main}{}", way_to_utc(timeline.clock())));
+    let way = utc_ns.is_some().then(|| format!("{main}{}", way_to_utc(clock)));
     let log_time_how = match &way {
         Some(way) => format!("UTC: {way}"),
-        None => format!("{main}, clock {}, not UTC", timeline.clock()),
+        None => format!("{main}, clock {clock}, not UTC"),
     };
-    let whole = json!({
+    let about = about(&channel, way);
+    let zero = zeros.get(&clock).copied().unwrap_or(Stamp(0));
+    let (mut sheet, mut columns) = (Sheet::default(), About::new());
+    for (name, cells, about) in times_of(&channel, zero, utc_ns).into_iter().chain(values_of(channel)) {
+        columns.insert(name.clone(), about);
+        sheet.push(name, cells);
+    }
+    Source { name, sheet, columns, about, log_time, log_time_how }
+}
+
+/// The stamps of a channel, in each of its clocks, as columns.
+fn times_of(channel: &Channel, zero: Stamp, utc_ns: Option<Values<i64>>) -> Vec<(String, Cells, Value)> {
+    let timeline = channel.series.timeline();
+    let clock = timeline.clock();
+    let nanos = |stamps: &[Stamp]| Cells::I64(stamps.iter().map(|s| Some(s.0)).collect());
+    let seconds = Cells::F64(timeline.seconds_since(zero).into());
+    let mut columns = vec![
+        (format!("{}_ns", timeline.kind()), nanos(timeline.stamps()), json!({ "unit": "ns", "clock": clock })),
+        ("t_s".to_owned(), seconds, json!({ "unit": "s", "clock": clock, "zero_ns": zero.0 })),
+    ];
+    if let Some(utc_ns) = utc_ns.filter(|_| clock != Clock::Unix) {
+        columns.push(("utc_ns".to_owned(), Cells::I64(utc_ns), json!({ "unit": "ns", "clock": Clock::Unix })));
+    }
+    for (kind, clock, stamps) in &channel.other_stamps {
+        columns.push((format!("{kind}_ns"), nanos(stamps), json!({ "unit": "ns", "clock": clock })));
+    }
+    columns
+}
+
+/// Where a channel comes from; `utc` is the way in which its stamps become UTC.
+fn about(channel: &Channel, utc: Option<String>) -> Value {
+    let timeline = channel.series.timeline();
+    json!({
         "quantity": channel.quantity,
         "topic": channel.source.topic,
         "type": channel.source.type_name,
         "fields": channel.source.fields,
         "clock": timeline.clock(),
         "stamps": timeline.kind(),
-        "utc": way,
-    });
-    for (name, cells, about) in values_of(channel) {
-        push(name, cells, about);
-    }
-    Source { name, sheet, columns, about: whole, log_time, log_time_how }
+        "utc": utc,
+    })
 }
 
 /// The components that the log holds, and which values are held, as columns.

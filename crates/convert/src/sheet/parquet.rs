@@ -250,6 +250,18 @@ mod tests {
         sheet
     }
 
+    /// Stamps that jitter, a track, and the same held for 20 rows, with rows that lack a value.
+    fn long_table() -> Sheet {
+        let count = 6000_i32;
+        let track = |i: i32| 100.0 * (f64::from(i) / 300.0).sin();
+        let mut sheet = Sheet::default();
+        let stamp = |i: i32| i64::from(i) * 10_000_000 + i64::from(i % 7);
+        sheet.push("stamp_ns", Cells::I64((0..count).map(|i| (i % 50 != 9).then(|| stamp(i))).collect()));
+        sheet.push("north_m", Cells::F64((0..count).map(|i| (i % 90 > 3).then(|| track(i))).collect()));
+        sheet.push("held_m", Cells::F64((0..count).map(|i| Some(track(i / 20))).collect()));
+        sheet
+    }
+
     fn written(sheet: &Sheet) -> (File, Vec<u8>) {
         let mut bytes = vec![];
         write_parquet_about(sheet, &[("about".to_owned(), "a text".to_owned())], &mut bytes).unwrap();
@@ -296,13 +308,7 @@ mod tests {
 
     #[test]
     fn a_long_table_is_packed_and_polars_and_we_read_it_to_the_bit() {
-        let count = 6000_i32;
-        let track = |i: i32| 100.0 * (f64::from(i) / 300.0).sin();
-        let mut sheet = Sheet::default();
-        let stamp = |i: i32| i64::from(i) * 10_000_000 + i64::from(i % 7);
-        sheet.push("stamp_ns", Cells::I64((0..count).map(|i| (i % 50 != 9).then(|| stamp(i))).collect()));
-        sheet.push("north_m", Cells::F64((0..count).map(|i| (i % 90 > 3).then(|| track(i))).collect()));
-        sheet.push("held_m", Cells::F64((0..count).map(|i| Some(track(i / 20))).collect()));
+        let sheet = long_table();
         let bytes = |name: &str| {
             let mut one = Sheet::default();
             one.push(name, sheet.cells(name).unwrap().clone());

@@ -3,7 +3,7 @@
 use super::{LINES, Place, Track};
 use crate::error::ConvertError;
 use mcap::records::{MessageHeader, Metadata};
-use mcap::{Compression, WriteOptions};
+use mcap::{Compression, McapError, McapResult, WriteOptions, Writer};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -48,17 +48,23 @@ fn location_fix() -> String {
 /// Topics `/raw/fix`, `/raw/location`, `/compensated/fix` and `/compensated/location`. Log times are UTC; where that is not
 /// known, seconds since the start of the track.
 pub(super) fn write(track: &Track, out: &Path, file: File) -> Result<(), ConvertError> {
-    let failed = |e: mcap::McapError| ConvertError::write(out, "write")(std::io::Error::other(e));
+    let failed = |e: McapError| ConvertError::write(out, "write")(std::io::Error::other(e));
     let options = WriteOptions::new().library("flightlag").profile("ros2").compression(Some(Compression::Zstd));
     let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
-    let fix = writer.add_schema("sensor_msgs/msg/NavSatFix", "ros2msg", NAV_SAT_FIX.as_bytes()).map_err(failed)?;
-    let location =
-        writer.add_schema("foxglove.LocationFix", "jsonschema", location_fix().as_bytes()).map_err(failed)?;
+    write_lines(track, &mut writer).map_err(failed)?;
+    let about = BTreeMap::from([("flight".to_owned(), track.name.clone()), ("track".to_owned(), track.about.clone())]);
+    writer.write_metadata(&Metadata { name: "flightlag-track".to_owned(), metadata: about }).map_err(failed)?;
+    writer.finish().map(drop).map_err(failed)
+}
+
+fn write_lines(track: &Track, writer: &mut Writer<BufWriter<File>>) -> McapResult<()> {
+    let fix = writer.add_schema("sensor_msgs/msg/NavSatFix", "ros2msg", NAV_SAT_FIX.as_bytes())?;
+    let location = writer.add_schema("foxglove.LocationFix", "jsonschema", location_fix().as_bytes())?;
     let none = BTreeMap::new();
     let mut channels = vec![];
     for (name, ..) in LINES {
-        let fixes = writer.add_channel(fix, &format!("/{name}/fix"), "cdr", &none).map_err(failed)?;
-        let places = writer.add_channel(location, &format!("/{name}/location"), "json", &none).map_err(failed)?;
+        let fixes = writer.add_channel(fix, &format!("/{name}/fix"), "cdr", &none)?;
+        let places = writer.add_channel(location, &format!("/{name}/location"), "json", &none)?;
         channels.push((name, fixes, places));
     }
     let start = track.instants.first().map_or(0.0, |i| i.t_s);
@@ -68,13 +74,11 @@ pub(super) fn write(track: &Track, out: &Path, file: File) -> Result<(), Convert
         for (line, (name, fixes, places)) in channels.iter().enumerate() {
             let Some(place) = instant.places[line] else { continue };
             let header = |channel_id| MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
-            writer.write_to_known_channel(&header(*fixes), &cdr(ns, name, place)).map_err(failed)?;
-            writer.write_to_known_channel(&header(*places), &json_fix(ns, name, place)).map_err(failed)?;
+            writer.write_to_known_channel(&header(*fixes), &cdr(ns, name, place))?;
+            writer.write_to_known_channel(&header(*places), &json_fix(ns, name, place))?;
         }
     }
-    let about = BTreeMap::from([("flight".to_owned(), track.name.clone()), ("track".to_owned(), track.about.clone())]);
-    writer.write_metadata(&Metadata { name: "flightlag-track".to_owned(), metadata: about }).map_err(failed)?;
-    writer.finish().map(drop).map_err(failed)
+    Ok(())
 }
 
 /// The message as plain CDR, little-endian: numbers stand at multiples of their size, counted behind the four bytes that

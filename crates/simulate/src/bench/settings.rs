@@ -30,6 +30,14 @@ impl Site {
     pub fn pivot(&self) -> Geodetic {
         Geodetic::from_degrees(self.latitude_deg, self.longitude_deg, self.height_m)
     }
+
+    fn check(&self) -> Result<(), SimulateError> {
+        within("site.latitude_deg", self.latitude_deg, -90.0, 90.0, "a latitude")?;
+        within("site.longitude_deg", self.longitude_deg, -360.0, 360.0, "a longitude")?;
+        within("site.height_m", self.height_m, -1e5, 1e5, "within 100 km")?;
+        within("site.gravity_mps2", self.gravity_mps2, 0.0, 100.0, "between 0 and 100 m/s²")?;
+        self.field_t.iter().try_for_each(|&b| within("site.field_t", b, -1.0, 1.0, "within 1 T"))
+    }
 }
 
 impl Default for Site {
@@ -323,11 +331,7 @@ impl BenchSettings {
     pub(super) fn check(&self) -> Result<(), SimulateError> {
         within("swing_s", self.swing_s, 5.0, 7200.0, "between 5 and 7200 s")?;
         self.rest_s.iter().try_for_each(|&s| within("rest_s", s, 0.0, 7200.0, "between 0 and 7200 s"))?;
-        within("site.latitude_deg", self.site.latitude_deg, -90.0, 90.0, "a latitude")?;
-        within("site.longitude_deg", self.site.longitude_deg, -360.0, 360.0, "a longitude")?;
-        within("site.height_m", self.site.height_m, -1e5, 1e5, "within 100 km")?;
-        within("site.gravity_mps2", self.site.gravity_mps2, 0.0, 100.0, "between 0 and 100 m/s²")?;
-        self.site.field_t.iter().try_for_each(|&b| within("site.field_t", b, -1.0, 1.0, "within 1 T"))?;
+        self.site.check()?;
         within("rest_angle_rad", self.rest_angle_rad, -100.0, 100.0, "within 100 rad")?;
         self.bar.check()?;
         self.swing.check()?;

@@ -62,9 +62,7 @@ impl Swing {
         let amplitude = |a: f64| within("swing.amplitude_rad", a, 0.0, 3.0, "between 0 and 3 rad");
         match *self {
             Swing::Hand { amplitude_rad, centre_hz, spread_hz, fastest_hz } => {
-                within("swing.centre_hz", centre_hz, 0.05, 10.0, "between 0.05 and 10 Hz")?;
-                within("swing.spread_hz", spread_hz, 0.0, 10.0, "between 0 and 10 Hz")?;
-                within("swing.fastest_hz", fastest_hz, 0.8, 20.0, "between 0.8 and 20 Hz")?;
+                check_hand(centre_hz, spread_hz, fastest_hz)?;
                 amplitude(amplitude_rad)
             }
             Swing::Pushed { amplitude_rad, damping_per_s } => {
@@ -78,6 +76,13 @@ impl Swing {
             Swing::Still => Ok(()),
         }
     }
+}
+
+/// The frequencies of a bar that is waved by hand.
+fn check_hand(centre_hz: f64, spread_hz: f64, fastest_hz: f64) -> Result<(), SimulateError> {
+    within("swing.centre_hz", centre_hz, 0.05, 10.0, "between 0.05 and 10 Hz")?;
+    within("swing.spread_hz", spread_hz, 0.0, 10.0, "between 0 and 10 Hz")?;
+    within("swing.fastest_hz", fastest_hz, 0.8, 20.0, "between 0.8 and 20 Hz")
 }
 
 /// A swing as drawn: angle about the angle at rest and its derivatives, from its begin to its end.

@@ -126,25 +126,38 @@ fn position_velocity_and_specific_force_of_any_lever_arm_belong_together() {
     }
 }
 
-#[test]
-fn the_upright_bench_says_what_the_paper_prints() {
-    // Park & Lee 2010, eq. 1 and 2 (design note 1.2).
-    let settings = still();
-    let (truth, l, g, eta) = (bench(&settings).truth, 1.3, settings.site.gravity_mps2, 30f64.to_radians());
+/// The bar's motion and what a channel of the upright bench must read, by Park & Lee 2010, eq. 1 and 2 (design note 1.2).
+fn assert_upright(channel: BenchChannel, expected: impl Fn(BarMotion) -> Vec<f64>) {
+    let truth = bench(&still()).truth;
     for t in MOMENTS {
-        let BarMotion { angle: xi, rate, acceleration, .. } = truth.at(t);
-        let near = |channel, expected: &[f64]| {
-            let value = truth.value(channel, t);
-            value.iter().zip(expected).for_each(|(v, e)| assert!((v - e).abs() < 1e-13, "{channel:?} {v} {e}"));
-        };
-        near(BenchChannel::PositionGps, &[-l * eta.cos() * xi.sin(), -l * eta.sin() * xi.sin(), -l * xi.cos()]);
-        let horizontal = -l * rate * xi.cos();
-        near(BenchChannel::VelocityGps, &[horizontal * eta.cos(), horizontal * eta.sin(), l * rate * xi.sin()]);
-        near(BenchChannel::SpecificForce, &[-l * acceleration + g * xi.sin(), 0.0, l * rate * rate - g * xi.cos()]);
-        near(BenchChannel::AngularRate, &[0.0, rate, 0.0]);
-        let (e, x) = (eta / 2.0, xi / 2.0);
-        near(BenchChannel::Attitude, &[e.cos() * x.cos(), -e.sin() * x.sin(), e.cos() * x.sin(), e.sin() * x.cos()]);
+        let (value, expected) = (truth.value(channel, t), expected(truth.at(t)));
+        value.iter().zip(&expected).for_each(|(v, e)| assert!((v - e).abs() < 1e-13, "{channel:?} {v} {e}"));
     }
+}
+
+#[test]
+fn the_upright_bench_moves_as_the_paper_prints() {
+    let (l, eta) = (1.3, 30f64.to_radians());
+    assert_upright(BenchChannel::PositionGps, |BarMotion { angle: xi, .. }| {
+        vec![-l * eta.cos() * xi.sin(), -l * eta.sin() * xi.sin(), -l * xi.cos()]
+    });
+    assert_upright(BenchChannel::VelocityGps, |BarMotion { angle: xi, rate, .. }| {
+        let horizontal = -l * rate * xi.cos();
+        vec![horizontal * eta.cos(), horizontal * eta.sin(), l * rate * xi.sin()]
+    });
+    assert_upright(BenchChannel::Attitude, |BarMotion { angle: xi, .. }| {
+        let (e, x) = (eta / 2.0, xi / 2.0);
+        vec![e.cos() * x.cos(), -e.sin() * x.sin(), e.cos() * x.sin(), e.sin() * x.cos()]
+    });
+}
+
+#[test]
+fn the_upright_bench_feels_what_the_paper_prints() {
+    let (l, g) = (1.3, still().site.gravity_mps2);
+    assert_upright(BenchChannel::SpecificForce, |BarMotion { angle: xi, rate, acceleration, .. }| {
+        vec![-l * acceleration + g * xi.sin(), 0.0, l * rate * rate - g * xi.cos()]
+    });
+    assert_upright(BenchChannel::AngularRate, |BarMotion { rate, .. }| vec![0.0, rate, 0.0]);
 }
 
 #[test]

@@ -10,7 +10,18 @@ const NAV: u8 = 0x01;
 
 /// The flight as frames.
 pub(super) fn write(flight: &SimulatedFlight) -> Vec<u8> {
-    let mut frames: Vec<(Stamp, Vec<u8>)> = vec![];
+    let mut frames = positions(flight);
+    frames.extend(velocities(flight));
+    frames.extend(weeks(flight));
+    frames.sort_by_key(|(logged, _)| *logged);
+    let mut bytes = frame(0x0a, 0x04, &version());
+    frames.into_iter().for_each(|(_, frame)| bytes.extend(frame));
+    bytes
+}
+
+/// `NAV-POSLLH` with the stamps of the log.
+fn positions(flight: &SimulatedFlight) -> Vec<(Stamp, Vec<u8>)> {
+    let mut frames = vec![];
     let position = &flight.position;
     for ((measured, logged), [latitude, longitude, height]) in
         position.measured.iter().zip(&position.logged).zip(&position.geodetic_deg)
@@ -21,6 +32,12 @@ pub(super) fn write(flight: &SimulatedFlight) -> Vec<u8> {
         let payload = [&time_of_week(*measured).1[..], &place.concat(), &accuracy.concat()].concat();
         frames.push((*logged, frame(NAV, 0x02, &payload)));
     }
+    frames
+}
+
+/// `NAV-VELNED` with the stamps of the log.
+fn velocities(flight: &SimulatedFlight) -> Vec<(Stamp, Vec<u8>)> {
+    let mut frames = vec![];
     let velocity = &flight.velocity;
     for ((measured, logged), ned) in velocity.measured.iter().zip(&velocity.logged).zip(&velocity.ned) {
         let whole = |value: f64| ((value * 1e2).round() as i32).to_le_bytes();
@@ -31,16 +48,17 @@ pub(super) fn write(flight: &SimulatedFlight) -> Vec<u8> {
         let payload = [&time_of_week(*measured).1[..], &ned.map(whole).concat(), &speeds, &accuracy.concat()].concat();
         frames.push((*logged, frame(NAV, 0x12, &payload)));
     }
-    for second in 0..flight.settings.duration_s.ceil() as u32 {
+    frames
+}
+
+/// `NAV-TIMEGPS`, just before each full second.
+fn weeks(flight: &SimulatedFlight) -> impl Iterator<Item = (Stamp, Vec<u8>)> {
+    (0..flight.settings.duration_s.ceil() as u32).map(|second| {
         let stamp = flight.settings.start.plus_seconds(f64::from(second) - 0.0005);
         let (week, in_week) = time_of_week(stamp);
         let payload = [&in_week[..], &[0; 4], &week.to_le_bytes(), &[18, 7], &[20, 0, 0, 0]].concat();
-        frames.push((stamp, frame(NAV, 0x20, &payload)));
-    }
-    frames.sort_by_key(|(logged, _)| *logged);
-    let mut bytes = frame(0x0a, 0x04, &version());
-    frames.into_iter().for_each(|(_, frame)| bytes.extend(frame));
-    bytes
+        (stamp, frame(NAV, 0x20, &payload))
+    })
 }
 
 /// `MON-VER`.
