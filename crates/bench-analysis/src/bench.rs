@@ -22,7 +22,7 @@ use jiff::civil::Date;
 use record::{
     BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, RigGeometry, RigPart, TimeBasis,
 };
-use signal::{DelaySettings, Gain, Measurement, Sign, fit_delay};
+use signal::{DelayFit, DelaySettings, Gain, Measurement, Sign, fit_delay};
 
 /// A bar that turns slower than this many counts a second stands still.
 const STILL_COUNTS_PER_S: f64 = 1.0;
@@ -84,29 +84,17 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let series = EncoderSeries::of(encoder_name, encoder, rig)?;
     let mut notices = series.notices.clone();
     let counts_source = series.counts_source.clone();
-    let raw = Motion::of(series).map_err(|source| BenchRefusal::Smooth { channel: encoder_name.to_owned(), source })?;
+    let raw = smoothed(encoder_name, series)?;
     let clock = encoder.series.timeline().clock();
     let tied = tied(input, &raw, clock, rig)?;
     notices.extend(tied.notices.clone());
     let day = day_of(input, rig);
-    let place = place_of(input.sensor);
-    let (around, surroundings_notices) = Surroundings::of(rig, place, day);
+    let (around, surroundings_notices) = Surroundings::of(rig, place_of(input.sensor), day);
     notices.extend(surroundings_notices);
 
-    let rough = align(&raw, &tied.flight, rig, &around);
-    let turned = raw.clone().oriented(rough.sign, rough.zero_rad.value);
-    let references = References::of(&tied.flight, &turned, rig, &around, &rough);
-    let timing = Timing::of(&references, &tied, rig, &turned);
-    let corrected = timing.correct(&tied, &turned);
-    if let Some(flight) = &corrected {
-        notices.extend(flight.notices.clone());
-    }
+    let Placed { timing, corrected, alignment, motion } = Placed::of(raw, &tied, rig, &around, &mut notices);
     let sensor = corrected.as_ref().unwrap_or(&tied.flight);
-
-    let alignment = if corrected.is_some() { align(&raw, sensor, rig, &around) } else { rough };
-    let motion = raw.oriented(alignment.sign, alignment.zero_rad.value);
     let references = References::of(sensor, &motion, rig, &around, &alignment);
-    notices.extend(alignment.notices.clone());
     notices.extend(references.notices.clone());
     if references.channels.is_empty() {
         let held: Vec<&str> = input.sensor.channels.keys().map(String::as_str).collect();
@@ -133,6 +121,37 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     };
     let magnetic = MagneticEvidence { swings, around };
     Ok(Bench { findings, magnetic, date: day.map(|d| d.to_string()), notices })
+}
+
+fn smoothed(channel: &str, series: EncoderSeries) -> Result<Motion, BenchRefusal> {
+    Motion::of(series).map_err(|source| BenchRefusal::Smooth { channel: channel.to_owned(), source })
+}
+
+/// The sensor in time and on the bar.
+struct Placed {
+    timing: Timing,
+    /// With its stamps put right, where that is needed.
+    corrected: Option<Flight>,
+    alignment: Alignment,
+    /// Of the bar, oriented by the alignment.
+    motion: Motion,
+}
+
+impl Placed {
+    fn of(raw: Motion, tied: &Tied, rig: &Rig, around: &Surroundings, notices: &mut Notices) -> Placed {
+        let rough = align(&raw, &tied.flight, rig, around);
+        let turned = raw.clone().oriented(rough.sign, rough.zero_rad.value);
+        let references = References::of(&tied.flight, &turned, rig, around, &rough);
+        let timing = Timing::of(&references, tied, rig, &turned);
+        let corrected = timing.correct(tied, &turned);
+        let alignment = corrected.as_ref().map_or(rough, |sensor| align(&raw, sensor, rig, around));
+        if let Some(flight) = &corrected {
+            notices.extend(flight.notices.clone());
+        }
+        notices.extend(alignment.notices.clone());
+        let motion = raw.oriented(alignment.sign, alignment.zero_rad.value);
+        Placed { timing, corrected, alignment, motion }
+    }
 }
 
 fn tied(input: &BenchInput<'_>, raw: &Motion, clock: Clock, rig: &Rig) -> Result<Tied, BenchRefusal> {
@@ -180,26 +199,7 @@ impl Timing {
         let mut skews = vec![];
         let mut anchor_lag_s = None;
         for channel in &references.channels {
-            let Some(channel_of) = tied.flight.channels.get(&channel.name) else { continue };
-            let rows = channel_of.update_rows();
-            let t: Vec<f64> = rows.iter().filter_map(|&row| channel.t_s.get(row).copied()).collect();
-            let columns: Vec<(&ComponentReference, Vec<f64>)> = channel
-                .components
-                .iter()
-                .filter(|c| c.excited.is_ok())
-                .map(|c| (c, rows.iter().filter_map(|&row| c.measured.get(row).copied()).collect()))
-                .collect();
-            let measurements: Vec<Measurement<'_>> = columns
-                .iter()
-                .map(|(c, y)| Measurement {
-                    t: &t,
-                    y,
-                    reference: &c.reference,
-                    gain: Gain::Free { sign: Sign::Positive },
-                    drift: c.drift,
-                })
-                .collect();
-            let Some(fit) = fit_delay(&measurements, &settings).ok().filter(|fit| fit.converged) else { continue };
+            let Some(fit) = fit_of(channel, tied, &settings) else { continue };
             let Some(skew) = fit.skew else { continue };
             skews.push(estimate(skew));
             if matches!(&tied.basis, TimeBasis::Anchor { channel: anchor } if *anchor == channel.name) {
@@ -256,6 +256,26 @@ impl Timing {
             pps: tied.pps.clone(),
         }
     }
+}
+
+/// The delay of one channel, all its excited components together, if it converges.
+fn fit_of(channel: &ChannelReference, tied: &Tied, settings: &DelaySettings) -> Option<DelayFit> {
+    let rows = tied.flight.channels.get(&channel.name)?.update_rows();
+    let of_rows = |column: &[f64]| -> Vec<f64> { rows.iter().filter_map(|&row| column.get(row).copied()).collect() };
+    let t = of_rows(&channel.t_s);
+    let excited = channel.components.iter().filter(|c| c.excited.is_ok());
+    let columns: Vec<(&ComponentReference, Vec<f64>)> = excited.map(|c| (c, of_rows(&c.measured))).collect();
+    let measurements: Vec<Measurement<'_>> = columns
+        .iter()
+        .map(|(c, y)| Measurement {
+            t: &t,
+            y,
+            reference: &c.reference,
+            gain: Gain::Free { sign: Sign::Positive },
+            drift: c.drift,
+        })
+        .collect();
+    fit_delay(&measurements, settings).ok().filter(|fit| fit.converged)
 }
 
 fn channels(

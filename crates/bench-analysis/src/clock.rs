@@ -118,10 +118,13 @@ fn asked_for<'a>(channel: &'a Channel, rig: &Rig) -> Option<Stamps<'a>> {
 
 /// Channels that the bar moves.
 fn sensed(flight: &Flight) -> impl Iterator<Item = (&String, &Channel)> {
-    flight.channels.iter().filter(|(_, channel)| {
-        use Quantity::{EncoderAngle, EncoderCount, Pulse, Scalar};
-        !matches!(channel.quantity, EncoderAngle | EncoderCount | Pulse | Scalar)
-    })
+    flight.channels.iter().filter(|(_, channel)| is_sensed(channel.quantity))
+}
+
+/// Whether the bar moves what a channel holds.
+pub(crate) fn is_sensed(quantity: Quantity) -> bool {
+    use Quantity::{EncoderAngle, EncoderCount, Pulse, Scalar};
+    !matches!(quantity, EncoderAngle | EncoderCount | Pulse | Scalar)
 }
 
 /// `None` if no channel can be tied this way.
@@ -131,43 +134,20 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
     let mut times = BTreeMap::new();
     let pps = pulse_clock(sensor, encoder, &mut notices);
     let hulls = if pps.is_none() { hulls(sensor, encoder.clock, &mut notices) } else { BTreeMap::new() };
-    let mut used = Ways::default();
+    let mut bridge = Bridge { encoder, pps, hulls, used: Ways::default() };
     for (name, channel) in sensed(sensor) {
         let Some(stamps) = asked_for(channel, rig) else {
             let text = format!("channel {name} has no stamps of the kind that the rig asks for; it is left out");
             notices.push(Code::ClockNotTied, name, channel.series.len() as u64, text);
             continue;
         };
-        let hull = hulls.get(&clock_key(stamps.clock));
-        let mapped = match (stamps.clock == encoder.clock, &pps, hull) {
-            (true, _, _) => {
-                used.direct = true;
-                retimed(name, channel, &stamps, encoder.clock, |s| s, &mut notices)
-            }
-            (false, Some((_, clock)), _) => {
-                used.pps = true;
-                let map = |s: Stamp| encoder.origin.plus_seconds(clock.logger_at(s.seconds_since(Stamp(0))));
-                retimed(name, channel, &stamps, encoder.clock, map, &mut notices)
-            }
-            (false, None, Some(hull)) => {
-                used.hull = true;
-                retimed(name, channel, &stamps, encoder.clock, |s| hull.map(s), &mut notices)
-            }
-            (false, None, None) => {
-                let text = format!(
-                    "channel {name}: nothing ties its clock ({}) to the encoder's ({}); it is left out",
-                    stamps.clock, encoder.clock
-                );
-                notices.push(Code::ClockNotTied, name, channel.series.len() as u64, text);
-                None
-            }
-        };
-        if let Some(mapped) = mapped {
-            let latency = latency(channel, hulls.get(&clock_key(channel.series.timeline().clock())));
+        if let Some(mapped) = bridge.mapped(name, channel, &stamps, &mut notices) {
+            let latency = latency(channel, bridge.hulls.get(&clock_key(channel.series.timeline().clock())));
             times.insert(name.clone(), ChannelTime { kind: stamps.kind, clock: stamps.clock, latency });
             flight.channels.insert(name.clone(), mapped);
         }
     }
+    let Bridge { pps, hulls, used, .. } = bridge;
     let basis = if used.pps { TimeBasis::Pps } else { TimeBasis::OneClock };
     (!flight.channels.is_empty()).then(|| Tied {
         flight,
@@ -178,6 +158,41 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
         pps: pps.map(|(name, clock)| pulse_finding(name, &clock)),
         notices,
     })
+}
+
+/// What leads from the clocks of devices to the encoder's.
+struct Bridge<'a> {
+    encoder: EncoderRate<'a>,
+    /// Channel of the pulse, and the clock that it gives.
+    pps: Option<(&'a str, PiecewiseClock)>,
+    hulls: BTreeMap<u8, Hull>,
+    used: Ways,
+}
+
+impl Bridge<'_> {
+    /// The channel in the encoder's clock; `None`, with a notice, if nothing leads there.
+    fn mapped(&mut self, name: &str, channel: &Channel, stamps: &Stamps<'_>, notices: &mut Notices) -> Option<Channel> {
+        let encoder = self.encoder;
+        if stamps.clock == encoder.clock {
+            self.used.direct = true;
+            return retimed(name, channel, stamps, encoder.clock, |s| s, notices);
+        }
+        if let Some((_, clock)) = &self.pps {
+            self.used.pps = true;
+            let map = |s: Stamp| encoder.origin.plus_seconds(clock.logger_at(s.seconds_since(Stamp(0))));
+            return retimed(name, channel, stamps, encoder.clock, map, notices);
+        }
+        if let Some(hull) = self.hulls.get(&clock_key(stamps.clock)) {
+            self.used.hull = true;
+            return retimed(name, channel, stamps, encoder.clock, |s| hull.map(s), notices);
+        }
+        let text = format!(
+            "channel {name}: nothing ties its clock ({}) to the encoder's ({}); it is left out",
+            stamps.clock, encoder.clock
+        );
+        notices.push(Code::ClockNotTied, name, channel.series.len() as u64, text);
+        None
+    }
 }
 
 /// Which ways across were used.
@@ -368,20 +383,8 @@ fn distribution(values: &[f64]) -> Option<Distribution> {
 /// Lays the recordings over each other by the size of the bar's rate as encoder and anchor saw it.
 fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result<Tied, String> {
     let (name, anchor) = anchor(sensor, rig)?;
-    let stamps = asked_for(anchor, rig)
-        .ok_or_else(|| format!("the anchor {name} has no stamps of the kind that the rig asks for"))?;
-    let device_origin = *stamps.stamps.first().ok_or_else(|| format!("the anchor {name} has no row"))?;
-    let t_s: Vec<f64> = stamps.stamps.iter().map(|s| s.seconds_since(device_origin)).collect();
-    let size = magnitude(anchor);
-    let rate: Vec<f64> = encoder.rate.iter().map(|r| r.abs()).collect();
-    let coarse = coarse_lag((encoder.t_s, [&rate]), (&t_s, [&size]), COARSE_RATE_HZ, SAME_PEAK_S)
-        .filter(|lag| lag.correlation >= LEAST_CORRELATION)
-        .ok_or_else(|| {
-            format!(
-                "clocks of encoder and sensor have nothing in common, and {name} does not move as the encoder does at any \
-                 shift that lets half of the shorter recording overlap: are the two logs of one swing?"
-            )
-        })?;
+    let (stamps, device_origin) = anchor_stamps(name, anchor, rig)?;
+    let coarse = laid_over((name, anchor), &stamps, device_origin, encoder)?;
     let mut notices = Notices::new();
     warn_of_rival(name, &coarse, &mut notices);
     let map = |s: Stamp| encoder.origin.plus_seconds(s.seconds_since(device_origin) + coarse.shift_s);
@@ -402,13 +405,45 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
             flight.channels.insert(other.clone(), mapped);
         }
     }
-    let statement = format!(
-        "Encoder and sensor were stamped by different clocks: all delays are relative to {name}, which is taken as on time. A \
-         delay of {name} itself adds to every one of them."
-    );
+    let statement = statement_of_anchor(name);
     let basis = TimeBasis::Anchor { channel: name.to_owned() };
     let hull = hull.map(|hull| hull.finding.clone());
     Ok(Tied { flight, times, basis, statement, hull, pps: None, notices })
+}
+
+/// Stamps of the anchor, and the first of them.
+fn anchor_stamps<'a>(name: &str, anchor: &'a Channel, rig: &Rig) -> Result<(Stamps<'a>, Stamp), String> {
+    let stamps = asked_for(anchor, rig)
+        .ok_or_else(|| format!("the anchor {name} has no stamps of the kind that the rig asks for"))?;
+    let first = *stamps.stamps.first().ok_or_else(|| format!("the anchor {name} has no row"))?;
+    Ok((stamps, first))
+}
+
+fn statement_of_anchor(name: &str) -> String {
+    format!(
+        "Encoder and sensor were stamped by different clocks: all delays are relative to {name}, which is taken as on time. A \
+         delay of {name} itself adds to every one of them."
+    )
+}
+
+/// The shift at which the sizes of the bar's rate agree best.
+fn laid_over(
+    (name, anchor): (&str, &Channel),
+    stamps: &Stamps<'_>,
+    device_origin: Stamp,
+    encoder: EncoderRate<'_>,
+) -> Result<CoarseLag, String> {
+    let t_s: Vec<f64> = stamps.stamps.iter().map(|s| s.seconds_since(device_origin)).collect();
+    let size = magnitude(anchor);
+    let rate: Vec<f64> = encoder.rate.iter().map(|r| r.abs()).collect();
+    coarse_lag((encoder.t_s, [&rate]), (&t_s, [&size]), COARSE_RATE_HZ, SAME_PEAK_S)
+        .filter(|lag| lag.correlation >= LEAST_CORRELATION)
+        .ok_or_else(|| {
+            format!(
+                "clocks of encoder and sensor have nothing in common, and {name} does not move as the encoder does at any \
+                 shift that lets half of the shorter recording overlap: are the two logs of one swing?"
+            )
+        })
 }
 
 fn anchor<'a>(sensor: &'a Flight, rig: &'a Rig) -> Result<(&'a str, &'a Channel), String> {

@@ -148,14 +148,10 @@ fn best_delay(motion: &Motion, samples: &Samples, pattern: Pattern, (from, to): 
     if !least.is_finite() {
         return None;
     }
-    let is_minimum = |k: usize| {
-        let lower_than = |other: Option<&f64>| other.is_none_or(|o| misfit[k] <= *o);
-        lower_than(k.checked_sub(1).map(|b| &misfit[b])) && lower_than(misfit.get(k + 1))
-    };
     // The grid is too coarse to say which of two sharp minima is the lower.
     let step = (to - from) / steps as f64;
     let minima: Vec<(f64, f64)> = (0..delays.len())
-        .filter(|&k| is_minimum(k))
+        .filter(|&k| is_minimum(&misfit, k))
         .map(|k| refined(|d| self::misfit(motion, &coarse, pattern, d), delays[k], step))
         .collect();
     let least = minima.iter().map(|m| m.1).fold(least, f64::min);
@@ -165,6 +161,11 @@ fn best_delay(motion: &Motion, samples: &Samples, pattern: Pattern, (from, to): 
     let near = minima.iter().filter(|m| m.1 <= limit).min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?.0;
     let fine = thinned(motion, samples, REFINED_SAMPLES, (from, to));
     Some(refined(|d| self::misfit(motion, &fine, pattern, d), near, 0.25 * step).0)
+}
+
+fn is_minimum(misfit: &[f64], k: usize) -> bool {
+    let lower_than = |other: Option<&f64>| other.is_none_or(|o| misfit[k] <= *o);
+    lower_than(k.checked_sub(1).map(|b| &misfit[b])) && lower_than(misfit.get(k + 1))
 }
 
 /// At most `most` rows, evenly spread over those that lie inside the motion at any delay of the search.

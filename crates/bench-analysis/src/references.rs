@@ -1,6 +1,7 @@
 //! What each channel of the sensor should have measured, beside what it measured.
 
 use crate::alignment::Alignment;
+use crate::clock::is_sensed;
 use crate::kinematics::{Sensed, angular_rate, magnetic_field, position, specific_force, velocity};
 use crate::motion::Motion;
 use crate::pattern::{Pattern, fit_at};
@@ -102,10 +103,7 @@ impl<'a> Maker<'a> {
     }
 
     fn channel(&self, name: &str, channel: &Channel, notices: &mut Notices) -> Option<ChannelReference> {
-        if matches!(
-            channel.quantity,
-            Quantity::EncoderCount | Quantity::EncoderAngle | Quantity::Pulse | Quantity::Scalar
-        ) {
+        if !is_sensed(channel.quantity) {
             return None;
         }
         let rows = sensor_rows(name, channel, self.rig).filter(|_| !channel.series.is_empty());
@@ -118,6 +116,17 @@ impl<'a> Maker<'a> {
         if channel.quantity == Quantity::Attitude {
             self.onto_the_same_turn(&t_s, &mut rows);
         }
+        let components = self.components(name, channel, rows);
+        if components.is_empty() {
+            let text = "nothing of this channel can be compared with the bar's motion";
+            notices.push(Code::NoReference, name, t_s.len() as u64, text);
+            return None;
+        }
+        Some(ChannelReference { name: name.to_owned(), quantity: channel.quantity, t_s, components })
+    }
+
+    /// Those that have a reference.
+    fn components(&self, name: &str, channel: &Channel, rows: SensorRows) -> Vec<ComponentReference> {
         let curves: Vec<Option<Curve>> = match channel.quantity {
             Quantity::MagneticField | Quantity::MagneticDirection if self.around.field_t.is_none() => {
                 self.fitted_field(name, channel, &rows)
@@ -142,12 +151,7 @@ impl<'a> Maker<'a> {
             });
         }
         judge_excitation(channel.quantity, &mut components);
-        if components.is_empty() {
-            let text = "nothing of this channel can be compared with the bar's motion";
-            notices.push(Code::NoReference, name, t_s.len() as u64, text);
-            return None;
-        }
-        Some(ChannelReference { name: name.to_owned(), quantity: channel.quantity, t_s, components })
+        components
     }
 
     /// A swing angle is known up to whole turns: those that bring it nearest to the bar's.

@@ -22,6 +22,7 @@ pub use filtered::{Filtered, VelocityFilter};
 pub use kalman::DelayedKalman;
 pub use kind::{CompensatorError, CompensatorKind, CompensatorOptions};
 pub use likelihood::{KalmanFit, fit_kalman};
+pub(crate) use modal::StepGains;
 pub use modal::{Discretisation, ModalFilter};
 pub use offline_shift::OfflineShift;
 pub use pade_form::{Fraction, Mode, PadeForm, PadeRefusal};

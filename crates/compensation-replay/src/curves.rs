@@ -31,55 +31,62 @@ fn drawn(estimates: &[Positions]) -> Vec<&Positions> {
 }
 
 pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &[Positions]) -> Curves {
-    let estimates = &drawn(estimates);
-    let whole = (rows.t[0], rows.t[rows.t.len() - 1]);
+    let drawing = Drawing { input, settings, rows, estimates: drawn(estimates) };
     Curves {
-        axes: axes(input, settings, rows, estimates, whole),
+        axes: drawing.axes((rows.t[0], rows.t[rows.t.len() - 1])),
         zoom: hardest(input, rows, settings).map(|(start_s, end_s, why)| Zoom {
             start_s,
             end_s,
             why,
-            axes: axes(input, settings, rows, estimates, (start_s, end_s)),
+            axes: drawing.axes((start_s, end_s)),
         }),
-        track: estimates.iter().map(|e| path(rows, e)).collect(),
-        lead: lead::lead(input, rows, estimates),
+        track: drawing.estimates.iter().map(|e| path(rows, e)).collect(),
+        lead: lead::lead(input, rows, &drawing.estimates),
     }
 }
 
-fn axes(
-    input: &Input,
-    settings: &Settings,
-    rows: &Rows,
-    estimates: &[&Positions],
-    window: (f64, f64),
-) -> Vec<AxisCurves> {
-    let axis = |(k, name): (usize, &str)| {
-        let raw = &estimates[0].axes[k];
-        let difference = |e: &Positions| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
-        let mut predicted = rows.predicted(input, settings, k);
+/// What curves are drawn from.
+struct Drawing<'a> {
+    input: &'a Input,
+    settings: &'a Settings,
+    rows: &'a Rows,
+    estimates: Vec<&'a Positions>,
+}
+
+impl Drawing<'_> {
+    fn axes(&self, window: (f64, f64)) -> Vec<AxisCurves> {
+        let axis = |(k, name): (usize, &str)| AxisCurves {
+            axis: name.to_owned(),
+            position_m: self.positions(k, window),
+            difference_m: self.differences(k, window),
+        };
+        ["north", "east"].into_iter().enumerate().map(axis).collect()
+    }
+
+    /// Of all estimates and of the reference.
+    fn positions(&self, axis: usize, window: (f64, f64)) -> Vec<Curve> {
+        let rows = self.rows;
+        let of = |e: &&Positions| curve(e.title.clone(), rows, &e.axes[axis], |r| e.shown(rows, r), window);
+        let reference = self.input.reference.as_ref();
+        let reference = reference
+            .map(|r| pen("reference".to_owned(), &r.t, &r.axes[axis], |_| true, 2.5 * median_step(&r.t), window));
+        self.estimates.iter().map(of).chain(reference).collect()
+    }
+
+    /// Raw less each estimate, and what velocity predicts for that.
+    fn differences(&self, axis: usize, window: (f64, f64)) -> Vec<Curve> {
+        let rows = self.rows;
+        let raw = &self.estimates[0].axes[axis];
+        let of = |e: &&Positions| {
+            let difference: Vec<f64> = raw.iter().zip(&e.axes[axis]).map(|(r, c)| r - c).collect();
+            curve(format!("raw − {}", e.title), rows, &difference, |r| e.shown(rows, r), window)
+        };
+        let mut predicted = rows.predicted(self.input, self.settings, axis);
         predicted.iter_mut().for_each(|way| *way = -*way);
-        let mut position_m: Vec<Curve> =
-            estimates.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], |r| e.shown(rows, r), window)).collect();
-        position_m.extend(
-            input
-                .reference
-                .as_ref()
-                .map(|r| pen("reference".to_owned(), &r.t, &r.axes[k], |_| true, 2.5 * median_step(&r.t), window)),
-        );
-        let mut difference_m: Vec<Curve> = estimates[1..]
-            .iter()
-            .map(|e| curve(format!("raw − {}", e.title), rows, &difference(e), |r| e.shown(rows, r), window))
-            .collect();
-        difference_m.push(curve(
-            "−v · (Td + age of the fix), v at half that time".to_owned(),
-            rows,
-            &predicted,
-            |r| rows.has_output(r),
-            window,
-        ));
-        AxisCurves { axis: name.to_owned(), position_m, difference_m }
-    };
-    ["north", "east"].into_iter().enumerate().map(axis).collect()
+        let name = "−v · (Td + age of the fix), v at half that time".to_owned();
+        let predicted = curve(name, rows, &predicted, |r| rows.has_output(r), window);
+        self.estimates[1..].iter().map(of).chain([predicted]).collect()
+    }
 }
 
 fn curve(name: String, rows: &Rows, y: &[f64], shown: impl Fn(usize) -> bool, window: (f64, f64)) -> Curve {

@@ -127,6 +127,10 @@ fn wander(channel: &mut EkfChannel, measured: &MeasuredDelay, duration_s: f64, u
     push(channel, EkfValueKind::WanderTimeConstant, time_constant_s, u_constant, "s", formula);
     let formula = "sqrt(2 * wander-std^2 / tau): driving noise of the wander, random walk of a slow one";
     push(channel, EkfValueKind::RandomWalkDensity, walk.value, Some(u_walk), &format!("{unit}/sqrt(s)"), formula);
+    remark_on_wander(channel, duration_s, time_constant_s);
+}
+
+fn remark_on_wander(channel: &mut EkfChannel, duration_s: f64, time_constant_s: f64) {
     if duration_s < 3.0 * time_constant_s {
         channel.remarks.push(format!(
             "the wander is not much faster than the record is long ({duration_s:.0} s): take the random walk, not its standard \

@@ -149,15 +149,7 @@ impl Input {
         }
         let [(position_name, position), (velocity_name, velocity)] =
             pick_pair(flight, &settings.position, &settings.velocity)?;
-        let clock = position.series.timeline().clock();
-        if velocity.series.timeline().clock() != clock {
-            return Err(Refusal::Clocks {
-                position: position_name.to_owned(),
-                a: clock,
-                velocity: velocity_name.to_owned(),
-                b: velocity.series.timeline().clock(),
-            });
-        }
+        let clock = same_clock((position_name, position), (velocity_name, velocity))?;
         let first_fix = first_update(position_name, position)?;
         let first_sample = first_update(velocity_name, velocity)?;
         let stamp = |channel: &Channel, row: usize| channel.series.timeline().stamps()[row];
@@ -306,6 +298,14 @@ fn held_instead(flight: &Flight, what: &str) -> String {
         0 => others.join(", "),
         more => format!("{} and {more} more, none of them a {what}", others.join(", ")),
     }
+}
+
+fn same_clock((position_name, position): Picked, (velocity_name, velocity): Picked) -> Result<Clock, Refusal> {
+    let [a, b] = [position, velocity].map(|channel| channel.series.timeline().clock());
+    if a == b {
+        return Ok(a);
+    }
+    Err(Refusal::Clocks { position: position_name.to_owned(), a, velocity: velocity_name.to_owned(), b })
 }
 
 /// Of a channel that has enough of them.

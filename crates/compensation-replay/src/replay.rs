@@ -1,7 +1,7 @@
 //! One flight through all compensators.
 
 use crate::curves::{Curves, draw};
-use crate::estimate::estimates;
+use crate::estimate::{Positions, estimates};
 use crate::explorer::explorer_rows;
 use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
@@ -10,6 +10,7 @@ use crate::settings::Settings;
 use crate::track::ReplayedTrack;
 use flight::{Distribution, Flight, Notices};
 use record::{ExplorerRows, ReplayRecord, ReplaySettings};
+use std::ops::Range;
 
 /// What came of a replay.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,46 +48,69 @@ enum Extent {
     Sketch,
 }
 
-fn play(flight: &Flight, settings: &Settings, extent: Extent) -> Result<Replay, Refusal> {
-    let mut notices = Notices::new();
-    let input = Input::of(flight, settings, &mut notices)?;
+/// A flight through the compensators, before anything is judged.
+struct Compensated {
+    input: Input,
+    speed: Distribution,
+    bridge_s: f64,
+    segments: Vec<Range<usize>>,
+    rows: Rows,
+    estimates: Vec<Positions>,
+}
+
+fn compensate(flight: &Flight, settings: &Settings, notices: &mut Notices) -> Result<Compensated, Refusal> {
+    let input = Input::of(flight, settings, notices)?;
     let speed = ground_speed(&input, settings)?;
     let bridge_s = bridge(&input, settings);
     let segments = segments(&input.velocity.t, bridge_s);
-    Input::warn_of_coarse_stamps(flight, &input.names, settings, &mut notices);
-    let rows = Rows::of(&input, settings, &segments, &mut notices)?;
+    Input::warn_of_coarse_stamps(flight, &input.names, settings, notices);
+    let rows = Rows::of(&input, settings, &segments, notices)?;
     if rows.valid().next().is_none() {
         let record::PairUse { position, velocity, .. } = input.names;
         return Err(Refusal::NothingValid { position, velocity, delay_s: settings.delay.seconds() });
     }
-    let estimates = estimates(&input, settings, &segments, &rows, &mut notices);
-    let innovations = score::innovations(&input, settings, &segments);
-    score::warn_of_contradiction(&input, settings, &segments, &mut notices);
-    let resets = score::resets(&input, &innovations, &mut notices);
-    let coverage = rows.coverage(&input, bridge_s, &segments, resets);
-    let compensators = score::compensators(&input, settings, &rows, &estimates, &innovations);
-    let predicted_rms_m = score::predicted(&input, &rows, settings);
-    let is_whole = extent == Extent::Whole;
-    let played = score::Played {
-        input: &input,
-        settings,
-        segments: &segments,
-        rows: &rows,
-        tracks: &estimates,
-        innovations,
-        way_m: predicted_rms_m.value,
+    let estimates = estimates(&input, settings, &segments, &rows, notices);
+    score::warn_of_contradiction(&input, settings, &segments, notices);
+    Ok(Compensated { input, speed, bridge_s, segments, rows, estimates })
+}
+
+fn play(flight: &Flight, settings: &Settings, extent: Extent) -> Result<Replay, Refusal> {
+    let mut notices = Notices::new();
+    let compensated = compensate(flight, settings, &mut notices)?;
+    let record = judged(flight, settings, &compensated, extent, &mut notices);
+    let Compensated { input, rows, estimates, .. } = compensated;
+    let explorer = explorer_rows(&input, &rows, &estimates);
+    let (origin, frame, fixes) = (input.origin, input.frame, [input.position.t, input.down]);
+    let track = ReplayedTrack { origin, frame, fixes, rows, estimates };
+    Ok(Replay { record, track, explorer, notices })
+}
+
+fn judged(
+    flight: &Flight,
+    settings: &Settings,
+    compensated: &Compensated,
+    extent: Extent,
+    notices: &mut Notices,
+) -> ReplayRecord {
+    let Compensated { input, bridge_s, segments, rows, estimates, .. } = compensated;
+    let innovations = score::innovations(input, settings, segments);
+    let resets = score::resets(input, &innovations, notices);
+    let compensators = score::compensators(input, settings, rows, estimates, &innovations);
+    let predicted_rms_m = score::predicted(input, rows, settings);
+    let played = score::Played { input, settings, segments, rows, tracks: estimates, way_m: predicted_rms_m.value };
+    let (scores, onboard) = match extent {
+        Extent::Whole => (Some(score::scores(&played, innovations)), score::onboard(flight, &played, notices)),
+        Extent::Sketch => (None, None),
     };
-    let scores = is_whole.then(|| score::scores(played));
-    let onboard = is_whole.then(|| score::onboard(flight, settings, &input, &rows, &estimates, &mut notices)).flatten();
-    let Curves { axes, zoom, track, lead } = draw(&input, settings, &rows, &estimates);
-    let record = ReplayRecord {
-        settings: as_used(settings, bridge_s),
+    let Curves { axes, zoom, track, lead } = draw(input, settings, rows, estimates);
+    ReplayRecord {
+        settings: as_used(settings, *bridge_s),
         pair: input.names.clone(),
         origin_ns: input.origin.0,
         clock: input.clock,
         origin: input.frame.map(|f| f.origin()),
-        coverage,
-        speed_mps: speed,
+        coverage: rows.coverage(input, *bridge_s, segments, resets),
+        speed_mps: compensated.speed,
         predicted_rms_m,
         compensators,
         scores,
@@ -97,11 +121,7 @@ fn play(flight: &Flight, settings: &Settings, extent: Extent) -> Result<Replay, 
         lead,
         choice: None,
         sweep: None,
-    };
-    let explorer = explorer_rows(&input, &rows, &estimates);
-    let (origin, frame, fixes) = (input.origin, input.frame, [input.position.t, input.down]);
-    let track = ReplayedTrack { origin, frame, fixes, rows, estimates };
-    Ok(Replay { record, track, explorer, notices })
+    }
 }
 
 fn as_used(settings: &Settings, bridge_s: f64) -> ReplaySettings {

@@ -30,19 +30,7 @@ impl Rows {
         notices: &mut Notices,
     ) -> Result<Rows, Refusal> {
         let (fixes, samples) = (&input.position.t, &input.velocity.t);
-        let last_useful = fixes[fixes.len() - 1] + 2.5 * median_step(fixes);
-        let wanted = |t: &f64| *t >= fixes[0] && *t <= last_useful;
-        let instants: Vec<f64> = match settings.output_rate_hz {
-            None => samples.iter().copied().filter(wanted).collect(),
-            Some(rate) => {
-                let (first, last) = (samples[0].max(fixes[0]), samples[samples.len() - 1].min(last_useful));
-                let count = ((last - first) * rate).floor().max(0.0) as usize;
-                (0..=count).map(|k| first + k as f64 / rate).collect()
-            }
-        };
-        if settings.output_rate_hz.is_none() {
-            note_outside(samples, fixes[0], last_useful, notices);
-        }
+        let instants = instants(input, settings, notices);
         let gap_s = 2.5 * median_step(&instants);
         let count = instants.len();
         let mut rows = Rows {
@@ -192,6 +180,19 @@ fn state(settings: &Settings, fix: f64, segment_start: Option<f64>) -> RowState 
         Some(start) if fix >= start => RowState::WarmUp,
         Some(_) => RowState::NoFix,
     }
+}
+
+/// Samples of the velocity from the first fix until the last is too old, or even steps of time.
+fn instants(input: &Input, settings: &Settings, notices: &mut Notices) -> Vec<f64> {
+    let (fixes, samples) = (&input.position.t, &input.velocity.t);
+    let last_useful = fixes[fixes.len() - 1] + 2.5 * median_step(fixes);
+    let Some(rate) = settings.output_rate_hz else {
+        note_outside(samples, fixes[0], last_useful, notices);
+        return samples.iter().copied().filter(|t| *t >= fixes[0] && *t <= last_useful).collect();
+    };
+    let (first, last) = (samples[0].max(fixes[0]), samples[samples.len() - 1].min(last_useful));
+    let count = ((last - first) * rate).floor().max(0.0) as usize;
+    (0..=count).map(|k| first + k as f64 / rate).collect()
 }
 
 fn note_outside(samples: &[f64], first: f64, last: f64, notices: &mut Notices) {

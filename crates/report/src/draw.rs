@@ -591,6 +591,48 @@ mod tests {
     use super::*;
     use crate::page::CSS;
 
+    const PENS: [Pen; 17] = [
+        Pen::Uncertainty,
+        Pen::Bars,
+        Pen::Faint,
+        Pen::Band,
+        Pen::TrueBand,
+        Pen::Exact,
+        Pen::Lead(0),
+        Pen::Lead(4),
+        Pen::Raw,
+        Pen::Dashed,
+        Pen::Reference,
+        Pen::Dotted,
+        Pen::Rule,
+        Pen::Samples,
+        Pen::DoubtfulPoints,
+        Pen::Points,
+        Pen::HollowPoints,
+    ];
+
+    /// Every pen, and all that a panel holds beside its lines.
+    fn with_everything() -> Figure {
+        let points = |x: f64| vec![vec![(x, 0.5), (x + 0.1, 0.4), (x + 0.1, 0.6)]];
+        let lines = PENS.iter().map(|&pen| Line { name: format!("{pen:?}"), pen, pieces: points(0.2) }).collect();
+        let axis = || Axis::exactly("x", (0.0, 1.0), 4);
+        let mut panel = Panel::of(axis(), axis(), lines);
+        panel.spans = vec![Span { from: 0.1, to: 0.9, label: "span".to_owned() }];
+        panel.marks = vec![Mark { at: (0.5, 0.5), label: "mark".to_owned() }];
+        panel.ground = Some(Ground { length: 0.2, label: "0.2 m".to_owned(), scale: 1.0 });
+        panel.dimensions = vec![Dimension { from: 0.1, to: 0.9, at: 0.3, label: "length".to_owned() }];
+        Figure {
+            id: "f".to_owned(),
+            number: 1,
+            title: "t".to_owned(),
+            caption: "c".to_owned(),
+            how_to_read: "h",
+            panels: vec![panel],
+            panel_size: (400, 200),
+            fine: false,
+        }
+    }
+
     #[test]
     fn every_colour_of_a_figure_is_a_variable_of_both_modes_and_the_light_one_is_that_of_the_file() {
         let (light, rest) = CSS.split_once("@media screen and (prefers-color-scheme:dark)").unwrap();
@@ -600,43 +642,7 @@ mod tests {
             assert!(light.contains(&format!("--{variable}:{short}")), "{variable} {colour}");
             assert!(dark.contains(&format!("--{variable}:#")), "{variable}");
         }
-        let points = |x: f64| vec![vec![(x, 0.5), (x + 0.1, 0.4), (x + 0.1, 0.6)]];
-        let pens = [
-            Pen::Uncertainty,
-            Pen::Bars,
-            Pen::Faint,
-            Pen::Band,
-            Pen::TrueBand,
-            Pen::Exact,
-            Pen::Lead(0),
-            Pen::Lead(4),
-            Pen::Raw,
-            Pen::Dashed,
-            Pen::Reference,
-            Pen::Dotted,
-            Pen::Rule,
-            Pen::Samples,
-            Pen::DoubtfulPoints,
-            Pen::Points,
-            Pen::HollowPoints,
-        ];
-        let lines = pens.iter().map(|&pen| Line { name: format!("{pen:?}"), pen, pieces: points(0.2) }).collect();
-        let axis = || Axis::exactly("x", (0.0, 1.0), 4);
-        let mut panel = Panel::of(axis(), axis(), lines);
-        panel.spans = vec![Span { from: 0.1, to: 0.9, label: "span".to_owned() }];
-        panel.marks = vec![Mark { at: (0.5, 0.5), label: "mark".to_owned() }];
-        panel.ground = Some(Ground { length: 0.2, label: "0.2 m".to_owned(), scale: 1.0 });
-        panel.dimensions = vec![Dimension { from: 0.1, to: 0.9, at: 0.3, label: "length".to_owned() }];
-        let figure = Figure {
-            id: "f".to_owned(),
-            number: 1,
-            title: "t".to_owned(),
-            caption: "c".to_owned(),
-            how_to_read: "h",
-            panels: vec![panel],
-            panel_size: (400, 200),
-            fine: false,
-        };
+        let figure = with_everything();
         let inline = svg_inline(&figure);
         assert!(!inline.contains("=\"#") && !inline.contains("<rect width"), "{inline}");
         assert!(!svg_file(&figure).contains("var("));

@@ -52,13 +52,7 @@ pub struct Combined {
 pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Result<Combined, CardError> {
     let (first_name, first) = records.first().ok_or_else(|| error("", "no record, no card"))?;
     let sensor = one_sensor(records)?;
-    if let Some((name, other)) = records.iter().find(|(_, r)| r.analysis_version != first.analysis_version) {
-        let (was, is) = (first.analysis_version, other.analysis_version);
-        return Err(error(
-            name,
-            format!("analysis version {is}, but {first_name} has {was}: analyse all of them anew"),
-        ));
-    }
+    let analysis_version = one_analysis((first_name, first), records)?;
     let mut notices = Notices::new();
     let usable: Vec<&(String, BenchRecord)> = records.iter().filter(|r| is_usable(r, &mut notices)).collect();
     let names: BTreeSet<&str> = usable.iter().flat_map(|(_, r)| channels(r)).map(|c| c.name.as_str()).collect();
@@ -71,21 +65,14 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     if channels.is_empty() {
         return Err(error(first_name, format!("nothing was measured of {}: no card", sensor_name(&sensor))));
     }
-    // A record that no mean is made of does not make the card younger.
-    let behind: BTreeSet<&str> = several.iter().flat_map(|s| s.runs.iter().map(|run| run.record)).collect();
-    let days: Vec<&str> = usable
-        .iter()
-        .filter(|(name, _)| behind.contains(name.as_str()))
-        .filter_map(|(_, r)| r.date.as_deref())
-        .collect();
-    let [measured_on, valid_from, valid_until] = validity(&days, terms, &mut notices);
+    let [measured_on, valid_from, valid_until] = validity(&days_behind(&several, &usable), terms, &mut notices);
     let card = SensorCard {
         card_version: CARD_VERSION,
         sensor,
         rig: titles(&usable),
         method: method(usable.len(), &notices),
         flightlag_version: terms.flightlag_version.to_owned(),
-        analysis_version: first.analysis_version,
+        analysis_version,
         measured_on,
         valid_from,
         valid_until,
@@ -94,6 +81,13 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
         records: usable.iter().map(|(_, r)| source(r)).collect(),
     };
     Ok(Combined { card, notices })
+}
+
+/// Days of the records that means are made of: another one does not make the card younger.
+fn days_behind<'a>(several: &[Several<'_>], usable: &[&'a (String, BenchRecord)]) -> Vec<&'a str> {
+    let behind: BTreeSet<&str> = several.iter().flat_map(|s| s.runs.iter().map(|run| run.record)).collect();
+    let of_means = usable.iter().filter(|(name, _)| behind.contains(name.as_str()));
+    of_means.filter_map(|(_, r)| r.date.as_deref()).collect()
 }
 
 /// How the numbers were found, with what they leave out.
@@ -107,6 +101,19 @@ fn method(records: usize, notices: &Notices) -> String {
         text += &format!(" {}: {}.", notice.place, notice.text);
     }
     text
+}
+
+fn one_analysis(
+    (first_name, first): (&str, &BenchRecord),
+    records: &[(String, BenchRecord)],
+) -> Result<u32, CardError> {
+    let was = first.analysis_version;
+    match records.iter().find(|(_, r)| r.analysis_version != was) {
+        Some((name, BenchRecord { analysis_version: is, .. })) => {
+            Err(error(name, format!("analysis version {is}, but {first_name} has {was}: analyse all of them anew")))
+        }
+        None => Ok(was),
+    }
 }
 
 fn error(file: &str, what: impl Into<String>) -> CardError {

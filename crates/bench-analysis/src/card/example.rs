@@ -18,8 +18,8 @@ pub(crate) fn sensor() -> SensorIdentity {
     }
 }
 
-pub(crate) fn card() -> SensorCard {
-    let position = CardChannel {
+fn position() -> CardChannel {
+    CardChannel {
         name: "position.gps".into(),
         quantity: Quantity::PositionGeodetic,
         verdict: Verdict::Delayed,
@@ -40,7 +40,29 @@ pub(crate) fn card() -> SensorCard {
         slow_motion_delay_s: None,
         slow_motion_standard_uncertainty_s: None,
         contradicted: vec![],
-    };
+    }
+}
+
+fn magnetometer() -> CardMagnetometer {
+    CardMagnetometer {
+        channel: "magnetic-field.imu".into(),
+        unit: "T".into(),
+        azimuths_rad: vec![0.5, 2.6, -1.6],
+        iron: Finding::Found(IronCalibration {
+            hard_iron: [1.2e-5, -7e-6, 2e-5],
+            hard_iron_standard_uncertainty: [1e-7, 2e-7, 1e-7],
+            soft_iron: [[1.04, 0.02, -0.03], [0.01, 0.96, 0.04], [-0.02, 0.03, 1.0]],
+            soft_iron_standard_uncertainty: [[0.002; 3]; 3],
+            scale: Some(1.01),
+            scale_standard_uncertainty: Some(0.001),
+            residual_rms: 2e-7,
+            condition: 6.5,
+            text: "From 3 swings".into(),
+        }),
+    }
+}
+
+pub(crate) fn card() -> SensorCard {
     let velocity = CardChannel {
         name: "velocity.ins".into(),
         quantity: Quantity::VelocityNed,
@@ -50,7 +72,7 @@ pub(crate) fn card() -> SensorCard {
         as_seen_delay_s: None,
         update_rate_hz: Some(100.0),
         basis: TimeBasis::Anchor { channel: "angular-rate.imu".into() },
-        ..position.clone()
+        ..position()
     };
     SensorCard {
         card_version: CARD_VERSION,
@@ -62,23 +84,8 @@ pub(crate) fn card() -> SensorCard {
         measured_on: Some("2010-10-25".into()),
         valid_from: Some("2010-10-25".into()),
         valid_until: Some("2011-10-25".into()),
-        magnetometer: Some(CardMagnetometer {
-            channel: "magnetic-field.imu".into(),
-            unit: "T".into(),
-            azimuths_rad: vec![0.5, 2.6, -1.6],
-            iron: Finding::Found(IronCalibration {
-                hard_iron: [1.2e-5, -7e-6, 2e-5],
-                hard_iron_standard_uncertainty: [1e-7, 2e-7, 1e-7],
-                soft_iron: [[1.04, 0.02, -0.03], [0.01, 0.96, 0.04], [-0.02, 0.03, 1.0]],
-                soft_iron_standard_uncertainty: [[0.002; 3]; 3],
-                scale: Some(1.01),
-                scale_standard_uncertainty: Some(0.001),
-                residual_rms: 2e-7,
-                condition: 6.5,
-                text: "From 3 swings".into(),
-            }),
-        }),
-        channels: vec![position, velocity],
+        magnetometer: Some(magnetometer()),
+        channels: vec![position(), velocity],
         records: vec![CardSource {
             files: vec!["a.csv".into()],
             blake3: vec!["ab12".into()],

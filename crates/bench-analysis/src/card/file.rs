@@ -155,6 +155,11 @@ fn get<'a, 'b>(table: &'b DeTable<'a>, key: &str) -> Option<&'b Place<'a>> {
     table.iter().find(|(k, _)| k.get_ref() == key).map(|(_, value)| value)
 }
 
+/// The value of `key` in a table, or the whole table where it has none.
+fn part<'a, 'b>(place: &'b Place<'a>, key: &str) -> &'b Place<'a> {
+    place.get_ref().as_table().and_then(|table| get(table, key)).unwrap_or(place)
+}
+
 /// The entries of an array of tables.
 fn items<'a, 'b>(table: &'b DeTable<'a>, key: &str) -> impl Iterator<Item = &'b Place<'a>> {
     let array = get(table, key).and_then(|value| value.get_ref().as_array());
@@ -221,29 +226,8 @@ impl Checker<'_> {
     }
 
     fn channel(&self, place: &Place<'_>, channel: &CardChannel) {
-        let at = |key: &str| place.get_ref().as_table().and_then(|t| get(t, key)).unwrap_or(place);
-        let check = |key: &str, value: Option<f64>, fits: fn(f64) -> bool, must: &str| {
-            if let Some(v) = value.filter(|&v| !(v.is_finite() && fits(v))) {
-                self.file.reject(at(key), format!("channel `{}`: {key} = {v}: must be {must}", channel.name));
-            }
-        };
-        let delay = "finite, in seconds, and at most 10 either way";
-        let is_delay = |v: f64| v.abs() <= LONGEST_DELAY_S;
-        let (not_negative, is_not_negative) = ("finite and not negative", |v: f64| v >= 0.0);
-        check("delay_s", Some(channel.delay_s), is_delay, delay);
-        check("as_seen_delay_s", channel.as_seen_delay_s, is_delay, delay);
-        check("slow_motion_delay_s", channel.slow_motion_delay_s, is_delay, delay);
-        let uncertainty = Some(channel.delay_standard_uncertainty_s);
-        check("delay_standard_uncertainty_s", uncertainty, is_not_negative, not_negative);
-        check("gain", Some(channel.gain), |_| true, "finite");
-        check("gain_standard_uncertainty", Some(channel.gain_standard_uncertainty), is_not_negative, not_negative);
-        check("between_runs_s", channel.between_runs_s, is_not_negative, not_negative);
-        check("update_rate_hz", channel.update_rate_hz, |v| v > 0.0, "finite and above zero");
-        channel.lags_s.iter().for_each(|&lag| check("lags_s", Some(lag), is_not_negative, not_negative));
-        let uncertainty = channel.slow_motion_standard_uncertainty_s;
-        check("slow_motion_standard_uncertainty_s", uncertainty, is_not_negative, not_negative);
-        let uncertainties = channel.lags_standard_uncertainty_s.iter();
-        uncertainties.for_each(|&u| check("lags_standard_uncertainty_s", Some(u), is_not_negative, not_negative));
+        let at = |key: &str| part(place, key);
+        self.numbers(place, channel);
         if channel.name.trim().is_empty() {
             self.file.reject(at("name"), "a channel must have a name, as `position.gps`");
         }
@@ -257,6 +241,30 @@ impl Checker<'_> {
             self.file.reject(at("verdict"), format!("channel `{}`: {what}", channel.name));
         }
         self.quantity(at("quantity"), channel);
+    }
+
+    fn numbers(&self, place: &Place<'_>, channel: &CardChannel) {
+        let check = |key: &str, value: Option<f64>, fits: fn(f64) -> bool, must: &str| {
+            if let Some(v) = value.filter(|&v| !(v.is_finite() && fits(v))) {
+                let what = format!("channel `{}`: {key} = {v}: must be {must}", channel.name);
+                self.file.reject(part(place, key), what);
+            }
+        };
+        let delay = |key: &str, value: Option<f64>| {
+            check(key, value, |v| v.abs() <= LONGEST_DELAY_S, "finite, in seconds, and at most 10 either way");
+        };
+        let size = |key: &str, value: Option<f64>| check(key, value, |v| v >= 0.0, "finite and not negative");
+        delay("delay_s", Some(channel.delay_s));
+        delay("as_seen_delay_s", channel.as_seen_delay_s);
+        delay("slow_motion_delay_s", channel.slow_motion_delay_s);
+        size("delay_standard_uncertainty_s", Some(channel.delay_standard_uncertainty_s));
+        check("gain", Some(channel.gain), |_| true, "finite");
+        size("gain_standard_uncertainty", Some(channel.gain_standard_uncertainty));
+        size("between_runs_s", channel.between_runs_s);
+        check("update_rate_hz", channel.update_rate_hz, |v| v > 0.0, "finite and above zero");
+        channel.lags_s.iter().for_each(|&lag| size("lags_s", Some(lag)));
+        size("slow_motion_standard_uncertainty_s", channel.slow_motion_standard_uncertainty_s);
+        channel.lags_standard_uncertainty_s.iter().for_each(|&u| size("lags_standard_uncertainty_s", Some(u)));
     }
 
     /// A position must hold a position: replay finds channels by their names.
@@ -276,9 +284,8 @@ impl Checker<'_> {
             let (files, hashes) = (record.files.len(), record.blake3.len());
             self.file.reject(place, format!("a record with {files} files and {hashes} hashes"));
         }
-        let at = place.get_ref().as_table().and_then(|t| get(t, "date")).unwrap_or(place);
         if let Some(date) = &record.date {
-            self.day(at, "date", date);
+            self.day(part(place, "date"), "date", date);
         }
     }
 
@@ -372,29 +379,32 @@ mod tests {
         assert_eq!(of(table_of(&card)), whole);
     }
 
+    /// What of the example is changed to what, the line that is refused for it, and what the error says.
+    const NONSENSE: [(&str, &str, &str, &str); 18] = [
+        ("card_version = 1", "card_version = 2", "card_version", "only layout"),
+        ("delay_s = 0.4\n", "delay_s = nan\n", "delay_s", "finite"),
+        ("delay_s = 0.4\n", "delay_s = 400.0\n", "delay_s", "in seconds"),
+        ("delay_s = 0.4\n", "delay_s = -0.4\n", "verdict", "positive is late"),
+        ("gain = 1.001", "gain = inf", "gain", "finite"),
+        ("_uncertainty_s = 0.002", "_uncertainty_s = -0.002", "delay_standard", "not negative"),
+        ("update_rate_hz = 4.0", "update_rate_hz = 0.0", "update_rate_hz", "above zero"),
+        ("lags_s = []", "lags_s = [-0.1]", "lags_s", "not negative"),
+        ("measured_on = \"2010-10-25\"", "measured_on = \"2010-13-25\"", "measured_on", "is no day"),
+        ("valid_until = \"2011-10-25\"", "valid_until = \"2009-10-25\"", "valid_until", "before valid_from"),
+        ("valid_until", "valid_untill", "valid_until", "unknown key `valid_untill`"),
+        ("sensor.serial", "sensor.seriel", "sensor.serial", "unknown key `seriel`"),
+        ("sensor.model = \"Xsens MTi-G\"", "sensor.model = \" \"", "sensor.model", "which sensor"),
+        ("quantity = \"position-geodetic\"", "quantity = \"scalar\"", "quantity", "cannot hold"),
+        ("date = \"2010-10-25\"", "date = \"soon\"", "date", "is no day"),
+        ("files = [\"a.csv\"]", "files = []", "[[record]]", "hashes"),
+        ("iron.found.scale = 1.01", "iron.found.scales = 1.01", "iron.found.scale", "unknown key `scales`"),
+        ("residual_rms = 0.0000002", "residual_rms = -0.1", "[magnetometer]", "negative"),
+    ];
+
     #[test]
     fn what_makes_no_sense_is_refused_with_its_line() {
         let text = card_text(&example::card());
-        for (was, is, line, says) in [
-            ("card_version = 1", "card_version = 2", "card_version", "only layout"),
-            ("delay_s = 0.4\n", "delay_s = nan\n", "delay_s", "finite"),
-            ("delay_s = 0.4\n", "delay_s = 400.0\n", "delay_s", "in seconds"),
-            ("delay_s = 0.4\n", "delay_s = -0.4\n", "verdict", "positive is late"),
-            ("gain = 1.001", "gain = inf", "gain", "finite"),
-            ("_uncertainty_s = 0.002", "_uncertainty_s = -0.002", "delay_standard", "not negative"),
-            ("update_rate_hz = 4.0", "update_rate_hz = 0.0", "update_rate_hz", "above zero"),
-            ("lags_s = []", "lags_s = [-0.1]", "lags_s", "not negative"),
-            ("measured_on = \"2010-10-25\"", "measured_on = \"2010-13-25\"", "measured_on", "is no day"),
-            ("valid_until = \"2011-10-25\"", "valid_until = \"2009-10-25\"", "valid_until", "before valid_from"),
-            ("valid_until", "valid_untill", "valid_until", "unknown key `valid_untill`"),
-            ("sensor.serial", "sensor.seriel", "sensor.serial", "unknown key `seriel`"),
-            ("sensor.model = \"Xsens MTi-G\"", "sensor.model = \" \"", "sensor.model", "which sensor"),
-            ("quantity = \"position-geodetic\"", "quantity = \"scalar\"", "quantity", "cannot hold"),
-            ("date = \"2010-10-25\"", "date = \"soon\"", "date", "is no day"),
-            ("files = [\"a.csv\"]", "files = []", "[[record]]", "hashes"),
-            ("iron.found.scale = 1.01", "iron.found.scales = 1.01", "iron.found.scale", "unknown key `scales`"),
-            ("residual_rms = 0.0000002", "residual_rms = -0.1", "[magnetometer]", "negative"),
-        ] {
+        for (was, is, line, says) in NONSENSE {
             let changed = text.replacen(was, is, 1);
             assert_ne!(changed, text, "{was}");
             let error = refused(&changed);

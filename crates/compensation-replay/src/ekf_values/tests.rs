@@ -105,37 +105,41 @@ fn pieces_and_axes_are_pooled_by_their_seconds_and_their_spread_is_in_the_uncert
     assert_eq!(values.channels[0].remarks, ["no wander was found: the noise is white"]);
 }
 
-#[test]
-fn the_pair_that_knows_the_delay_best_counts_and_what_is_known_of_the_channel_goes_before() {
+/// Three pairs of the position of the GPS that show a delay, one that does not, and one of its velocity.
+fn several() -> FlightDelays {
     let pieces = |white| vec![piece((0.0, 100.0), [noise(white, None); 2], [0.0; 2])];
     let mut refused = pair(PV, ("position.gps", "velocity.none"), (0.0, 1e-9), 1, vec![]);
     refused.delay = Finding::CannotTell("still".to_owned());
-    let delays = FlightDelays {
-        pairs: vec![
-            pair(PV, ("position.gps", "velocity.ekf"), (0.15, 0.006), 1000, pieces(0.5)),
-            pair(PV, ("position.gps", "velocity.gps"), (0.01, 0.002), 1000, pieces(0.3)),
-            refused,
-            pair(VA, ("velocity.gps", "attitude.ekf + specific-force.imu"), (0.19, 0.003), 4000, pieces(0.05)),
-            pair(
-                DelayPairKind::PositionAgainstReference,
-                ("position.gps", "position.truth"),
-                (0.2, 1e-5),
-                1000,
-                pieces(9.0),
-            ),
-        ],
-    };
-    let lateness_s = Some((Estimate { value: 0.203, standard_uncertainty: Some(0.008) }, "the IMU".to_owned()));
-    let facts = [("position.gps".to_owned(), EkfChannelFacts { rate_hz: Some(25.0), lateness_s })].into();
-    let values = ekf_values(&delays, &facts);
+    let reference = ("position.gps", "position.truth");
+    let acceleration = ("velocity.gps", "attitude.ekf + specific-force.imu");
+    let pairs = vec![
+        pair(PV, ("position.gps", "velocity.ekf"), (0.15, 0.006), 1000, pieces(0.5)),
+        pair(PV, ("position.gps", "velocity.gps"), (0.01, 0.002), 1000, pieces(0.3)),
+        refused,
+        pair(VA, acceleration, (0.19, 0.003), 4000, pieces(0.05)),
+        pair(DelayPairKind::PositionAgainstReference, reference, (0.2, 1e-5), 1000, pieces(9.0)),
+    ];
+    FlightDelays { pairs }
+}
+
+#[test]
+fn the_pair_that_knows_the_delay_best_counts() {
+    let values = ekf_values(&several(), &BTreeMap::new());
     let names: Vec<&str> = values.channels.iter().map(|c| c.rests_on.as_str()).collect();
     assert_eq!(names, ["position.gps against velocity.gps", "velocity.gps against attitude.ekf + specific-force.imu"]);
-    let [position, velocity] = &values.channels[..] else { panic!() };
+    assert_eq!(values.channels[1].rate_hz, Some(20.0));
+    assert_eq!(values.channels[1].value(EkfValueKind::NoiseDensity).unwrap().unit, "m/s/sqrt(Hz)");
+}
+
+#[test]
+fn what_is_known_of_the_channel_goes_before() {
+    let lateness_s = Some((Estimate { value: 0.203, standard_uncertainty: Some(0.008) }, "the IMU".to_owned()));
+    let facts = [("position.gps".to_owned(), EkfChannelFacts { rate_hz: Some(25.0), lateness_s })].into();
+    let values = ekf_values(&several(), &facts);
+    let position = &values.channels[0];
     assert!((position.value(EkfValueKind::NoiseDensity).unwrap().value - 0.06).abs() < 1e-12);
     assert_eq!(position.value(EkfValueKind::Delay).unwrap().formula, "how late the channel is, against the IMU");
     assert_eq!(position.value(EkfValueKind::Delay).unwrap().value, 0.203);
-    assert_eq!(velocity.rate_hz, Some(20.0));
-    assert_eq!(velocity.value(EkfValueKind::NoiseDensity).unwrap().unit, "m/s/sqrt(Hz)");
 }
 
 #[test]

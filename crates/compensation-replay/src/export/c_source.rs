@@ -1,8 +1,9 @@
 //! A compensator as a C header and a small C file.
 
 use super::c_async;
-use crate::compensator::{CompensatorError, CompensatorKind, CompensatorOptions, Discretisation};
+use crate::compensator::{CompensatorError, CompensatorKind, CompensatorOptions, Discretisation, StepGains};
 use crate::export::c_float::CFloat;
+use nalgebra::Complex;
 use std::fmt::Write;
 
 /// What to export, and where its delay comes from.
@@ -142,66 +143,104 @@ fn paper(export: &CExport) -> Body {
 /// Mode by mode, as [`ModalFilter`](crate::ModalFilter) computes it, in the same order.
 fn modal(export: &CExport) -> Result<Body, ExportError> {
     let filter = export.kind.filter(export.delay_s)?;
-    let literal = |x: f64| export.real.literal(x);
-    let gains = filter.gains_at(export.step_s);
-    let warm_gains = filter.warm_gains();
-    let paired = |k: usize| gains[k].0.decay.im != 0.0;
-    let (mut warm, mut cold, mut step) = (String::new(), String::new(), String::new());
-    let _ = write!(warm, "    c->velocity = velocity;\n    c->displacement = 0;\n");
-    let _ = write!(cold, "    c->velocity = 0;\n    c->displacement = 0;\n");
-    let real_type = export.real.c_name();
-    let _ = write!(step, "    const {real_type} before = c->velocity;\n    {real_type} displacement = 0;\n");
-    let unused_im = if (0..gains.len()).any(paired) { ", im" } else { "" };
-    let _ = writeln!(step, "    {real_type} re{unused_im};");
-    for (k, ((g, share), w)) in gains.iter().zip(&warm_gains).enumerate() {
-        let pole = filter.form().modes()[k].pole;
-        let _ = writeln!(warm, "    c->re[{k}] = {} * velocity;", literal(w.re));
-        let _ = writeln!(cold, "    c->re[{k}] = 0;");
-        if paired(k) {
-            let _ = writeln!(warm, "    c->im[{k}] = {} * velocity;", literal(w.im));
-            let _ = writeln!(cold, "    c->im[{k}] = 0;");
-            let (share_re, share_im) = (literal(share.re), literal(share.im));
-            let _ = writeln!(warm, "    c->displacement += {share_re} * c->re[{k}] - {share_im} * c->im[{k}];");
-            let _ = write!(
-                step,
-                "    /* poles {:.6} +- j {:.6} over Td */\n    \
-                 re = ({a} * c->re[{k}] - {b} * c->im[{k}]) + ({c} * before + {d} * velocity);\n    \
-                 im = ({a} * c->im[{k}] + {b} * c->re[{k}]) + ({e} * before + {f} * velocity);\n    \
-                 c->re[{k}] = re;\n    c->im[{k}] = im;\n    displacement += {share_re} * re - {share_im} * im;\n",
-                pole.re,
-                pole.im,
-                a = literal(g.decay.re),
-                b = literal(g.decay.im),
-                c = literal(g.before.re),
-                d = literal(g.now.re),
-                e = literal(g.before.im),
-                f = literal(g.now.im),
-            );
-        } else {
-            let share = literal(share.re);
-            let _ = writeln!(warm, "    c->displacement += {share} * c->re[{k}];");
-            let _ = write!(
-                step,
-                "    /* pole {:.6} over Td */\n    \
-                 re = {} * c->re[{k}] + ({} * before + {} * velocity);\n    \
-                 c->re[{k}] = re;\n    displacement += {share} * re;\n",
-                pole.re,
-                literal(g.decay.re),
-                literal(g.before.re),
-                literal(g.now.re),
-            );
-        }
-    }
-    let _ = write!(step, "    c->velocity = velocity;\n    c->displacement = displacement;\n");
+    let poles = filter.form().modes().iter().map(|mode| mode.pole);
+    let numbers = poles.zip(filter.gains_at(export.step_s)).zip(filter.warm_gains());
+    let modes: Vec<Mode> = numbers
+        .enumerate()
+        .map(|(k, ((pole, (gains, share)), warm))| Mode { k, pole, gains, share, warm, real: export.real })
+        .collect();
     let (b, a) = filter.direct_form(export.step_s);
     let list = |x: &[f64]| x.iter().map(|x| format!("{x:.17e}")).collect::<Vec<_>>().join(", ");
-    let method = vec![
-        "modes z = decay z + before v_before + now v, displacement = sum of Re(share z)".to_owned(),
-        "the same filter in direct form, for comparison (a[0] = 1):".to_owned(),
-        format!("b = {}", list(&b)),
-        format!("a = {}", list(&a)),
-    ];
-    Ok(Body { modes: gains.len(), method, warm, cold, step })
+    let real = export.real.c_name();
+    let unused_im = if modes.iter().any(Mode::is_paired) { ", im" } else { "" };
+    let mut body = Body {
+        modes: modes.len(),
+        method: vec![
+            "modes z = decay z + before v_before + now v, displacement = sum of Re(share z)".to_owned(),
+            "the same filter in direct form, for comparison (a[0] = 1):".to_owned(),
+            format!("b = {}", list(&b)),
+            format!("a = {}", list(&a)),
+        ],
+        warm: "    c->velocity = velocity;\n    c->displacement = 0;\n".to_owned(),
+        cold: "    c->velocity = 0;\n    c->displacement = 0;\n".to_owned(),
+        step: format!(
+            "    const {real} before = c->velocity;\n    {real} displacement = 0;\n    {real} re{unused_im};\n"
+        ),
+    };
+    for mode in &modes {
+        if mode.is_paired() { mode.write_pair(&mut body) } else { mode.write_real(&mut body) }
+    }
+    body.step.push_str("    c->velocity = velocity;\n    c->displacement = displacement;\n");
+    Ok(body)
+}
+
+/// A real pole, or a pair of conjugate ones.
+struct Mode {
+    k: usize,
+    /// Times Td.
+    pole: Complex<f64>,
+    gains: StepGains,
+    share: Complex<f64>,
+    /// Warm state per m/s.
+    warm: Complex<f64>,
+    real: CFloat,
+}
+
+impl Mode {
+    fn is_paired(&self) -> bool {
+        self.gains.decay.im != 0.0
+    }
+
+    fn write_pair(&self, body: &mut Body) {
+        let Mode { k, pole, gains, share, warm, real } = self;
+        let literal = |x: f64| real.literal(x);
+        let (share_re, share_im) = (literal(share.re), literal(share.im));
+        let _ = write!(
+            body.warm,
+            "    c->re[{k}] = {} * velocity;\n    c->im[{k}] = {} * velocity;\n    \
+             c->displacement += {share_re} * c->re[{k}] - {share_im} * c->im[{k}];\n",
+            literal(warm.re),
+            literal(warm.im),
+        );
+        let _ = write!(body.cold, "    c->re[{k}] = 0;\n    c->im[{k}] = 0;\n");
+        let _ = write!(
+            body.step,
+            "    /* poles {:.6} +- j {:.6} over Td */\n    \
+             re = ({a} * c->re[{k}] - {b} * c->im[{k}]) + ({c} * before + {d} * velocity);\n    \
+             im = ({a} * c->im[{k}] + {b} * c->re[{k}]) + ({e} * before + {f} * velocity);\n    \
+             c->re[{k}] = re;\n    c->im[{k}] = im;\n    displacement += {share_re} * re - {share_im} * im;\n",
+            pole.re,
+            pole.im,
+            a = literal(gains.decay.re),
+            b = literal(gains.decay.im),
+            c = literal(gains.before.re),
+            d = literal(gains.now.re),
+            e = literal(gains.before.im),
+            f = literal(gains.now.im),
+        );
+    }
+
+    fn write_real(&self, body: &mut Body) {
+        let Mode { k, pole, gains, share, warm, real } = self;
+        let literal = |x: f64| real.literal(x);
+        let share = literal(share.re);
+        let _ = write!(
+            body.warm,
+            "    c->re[{k}] = {} * velocity;\n    c->displacement += {share} * c->re[{k}];\n",
+            literal(warm.re)
+        );
+        let _ = writeln!(body.cold, "    c->re[{k}] = 0;");
+        let _ = write!(
+            body.step,
+            "    /* pole {:.6} over Td */\n    \
+             re = {} * c->re[{k}] + ({} * before + {} * velocity);\n    \
+             c->re[{k}] = re;\n    displacement += {share} * re;\n",
+            pole.re,
+            literal(gains.decay.re),
+            literal(gains.before.re),
+            literal(gains.now.re),
+        );
+    }
 }
 
 fn header(export: &CExport, body: &Body) -> String {

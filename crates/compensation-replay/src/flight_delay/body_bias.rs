@@ -64,10 +64,6 @@ fn flown(seed: u64) -> (Horizontal, Horizontal, BodyAxes) {
         let along = |k: usize| if axis == 0 { yaw[k].cos() } else { yaw[k].sin() };
         (0..n).map(|k| speed[k] * along(k)).collect()
     });
-    let at = |x: &[f64], t: f64| {
-        let k = ((t / STEP_S) as usize).min(n - 2);
-        x[k] + (t / STEP_S - k as f64) * (x[k + 1] - x[k])
-    };
     let bias: [f64; 3] = std::array::from_fn(|_| random.normal(0.05));
     let (mut force, mut body) = (Horizontal::default(), BodyAxes::default());
     for k in 0..((LENGTH_S - 2.0) / 0.02) as usize {
@@ -87,13 +83,22 @@ fn flown(seed: u64) -> (Horizontal, Horizontal, BodyAxes) {
             (0..3).for_each(|k| body[k][axis].push(turned[axis][k]));
         }
     }
+    (late(&velocity, &mut random), force, body)
+}
+
+/// The velocity at 5 Hz, late and noisy.
+fn late(velocity: &[Vec<f64>; 2], random: &mut Random) -> Horizontal {
+    let at = |x: &[f64], t: f64| {
+        let k = ((t / STEP_S) as usize).min(x.len() - 2);
+        x[k] + (t / STEP_S - k as f64) * (x[k + 1] - x[k])
+    };
     let mut seen = Horizontal::default();
     for k in 0..((LENGTH_S - 2.0) / 0.2) as usize {
         let t = 1.03 + 0.2 * k as f64;
         seen.t.push(t);
         AXES.into_iter().for_each(|axis| seen.axes[axis].push(at(&velocity[axis], t - LATE_S) + random.normal(0.05)));
     }
-    (seen, force, body)
+    seen
 }
 
 fn fitted(seed: u64, with_bias: bool) -> DelayFit {

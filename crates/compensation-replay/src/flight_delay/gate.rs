@@ -1,7 +1,7 @@
 //! Whether a flight can show a delay at all (design note 4).
 
 use super::FlightDelaySettings;
-use super::pieces::{LEAST_ROWS, Piece, Stretch};
+use super::pieces::{LEAST_ROWS, Names, Piece, Stretch};
 use crate::input::{AXES, Horizontal};
 use record::DelayExcitation;
 use signal::DelayFit;
@@ -278,7 +278,7 @@ pub(crate) fn refuse_fit(
     offer: &DelayExcitation,
     motion: &Motion,
     settings: &FlightDelaySettings,
-    [first, second]: [&str; 2],
+    Names { first, second }: &Names,
 ) -> Option<String> {
     let known = fit.standard_uncertainty_s.max(fit.crlb_s);
     let uncertain = known.is_nan() || known > settings.worst_sigma_s;

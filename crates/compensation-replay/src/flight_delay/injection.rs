@@ -14,28 +14,42 @@ const LEAST_ROWS: usize = 20;
 /// One finding for each delay of the settings that could be put in.
 pub(crate) fn injections(view: &View, settings: &DelaySettings) -> Vec<FlightInjection> {
     let Some(split_s) = half_said(view.fit) else { return vec![] };
-    let whole = view.record.measurements();
-    let half = |later: bool, delay_s: f64| -> Option<DelayFit> {
+    let halves = Halves { view, settings, whole: view.record.measurements(), split_s };
+    let Some(before) = halves.fit(false, 0.0) else { return vec![] };
+    view.settings.inject_s.iter().filter_map(|&injected_s| halves.injection(&before, injected_s)).collect()
+}
+
+/// The flight on both sides of an instant.
+struct Halves<'a> {
+    view: &'a View<'a>,
+    settings: &'a DelaySettings,
+    whole: Vec<Measurement<'a>>,
+    split_s: f64,
+}
+
+impl Halves<'_> {
+    /// One half, handed on later by `delay_s`.
+    fn fit(&self, later: bool, delay_s: f64) -> Option<DelayFit> {
+        let view = self.view;
         // The noise is that of the whole: only the delay is to be found again.
-        let parts: Vec<(usize, Vec<f64>, &[f64])> = whole
-            .iter()
-            .enumerate()
-            .filter_map(|(c, m)| {
-                let cut = m.t.partition_point(|t| *t < split_s);
-                let rows = if later { cut..m.t.len() } else { 0..cut };
-                (rows.len() >= LEAST_ROWS)
-                    .then(|| (c, m.t[rows.clone()].iter().map(|t| t + delay_s).collect(), &m.y[rows]))
-            })
-            .collect();
-        let measurements: Vec<Measurement> = parts.iter().map(|(c, t, y)| Measurement { t, y, ..whole[*c] }).collect();
+        let part = |c: usize| {
+            let m = &self.whole[c];
+            let cut = m.t.partition_point(|t| *t < self.split_s);
+            let rows = if later { cut..m.t.len() } else { 0..cut };
+            let t: Vec<f64> = m.t[rows.clone()].iter().map(|t| t + delay_s).collect();
+            (rows.len() >= LEAST_ROWS).then(|| (c, t, &m.y[rows]))
+        };
+        let parts: Vec<_> = (0..self.whole.len()).filter_map(part).collect();
+        let measurements: Vec<Measurement> =
+            parts.iter().map(|(c, t, y)| Measurement { t, y, ..self.whole[*c] }).collect();
         let known = |fit: &DelayFit| fit.converged && fit.standard_uncertainty_s <= view.settings.worst_sigma_s;
         let noise = parts.iter().filter_map(|(c, ..)| view.fit.components.get(*c)).map(|c| c.noise).collect();
         let start = DelayStart { delay_s: view.fit.delay_s, noise, keep_noise: true };
-        fit_delay_near(&measurements, settings, &start).ok().filter(known)
-    };
-    let Some(before) = half(false, 0.0) else { return vec![] };
-    let one = |&injected_s: &f64| {
-        let after = half(true, injected_s)?;
+        fit_delay_near(&measurements, self.settings, &start).ok().filter(known)
+    }
+
+    fn injection(&self, before: &DelayFit, injected_s: f64) -> Option<FlightInjection> {
+        let after = self.fit(true, injected_s)?;
         let error = after.delay_s - before.delay_s - injected_s;
         let uncertainty = after.standard_uncertainty_s.hypot(before.standard_uncertainty_s);
         let wide = uncertainty * student_quantile(0.975, before.degrees_of_freedom.min(after.degrees_of_freedom));
@@ -43,10 +57,9 @@ pub(crate) fn injections(view: &View, settings: &DelaySettings) -> Vec<FlightInj
             injected_s,
             error_s: estimate(error, uncertainty),
             interval_95_s: [error - wide, error + wide],
-            split_s,
+            split_s: self.split_s,
         })
-    };
-    view.settings.inject_s.iter().filter_map(one).collect()
+    }
 }
 
 /// The instant before and after which the motion says as much: half of the squared slope about each component's mean.

@@ -55,22 +55,15 @@ fn counted(quantity: Quantity, rows: usize) -> &'static str {
     }
 }
 
+fn channel_of<'a>(flight: &'a Flight, name: &str) -> Result<&'a Channel, String> {
+    flight.channels.get(name).ok_or_else(|| format!("no channel {name}"))
+}
+
 /// Reads the channels of `pair`, with at most so many samples; says in words why that cannot be.
 pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut Notices) -> Result<Prepared, String> {
-    let channel = |name: &str| flight.channels.get(name).ok_or_else(|| format!("no channel {name}"));
-    let first = channel(&pair.first)?;
-    let names: Vec<&String> = match &pair.second {
-        Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => vec![name],
-        Second::Acceleration { attitude, specific_force } => vec![specific_force, attitude],
-    };
-    let second = channel(names[0])?;
-    let clock = first.series.timeline().clock();
-    let mut stamps_s = 0_f64;
-    for name in std::iter::once(&pair.first).chain(names.iter().copied()) {
-        let channel = channel(name)?;
-        check(channel, name, &pair.first, clock)?;
-        stamps_s = stamps_s.hypot(channel.series.timeline().shared_step_s() / 3_f64.sqrt());
-    }
+    let first = channel_of(flight, &pair.first)?;
+    let second = channel_of(flight, pair.second.channels()[0])?;
+    let stamps_s = stamps_s(flight, pair)?;
     let stamp = |c: &Channel| c.series.timeline().first().unwrap_or(Stamp(0));
     let origin = stamp(first).min(stamp(second));
     let place = match (first.quantity, second.quantity) {
@@ -83,30 +76,54 @@ pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut No
     let (rows, one_in) = thinned_rows(first, most.of_first, &pair.first, notices);
     let out = Averaged::none(rows.len());
     let first_local = located((first, &pair.first), rows.into_iter(), &axes, out, notices);
-    let averaged =
-        |name: &str, notices: &mut Notices| Averaged::new((second, name), most.of_second, "the delay", notices);
-    let (second_local, integrate, body) = match &pair.second {
-        Second::Position(name) | Second::Rate(name) => {
-            let out = averaged(name, notices);
-            (located((second, name), second.updates(), &axes, out, notices), false, None)
-        }
-        Second::Velocity(name) => (turned(second, first, &axes, averaged(name, notices)), true, None),
-        Second::Acceleration { attitude, specific_force } => {
-            let out = Averaged::new((second, specific_force), most.of_second, "the delay", notices);
-            let (force, body) = rotated(second, channel(attitude)?, origin, out);
-            (force, true, Some(body))
-        }
-    };
+    let (second_local, body) = second_of(flight, pair, &axes, most.of_second, notices)?;
     let speed = speed_of(pair, &first_local, &second_local);
     Ok(Prepared {
-        origin: DelayOrigin { origin_ns: origin.0, clock },
+        origin: DelayOrigin { origin_ns: origin.0, clock: first.series.timeline().clock() },
         first: first_local,
         second: second_local,
-        integrate,
+        integrate: matches!(pair.second, Second::Velocity(_) | Second::Acceleration { .. }),
         body,
         speed,
         one_in,
         stamps_s,
+    })
+}
+
+/// What the stamps of all channels of the pair are good for, s, if these can be compared.
+fn stamps_s(flight: &Flight, pair: &Pair) -> Result<f64, String> {
+    let clock = channel_of(flight, &pair.first)?.series.timeline().clock();
+    let mut stamps_s = 0_f64;
+    for name in std::iter::once(pair.first.as_str()).chain(pair.second.channels()) {
+        let channel = channel_of(flight, name)?;
+        check(channel, name, &pair.first, clock)?;
+        stamps_s = stamps_s.hypot(channel.series.timeline().shared_step_s() / 3_f64.sqrt());
+    }
+    Ok(stamps_s)
+}
+
+/// The second channel, of about `most` samples; of an acceleration with the body axes.
+fn second_of(
+    flight: &Flight,
+    pair: &Pair,
+    axes: &Axes<'_>,
+    most: usize,
+    notices: &mut Notices,
+) -> Result<(Horizontal, Option<BodyAxes>), String> {
+    let name = pair.second.channels()[0];
+    let second = channel_of(flight, name)?;
+    let averaged = |notices: &mut Notices| Averaged::new((second, name), most, "the delay", notices);
+    Ok(match &pair.second {
+        Second::Position(_) | Second::Rate(_) => {
+            let out = averaged(notices);
+            (located((second, name), second.updates(), axes, out, notices), None)
+        }
+        Second::Velocity(_) => (turned(second, channel_of(flight, &pair.first)?, axes, averaged(notices)), None),
+        Second::Acceleration { attitude, .. } => {
+            let out = Averaged::new((second, name), most, "the delay", notices);
+            let (force, body) = rotated(second, channel_of(flight, attitude)?, axes.origin, out);
+            (force, Some(body))
+        }
     })
 }
 

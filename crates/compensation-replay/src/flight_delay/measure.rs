@@ -2,14 +2,14 @@
 
 use super::coarse::{self, Coarse};
 use super::fit::{Record, View, estimate, fit_shared, walk_of};
-use super::gate::{self, SEARCH_STEP_S};
+use super::gate::{self, Motion, SEARCH_STEP_S};
 use super::local::{BodyAxes, Most, Prepared, prepare};
 use super::pairs::{Pair, Second};
 use super::pieces::{self, Names, Piece, Stretch};
 use super::{FlightDelaySettings, doubt, injection, over_time, skew, split, varies};
 use crate::input::Horizontal;
 use flight::{Flight, Notices};
-use record::{DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
+use record::{DelayExcitation, DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
 use signal::{ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, OtherMinimum};
 use std::borrow::Cow;
 
@@ -70,6 +70,13 @@ struct Look {
     enough_s: f64,
 }
 
+impl Look {
+    fn is_enough(self, fit: &Result<DelayFit, String>) -> bool {
+        let knows = |fit: &DelayFit| fit.standard_uncertainty_s <= self.enough_s;
+        !self.enough_s.is_finite() || fit.as_ref().is_ok_and(knows)
+    }
+}
+
 /// Why a look gave no delay.
 enum NoDelay {
     /// A closer look may.
@@ -100,43 +107,17 @@ fn delay_of(
     if prepared.body.is_some() {
         finding.not_for_network = gate::too_slow_for_datum(&prepared.second);
     }
-    let (fit_first, fit_second) =
-        if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
-    let names = Names { first: fit_first, second: fit_second };
+    let second = pair.second.name();
+    let names = Names { first: &pair.first, second: &second };
     let mut body = prepared.body.take();
     let compared = Compared::of(pair, &prepared, &mut body, &names, notices);
     let moving = compared.moving();
     let ranges = pieces::stretches(&moving.t, pieces::longest_gap(compared.step_s, settings));
     let stretches = pieces::references(moving, &ranges, prepared.integrate, body.as_ref());
-    let mut coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
-    let mut cut = pieces::pieces(&prepared, &stretches, coarse.delay_s, &names, notices);
-    let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse.delay_s, &prepared.speed.1);
-    finding.excitation = Some(offer.clone());
-    let acceleration = matches!(pair.second, Second::Acceleration { .. } | Second::Rate(_));
-    let motion = gate::motion(&prepared.first, &cut, &stretches, coarse.delay_s, acceleration);
-    if let Some(reason) = gate::refuse_motion(&offer, &motion, compared.noise(&prepared), &prepared.speed.1) {
-        return Err(reason.into());
-    }
-    let known = Known { pair, prepared: &prepared, compared: &compared, stretches: &stretches, settings };
-    let (record, fit) = known.fit(&mut cut, &mut coarse, &mut finding.varies);
-    let delay_settings = settings_about(coarse.delay_s);
-    let measurements = record.measurements();
-    let knows = |fit: &DelayFit| fit.standard_uncertainty_s <= look.enough_s;
-    if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
-        return Err(NoDelay::MoreSamples);
-    }
-    let fit = fit.map_err(|reason| refusal(reason, finding.varies.as_ref()))?;
-    let (fit, skew) = mean_of_skewed(&measurements, &delay_settings, fit);
-    offer.predicted_s = Some(fit.crlb_s);
-    offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
-    finding.excitation = Some(offer.clone());
-    if let Some(reason) = gate::refuse_fit(&fit, &offer, &motion, settings, [names.first, names.second]) {
-        return Err(refusal(reason, finding.varies.as_ref()).into());
-    }
-    let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
-    let wanted = |(p, v): &(String, String)| finding.first == *p && finding.second == *v;
-    let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
-    doubt::doubt(&mut measured, &view, finding.varies.as_ref(), (pair.kind, skew.as_ref()));
+    let coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
+    let known =
+        Known { flight, pair, names, prepared: &prepared, compared: &compared, stretches: &stretches, settings };
+    let measured = known.measured(coarse, look, notices, finding)?;
     Ok(if pair.reversed { turned_round(measured) } else { measured })
 }
 
@@ -188,7 +169,9 @@ impl<'a> Compared<'a> {
 
 /// What the fits need.
 struct Known<'a> {
+    flight: &'a Flight,
     pair: &'a Pair,
+    names: Names<'a>,
     prepared: &'a Prepared,
     compared: &'a Compared<'a>,
     stretches: &'a [Stretch<'a>],
@@ -196,6 +179,47 @@ struct Known<'a> {
 }
 
 impl<'a> Known<'a> {
+    /// The delay about `coarse`, as the fit has it: not turned round.
+    fn measured(
+        &self,
+        mut coarse: Coarse,
+        look: Look,
+        notices: &mut Notices,
+        finding: &mut PairDelay,
+    ) -> Result<MeasuredDelay, NoDelay> {
+        let Known { flight, prepared, stretches, settings, .. } = *self;
+        let first = &prepared.first;
+        let mut cut = pieces::pieces(prepared, stretches, coarse.delay_s, &self.names, notices);
+        let offer =
+            finding.excitation.insert(gate::excitation(first, &cut, stretches, coarse.delay_s, &prepared.speed.1));
+        let motion = self.motion(&cut, coarse.delay_s, offer)?;
+        let (record, fit) = self.fit(&mut cut, &mut coarse, &mut finding.varies);
+        if prepared.one_in > 1 && !look.is_enough(&fit) {
+            return Err(NoDelay::MoreSamples);
+        }
+        let fit = fit.map_err(|reason| refusal(reason, finding.varies.as_ref()))?;
+        let delay_settings = settings_about(coarse.delay_s);
+        let (fit, skew) = mean_of_skewed(&record.measurements(), &delay_settings, fit);
+        offer.predicted_s = Some(fit.crlb_s);
+        offer.unexplained_share = gate::unexplained_share(first, &cut, stretches, fit.delay_s);
+        if let Some(reason) = gate::refuse_fit(&fit, offer, &motion, settings, &self.names) {
+            return Err(refusal(reason, finding.varies.as_ref()).into());
+        }
+        let view = View { flight, prepared, pieces: &cut, record: &record, fit: &fit, settings };
+        let wanted = |(p, v): &(String, String)| finding.first == *p && finding.second == *v;
+        let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
+        doubt::doubt(&mut measured, &view, finding.varies.as_ref(), (self.pair.kind, skew.as_ref()));
+        Ok(measured)
+    }
+
+    /// The motion, if it can show a delay at all.
+    fn motion(&self, cut: &[Piece], delay_s: f64, offer: &DelayExcitation) -> Result<Motion, String> {
+        let acceleration = matches!(self.pair.second, Second::Acceleration { .. } | Second::Rate(_));
+        let motion = gate::motion(&self.prepared.first, cut, self.stretches, delay_s, acceleration);
+        let noise = self.compared.noise(self.prepared);
+        gate::refuse_motion(offer, &motion, noise, &self.prepared.speed.1).map_or(Ok(motion), Err)
+    }
+
     /// The delay that may vary, unless `varies` has it from an earlier look, and the constant one. Fixes of bursts are taken
     /// out of `cut`, and `coarse` follows the varying delay where that is elsewhere: then the constant fit is made again.
     fn fit(
@@ -241,14 +265,15 @@ fn refusal(reason: String, varies: Option<&DelayOverTime>) -> String {
     }
 }
 
-/// Half the width of the delays that the fit looks at about the coarse delay, s.
+/// Half the width of the delays that a fit looks at, s.
 const HALF_SEARCH_S: f64 = 0.6;
 
-fn about(delay_s: f64) -> (f64, f64) {
+pub(super) fn about(delay_s: f64) -> (f64, f64) {
     (delay_s - HALF_SEARCH_S, delay_s + HALF_SEARCH_S)
 }
 
-fn settings_about(delay_s: f64) -> DelaySettings {
+/// Settings of a fit about this delay.
+pub(super) fn settings_about(delay_s: f64) -> DelaySettings {
     DelaySettings {
         search_s: about(delay_s),
         search_step_s: SEARCH_STEP_S,

@@ -17,6 +17,24 @@ pub(crate) enum Second {
     Rate(String),
 }
 
+impl Second {
+    /// Name as the finding has it.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => name.clone(),
+            Second::Acceleration { attitude, specific_force } => format!("{attitude} + {specific_force}"),
+        }
+    }
+
+    /// Its channels, the one whose samples are used first.
+    pub(crate) fn channels(&self) -> Vec<&str> {
+        match self {
+            Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => vec![name],
+            Second::Acceleration { attitude, specific_force } => vec![specific_force, attitude],
+        }
+    }
+}
+
 /// One comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Pair {
@@ -31,10 +49,7 @@ pub(crate) struct Pair {
 impl Pair {
     /// Names as the finding has them.
     pub(crate) fn names(&self) -> (String, String) {
-        let second = match &self.second {
-            Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => name.clone(),
-            Second::Acceleration { attitude, specific_force } => format!("{attitude} + {specific_force}"),
-        };
+        let second = self.second.name();
         if self.reversed { (second, self.first.clone()) } else { (self.first.clone(), second) }
     }
 
@@ -67,19 +82,38 @@ impl Pair {
 
 /// Channel names of the kinds that take part.
 struct Channels<'a> {
-    settings: &'a FlightDelaySettings,
     positions: Vec<&'a str>,
+    reference_positions: Vec<&'a str>,
     velocities: Vec<&'a str>,
+    reference_velocities: Vec<&'a str>,
+    /// Attitude and specific force.
     accelerations: Vec<(&'a str, &'a str)>,
 }
 
 /// All comparisons that the channels of the flight allow, in the order of the finding.
 pub(crate) fn pairs_of(flight: &Flight, settings: &FlightDelaySettings) -> Vec<Pair> {
-    let of = |wanted: &[Quantity]| -> Vec<&str> {
-        flight.channels.iter().filter(|(_, c)| wanted.contains(&c.quantity)).map(|(name, _)| name.as_str()).collect()
-    };
-    let attitudes = of(&[Quantity::Attitude]);
-    let accelerations = of(&[Quantity::SpecificForce])
+    let channels = Channels::of(flight, settings);
+    let mut pairs = [
+        channels.pairs_of_positions(),
+        channels.pairs_of_velocities(),
+        channels.pairs_of_references(),
+        channels.pairs_of_receivers(),
+    ]
+    .concat();
+    pairs.sort_by_key(|p| (p.kind, p.names()));
+    pairs
+}
+
+fn names_of<'a>(flight: &'a Flight, wanted: &[Quantity]) -> Vec<&'a str> {
+    flight.channels.iter().filter(|(_, c)| wanted.contains(&c.quantity)).map(|(name, _)| name.as_str()).collect()
+}
+
+/// Attitudes that are tried with one specific force.
+const MOST_ATTITUDES: usize = 4;
+
+fn accelerations(flight: &Flight) -> Vec<(&str, &str)> {
+    let attitudes = names_of(flight, &[Quantity::Attitude]);
+    names_of(flight, &[Quantity::SpecificForce])
         .into_iter()
         .flat_map(|force| {
             // Attitudes of the same device before any other; which one serves best is seen from the delays.
@@ -87,87 +121,99 @@ pub(crate) fn pairs_of(flight: &Flight, settings: &FlightDelaySettings) -> Vec<P
             usable.sort_by_key(|a| source(a) != source(force));
             usable.into_iter().take(MOST_ATTITUDES).map(move |attitude| (attitude, force))
         })
-        .collect();
-    let channels = Channels {
-        settings,
-        positions: of(&[Quantity::PositionGeodetic, Quantity::PositionNed]),
-        velocities: of(&[Quantity::VelocityNed]),
-        accelerations,
-    };
-    let mut pairs = channels.all();
-    pairs.sort_by_key(|p| (p.kind, p.names()));
-    pairs
+        .collect()
 }
-
-/// Attitudes that are tried with one specific force.
-const MOST_ATTITUDES: usize = 4;
 
 fn same_clock(flight: &Flight, a: &str, b: &str) -> bool {
     let clock = |name: &str| flight.channels.get(name).map(|c| c.series.timeline().clock());
     clock(a) == clock(b)
 }
 
-impl Channels<'_> {
-    fn all(&self) -> Vec<Pair> {
-        let (reference_positions, positions): (Vec<&str>, Vec<&str>) =
-            self.positions.iter().partition(|name| self.is_reference(name));
-        let (reference_velocities, velocities): (Vec<&str>, Vec<&str>) =
-            self.velocities.iter().partition(|name| self.is_reference(name));
-        // A reference position says all that its velocity says.
-        let alone: Vec<&str> = reference_velocities
-            .iter()
-            .copied()
-            .filter(|v| reference_positions.iter().all(|p| source(p) != source(v)))
-            .collect();
+fn pair(kind: DelayPairKind, first: &str, second: Second) -> Pair {
+    Pair { kind, first: first.to_owned(), second, reversed: false }
+}
+
+impl<'a> Channels<'a> {
+    fn of(flight: &'a Flight, settings: &FlightDelaySettings) -> Channels<'a> {
+        let is_reference = |name: &&str| settings.references.iter().any(|r| r == source(name));
+        let positions = names_of(flight, &[Quantity::PositionGeodetic, Quantity::PositionNed]);
+        let (reference_positions, positions) = positions.into_iter().partition(is_reference);
+        let velocities = names_of(flight, &[Quantity::VelocityNed]);
+        let (reference_velocities, velocities) = velocities.into_iter().partition(is_reference);
+        let accelerations = accelerations(flight);
+        Channels { positions, reference_positions, velocities, reference_velocities, accelerations }
+    }
+
+    /// Reference velocities without a reference position, which would say all that they say.
+    fn lone_reference_velocities(&self) -> impl Iterator<Item = &&'a str> {
+        let has_position = |v: &str| self.reference_positions.iter().any(|p| source(p) == source(v));
+        self.reference_velocities.iter().filter(move |v| !has_position(v))
+    }
+
+    fn pairs_of_positions(&self) -> Vec<Pair> {
+        use DelayPairKind::{PositionAgainstReference, PositionAgainstVelocity};
         let mut out = vec![];
-        let mut add = |kind, first: &str, second, reversed| {
-            out.push(Pair { kind, first: first.to_owned(), second, reversed });
-        };
-        let owned = |name: &str| name.to_owned();
-        for p in &positions {
-            for v in &velocities {
-                add(DelayPairKind::PositionAgainstVelocity, p, Second::Velocity(owned(v)), false);
-            }
-            for r in &reference_positions {
-                add(DelayPairKind::PositionAgainstReference, p, Second::Position(owned(r)), false);
-            }
-            for r in &alone {
-                add(DelayPairKind::PositionAgainstReference, p, Second::Velocity(owned(r)), false);
-            }
+        for p in &self.positions {
+            let velocity = |kind, v: &str| pair(kind, p, Second::Velocity(v.to_owned()));
+            let position = |r: &&str| pair(PositionAgainstReference, p, Second::Position((*r).to_owned()));
+            out.extend(self.velocities.iter().map(|v| velocity(PositionAgainstVelocity, v)));
+            out.extend(self.reference_positions.iter().map(position));
+            out.extend(self.lone_reference_velocities().map(|r| velocity(PositionAgainstReference, r)));
         }
-        for v in &velocities {
-            // A filter's velocity is made from this IMU and says little of it: one attitude is enough.
-            let mut forces: Vec<&str> = vec![];
-            for (attitude, force) in &self.accelerations {
-                if !is_receiver(v) && forces.contains(force) {
-                    continue;
-                }
-                forces.push(force);
-                let second = Second::Acceleration { attitude: owned(attitude), specific_force: owned(force) };
-                add(DelayPairKind::VelocityAgainstAcceleration, v, second, false);
-            }
-            for r in &reference_positions {
-                add(DelayPairKind::VelocityAgainstReference, r, Second::Velocity(owned(v)), true);
-            }
-            for r in &alone {
-                add(DelayPairKind::VelocityAgainstReference, v, Second::Rate(owned(r)), false);
-            }
+        out
+    }
+
+    fn pairs_of_velocities(&self) -> Vec<Pair> {
+        use DelayPairKind::VelocityAgainstReference;
+        let mut out = vec![];
+        for v in &self.velocities {
+            out.extend(self.pairs_with_accelerations(v));
+            let reversed = |r: &&str| Pair {
+                reversed: true,
+                ..pair(VelocityAgainstReference, r, Second::Velocity((*v).to_owned()))
+            };
+            out.extend(self.reference_positions.iter().map(reversed));
+            let rate = |r: &&str| pair(VelocityAgainstReference, v, Second::Rate((*r).to_owned()));
+            out.extend(self.lone_reference_velocities().map(rate));
         }
-        for r in &reference_positions {
-            for v in reference_velocities.iter().filter(|v| source(v) == source(r)) {
-                add(DelayPairKind::PositionAgainstVelocity, r, Second::Velocity(owned(v)), false);
+        out
+    }
+
+    fn pairs_with_accelerations(&self, velocity: &str) -> Vec<Pair> {
+        // A filter's velocity is made from this IMU and says little of it: one attitude is enough.
+        let mut forces: Vec<&str> = vec![];
+        let mut out = vec![];
+        for (attitude, force) in &self.accelerations {
+            if !is_receiver(velocity) && forces.contains(force) {
+                continue;
             }
+            forces.push(force);
+            let second = Second::Acceleration { attitude: (*attitude).to_owned(), specific_force: (*force).to_owned() };
+            out.push(pair(DelayPairKind::VelocityAgainstAcceleration, velocity, second));
         }
-        for (k, a) in positions.iter().enumerate() {
-            for b in positions[k + 1..].iter().filter(|b| is_receiver(a) && is_receiver(b)) {
-                add(DelayPairKind::BetweenReceivers, b, Second::Position(owned(a)), false);
+        out
+    }
+
+    /// The position of a reference against its own velocity.
+    fn pairs_of_references(&self) -> Vec<Pair> {
+        let mut out = vec![];
+        for r in &self.reference_positions {
+            for v in self.reference_velocities.iter().filter(|v| source(v) == source(r)) {
+                out.push(pair(DelayPairKind::PositionAgainstVelocity, r, Second::Velocity((*v).to_owned())));
             }
         }
         out
     }
 
-    fn is_reference(&self, name: &str) -> bool {
-        self.settings.references.iter().any(|r| r == source(name))
+    fn pairs_of_receivers(&self) -> Vec<Pair> {
+        let receivers: Vec<&str> = self.positions.iter().copied().filter(|p| is_receiver(p)).collect();
+        let mut out = vec![];
+        for (k, a) in receivers.iter().enumerate() {
+            for b in &receivers[k + 1..] {
+                out.push(pair(DelayPairKind::BetweenReceivers, b, Second::Position((*a).to_owned())));
+            }
+        }
+        out
     }
 }
 

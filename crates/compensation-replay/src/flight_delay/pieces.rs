@@ -184,23 +184,42 @@ fn begun_by(k: usize, stretch: usize, stretches: &[Stretch], names: &Names) -> S
     }
 }
 
-/// Samples that jump away, samples in which both channels contradict each other, and resets.
-fn say_what_was_cut((glitches, wild, resets): (u64, u64, u64), names: &Names, notices: &mut Notices) {
-    if glitches > 0 {
-        let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
-        notices.push(Code::SamplesLeftOut, names.first, glitches, text);
-    }
-    if wild > 0 {
-        let text = format!(
-            "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver has \
-             settled: left out",
-            names.first, names.second
-        );
-        notices.push(Code::SamplesLeftOut, names.first, wild, text);
-    }
-    if resets > 0 {
-        let text = format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
-        notices.push(Code::RecordSplit, names.first, resets, text);
+/// How many samples are left out, and what cuts the record how often.
+#[derive(Default)]
+struct Cuts {
+    glitches: u64,
+    wild: u64,
+    resets: u64,
+    gaps: u64,
+}
+
+impl Cuts {
+    fn say(&self, names: &Names, notices: &mut Notices) {
+        let Cuts { glitches, wild, resets, gaps } = self;
+        if *glitches > 0 {
+            let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
+            notices.push(Code::SamplesLeftOut, names.first, *glitches, text);
+        }
+        if *wild > 0 {
+            let text = format!(
+                "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver has \
+                 settled: left out",
+                names.first, names.second
+            );
+            notices.push(Code::SamplesLeftOut, names.first, *wild, text);
+        }
+        if *resets > 0 {
+            let text =
+                format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
+            notices.push(Code::RecordSplit, names.first, *resets, text);
+        }
+        if *gaps > 0 {
+            let text = format!(
+                "{}: {gaps} gap(s) or clock jump(s): the record is cut there, each part has its own offset",
+                names.second
+            );
+            notices.push(Code::RecordSplit, names.second, *gaps, text);
+        }
     }
 }
 
@@ -214,55 +233,71 @@ pub(crate) fn pieces(
 ) -> Vec<Piece> {
     let first = &prepared.first;
     let mut home = stretch_of(first, stretches, delay_s);
-    let (from, to) = moving_part(&prepared.speed);
-    let at_rest = |t: f64| t < from - REST_KEPT_S || t > to + REST_KEPT_S;
-    let rest =
-        home.iter_mut().zip(&first.t).filter(|(h, t)| h.is_some() && at_rest(**t)).map(|(h, _)| *h = None).count();
-    if rest > 0 {
-        let text = format!("{}: {rest} sample(s) at rest before or after the motion take no part", names.first);
-        notices.push(Code::SamplesLeftOut.at(Severity::Info), names.first, rest as u64, text);
-    }
+    leave_out_rest(&mut home, prepared, names, notices);
     let mut out: Vec<Piece> = vec![];
-    let (mut glitches, mut resets, mut wild) = (0_u64, 0_u64, 0_u64);
+    let mut said = Cuts { gaps: (stretches.len() as u64).saturating_sub(1), ..Cuts::default() };
     for (stretch, references) in stretches.iter().enumerate() {
         let rows: Vec<usize> = (0..first.t.len()).filter(|&k| home[k] == Some(stretch)).collect();
         if rows.is_empty() {
             continue;
         }
-        let (mut away, mut resets_here) = (vec![false; rows.len()], vec![]);
         let residuals = AXES.map(|axis| residuals(first, &*references[axis], axis, &rows, delay_s));
-        for residuals in &residuals {
-            let found = disturbances(residuals, LEAST_RESET);
-            found.glitches.iter().for_each(|&k| away[k] = true);
-            resets_here.extend(found.resets);
-        }
-        let wild_here = disturbed(first, &residuals, &rows, &prepared.speed);
-        wild += wild_here.iter().filter(|w| **w).count() as u64;
-        away.iter_mut().zip(&wild_here).for_each(|(a, w)| *a |= w);
-        resets_here.retain(|&k| !wild_here[k] && !wild_here[k - 1]);
-        resets_here.sort_unstable();
-        resets_here.dedup();
-        glitches += away.iter().zip(&wild_here).filter(|(a, w)| **a && !**w).count() as u64;
-        resets += resets_here.len() as u64;
+        let flaws = Flaws::of(&residuals, disturbed(first, &residuals, &rows, &prepared.speed));
+        flaws.count(&mut said);
         let mut cuts = vec![0];
-        cuts.extend(&resets_here);
+        cuts.extend(&flaws.resets);
         cuts.push(rows.len());
         for (k, cut) in cuts.windows(2).enumerate() {
-            let kept: Vec<usize> = (cut[0]..cut[1]).filter(|&r| !away[r]).map(|r| rows[r]).collect();
+            let kept: Vec<usize> = (cut[0]..cut[1]).filter(|&r| !flaws.away[r]).map(|r| rows[r]).collect();
             let begun_by = begun_by(k, stretch, stretches, names);
             out.push(Piece { rows: kept, stretch, begun_by });
         }
     }
-    say_what_was_cut((glitches, wild, resets), names, notices);
-    if stretches.len() > 1 {
-        let cuts = stretches.len() as u64 - 1;
-        let text = format!(
-            "{}: {cuts} gap(s) or clock jump(s): the record is cut there, each part has its own offset",
-            names.second
-        );
-        notices.push(Code::RecordSplit, names.second, cuts, text);
-    }
+    said.say(names, notices);
     keep_the_best(out, first, names, notices)
+}
+
+/// Takes samples at rest before and after the motion from their stretches.
+fn leave_out_rest(home: &mut [Option<usize>], prepared: &Prepared, names: &Names, notices: &mut Notices) {
+    let (from, to) = moving_part(&prepared.speed);
+    let at_rest = |t: f64| t < from - REST_KEPT_S || t > to + REST_KEPT_S;
+    let of_rest = home.iter_mut().zip(&prepared.first.t).filter(|(h, t)| h.is_some() && at_rest(**t));
+    let rest = of_rest.map(|(h, _)| *h = None).count();
+    if rest > 0 {
+        let text = format!("{}: {rest} sample(s) at rest before or after the motion take no part", names.first);
+        notices.push(Code::SamplesLeftOut.at(Severity::Info), names.first, rest as u64, text);
+    }
+}
+
+/// What is wrong with the rows of a stretch.
+struct Flaws {
+    /// Rows that take no part.
+    away: Vec<bool>,
+    /// Those of them in which both channels contradict each other.
+    wild: Vec<bool>,
+    resets: Vec<usize>,
+}
+
+impl Flaws {
+    fn of(residuals: &[Vec<f64>; 2], wild: Vec<bool>) -> Flaws {
+        let (mut away, mut resets) = (wild.clone(), vec![]);
+        for residuals in residuals {
+            let found = disturbances(residuals, LEAST_RESET);
+            found.glitches.iter().for_each(|&k| away[k] = true);
+            resets.extend(found.resets);
+        }
+        resets.retain(|&k| !wild[k] && !wild[k - 1]);
+        resets.sort_unstable();
+        resets.dedup();
+        Flaws { away, wild, resets }
+    }
+
+    fn count(&self, cuts: &mut Cuts) {
+        let of = |flags: &[bool]| flags.iter().filter(|flag| **flag).count() as u64;
+        cuts.wild += of(&self.wild);
+        cuts.glitches += of(&self.away) - of(&self.wild);
+        cuts.resets += self.resets.len() as u64;
+    }
 }
 
 /// First channel less the second at the delay `delay_s`, at each of `rows`.

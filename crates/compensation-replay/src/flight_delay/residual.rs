@@ -2,14 +2,16 @@
 //! for outputs of compensators.
 
 use super::FlightDelaySettings;
-use super::fit::fit_shared;
-use super::gate::{self, SEARCH_STEP_S};
-use super::local::Prepared;
-use super::pieces::{self, Names, Piece};
+use super::coarse::coarse_delay;
+use super::fit::{Record, fit_shared, walk_of};
+use super::gate;
+use super::local::{LEAST_SAMPLES, Prepared};
+use super::measure::{about, settings_about};
+use super::pieces::{self, Names};
 use crate::input::{AXES, Horizontal};
 use flight::{Clock, Notices};
 use record::DelayOrigin;
-use signal::{DelaySettings, Gain, Measurement, NoiseModel, NoiseRule};
+use signal::{DelayFit, NoiseModel};
 
 /// What the fit says of a track.
 #[derive(Debug, Clone)]
@@ -30,8 +32,6 @@ pub(crate) struct TrackFit {
 
 /// Most speeds that are looked at.
 const SPEEDS: usize = 6_000;
-/// Half the width of the delays that are looked at, s.
-const SEARCH_S: f64 = 0.6;
 
 /// Fits tracks one after the other against the same velocity (m/s).
 pub(crate) struct TrackFitter {
@@ -56,19 +56,19 @@ impl TrackFitter {
 
     /// The delay of `track` (m), looked for about `expected_s`, or why it cannot be told.
     pub(crate) fn fit(&mut self, track: Horizontal, expected_s: f64) -> Result<TrackFit, String> {
-        let search_s = (expected_s - SEARCH_S, expected_s + SEARCH_S);
+        let search_s = about(expected_s);
         let settings = FlightDelaySettings { search_s, ..FlightDelaySettings::default() };
         self.prepared.first = track;
         let prepared = &self.prepared;
         let fixes = prepared.first.t.len();
-        if fixes < super::local::LEAST_SAMPLES {
-            return Err(format!("only {fixes} fixes; at least {} are needed", super::local::LEAST_SAMPLES));
+        if fixes < LEAST_SAMPLES {
+            return Err(format!("only {fixes} fixes; at least {LEAST_SAMPLES} are needed"));
         }
         let names = Names { first: "the output", second: "the velocity" };
         let step_s = pieces::usual_step_s(&prepared.second.t);
         let ranges = pieces::stretches(&prepared.second.t, pieces::longest_gap(step_s, &settings));
         let stretches = pieces::references(&prepared.second, &ranges, true, None);
-        let coarse = super::coarse::coarse_delay(&prepared.first, &stretches, search_s)
+        let coarse = coarse_delay(&prepared.first, &stretches, search_s)
             .ok_or("output and velocity do not overlap for long enough at any delay searched")?
             .delay_s;
         // What is masked was said where the delays of the flight are measured.
@@ -79,29 +79,23 @@ impl TrackFitter {
         if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
             return Err(reason);
         }
-        let components = components(&prepared.first, &cut);
-        let reference = |c: &Component| &*stretches[c.stretch][c.axis];
-        let measurements: Vec<Measurement> = components
-            .iter()
-            .map(|c| Measurement { t: &c.t, y: &c.y, reference: reference(c), gain: Gain::Fixed(1.0), drift: true })
-            .collect();
-        let delay_settings = DelaySettings {
-            search_s,
-            search_step_s: SEARCH_STEP_S,
-            noise: NoiseRule::WanderAndWhite,
-            skew: false,
-            robust: true,
-        };
-        let fit = fit_shared(&measurements, &delay_settings, super::fit::walk_of(&prepared.second, step_s))
-            .map_err(|e| e.to_string())?;
+        let record = Record::of(prepared, &cut, &stretches);
+        let walk = walk_of(&prepared.second, step_s);
+        let fit = fit_shared(&record.measurements(), &settings_about(expected_s), walk).map_err(|e| e.to_string())?;
         offer.predicted_s = Some(fit.crlb_s);
         offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
-        if let Some(reason) = gate::refuse_fit(&fit, &offer, &motion, &settings, [names.first, names.second]) {
+        if let Some(reason) = gate::refuse_fit(&fit, &offer, &motion, &settings, &names) {
             return Err(reason);
         }
+        Ok(TrackFit::of(&fit))
+    }
+}
+
+impl TrackFit {
+    fn of(fit: &DelayFit) -> TrackFit {
         let of_axis = |axis: usize| fit.components.iter().skip(axis).step_by(2);
         let longest = |axis: usize| of_axis(axis).max_by_key(|c| c.t_used.len());
-        Ok(TrackFit {
+        TrackFit {
             delay_s: fit.delay_s,
             standard_uncertainty_s: fit.standard_uncertainty_s,
             interval_95_s: fit.interval(0.95),
@@ -109,31 +103,11 @@ impl TrackFitter {
             drift: AXES.map(|axis| mean_drift(of_axis(axis))),
             span_s: longest(0).map_or(0.0, |c| c.t_used.last().unwrap_or(&0.0) - c.t_used.first().unwrap_or(&0.0)),
             noise: AXES.map(|axis| longest(axis).map_or(NONE, |c| c.noise)),
-        })
+        }
     }
 }
 
 const NONE: NoiseModel = NoiseModel { wander_std: 0.0, time_constant_s: 1.0, white_std: 0.0 };
-
-struct Component {
-    t: Vec<f64>,
-    /// Less its mean, which the offset takes up.
-    y: Vec<f64>,
-    stretch: usize,
-    axis: usize,
-}
-
-/// North and east of each piece, one after the other.
-fn components(track: &Horizontal, pieces: &[Piece]) -> Vec<Component> {
-    let component = |piece: &Piece, axis: usize| {
-        let of = |x: &[f64]| piece.rows.iter().map(|&k| x[k]).collect::<Vec<f64>>();
-        let mut y = of(&track.axes[axis]);
-        let mean = y.iter().sum::<f64>() / y.len().max(1) as f64;
-        y.iter_mut().for_each(|y| *y -= mean);
-        Component { t: of(&track.t), y, stretch: piece.stretch, axis }
-    };
-    pieces.iter().flat_map(|p| AXES.map(|axis| component(p, axis))).collect()
-}
 
 /// Mean of the drifts by samples, with its standard uncertainty.
 fn mean_drift<'a>(components: impl Iterator<Item = &'a signal::ComponentFit>) -> (f64, f64) {

@@ -13,7 +13,7 @@ use crate::input::{AXES, Input};
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
 use crate::validity::{DelayModel, Delays, ValidityBand};
-use record::{CompensatorScore, Estimate, Finding, HelpfulBand, ReplayScores, ResidualDelay};
+use record::{CompensatorScore, Estimate, Finding, HelpfulBand, ReferenceScore, ReplayScores, ResidualDelay};
 use std::ops::Range;
 
 /// Share of the raw error that still counts as help.
@@ -27,7 +27,6 @@ pub(crate) struct Played<'a> {
     pub(crate) rows: &'a Rows,
     /// Raw first.
     pub(crate) tracks: &'a [Positions],
-    pub(crate) innovations: Innovations,
     /// Predicted way, 2-D rms, m.
     pub(crate) way_m: f64,
 }
@@ -56,70 +55,111 @@ fn expected(track: &Positions, settings: &Settings, ground: &Ground<'_>, updates
     Estimate { value, standard_uncertainty: Some(u.hypot(0.5 * truncation)) }
 }
 
+/// What came of the tests of all tracks.
+struct Tests<'a> {
+    played: &'a Played<'a>,
+    updates: Updates<'a>,
+    fits: Vec<Fit>,
+    legs: Legs,
+    passes: Passes,
+    motion: Result<Motion, String>,
+    against_reference: Vec<Finding<ReferenceScore>>,
+}
+
 /// Everything of [`ReplayScores`].
-pub(crate) fn scores(played: Played) -> ReplayScores {
-    let Played { input, settings, segments, rows, tracks, innovations, way_m } = played;
+pub(crate) fn scores(played: &Played, innovations: Innovations) -> ReplayScores {
+    let Played { input, settings, rows, tracks, .. } = *played;
     let step_correlations: Vec<_> = tracks.iter().map(|t| truthless::step_correlation(&innovations, t)).collect();
     drop(innovations);
-    let updates = Updates::of(input, rows, segments);
-    let raw = &tracks[0];
-    let td = settings.delay.seconds();
-    let fits = fits(input, settings, tracks, &updates);
-    let legs = Legs::of(&updates, td);
-    let passes = Passes::of(&updates, raw);
-    let motion = Motion::of(&input.velocity, segments, td);
-    let valid_rows = rows.valid().count().max(1) as f64;
     let at_rows = input.reference.as_ref().map(|r| Reference::at(r, rows, rows.valid()));
     let judge = at_rows.as_ref().map(|r| Judge::of(r, rows, &input.velocity));
-    let against = |track: &Positions| match &judge {
-        Some(judge) => judge.score(track, if track.is_raw() { td + rows.mean_age_s(input) } else { 0.0 }),
-        None => Finding::CannotTell(NO_REFERENCE.to_owned()),
-    };
-    let against_reference: Vec<_> = tracks.iter().map(against).collect();
-    let velocity_delay_s = match tracks.iter().position(|t| t.name == EXACT_ASYNC) {
-        Some(k) => velocity_delay(&fits[k], &against_reference[k]),
-        None => Finding::CannotTell(NO_REFERENCE.to_owned()),
-    };
-    let late = late(residual(&fits[0]), &velocity_delay_s, settings);
-    let left_s = late.position_s.map(|e| Estimate { value: e.value - td, ..e });
-    let mean = |of: &dyn Fn(usize) -> f64| rows.valid().map(of).sum::<f64>() / valid_rows;
-    let ground = Ground {
-        speed_mps: mean(&|r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum()).sqrt(),
-        delay_s: td,
-        delay_u_s: settings.delay_uncertainty_s,
-        age_s: (rows.mean_age_s(input), mean(&|r| rows.age_s(input, r).powi(2))),
-        way_m,
-        raw_fit: fits[0].as_ref().map_err(String::as_str),
-        motion: motion.as_ref().map_err(String::as_str),
-        left_s,
-        velocity_delay_s: &late.velocity_s,
-        row_step_s: median_step(&rows.t),
-    };
-    let score = |(k, track): (usize, &Positions)| CompensatorScore {
-        name: track.name.clone(),
-        residual_delay: residual_finding(&fits[k], expected(track, settings, &ground, &updates)),
-        lead_s: truthless::lead(&updates, raw, track),
-        expected_lead_s: track.delay.seconds(),
-        step_correlation: step_correlations[k].clone(),
-        hysteresis: passes.hysteresis(&updates, track, apart_s(track, settings)),
-        raw_minus_this_axes_rms_m: differences(raw, track, rows),
-        straight: legs.score(&updates, raw, track),
-        budget: ground.budget(track, against_reference[k].found().map(|score| score.rms_m)),
-        reference: against_reference[k].clone(),
-        band: band(track, band_delays(left_s, &late.velocity_s), &motion),
-    };
+    let tests = Tests::of(played, judge.as_ref());
+    let velocity_delay_s = tests.velocity_delay();
+    let late = late(residual(&tests.fits[0]), &velocity_delay_s, settings);
+    let ground = tests.ground(&late);
+    let scored = step_correlations.into_iter().enumerate();
     ReplayScores {
-        compensators: tracks.iter().enumerate().map(score).collect(),
+        compensators: scored.map(|(k, correlation)| tests.score(k, &ground, correlation)).collect(),
         predicted_axes_rms_m: AXES.map(|k| {
             let way = rows.predicted(input, settings, k);
-            mean(&|r| way[r].powi(2)).sqrt()
+            mean_over(rows, |r| way[r].powi(2)).sqrt()
         }),
-        straight_legs: legs.finding(),
-        opposite_passes: passes.finding(),
-        velocity_delay_s,
-        motion: motion::finding(&motion),
+        straight_legs: tests.legs.finding(),
+        opposite_passes: tests.passes.finding(),
+        motion: motion::finding(&tests.motion),
         bands_hz: judge.as_ref().map(|j| j.bands_hz.clone()).unwrap_or_default(),
         speeds_mps: judge.as_ref().map(|j| j.speeds_mps.clone()).unwrap_or_default(),
+        velocity_delay_s,
+    }
+}
+
+/// Mean over the valid rows.
+fn mean_over(rows: &Rows, of: impl Fn(usize) -> f64) -> f64 {
+    rows.valid().map(of).sum::<f64>() / rows.valid().count().max(1) as f64
+}
+
+impl<'a> Tests<'a> {
+    fn of(played: &'a Played<'a>, judge: Option<&Judge<'_>>) -> Tests<'a> {
+        let Played { input, settings, segments, rows, tracks, .. } = *played;
+        let td = settings.delay.seconds();
+        let updates = Updates::of(input, rows, segments);
+        let against = |track: &Positions| match judge {
+            Some(judge) => judge.score(track, if track.is_raw() { td + rows.mean_age_s(input) } else { 0.0 }),
+            None => Finding::CannotTell(NO_REFERENCE.to_owned()),
+        };
+        Tests {
+            played,
+            fits: fits(input, settings, tracks, &updates),
+            legs: Legs::of(&updates, td),
+            passes: Passes::of(&updates, &tracks[0]),
+            motion: Motion::of(&input.velocity, segments, td),
+            against_reference: tracks.iter().map(against).collect(),
+            updates,
+        }
+    }
+
+    fn velocity_delay(&self) -> Finding<Estimate> {
+        match self.played.tracks.iter().position(|t| t.name == EXACT_ASYNC) {
+            Some(k) => velocity_delay(&self.fits[k], &self.against_reference[k]),
+            None => Finding::CannotTell(NO_REFERENCE.to_owned()),
+        }
+    }
+
+    fn ground<'b>(&'b self, late: &'b Late) -> Ground<'b> {
+        let Played { input, settings, rows, way_m, .. } = *self.played;
+        let td = settings.delay.seconds();
+        Ground {
+            speed_mps: mean_over(rows, |r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum()).sqrt(),
+            delay_s: td,
+            delay_u_s: settings.delay_uncertainty_s,
+            age_s: (rows.mean_age_s(input), mean_over(rows, |r| rows.age_s(input, r).powi(2))),
+            way_m,
+            raw_fit: self.fits[0].as_ref().map_err(String::as_str),
+            motion: self.motion.as_ref().map_err(String::as_str),
+            left_s: late.position_s.map(|e| Estimate { value: e.value - td, ..e }),
+            velocity_delay_s: &late.velocity_s,
+            row_step_s: median_step(&rows.t),
+        }
+    }
+
+    /// Of the `k`-th track.
+    fn score(&self, k: usize, ground: &Ground<'_>, step_correlation: Finding<Estimate>) -> CompensatorScore {
+        let Played { settings, rows, tracks, .. } = *self.played;
+        let (raw, track, updates) = (&tracks[0], &tracks[k], &self.updates);
+        let reference = self.against_reference[k].clone();
+        CompensatorScore {
+            name: track.name.clone(),
+            residual_delay: residual_finding(&self.fits[k], expected(track, settings, ground, updates)),
+            lead_s: truthless::lead(updates, raw, track),
+            expected_lead_s: track.delay.seconds(),
+            step_correlation,
+            hysteresis: self.passes.hysteresis(updates, track, apart_s(track, settings)),
+            raw_minus_this_axes_rms_m: differences(raw, track, rows),
+            straight: self.legs.score(updates, raw, track),
+            budget: ground.budget(track, reference.found().map(|score| score.rms_m)),
+            reference,
+            band: band(track, band_delays(ground.left_s, ground.velocity_delay_s), &self.motion),
+        }
     }
 }
 
@@ -154,7 +194,7 @@ fn residual_finding(fit: &Fit, expected_s: Estimate) -> Finding<ResidualDelay> {
 }
 
 /// What the exact form is late against the reference beyond what it is late against the velocity.
-fn velocity_delay(fit: &Fit, score: &Finding<record::ReferenceScore>) -> Finding<Estimate> {
+fn velocity_delay(fit: &Fit, score: &Finding<ReferenceScore>) -> Finding<Estimate> {
     let against_reference = match score {
         Finding::Found(score) => &score.residual_delay_s,
         Finding::CannotTell(why) => return Finding::CannotTell(why.clone()),

@@ -1,5 +1,6 @@
 //! The compensated position that the aircraft computed in flight, beside what the replay computes.
 
+use super::Played;
 use super::jackknife::{jackknife, percentiles};
 use super::truthless::found;
 use super::updates::{dot, length};
@@ -21,17 +22,9 @@ const GRID_SAMPLES: usize = 4_000;
 const SINGLE: f64 = 6e-8;
 
 /// `None` if the log holds no such channel.
-pub(crate) fn onboard(
-    flight: &Flight,
-    settings: &Settings,
-    input: &Input,
-    rows: &Rows,
-    tracks: &[Positions],
-    notices: &mut Notices,
-) -> Option<Finding<OnboardComparison>> {
-    let (name, channel) = flight.first_of(&settings.onboard)?;
-    let finding = compare(name, channel, settings, input, rows, tracks);
-    Some(finding.map_or_else(
+pub(crate) fn onboard(flight: &Flight, played: &Played, notices: &mut Notices) -> Option<Finding<OnboardComparison>> {
+    let (name, channel) = flight.first_of(&played.settings.onboard)?;
+    Some(compare(name, channel, played).map_or_else(
         |why| {
             notices.push(Code::OnboardNotCompared, name, channel.series.len() as u64, why.clone());
             Finding::CannotTell(why)
@@ -40,14 +33,8 @@ pub(crate) fn onboard(
     ))
 }
 
-fn compare(
-    name: &str,
-    channel: &Channel,
-    settings: &Settings,
-    input: &Input,
-    rows: &Rows,
-    tracks: &[Positions],
-) -> Result<OnboardComparison, String> {
+/// Why the channel cannot be compared; else whether it is in degrees.
+fn is_geodetic(name: &str, channel: &Channel, input: &Input) -> Result<bool, String> {
     let geodetic = match channel.quantity {
         Quantity::PositionGeodetic => true,
         Quantity::PositionNed => false,
@@ -66,6 +53,12 @@ fn compare(
             input.averaged
         ));
     }
+    Ok(geodetic)
+}
+
+fn compare(name: &str, channel: &Channel, played: &Played) -> Result<OnboardComparison, String> {
+    let Played { input, settings, rows, tracks, .. } = *played;
+    let geodetic = is_geodetic(name, channel, input)?;
     let used = channel.update_rows();
     let place = (input.origin, input.frame.as_ref());
     let onboard =
@@ -76,9 +69,8 @@ fn compare(
     }
     let same_stamps = pairs.iter().all(|p| p.share == 0.0);
     let (tolerance_m, tolerance_source) = tolerance(channel, &used, &onboard, geodetic);
-    let start_s = FORGOTTEN * settings.delay.seconds();
     let against: Vec<OnboardAgainst> =
-        tracks.iter().filter_map(|track| against(track, &onboard, &pairs, rows, input, start_s)).collect();
+        tracks.iter().filter_map(|track| against(track, &onboard, &pairs, played)).collect();
     Ok(OnboardComparison {
         channel: name.to_owned(),
         samples: used.len() as u64,
@@ -86,10 +78,15 @@ fn compare(
         same_stamps,
         tolerance_m,
         tolerance_source,
-        start_s,
+        start_s: start_s(settings),
         reproduced_by: reproduced(&against, tolerance_m),
         against,
     })
+}
+
+/// How long a filter remembers its start, s.
+fn start_s(settings: &Settings) -> f64 {
+    FORGOTTEN * settings.delay.seconds()
 }
 
 /// A sample and where in the rows it lies.
@@ -125,14 +122,8 @@ fn pairs(onboard: &Horizontal, rows: &Rows) -> Vec<Pair> {
     out
 }
 
-fn against(
-    track: &Positions,
-    onboard: &Horizontal,
-    pairs: &[Pair],
-    rows: &Rows,
-    input: &Input,
-    start_s: f64,
-) -> Option<OnboardAgainst> {
+fn against(track: &Positions, onboard: &Horizontal, pairs: &[Pair], played: &Played) -> Option<OnboardAgainst> {
+    let rows = played.rows;
     let said = |p: &&Pair| track.speaks(p.row) && (p.share == 0.0 || track.speaks(p.row + 1));
     let difference = |p: &Pair| {
         AXES.map(|k| {
@@ -141,7 +132,8 @@ fn against(
             onboard.axes[k][p.sample] - here
         })
     };
-    let starts = starts(pairs, rows, input);
+    let starts = starts(pairs, rows, played.input);
+    let start_s = start_s(played.settings);
     let is_start = |p: &Pair| {
         let last = starts.partition_point(|s| *s <= rows.t[p.row]).checked_sub(1);
         last.is_some_and(|k| rows.t[p.row] - starts[k] < start_s)

@@ -102,6 +102,12 @@ impl Axis {
         Axis::plain(label, (low, high), ticks)
     }
 
+    /// Names of rows at 0, 1, 2…, the first on top.
+    pub(crate) fn rows(names: &[String]) -> Axis {
+        let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() });
+        Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks.collect()) }
+    }
+
     fn plain(label: &str, (low, high): (f64, f64), ticks: Vec<Tick>) -> Axis {
         Axis { label: label.to_owned(), low, high, ticks, spacing: Spacing::Linear }
     }

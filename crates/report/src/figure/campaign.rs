@@ -6,27 +6,34 @@ use crate::number;
 use crate::text::label;
 use record::{CampaignDelay, CampaignRecord, EffectVerdict, Estimate, FlightRow, GroupLateness, PooledSweep};
 
+/// Error of the position as it was logged and after the removal, m.
+fn errors(row: &FlightRow) -> Option<[f64; 2]> {
+    row.delay_s?;
+    let effect = row.effect.as_ref()?;
+    let both = [effect.error_raw_m?.value, effect.error_compensated_m?.value];
+    both.into_iter().all(|e| is_drawable(e) && e > 0.0).then_some(both)
+}
+
+/// Heights of flights, and their errors before and after.
+fn effect_lines(all: &[(f64, [f64; 2])]) -> Vec<Line> {
+    let points = |k: usize| all.iter().map(|(y, e)| vec![(e[k], *y); 3]).collect::<Vec<_>>();
+    let ways = all.iter().map(|(y, e)| vec![(e[0], *y), (e[1], *y)]).collect();
+    vec![
+        Line { name: String::new(), pen: Pen::Faint, pieces: ways },
+        Line { name: "as logged".to_owned(), pen: Pen::HollowPoints, pieces: points(0) },
+        Line { name: "after removal".to_owned(), pen: Pen::Points, pieces: points(1) },
+    ]
+}
+
 /// Error of each flight before and after a delay was removed: what was made worse first.
 pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
-    let errors = |row: &FlightRow| {
-        row.delay_s?;
-        let effect = row.effect.as_ref()?;
-        let both = [effect.error_raw_m?.value, effect.error_compensated_m?.value];
-        both.into_iter().all(|e| is_drawable(e) && e > 0.0).then_some(both)
-    };
     let is_harmed = |row: &FlightRow| row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed);
     let (mut rows, missing) = newest(&record.flights, |row| errors(row).is_some(), is_harmed);
     let worse = |row: &FlightRow| errors(row).map_or(0.0, |[raw, after]| after / raw);
     rows.sort_by(|a, b| worse(b).total_cmp(&worse(a)));
     let y = |k: usize| (rows.len() - k) as f64;
     let all: Vec<(f64, [f64; 2])> = rows.iter().enumerate().filter_map(|(k, row)| Some((y(k), errors(row)?))).collect();
-    let points = |k: usize| all.iter().map(|(y, e)| vec![(e[k], *y), (e[k], *y), (e[k], *y)]).collect::<Vec<_>>();
-    let ways = all.iter().map(|(y, e)| vec![(e[0], *y), (e[1], *y)]).collect();
-    let lines = vec![
-        Line { name: String::new(), pen: Pen::Faint, pieces: ways },
-        Line { name: "as logged".to_owned(), pen: Pen::HollowPoints, pieces: points(0) },
-        Line { name: "after removal".to_owned(), pen: Pen::Points, pieces: points(1) },
-    ];
+    let lines = effect_lines(&all);
     let (least, largest) = extent(&lines, |p| p.0)?;
     let x = Axis::logarithmic("error of the position, 2‑D rms (m)", (least / 1.15, largest * 1.15));
     let better = all.iter().filter(|(_, [raw, after])| after < raw).count();
@@ -60,6 +67,24 @@ fn least_words(pooled: &PooledSweep, best: Option<&Estimate>) -> String {
     format!("Least {what} {}\u{a0}m{best}", number::significant(*least, 2))
 }
 
+/// Delays that are known of a group, s, and those that were removed.
+fn known_delays(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[f64]) -> Vec<(&'static str, Pen, f64)> {
+    let mut known = vec![];
+    if let Some(card) = &delay.card_s {
+        known.push(("sensor card", Pen::Dashed, card.value));
+    }
+    if let Some(lateness) = &group.lateness_s {
+        let name =
+            if group.against.starts_with("relative") { "position − velocity, mean" } else { "lateness of the group" };
+        known.push((name, Pen::Rule, lateness.value));
+    }
+    if let Some(swept) = delay.swept.found() {
+        known.push(("best of each flight, mean", Pen::Dotted, swept.delay_s.value));
+    }
+    known.extend(removed_s.iter().map(|removed| ("removed", Pen::Faint, *removed)));
+    known
+}
+
 /// The score of the flights of a group over one delay for all of them. `None` without a curve.
 /// `removed_s` are the delays that were removed.
 pub(crate) fn valley(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[f64], id: &str) -> Option<Figure> {
@@ -68,30 +93,18 @@ pub(crate) fn valley(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[
     let (curve, _) = pieces(&x_ms, &pooled.rms_m, &[]);
     let mut lines = vec![Line { name: "all flights of the group, 2‑D rms".to_owned(), pen: Pen::Raw, pieces: curve }];
     let x = Axis::linear("delay removed from all flights of the group (ms)", extent(&lines, |p| p.0)?, 8);
-    let (what, unit) = match pooled.against_reference {
-        true => ("Error of the exact asynchronous form against the reference", "error, 2‑D rms (m)"),
-        false => ("Step of the exact asynchronous form at each fix", "step at a fix, 2‑D rms (m)"),
+    let (what, unit, weight) = match pooled.against_reference {
+        true => ("Error of the exact asynchronous form against the reference", "error, 2‑D rms (m)", "time flown"),
+        false => {
+            ("Step of the exact asynchronous form at each fix", "step at a fix, 2‑D rms (m)", "the number of fixes")
+        }
     };
     let y = Axis::linear(unit, extent(&lines, |p| p.1)?, 6);
-    let mut upright_at = |name: &str, pen: Pen, at_s: f64| {
+    for (name, pen, at_s) in known_delays(group, delay, removed_s) {
         let at = at_s * 1e3;
         if (x.low..=x.high).contains(&at) {
             lines.push(stroke(name, pen, vec![(at, y.low), (at, y.high)]));
         }
-    };
-    if let Some(card) = &delay.card_s {
-        upright_at("sensor card", Pen::Dashed, card.value);
-    }
-    if let Some(lateness) = &group.lateness_s {
-        let name =
-            if group.against.starts_with("relative") { "position − velocity, mean" } else { "lateness of the group" };
-        upright_at(name, Pen::Rule, lateness.value);
-    }
-    if let Some(swept) = delay.swept.found() {
-        upright_at("best of each flight, mean", Pen::Dotted, swept.delay_s.value);
-    }
-    for removed in removed_s {
-        upright_at("removed", Pen::Faint, *removed);
     }
     Some(Figure {
         id: id.to_owned(),
@@ -102,10 +115,9 @@ pub(crate) fn valley(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[
             least_words(pooled, delay.swept.found().map(|d| &d.delay_s))
         ),
         caption: format!(
-            "{what} (2‑D rms, m) over one delay for {}, {}; mean squares weighted by {}.",
+            "{what} (2‑D rms, m) over one delay for {}, {}; mean squares weighted by {weight}.",
             number::counted(pooled.flights, "flight", "flights"),
-            number::counted(pooled.samples, "sample", "samples"),
-            if pooled.against_reference { "time flown" } else { "the number of fixes" },
+            number::counted(pooled.samples, "sample", "samples")
         ),
         how_to_read: "Good: a clear valley with the removed delay at its bottom. Where flights differ, the valley is shallow and one \
                       delay for all costs what its bottom lies above the flights' own.",

@@ -39,11 +39,47 @@ const TO_SCALE_MS: f64 = 1.0;
 /// Delays of all channels, the first at the top; `None` without a delay that can be drawn.
 pub(crate) fn card_forest(channels: &[ForestRow]) -> Option<Figure> {
     let shown = &channels[..channels.len().min(MOST)];
-    let last = shown.len() as f64;
-    let height_of = |row: usize| last - row as f64;
+    let mut lines = forest_lines(shown);
+    let ends = lines.iter().flat_map(|l| l.pieces.iter().flatten()).map(|p| p.0);
+    let (low, high) = ends.fold((-TO_SCALE_MS, TO_SCALE_MS), |(low, high), v| (low.min(v), high.max(v)));
+    if lines.iter().all(|line| line.pen == Pen::Uncertainty) {
+        return None;
+    }
+    let (bottom, top) = (0.5, shown.len() as f64 + 0.5);
+    lines.push(stroke("", Pen::Faint, vec![(0.0, bottom), (0.0, top)]));
+    let ticks = shown.iter().enumerate().rev();
+    let ticks =
+        ticks.map(|(row, (channel, ..))| Tick { at: height(shown, row), label: label(&channel.name) }).collect();
+    Some(Figure {
+        id: "forest".to_owned(),
+        number: 0,
+        title: "Delay of every channel".to_owned(),
+        caption: format!(
+            "Delays in ms with U (k = 2), positive is late: all records together, and below that each record in the order of \
+             the table of records. The axis is to scale within ±{TO_SCALE_MS} ms and logarithmic beyond."
+        ),
+        how_to_read: "Good: the bars of a channel reach each other, and lie inside the pale margin where the channel is on \
+                      time. Bad: bars that do not reach each other (the delay differs from run to run; the bar of all \
+                      records holds that too).",
+        panels: vec![Panel::of(
+            Axis::symmetric("delay (ms)", (low * 1.3, high * 1.3), TO_SCALE_MS),
+            Axis::ticked("", (bottom, top), ticks),
+            lines,
+        )],
+        panel_size: (700, 52 * u32::try_from(shown.len()).unwrap_or(1).max(2)),
+        fine: false,
+    })
+}
+
+fn height(shown: &[ForestRow], row: usize) -> f64 {
+    shown.len() as f64 - row as f64
+}
+
+/// What is drawn of the channels, in the order of the legend.
+fn forest_lines(shown: &[ForestRow]) -> Vec<Line> {
     let (mut combined, mut kept, mut left_out, mut margins) = (vec![], vec![], vec![], vec![]);
     for (row, (channel, margin_s, records)) in shown.iter().enumerate() {
-        let middle = height_of(row);
+        let middle = height(shown, row);
         let own = Estimate { value: channel.delay_s, standard_uncertainty: Some(channel.delay_standard_uncertainty_s) };
         combined.extend(level(&own, middle + 0.22));
         let step = 0.5 / records.len().max(1) as f64;
@@ -65,34 +101,7 @@ pub(crate) fn card_forest(channels: &[ForestRow]) -> Option<Figure> {
         line("left out", Pen::DoubtfulPoints, left_out),
     ];
     lines.retain(|line| !line.pieces.is_empty());
-    let ends = lines.iter().flat_map(|l| l.pieces.iter().flatten()).map(|p| p.0);
-    let (low, high) = ends.fold((-TO_SCALE_MS, TO_SCALE_MS), |(low, high), v| (low.min(v), high.max(v)));
-    if lines.iter().all(|line| line.pen == Pen::Uncertainty) {
-        return None;
-    }
-    let (bottom, top) = (0.5, last + 0.5);
-    lines.push(stroke("", Pen::Faint, vec![(0.0, bottom), (0.0, top)]));
-    let ticks = shown.iter().enumerate().rev();
-    let ticks = ticks.map(|(row, (channel, ..))| Tick { at: height_of(row), label: label(&channel.name) }).collect();
-    Some(Figure {
-        id: "forest".to_owned(),
-        number: 0,
-        title: "Delay of every channel".to_owned(),
-        caption: format!(
-            "Delays in ms with U (k = 2), positive is late: all records together, and below that each record in the order of \
-             the table of records. The axis is to scale within ±{TO_SCALE_MS} ms and logarithmic beyond."
-        ),
-        how_to_read: "Good: the bars of a channel reach each other, and lie inside the pale margin where the channel is on \
-                      time. Bad: bars that do not reach each other (the delay differs from run to run; the bar of all \
-                      records holds that too).",
-        panels: vec![Panel::of(
-            Axis::symmetric("delay (ms)", (low * 1.3, high * 1.3), TO_SCALE_MS),
-            Axis::ticked("", (bottom, top), ticks),
-            lines,
-        )],
-        panel_size: (700, 52 * u32::try_from(shown.len()).unwrap_or(1).max(2)),
-        fine: false,
-    })
+    lines
 }
 
 /// A delay (s) at a height, ms, with the ends of its uncertainty; `None` if it cannot be drawn.

@@ -1,10 +1,8 @@
 //! A control chart: flights in the order in which they were flown, the mean of each stretch, its limits, and the steps.
 
-use super::forest::{date_axis, seconds};
-use super::{Axis, Figure, Line, Mark, Panel, Pen, Span, extent, is_drawable, stroke, upright};
-use crate::number::{self, COVERAGE_FACTOR};
-use crate::text::label;
-use crate::verdict::in_millis;
+use super::forest::{date_axis, late_mark, late_point, seconds};
+use super::{Axis, Figure, Line, Mark, Panel, Pen, Span, extent, is_drawable, stroke};
+use crate::number;
 use record::{TrendChart, TrendPoint};
 
 /// Most flights whose names show.
@@ -20,33 +18,14 @@ pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
     let x = if by_date { date_axis(range) } else { Axis::linear("flight, in the order of the runs", range, 8) };
     let lines = lines(&placed);
     let y = Axis::linear("lateness (ms)", extent(&lines, |p| p.1)?, 5);
-    let names = placed.iter().rev().take(MOST_NAMED).map(|(at, point)| Mark {
-        at: (*at, point.lateness_s.value * 1e3),
-        label: format!(
-            "{}: {} ms",
-            label(&point.flight.flight),
-            number::with_uncertainty(&in_millis(&point.lateness_s))
-        ),
-    });
-    let names = names.filter(|mark| is_drawable(mark.at.1)).collect();
-    let spans = spans(chart, &placed);
+    let (names, spans) = (names(&placed), spans(chart, &placed));
     let name = chart.name();
     let steps = number::counted(chart.changes.len() as u64, "change", "changes");
     Some(Figure {
         id: format!("trend-{number}"),
         number,
         title: if chart.changes.is_empty() { format!("{name}: no change") } else { format!("{name}: {steps}") },
-        caption: format!(
-            "Lateness (ms) of {}, {}, {}.{}",
-            number::counted(chart.points.len() as u64, "flight", "flights"),
-            record::counted_from(&chart.datum),
-            if by_date { "by date" } else { "in the order of the runs, for dates are not known" },
-            match chart.older_points {
-                0 => String::new(),
-                older =>
-                    format!(" {} are not drawn, but count.", number::counted(older, "older flight", "older flights")),
-            }
-        ),
+        caption: caption(chart, by_date),
         how_to_read: "Good: bars around one line, none beyond the dashes (± 3 σ). Bad: a shaded step (another firmware, rate, cable \
                       or receiver), and rings, which differ from the flights before and after them. About 3 flights of 1000 lie \
                       outside by chance. Point at a flight for its name.",
@@ -56,14 +35,29 @@ pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
     })
 }
 
+fn caption(chart: &TrendChart, by_date: bool) -> String {
+    let older = match chart.older_points {
+        0 => String::new(),
+        older => format!(" {} are not drawn, but count.", number::counted(older, "older flight", "older flights")),
+    };
+    format!(
+        "Lateness (ms) of {}, {}, {}.{older}",
+        number::counted(chart.points.len() as u64, "flight", "flights"),
+        record::counted_from(&chart.datum),
+        if by_date { "by date" } else { "in the order of the runs, for dates are not known" }
+    )
+}
+
+/// Of the newest flights.
+fn names(placed: &[(f64, &TrendPoint)]) -> Vec<Mark> {
+    let newest = placed.iter().rev().take(MOST_NAMED);
+    newest.filter_map(|(at, point)| late_mark(*at, &point.flight.flight, &point.lateness_s)).collect()
+}
+
 fn lines(placed: &[(f64, &TrendPoint)]) -> Vec<Line> {
     let of = |odd: bool| {
         let wanted = placed.iter().filter(move |(_, p)| (p.is_odd || p.is_outside) == odd);
-        let piece = |(at, p): &(f64, &TrendPoint)| {
-            let half = COVERAGE_FACTOR * p.lateness_s.standard_uncertainty.unwrap_or(0.0);
-            upright(*at, p.lateness_s.value * 1e3, half * 1e3)
-        };
-        wanted.filter_map(piece).collect::<Vec<_>>()
+        wanted.filter_map(|(at, p)| late_point(*at, &p.lateness_s)).collect::<Vec<_>>()
     };
     let level = |of: &dyn Fn(&TrendPoint) -> f64| {
         let place = |(at, p): &(f64, &TrendPoint)| Some((*at, of(p) * 1e3)).filter(|(_, y)| is_drawable(*y));

@@ -130,15 +130,8 @@ fn fig_7(replay: &ReplayRecord, late: Option<&Late>, is_trial: bool) -> Option<F
         Panel { dimensions: bracket.into_iter().collect(), ..Panel::of(time.clone(), y, lines) }
     });
     let panels: Vec<Panel> = panels.collect();
-    let window = match &replay.zoom {
-        Some(zoom) => format!(
-            "{} to {}, {}. Position north and east in metres over time, as Fig. 7 of Park and Lee.",
-            number::clock(zoom.start_s, 1),
-            number::clock(zoom.end_s, 1),
-            sentence(zoom.why.trim_end_matches('.'))
-        ),
-        None => "Position north and east in metres over time, as Fig. 7 of Park and Lee.".to_owned(),
-    };
+    let mut window = replay.zoom.as_ref().map_or(String::new(), window_words);
+    window += "Position north and east in metres over time, as Fig. 7 of Park and Lee.";
     Some(Figure {
         id: "fig-7".to_owned(),
         number: 0,
@@ -150,6 +143,12 @@ fn fig_7(replay: &ReplayRecord, late: Option<&Late>, is_trial: bool) -> Option<F
         panel_size: WIDE,
         fine: false,
     })
+}
+
+/// `0:01:02.0 to 0:01:12.0, the 10 s with the largest acceleration. `
+fn window_words(zoom: &Zoom) -> String {
+    let why = sentence(zoom.why.trim_end_matches('.'));
+    format!("{} to {}, {why}. ", number::clock(zoom.start_s, 1), number::clock(zoom.end_s, 1))
 }
 
 /// A bracket from the time of a fix back by a delay, where the position changes fastest.
@@ -204,43 +203,69 @@ fn value_at(curve: &Curve, t: f64) -> Option<f64> {
 /// Steps of the tracks of the turn, s.
 const STEP_S: f64 = 0.1;
 
-fn turn(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
-    let [north, east] = zoom.axes.get(..2)? else { return None };
-    let curve = |axis: &'_ AxisCurves, name: &str| {
-        chosen(replay, &axis.position_m).into_iter().find(|(n, _, _)| *n == name).map(|(_, _, c)| c.clone())
-    };
-    let both = |name: &str| Some((curve(north, name)?, curve(east, name)?));
-    let (raw, exact) = (both(RAW)?, both(EXACT)?);
-    let steps = || (0..=((zoom.end_s - zoom.start_s) / STEP_S) as u32).map(|k| zoom.start_s + f64::from(k) * STEP_S);
-    let smooth = |(n, e): &(Curve, Curve)| -> Vec<(f64, f64)> {
-        steps().filter_map(|t| Some((value_at(e, t)?, value_at(n, t)?))).collect()
-    };
-    // The first point is the edge of the window, and its fix is older. Of fixes on a line, each axis keeps others.
-    let of_axis = |curve: &Curve| fixes(curve).into_iter().skip(1).map(|(t, _)| t).collect::<Vec<f64>>();
-    let mut at = [of_axis(&raw.0), of_axis(&raw.1)].concat();
-    at.sort_by(f64::total_cmp);
-    at.dedup();
-    let of_raw: Vec<(f64, f64)> =
-        at.iter().filter_map(|&t| Some((value_at(&raw.1, t)?, value_at(&raw.0, t)?))).collect();
-    // One tick each second, at the first fix in it.
-    let mut ticks: Vec<Vec<(f64, f64)>> = vec![];
+/// One position in the plane.
+struct Plane<'a> {
+    north: &'a Curve,
+    east: &'a Curve,
+}
+
+impl<'a> Plane<'a> {
+    fn of(replay: &ReplayRecord, zoom: &'a Zoom, name: &str) -> Option<Plane<'a>> {
+        let curve = |axis: &'a AxisCurves| {
+            chosen(replay, &axis.position_m).into_iter().find(|(n, _, _)| *n == name).map(|(_, _, c)| c)
+        };
+        let [north, east] = zoom.axes.get(..2)? else { return None };
+        Some(Plane { north: curve(north)?, east: curve(east)? })
+    }
+
+    fn at(&self, t: f64) -> Option<(f64, f64)> {
+        Some((value_at(self.east, t)?, value_at(self.north, t)?))
+    }
+
+    /// Over the window, in short steps.
+    fn track(&self, zoom: &Zoom) -> Vec<(f64, f64)> {
+        let steps = 0..=((zoom.end_s - zoom.start_s) / STEP_S) as u32;
+        steps.filter_map(|k| self.at(zoom.start_s + f64::from(k) * STEP_S)).collect()
+    }
+
+    /// Times of its fixes. The first point is the edge of the window, and its fix is older. Of fixes on a line, each axis
+    /// keeps others.
+    fn fix_times(&self) -> Vec<f64> {
+        let of_axis = |curve: &Curve| fixes(curve).into_iter().skip(1).map(|(t, _)| t).collect::<Vec<f64>>();
+        let mut at = [of_axis(self.north), of_axis(self.east)].concat();
+        at.sort_by(f64::total_cmp);
+        at.dedup();
+        at
+    }
+}
+
+/// From raw to compensated, once each second, at the first fix in it.
+fn each_second(at: &[f64], raw: &Plane, exact: &Plane) -> Vec<Vec<(f64, f64)>> {
+    let mut ticks = vec![];
     let mut second = f64::NEG_INFINITY;
-    for &t in &at {
-        if t.floor() > second {
-            let pair = (value_at(&raw.1, t), value_at(&raw.0, t), value_at(&exact.1, t), value_at(&exact.0, t));
-            if let (Some(e0), Some(n0), Some(e1), Some(n1)) = pair {
-                second = t.floor();
-                ticks.push(vec![(e0, n0), (e1, n1)]);
-            }
+    for &t in at {
+        if t.floor() > second
+            && let (Some(from), Some(to)) = (raw.at(t), exact.at(t))
+        {
+            second = t.floor();
+            ticks.push(vec![from, to]);
         }
     }
+    ticks
+}
+
+fn turn(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
+    let (raw, exact) = (Plane::of(replay, zoom, RAW)?, Plane::of(replay, zoom, EXACT)?);
+    let at = raw.fix_times();
+    let ticks = each_second(&at, &raw, &exact);
     let longest = ticks.iter().map(|p| (p[1].0 - p[0].0).hypot(p[1].1 - p[0].1)).fold(0.0, f64::max);
     let mut drawn = vec![
-        stroke(RAW, Pen::Raw, of_raw),
-        stroke(EXACT, Pen::Exact, smooth(&exact)),
+        stroke(RAW, Pen::Raw, at.iter().filter_map(|&t| raw.at(t)).collect()),
+        stroke(EXACT, Pen::Exact, exact.track(zoom)),
         Line { name: "from raw to compensated, each second".to_owned(), pen: Pen::Band, pieces: ticks },
     ];
-    drawn.extend(both(REFERENCE).map(|of| stroke(REFERENCE, Pen::Reference, smooth(&of))));
+    let reference = Plane::of(replay, zoom, REFERENCE);
+    drawn.extend(reference.map(|of| stroke(REFERENCE, Pen::Reference, of.track(zoom))));
     drawn.retain(|line| line.pieces.iter().any(|piece| !piece.is_empty()));
     let (panel, panel_size) = ground(drawn, 430.0)?;
     Some(Figure {

@@ -227,21 +227,18 @@ fn ending(name: &str, most: usize) -> String {
 /// The flights of a group on its chart: where along it, and the flight.
 type Points<'a> = Vec<(f64, &'a ControlPoint)>;
 
+type Chart<'a> = (&'a GroupLateness, Points<'a>);
+
 /// Whether the groups' own limits are kept, flight after flight: one panel for each group.
 pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
-    let dated = charts(record, &|_, point| seconds(point.flown_at.as_deref()?));
-    let by_date = !dated.is_empty();
-    let mut groups = if by_date { dated } else { charts(record, &|k, _| Some(k as f64 + 1.0)) };
-    groups.sort_by_key(|(_, points)| std::cmp::Reverse(points.len()));
+    let (mut groups, by_date) = largest_first(record);
     let left_out = groups.len().saturating_sub(MOST_PANELS);
     groups.truncate(MOST_PANELS);
     let outside = groups.iter().flat_map(|(_, points)| points).filter(|(_, point)| point.is_outside).count();
     let most = MOST_OF_TREND / groups.len().max(1);
     let older = groups.iter_mut().map(|(_, points)| keep_newest(points, most)).sum();
     let all = || groups.iter().flat_map(|(_, points)| points.iter().map(|(at, _)| *at));
-    let range = all().fold(None, |range: Option<(f64, f64)>, at| {
-        Some(range.map_or((at, at), |(low, high)| (low.min(at), high.max(at))))
-    })?;
+    let range = (all().reduce(f64::min)?, all().reduce(f64::max)?);
     let x = if by_date { date_axis(range) } else { Axis::linear("flight, in the order of names", range, 8) };
     let drawn = all().count();
     let panels: Vec<Panel> = groups.iter().filter_map(|(group, points)| trend_panel(group, points, &x)).collect();
@@ -249,14 +246,7 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     Some(Figure {
         id: "trend".to_owned(),
         number: 0,
-        title: if outside == 0 {
-            "Position − velocity: no flight is outside the limits of its group".to_owned()
-        } else {
-            format!(
-                "Position − velocity: {} outside the limits of its group",
-                number::counted(outside as u64, "flight is", "flights are")
-            )
-        },
+        title: trend_title(outside),
         caption: format!(
             "How much later than the velocity {} show their position, {}; each group with its own mean and limits. Where the \
              lateness is known, it differs from this by what the velocity is late.{}",
@@ -273,11 +263,25 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     })
 }
 
+fn trend_title(outside: usize) -> String {
+    let flights = match outside {
+        0 => "no flight is".to_owned(),
+        _ => number::counted(outside as u64, "flight is", "flights are"),
+    };
+    format!("Position − velocity: {flights} outside the limits of its group")
+}
+
+/// The charts of the groups, by date if any flight has one, else in the order of names.
+fn largest_first(record: &CampaignRecord) -> (Vec<Chart<'_>>, bool) {
+    let dated = charts(record, &|_, point| seconds(point.flown_at.as_deref()?));
+    let by_date = !dated.is_empty();
+    let mut groups = if by_date { dated } else { charts(record, &|k, _| Some(k as f64 + 1.0)) };
+    groups.sort_by_key(|(_, points)| std::cmp::Reverse(points.len()));
+    (groups, by_date)
+}
+
 /// The charts of the groups that have three flights and more.
-fn charts<'a>(
-    record: &'a CampaignRecord,
-    place: &dyn Fn(usize, &ControlPoint) -> Option<f64>,
-) -> Vec<(&'a GroupLateness, Points<'a>)> {
+fn charts<'a>(record: &'a CampaignRecord, place: &dyn Fn(usize, &ControlPoint) -> Option<f64>) -> Vec<Chart<'a>> {
     let of = |group: &'a GroupLateness| {
         let control = &group.consistency.as_ref()?.control;
         let points: Points<'a> = control.iter().enumerate().filter_map(|(k, p)| Some((place(k, p)?, p))).collect();
@@ -323,14 +327,25 @@ fn trend_rest(record: &CampaignRecord, drawn: usize, older: usize, groups: usize
     words
 }
 
+/// A lateness (s) with the ends of its uncertainty, ms; `None` if it cannot be drawn.
+pub(super) fn late_point(at: f64, late_s: &Estimate) -> Option<Vec<(f64, f64)>> {
+    let half = COVERAGE_FACTOR * late_s.standard_uncertainty.unwrap_or(0.0);
+    upright(at, late_s.value * 1e3, half * 1e3)
+}
+
+/// The flight of such a point.
+pub(super) fn late_mark(at: f64, flight: &str, late_s: &Estimate) -> Option<Mark> {
+    let mark = |height: f64| Mark {
+        at: (at, height),
+        label: format!("{}: {} ms", label(flight), number::with_uncertainty(&in_millis(late_s))),
+    };
+    Some(late_s.value * 1e3).filter(|ms| is_drawable(*ms)).map(mark)
+}
+
 fn trend_panel(group: &GroupLateness, points: &Points<'_>, x: &Axis) -> Option<Panel> {
     let of = |outside: bool| {
         let wanted = points.iter().filter(move |(_, p)| p.is_outside == outside);
-        let piece = |(at, p): &(f64, &ControlPoint)| {
-            let half = COVERAGE_FACTOR * p.delay_s.standard_uncertainty.unwrap_or(0.0);
-            upright(*at, p.delay_s.value * 1e3, half * 1e3)
-        };
-        wanted.filter_map(piece).collect::<Vec<_>>()
+        wanted.filter_map(|(at, p)| late_point(*at, &p.delay_s)).collect::<Vec<_>>()
     };
     let level = |of: &dyn Fn(&ControlPoint) -> f64| {
         let place = |(at, p): &(f64, &ControlPoint)| Some((*at, of(p) * 1e3)).filter(|(_, y)| is_drawable(*y));
@@ -352,11 +367,8 @@ fn trend_panel(group: &GroupLateness, points: &Points<'_>, x: &Axis) -> Option<P
     ];
     lines.retain(|line| line.pieces.iter().any(|piece| !piece.is_empty()));
     let y = Axis::linear("position − velocity (ms)", extent(&lines, |p| p.1)?, 5);
-    let named = points.iter().rev().take(MOST_NAMED).map(|(at, p)| Mark {
-        at: (*at, p.delay_s.value * 1e3),
-        label: format!("{}: {} ms", label(&p.flight), number::with_uncertainty(&in_millis(&p.delay_s))),
-    });
-    let names = named.filter(|mark| is_drawable(mark.at.1)).collect();
+    let newest = points.iter().rev().take(MOST_NAMED);
+    let names = newest.filter_map(|(at, p)| late_mark(*at, &p.flight, &p.delay_s)).collect();
     Some(Panel { names, heading: label(&group.group.name), ..Panel::of(x.clone(), y, lines) })
 }
 

@@ -1,10 +1,10 @@
 //! Where each compensator helps, over what the flight moved at.
 
 use super::axis::Tick;
-use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, outline};
+use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, outline, stroke};
 use crate::number::{self, COVERAGE_FACTOR};
 use crate::text::{label, short_label};
-use record::{BudgetTerm, HelpfulBand, MotionSpectrum, ReplayScores};
+use record::{BudgetTerm, Estimate, HelpfulBand, MotionSpectrum, ReplayScores};
 
 /// Most compensators drawn; the table has all.
 const MOST_ROWS: usize = 8;
@@ -83,41 +83,22 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
     if terms.is_empty() || !is_drawable(sum) {
         return None;
     }
-    let unknown = of.budget.terms.len() - terms.len();
     let together = if of.budget.total_m.is_some() { "together" } else { "together, without what is not known" };
-    let bar = |row: usize, m: f64| vec![(0.0, row as f64 - 0.3), (m, row as f64 + 0.3)];
-    let expected = (0..).zip(&terms).map(|(row, (_, m))| bar(row, *m)).collect();
-    let mut names: Vec<String> = terms.iter().map(|(name, _)| name.clone()).collect();
-    let mut lines = vec![
-        Line { name: "expected, each term".to_owned(), pen: Pen::Bars, pieces: expected },
-        Line {
-            name: together.to_owned(),
-            pen: Pen::Uncertainty,
-            pieces: vec![outline((0.0, names.len() as f64 - 0.3), (sum, names.len() as f64 + 0.3))],
-        },
-    ];
-    names.push(together.to_owned());
+    let measured = of.budget.measured_m.filter(|m| is_drawable(m.value));
+    let (names, lines) = budget_rows(&terms, (together, sum), measured.as_ref());
+    let (low, high) = extent(&lines, |p| p.0)?;
     let mut title = format!("Error of the compensated position: expected {}\u{a0}m", number::significant(sum, 2));
-    if let Some(measured) = of.budget.measured_m.filter(|m| is_drawable(m.value)) {
-        let half = COVERAGE_FACTOR * measured.standard_uncertainty.unwrap_or(0.0);
-        let row = names.len() as f64;
-        lines.push(Line {
-            name: "measured ± U (k = 2)".to_owned(),
-            pen: Pen::Points,
-            pieces: vec![vec![(measured.value, row), (measured.value - half, row), (measured.value + half, row)]],
-        });
-        names.push("measured".to_owned());
+    if let Some(measured) = measured {
         title += &format!(", measured {}\u{a0}m", number::with_uncertainty(&measured));
     }
-    let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() }).collect();
-    let y = Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks) };
-    let (low, high) = extent(&lines, |p| p.0)?;
     let mut caption =
         "Terms of the error of the exact form, 2‑D rms in metres; together is the root of the sum of their squares."
             .to_owned();
+    let unknown = of.budget.terms.len() - terms.len();
     if unknown > 0 {
         caption += &format!(" Not known, so not drawn: {}.", number::counted(unknown as u64, "term", "terms"));
     }
+    let x = Axis::linear("2‑D rms (m)", (low.min(0.0), high), 8);
     Some(Figure {
         id: "budget".to_owned(),
         number: 0,
@@ -125,10 +106,36 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
         caption,
         how_to_read: "The longest bar is what to work on. Good: measured lies at the end of the bar of all together. Bad: it \
                       lies beyond, for then something is missing in the budget.",
-        panels: vec![Panel::of(Axis::linear("2‑D rms (m)", (low.min(0.0), high), 8), y, lines)],
+        panels: vec![Panel::of(x, Axis::rows(&names), lines)],
         panel_size: (700, 20 + 24 * names.len() as u32),
         fine: false,
     })
+}
+
+/// Names of the rows from the top, and what is drawn in them: the terms, their sum and what was measured.
+fn budget_rows(
+    terms: &[(String, f64)],
+    (together, sum): (&str, f64),
+    measured: Option<&Estimate>,
+) -> (Vec<String>, Vec<Line>) {
+    let bar = |row: usize, m: f64| vec![(0.0, row as f64 - 0.3), (m, row as f64 + 0.3)];
+    let expected = (0..).zip(terms).map(|(row, (_, m))| bar(row, *m)).collect();
+    let mut names: Vec<String> = terms.iter().map(|(name, _)| name.clone()).collect();
+    let row = names.len() as f64;
+    let whole = outline((0.0, row - 0.3), (sum, row + 0.3));
+    let mut lines = vec![
+        Line { name: "expected, each term".to_owned(), pen: Pen::Bars, pieces: expected },
+        stroke(together, Pen::Uncertainty, whole),
+    ];
+    names.push(together.to_owned());
+    if let Some(measured) = measured {
+        let half = COVERAGE_FACTOR * measured.standard_uncertainty.unwrap_or(0.0);
+        let row = names.len() as f64;
+        let point = vec![(measured.value, row), (measured.value - half, row), (measured.value + half, row)];
+        lines.push(stroke("measured ± U (k = 2)", Pen::Points, point));
+        names.push("measured".to_owned());
+    }
+    (names, lines)
 }
 
 fn spectrum(motion: &MotionSpectrum, x: &Axis) -> Panel {

@@ -13,21 +13,7 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> 
     let (curve, lost) = pieces(&x_ms, &sweep.rms_m, &[]);
     let mut lines = vec![Line { name: "2‑D rms".to_owned(), pen: Pen::Raw, pieces: curve }];
     extent(&lines, |p| p.0)?;
-    let with_card = sweep.score_at(DelaySource::Card).is_some();
-    let pens = [
-        (DelaySource::Sweep, Pen::Points),
-        (DelaySource::Card, Pen::HollowPoints),
-        (DelaySource::Flight, Pen::DoubtfulPoints),
-        (DelaySource::Fixed, if with_card { Pen::Samples } else { Pen::HollowPoints }),
-    ];
-    for (source, pen) in pens {
-        let Some(point) = sweep.score_at(source) else { continue };
-        let half = COVERAGE_FACTOR * point.rms_m.standard_uncertainty.unwrap_or(0.0);
-        let pieces: Vec<_> = upright(point.delay_s.value * 1e3, point.rms_m.value, half).into_iter().collect();
-        if !pieces.is_empty() {
-            lines.push(Line { name: source_phrase(source).to_owned(), pen, pieces });
-        }
-    }
+    lines.extend(stated(sweep));
     let x = Axis::linear("delay removed (ms)", extent(&lines, |p| p.0)?, 8);
     let (low, high) = extent(&lines, |p| p.1)?;
     let y = Axis::linear(y_label(&sweep.score), (low.max(0.0), high), 6);
@@ -44,10 +30,7 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> 
     Some(Figure {
         id: "delay-sweep".to_owned(),
         number: 0,
-        title: match sweep.score_at(DelaySource::Sweep) {
-            Some(best) => format!("Least at {}\u{a0}ms", number::with_uncertainty(&number::scaled(&best.delay_s, 1e3))),
-            None => "No delay is the best".to_owned(),
-        },
+        title: least_words(sweep),
         caption: caption
             + " Points are the delays that somebody says, with U (k = 2) of the score; the shaded stretch is \
                             the 95 % interval of the best delay.",
@@ -58,6 +41,32 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> 
         panel_size: (760, 230),
         fine: false,
     })
+}
+
+/// The delays that somebody says.
+fn stated(sweep: &DelaySweep) -> Vec<Line> {
+    let with_card = sweep.score_at(DelaySource::Card).is_some();
+    let pens = [
+        (DelaySource::Sweep, Pen::Points),
+        (DelaySource::Card, Pen::HollowPoints),
+        (DelaySource::Flight, Pen::DoubtfulPoints),
+        (DelaySource::Fixed, if with_card { Pen::Samples } else { Pen::HollowPoints }),
+    ];
+    let line = |(source, pen)| {
+        let point = sweep.score_at(source)?;
+        let half = COVERAGE_FACTOR * point.rms_m.standard_uncertainty.unwrap_or(0.0);
+        let place = upright(point.delay_s.value * 1e3, point.rms_m.value, half)?;
+        Some(stroke(source_phrase(source), pen, place))
+    };
+    pens.into_iter().filter_map(line).collect()
+}
+
+/// `Least at 203 ± 4 ms`.
+fn least_words(sweep: &DelaySweep) -> String {
+    match sweep.score_at(DelaySource::Sweep) {
+        Some(best) => format!("Least at {}\u{a0}ms", number::with_uncertainty(&number::scaled(&best.delay_s, 1e3))),
+        None => "No delay is the best".to_owned(),
+    }
 }
 
 /// The optimum's interval, if it is on the axis.

@@ -1,6 +1,5 @@
 //! When each channel has rows, and where the log is damaged.
 
-use super::axis::Tick;
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable};
 use crate::number;
 use crate::text::short_label;
@@ -13,61 +12,68 @@ const MOST_ROWS: usize = 12;
 /// Rows of the channels over time; `None` without a channel whose stamps are known.
 pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
     let (clock, origin_ns) = time_zero(record)?;
-    let channels = record.binding.iter().flat_map(|b| &b.channels);
-    let mut timed: Vec<(&ChannelHealth, &StampHealth)> =
-        channels.filter_map(|c| Some((c, c.stamps.as_ref().filter(|s| s.clock == clock)?))).collect();
-    // Those that the page is about first.
-    let pair = record.drawable().map(|replay| &replay.pair);
-    let used = |name: &str| {
-        pair.is_some_and(|p| p.position == name || p.velocity == name || p.reference.as_deref() == Some(name))
-    };
-    timed.sort_by_key(|(c, _)| !used(&c.name));
+    let timed = timed(record, clock);
+    let drawn = &timed[..timed.len().min(MOST_ROWS)];
     let seconds = |ns: i64| ns.saturating_sub(origin_ns) as f64 * 1e-9;
     let (mut covered, mut gaps) = (vec![], vec![]);
-    for (row, (_, stamps)) in timed.iter().take(MOST_ROWS).enumerate() {
+    for (row, (_, stamps)) in drawn.iter().enumerate() {
         draw_row(row as f64, stamps, &seconds, &mut covered, &mut gaps);
     }
-    let listed = timed.iter().take(MOST_ROWS).map(|(_, stamps)| stamps.gaps.len() as u64).sum::<u64>();
-    let rows = timed.len().min(MOST_ROWS);
-    let all = timed.iter().take(MOST_ROWS).fold(0_u64, |all, (_, s)| all.saturating_add(s.gap_count));
-    let mut names: Vec<String> = timed.iter().take(MOST_ROWS).map(|(c, _)| short_label(&c.name)).collect();
+    let mut names: Vec<String> = drawn.iter().map(|(c, _)| short_label(&c.name)).collect();
     let mut lines = vec![
         Line { name: "rows".to_owned(), pen: Pen::Bars, pieces: covered },
         Line { name: "gap".to_owned(), pen: Pen::Rule, pieces: gaps },
     ];
-    let damage = damage(record, clock, &seconds, rows as f64);
+    let damage = damage(record, clock, &seconds, drawn.len() as f64);
     if !damage.is_empty() {
         names.push("log damaged".to_owned());
         lines.push(Line { name: "damage".to_owned(), pen: Pen::HollowPoints, pieces: damage });
     }
     lines.retain(|line| !line.pieces.is_empty());
     let time = Axis::time("time since the first sample", extent(&lines, |p| p.0)?, 10);
-    let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() });
-    // The first channel on top.
-    let y = Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks.collect()) };
+    let all = drawn.iter().fold(0_u64, |all, (_, s)| all.saturating_add(s.gap_count));
     let gaps = if all == 0 { "No gap".to_owned() } else { number::counted(all, "gap", "gaps") };
-    let title = format!("{gaps} in {}", number::counted(rows as u64, "channel", "channels"));
-    let mut caption = "Rows of each channel over time; a gap is a step of more than 2.5 median steps.".to_owned();
-    if listed < all {
-        caption += &format!(" Marked are the {} longest of each channel, {} in all.", 10, number::count(listed));
-    }
-    if timed.len() > MOST_ROWS {
-        caption += &format!(
-            " Not drawn, but in the table: {}.",
-            number::counted((timed.len() - MOST_ROWS) as u64, "channel", "channels")
-        );
-    }
     Some(Figure {
         id: "timeline".to_owned(),
         number: 0,
-        title,
-        caption,
+        title: format!("{gaps} in {}", number::counted(drawn.len() as u64, "channel", "channels")),
+        caption: caption(drawn, all, timed.len() - drawn.len()),
         how_to_read: "Good: full bars from end to end. Bad: a mark in position or velocity where the aircraft turned, for \
                       there the compensated position rests on less.",
-        panels: vec![Panel::of(time, y, lines)],
+        panels: vec![Panel::of(time, Axis::rows(&names), lines)],
         panel_size: (860, 30 + 24 * names.len() as u32),
         fine: false,
     })
+}
+
+/// A channel and what is known of its stamps.
+type Timed<'a> = (&'a ChannelHealth, &'a StampHealth);
+
+/// Channels with stamps of this clock, those that the page is about first.
+fn timed(record: &FlightRecord, clock: Clock) -> Vec<Timed<'_>> {
+    let channels = record.binding.iter().flat_map(|b| &b.channels);
+    let mut timed: Vec<Timed<'_>> =
+        channels.filter_map(|c| Some((c, c.stamps.as_ref().filter(|s| s.clock == clock)?))).collect();
+    let pair = record.drawable().map(|replay| &replay.pair);
+    let used = |name: &str| {
+        pair.is_some_and(|p| p.position == name || p.velocity == name || p.reference.as_deref() == Some(name))
+    };
+    timed.sort_by_key(|(c, _)| !used(&c.name));
+    timed
+}
+
+/// What is drawn of `gaps` gaps, and how many channels are not.
+fn caption(drawn: &[Timed<'_>], gaps: u64, not_drawn: usize) -> String {
+    let mut caption = "Rows of each channel over time; a gap is a step of more than 2.5 median steps.".to_owned();
+    let listed = drawn.iter().map(|(_, stamps)| stamps.gaps.len() as u64).sum::<u64>();
+    if listed < gaps {
+        caption += &format!(" Marked are the {} longest of each channel, {} in all.", 10, number::count(listed));
+    }
+    if not_drawn > 0 {
+        let channels = number::counted(not_drawn as u64, "channel", "channels");
+        caption += &format!(" Not drawn, but in the table: {channels}.");
+    }
+    caption
 }
 
 /// The bars of a channel and the marks of its gaps.

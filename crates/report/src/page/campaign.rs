@@ -233,8 +233,7 @@ fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
 fn group_delay(group: &GroupLateness, flights: &[FlightRow], delay: &CampaignDelay, valley: Option<&Figure>) -> Markup {
     let varies = |row: &&FlightRow| row.lateness.as_ref().is_some_and(|lateness| lateness.kind.varies());
     let of_group = flights.iter().filter(|row| group.members.contains(&row.flight));
-    let varying: Vec<&String> = of_group.filter(varies).map(|row| &row.flight).collect();
-    let outside: Vec<&ControlPoint> = delay.control.iter().filter(|p| p.is_outside).collect();
+    let varying: Vec<&str> = of_group.filter(varies).map(|row| row.flight.as_str()).collect();
     html! {
         h3 { bdi { (shown(&group.group.name)) } }
         @match delay.measured.found().and_then(|found| Some((found, found.homogeneity.filter(|h| h.p < DIFFER_P)?))) {
@@ -250,22 +249,37 @@ fn group_delay(group: &GroupLateness, flights: &[FlightRow], delay: &CampaignDel
         @if !varying.is_empty() {
             p {
                 "Not in these figures, for the delay changes during the flight: "
-                @for (i, flight) in varying.iter().take(MOST_OUTSIDE).enumerate() { @if i > 0 { ", " } bdi { (shown(flight)) } }
-                @if varying.len() > MOST_OUTSIDE { ", " (more(varying.len() - MOST_OUTSIDE)) }
-                "."
+                (first_names(&varying)) "."
             }
         }
         @if !group.outliers.is_empty() {
             p {
                 "Not in these figures, for " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" } " from the others: "
-                @for (i, flight) in group.outliers.iter().take(MOST_OUTSIDE).enumerate() { @if i > 0 { ", " } bdi { (shown(flight)) } }
-                @if group.outliers.len() > MOST_OUTSIDE { ", " (more(group.outliers.len() - MOST_OUTSIDE)) }
-                "."
+                (first_names(&group.outliers)) "."
             }
         }
         @if delay.measured != delay.swept {
             p { "Best delays of the flights' sweeps: " (finding(&delay.swept, |found| over_flights(found, delay.card_s.as_ref()))) "." }
         }
+        (outside_limits(&delay.control))
+        @match (valley, &delay.curve) {
+            (Some(valley), _) => { (figure(valley)) }
+            (None, Finding::CannotTell(why)) => { p { "One delay for all of them: " (no_number(why)) } }
+            (None, Finding::Found(_)) => {}
+        }
+    }
+}
+
+fn first_names(flights: &[impl AsRef<str>]) -> Markup {
+    html! {
+        @for (i, flight) in flights.iter().take(MOST_OUTSIDE).enumerate() { @if i > 0 { ", " } bdi { (shown(flight.as_ref())) } }
+        @if flights.len() > MOST_OUTSIDE { ", " (more(flights.len() - MOST_OUTSIDE)) }
+    }
+}
+
+fn outside_limits(control: &[ControlPoint]) -> Markup {
+    let outside: Vec<&ControlPoint> = control.iter().filter(|p| p.is_outside).collect();
+    html! {
         @if !outside.is_empty() {
             p.why.unsure {
                 (badge("unsure", "!", "Outside")) " Outside three standard uncertainties of the difference: "
@@ -275,11 +289,6 @@ fn group_delay(group: &GroupLateness, flights: &[FlightRow], delay: &CampaignDel
                 @if outside.len() > MOST_OUTSIDE { ", " (more(outside.len() - MOST_OUTSIDE)) }
                 "."
             }
-        }
-        @match (valley, &delay.curve) {
-            (Some(valley), _) => { (figure(valley)) }
-            (None, Finding::CannotTell(why)) => { p { "One delay for all of them: " (no_number(why)) } }
-            (None, Finding::Found(_)) => {}
         }
     }
 }

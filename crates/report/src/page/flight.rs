@@ -11,7 +11,7 @@ use crate::site::Site;
 use crate::text::{href, shown, shown_block};
 use flight::Distribution;
 use maud::{Markup, html};
-use record::{CompensatorResult, ExplorerRows, FlightRecord, Outcome, ReplayRecord, flight_alarms};
+use record::{CompensatorResult, Coverage, ExplorerRows, FlightRecord, Outcome, ReplayRecord, flight_alarms};
 
 /// What the page of a flight needs besides the record.
 #[derive(Debug, Clone, Copy)]
@@ -270,25 +270,48 @@ struct CoverageNumber {
     note: String,
 }
 
+impl CoverageNumber {
+    fn of(name: &'static str, value: String, unit: &'static str, note: &str) -> CoverageNumber {
+        CoverageNumber { name, value, unit, note: note.to_owned() }
+    }
+}
+
 fn coverage_numbers(replay: &ReplayRecord) -> Vec<CoverageNumber> {
+    let of_flight = numbers_of_flight(replay).into_iter();
+    of_flight.chain(numbers_of_position(&replay.coverage)).chain(numbers_of_velocity(replay)).collect()
+}
+
+fn numbers_of_flight(replay: &ReplayRecord) -> [CoverageNumber; 3] {
     let c = &replay.coverage;
     let Distribution { p01, median, p99, .. } = replay.speed_mps;
     let three = |value| number::significant(value, 3);
     let share = if c.duration_s > 0.0 { number::percent(c.valid_s / c.duration_s) } else { "—".to_owned() };
     let fixes = number::counted(c.fixes, "position fix", "position fixes");
     let speeds = format!("1 % of the rows below {}, 1 % above {} m/s", three(p01), three(p99));
+    let valid = "Share of that time with a valid compensated position";
+    [
+        CoverageNumber::of("Time covered", number::clock(c.duration_s, 0), "h:mm:ss", &fixes),
+        CoverageNumber::of(valid, share, "%", &valid_note(replay)),
+        CoverageNumber::of("Ground speed, median", three(median), "m/s", &speeds),
+    ]
+}
+
+fn numbers_of_position(c: &Coverage) -> [CoverageNumber; 2] {
+    let longest = number::significant(c.longest_position_gap_s, 3);
     let resets =
         "fixes that jump against integrated velocity by more than 5 σ of the fixes around: passed on and counted";
-    let bridge = format!("gaps up to {} s", three(replay.settings.bridge_s));
-    let number = |name, value, unit, note: &str| CoverageNumber { name, value, unit, note: note.to_owned() };
-    vec![
-        number("Time covered", number::clock(c.duration_s, 0), "h:mm:ss", &fixes),
-        number("Share of that time with a valid compensated position", share, "%", &valid_note(replay)),
-        number("Ground speed, median", three(median), "m/s", &speeds),
-        number("Longest time without a position fix", three(c.longest_position_gap_s), "s", ""),
-        number("Position resets", number::count(c.position_resets), "1", resets),
-        number("Velocity gaps bridged", number::count(c.bridged_gaps), "1", &bridge),
-        number("Restarts after longer velocity gaps", number::count(c.restarts), "1", ""),
+    [
+        CoverageNumber::of("Longest time without a position fix", longest, "s", ""),
+        CoverageNumber::of("Position resets", number::count(c.position_resets), "1", resets),
+    ]
+}
+
+fn numbers_of_velocity(replay: &ReplayRecord) -> [CoverageNumber; 2] {
+    let c = &replay.coverage;
+    let bridge = format!("gaps up to {} s", number::significant(replay.settings.bridge_s, 3));
+    [
+        CoverageNumber::of("Velocity gaps bridged", number::count(c.bridged_gaps), "1", &bridge),
+        CoverageNumber::of("Restarts after longer velocity gaps", number::count(c.restarts), "1", ""),
     ]
 }
 

@@ -18,14 +18,15 @@ pub(crate) fn letter(part: usize) -> String {
         .map_or_else(|| (part + 1).to_string(), |p| char::from(b'A' + p).to_string())
 }
 
+/// Rotation about the body's y axis; down becomes up.
+fn turned([x, _, z]: [f64; 3], angle: f64) -> (f64, f64) {
+    let (sin, cos) = angle.sin_cos();
+    (x * cos + z * sin, x * sin - z * cos)
+}
+
 /// From the side: along the swing's plane and up, m.
 pub(super) fn side(geometry: &RigGeometry, reference: &ReferenceFinding) -> Option<Figure> {
     let [x, _, z] = tip(geometry)?;
-    let turned = |[x, _, z]: [f64; 3], angle: f64| {
-        let (sin, cos) = angle.sin_cos();
-        // Rotation about the body's y axis; down becomes up.
-        (x * cos + z * sin, x * sin - z * cos)
-    };
     let bar = |angle| vec![(0.0, 0.0), turned([x, 0.0, z], angle)];
     let length = x.hypot(z);
     let arc: Vec<(f64, f64)> =

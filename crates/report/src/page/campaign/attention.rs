@@ -101,6 +101,27 @@ fn line(reason: &Reason<'_>, is_on_the_page: bool) -> Markup {
     }
 }
 
+/// How grave a reason is, and its badge: class, icon and word.
+type Grave = (u8, (&'static str, &'static str, &'static str));
+
+fn of_outcome(outcome: &Outcome) -> Option<Grave> {
+    match outcome {
+        Outcome::Failed { .. } => Some((0, ("bad", "✗", "Failed"))),
+        Outcome::NotMeasurable { .. } => Some((4, ("unsure", "○", "Not measurable"))),
+        Outcome::Pending { .. } => Some((5, ("off", "…", "Pending"))),
+        // Why nothing was removed is in the table and on the flight's page.
+        Outcome::Compensated | Outcome::Uncompensated { .. } => None,
+    }
+}
+
+fn of_alarm(gravity: Gravity) -> Option<Grave> {
+    match gravity {
+        Gravity::Red => Some((1, ("bad", "!", "Alarm"))),
+        Gravity::Amber => Some((3, ("unsure", "!", "Warning"))),
+        Gravity::Grey => None,
+    }
+}
+
 fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
     let mut out: Vec<(Key, Reason<'_>)> = vec![];
     let mut add = |rank: u8, key: &str, (class, icon, word), text: &str| {
@@ -108,30 +129,18 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
         out.push(((rank, key.to_owned()), Reason { slug: String::new(), class, icon, word, text, flights: vec![] }));
     };
     let mut said: Vec<&str> = vec![];
-    if let Some(text) = reason(&row.outcome) {
-        let about = match row.outcome {
-            Outcome::Failed { .. } => Some((0, ("bad", "✗", "Failed"))),
-            Outcome::NotMeasurable { .. } => Some((4, ("unsure", "○", "Not measurable"))),
-            Outcome::Pending { .. } => Some((5, ("off", "…", "Pending"))),
-            // Why nothing was removed is in the table and on the flight's page.
-            Outcome::Compensated | Outcome::Uncompensated { .. } => None,
-        };
-        if let Some((rank, badge)) = about {
-            add(rank, &without_numbers(text), badge, text);
-            said.push(text);
-        }
+    if let Some((text, (rank, badge))) = reason(&row.outcome).zip(of_outcome(&row.outcome)) {
+        add(rank, &without_numbers(text), badge, text);
+        said.push(text);
     }
     if let Some(effect) = row.effect.as_ref().filter(|_| is_harmed(row)) {
         add(0, "harmed", ("bad", "✗", "HARMED"), &effect.words);
     }
     let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
     for alarm in &alarms {
-        let (rank, badge) = match alarm.gravity {
-            Gravity::Red => (1, ("bad", "!", "Alarm")),
-            Gravity::Amber => (3, ("unsure", "!", "Warning")),
-            Gravity::Grey => continue,
-        };
-        add(rank, &alarm.code, badge, &alarm.text);
+        if let Some((rank, badge)) = of_alarm(alarm.gravity) {
+            add(rank, &alarm.code, badge, &alarm.text);
+        }
     }
     let alarmed = |text: &str| alarms.iter().any(|a| a.text == text);
     let mut others = row.attention.iter().filter(|text| !said.contains(&text.as_str()) && !alarmed(text));

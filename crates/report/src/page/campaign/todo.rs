@@ -56,6 +56,26 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
         members(group, flights).into_iter().filter(|row| group.outliers.contains(&row.flight)).collect();
     let is_alike = |row: &&FlightRow| row.delay_s.is_some() && !group.outliers.contains(&row.flight);
     let rows: Vec<&FlightRow> = members(group, flights).into_iter().filter(is_alike).collect();
+    let (errors, is_short) = errors_now_and_then(group, &rows);
+    let saves_m = errors.iter().map(|[now, then]| now - then).sum::<f64>();
+    let median = |k: usize| median(errors.iter().map(|e| e[k]).collect());
+    let metres = median(0).zip(median(1)).filter(|(now, then)| then < now);
+    let what = html! {
+        "Set " (settings(&group.advice.set)) " for " b { bdi { (shown(&group.group.name)) } }
+        @if is_short { " instead of what was removed" }
+        @if let Some((now, then)) = metres {
+            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (median of "
+            (number::counted(errors.len() as u64, "flight", "flights")) ")"
+        }
+        @if !outliers.is_empty() { ". Not for " (names(&outliers)) ", which " @if outliers.len() == 1 { "differs" } @else { "differ" } }
+        "."
+    };
+    Some(Action { saves_m, what })
+}
+
+/// Error of each flight now and with the setting, m: now is what the removal left, where that is known to be too little or too
+/// much (then true), else the log.
+fn errors_now_and_then(group: &GroupLateness, rows: &[&FlightRow]) -> (Vec<[f64; 2]>, bool) {
     let set_s = group.advice.set.iter().find(|setting| setting.unit == "s").map(|setting| setting.value);
     let own_s = |row: &FlightRow| row.lateness.as_ref()?.lateness_s().map(|own| own.value);
     let short = |row: &FlightRow, e: &Effect| {
@@ -69,28 +89,14 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
         rows.iter().filter_map(|row| errors(row, row.effect.as_ref()?)).collect()
     };
     let shorts = of(&short);
-    let is_short = !shorts.is_empty();
-    let errors = if is_short { shorts } else { of(&logged) };
-    let saves_m = errors.iter().map(|[now, then]| now - then).sum::<f64>();
-    let median = |k: usize| {
-        let mut all: Vec<f64> = errors.iter().map(|e| e[k]).collect();
-        all.sort_unstable_by(f64::total_cmp);
-        // Of an even number the mean of the two in the middle.
-        let (low, high) = (all.get(all.len().wrapping_sub(1) / 2)?, all.get(all.len() / 2)?);
-        Some((low + high) / 2.0)
-    };
-    let metres = median(0).zip(median(1)).filter(|(now, then)| then < now);
-    let what = html! {
-        "Set " (settings(&group.advice.set)) " for " b { bdi { (shown(&group.group.name)) } }
-        @if is_short { " instead of what was removed" }
-        @if let Some((now, then)) = metres {
-            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (median of "
-            (number::counted(errors.len() as u64, "flight", "flights")) ")"
-        }
-        @if !outliers.is_empty() { ". Not for " (names(&outliers)) ", which " @if outliers.len() == 1 { "differs" } @else { "differ" } }
-        "."
-    };
-    Some(Action { saves_m, what })
+    if shorts.is_empty() { (of(&logged), false) } else { (shorts, true) }
+}
+
+/// Of an even number the mean of the two in the middle.
+fn median(mut all: Vec<f64>) -> Option<f64> {
+    all.sort_unstable_by(f64::total_cmp);
+    let (low, high) = (all.get(all.len().wrapping_sub(1) / 2)?, all.get(all.len() / 2)?);
+    Some((low + high) / 2.0)
 }
 
 /// Error that removing `set_s` leaves where removing `at_s` leaves `error_m`: the raw error is the speed times the delay, and the
