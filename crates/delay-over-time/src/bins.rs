@@ -308,6 +308,7 @@ fn residuals(fixes: &Fixes, rows: &[usize], motion: &Motion, bin: &[usize], base
 mod tests {
     use super::*;
     use crate::bin_statistics::bin_statistics;
+    use crate::dense::{Dense, Random, near, turning};
 
     fn vectors() -> serde_json::Value {
         serde_json::from_str(include_str!("../tests/vectors.json")).unwrap()
@@ -379,5 +380,146 @@ mod tests {
         let one = normal(&Rows { bin: &[0; 400], ..rows }, 1, &Noise { shape, white_m: 0.3 });
         assert!((fine.a.sum() - one.a[(0, 0)]).abs() < 1e-5 * one.a[(0, 0)]);
         assert!((fine.b.sum() - one.b[0]).abs() < 1e-5 * one.a[(0, 0)].sqrt());
+    }
+
+    /// Products of the bins' columns, with the residuals, their square, and the determinants, by full matrices.
+    fn dense_normal(rows: &Rows, bins: usize, noise: &Noise) -> Normal {
+        let mut out = Normal { a: DMatrix::zeros(bins, bins), b: DVector::zeros(bins), rss: 0.0, log_det: 0.0 };
+        for w in rows.starts.windows(2) {
+            let piece = w[0]..w[1];
+            for axis in 0..2 {
+                let dense = Dense::new(&rows.t[piece.clone()], &noise.shape, |k| {
+                    (noise.shape.jitter * rows.v[piece.start + k][axis]).powi(2)
+                });
+                let of_bin = |b: usize| {
+                    let column: Vec<f64> =
+                        piece.clone().map(|k| if rows.bin[k] == b { -rows.v[k][axis] } else { 0.0 }).collect();
+                    dense.free(&column) / noise.white_m
+                };
+                let columns: Vec<DVector<f64>> = (0..bins).map(of_bin).collect();
+                let e: Vec<f64> = piece.clone().map(|k| rows.e[k][axis]).collect();
+                let e = dense.free(&e) / noise.white_m;
+                out.a += DMatrix::from_fn(bins, bins, |i, j| columns[i].dot(&columns[j]));
+                out.b += DVector::from_fn(bins, |i, _| columns[i].dot(&e));
+                out.rss += e.norm_squared();
+                // XᵀV⁻¹X of two columns is divided by the white noise's variance twice.
+                out.log_det += dense.log_det_noise + 2.0 * piece.len() as f64 * noise.white_m.ln();
+                out.log_det += dense.log_det_nuisance - 4.0 * noise.white_m.ln();
+            }
+        }
+        out
+    }
+
+    /// Three pieces that share bins, stamps that are irregular, noise with and without jitter, and a bin without a fix.
+    #[test]
+    fn the_normal_equations_are_those_of_the_dense_formula() {
+        let mut random = Random::new(5);
+        for (jitter, white_m, wander) in [(0.0, 0.3, 3.0), (0.4, 0.7, 0.5), (0.1, 2.0, 20.0)] {
+            let t = random.stamps(70, 500.0);
+            let (e, v) = (random.pairs(70, 1.5), random.pairs(70, 9.0));
+            let bin: Vec<usize> =
+                t.iter().map(|x| ((x - t[0]) / 3.0) as usize).map(|b| b + usize::from(b > 4)).collect();
+            let bins = bin[69] + 1;
+            let rows = Rows { t: &t, e: &e, v: &v, bin: &bin, starts: &[0, 21, 48, 70] };
+            let noise = Noise { shape: NoiseShape { wander, time_constant_s: 5.0, jitter }, white_m };
+            let (fast, dense) = (normal(&rows, bins, &noise), dense_normal(&rows, bins, &noise));
+            let size = dense.a.amax();
+            assert!((&fast.a - &dense.a).amax() < 1e-7 * size, "{}", &fast.a - &dense.a);
+            assert!((&fast.b - &dense.b).amax() < 1e-7 * dense.b.amax(), "{}", &fast.b - &dense.b);
+            assert!(near(fast.rss, dense.rss, 1e-9), "{} {}", fast.rss, dense.rss);
+            assert!(near(fast.log_det, dense.log_det, 1e-9), "{} {}", fast.log_det, dense.log_det);
+        }
+    }
+
+    /// The filter of the first noise remembers one fix, that of the second about twelve: 24 bins have 96.
+    #[test]
+    fn more_bins_than_are_kept_at_a_time_cost_little_accuracy() {
+        let mut random = Random::new(6);
+        let t = random.stamps(160, 0.0);
+        let (e, v) = (random.pairs(160, 0.5), random.pairs(160, 9.0));
+        let bin: Vec<usize> = (0..160).map(|k| k / 4).collect();
+        let rows = Rows { t: &t, e: &e, v: &v, bin: &bin, starts: &[0, 160] };
+        for (wander, time_constant_s) in [(0.05, 0.3), (1.0, 100.0)] {
+            let noise = Noise { shape: NoiseShape { wander, time_constant_s, jitter: 0.0 }, white_m: 0.5 };
+            let (fast, dense) = (normal(&rows, 40, &noise), dense_normal(&rows, 40, &noise));
+            assert!((&fast.a - &dense.a).amax() < 1e-3 * dense.a.amax(), "{wander}");
+            assert!((&fast.b - &dense.b).amax() < 1e-3 * dense.b.amax(), "{wander}");
+        }
+    }
+
+    /// Prior of a walk: (θᵢ₊₁ − θᵢ)² / q, and a level about which nothing is known.
+    #[test]
+    fn the_walk_is_the_posterior_of_a_random_walk() {
+        let mut random = Random::new(7);
+        let n = 7;
+        let root = DMatrix::from_fn(n, n, |_, _| random.normal());
+        let a = &root * root.transpose() * 50.0;
+        let z = DVector::from_fn(n, |_, _| 20.0 * random.normal());
+        let increments = DMatrix::from_fn(n - 1, n, |i, j| f64::from(j == i + 1) - f64::from(j == i));
+        let mut shift = None;
+        for q in [1e-6, 1e-4, 0.01, 3.0] {
+            let sum = &a + increments.transpose() * &increments / q;
+            let inverse = sum.clone().try_inverse().unwrap();
+            let found = walk(&a, &z, 11.0, q).unwrap();
+            let expected = &inverse * &z;
+            assert!((&found.delay_s - &expected).amax() < 1e-7 * expected.amax(), "{q}");
+            for (u, v) in found.uncertainty_s().iter().zip(inverse.diagonal().iter()) {
+                assert!(near(*u, v.sqrt(), 1e-8), "{q}");
+            }
+            // −2 log L: quadratic form, posterior and prior determinant. The prior of n − 1 increments in θ is flat in the
+            // level; det DDᵀ = n.
+            let ddt = &increments * increments.transpose();
+            let prior = -(ddt.determinant().ln() - (n as f64 - 1.0) * q.ln());
+            let cost = 11.0 - z.dot(&expected) + sum.determinant().ln() + prior;
+            let difference = found.cost - cost;
+            assert!(near(difference, *shift.get_or_insert(difference), 1e-6), "{q}: {difference}");
+            assert!(difference.abs() < 1e-6, "{q}: {difference}");
+        }
+        assert!(walk(&a, &z.map(|_| f64::NAN), 0.0, 1.0).is_none());
+    }
+
+    fn late(delay: impl Fn(f64) -> f64, noise: f64, motion: &Motion) -> Fixes {
+        let mut random = Random::new(8);
+        let t: Vec<f64> = (0..600).map(|k| 0.2 * f64::from(k)).collect();
+        let y = t.iter().map(|t| motion.at(t - delay(*t), &mut 0).place.map(|p| p + 30.0 + noise * random.normal()));
+        Fixes { y: y.collect(), t, starts: vec![0, 200, 600] }
+    }
+
+    /// A delay that climbs from 0.1 s to 0.4 s, with noise of 0.1 m at 15 m/s.
+    #[test]
+    fn the_flexible_fit_follows_a_delay_that_climbs() {
+        let motion = turning(120.0);
+        let truth = |t: f64| 0.1 + 0.3 * t / 120.0;
+        let fixes = late(truth, 0.1, &motion);
+        let shape = NoiseShape { wander: 0.2, time_constant_s: 10.0, jitter: 0.0 };
+        let found = fit(&fixes, &motion, &Noise { shape, white_m: 0.1 }, &|_| 0.3, 4.0).unwrap();
+        assert_eq!(found.middle_s.len(), 30);
+        let mut squares = 0.0;
+        for ((t, d), u) in found.middle_s.iter().zip(&found.delay_s).zip(&found.uncertainty_s) {
+            assert!((2e-4..0.01).contains(u), "{u}");
+            // Within a bin the delay climbs by 10 ms: its mean is that of the middle.
+            squares += ((d - truth(*t)) / (u + 1e-3)).powi(2);
+        }
+        assert!(squares < 60.0, "chi-squared with 30 degrees of freedom: {squares}");
+        assert!((found.middle_s[0] - 2.0).abs() < 1e-9 && (found.middle_s[29] - 118.0).abs() < 1e-9);
+        let worse = fit(&fixes, &motion, &Noise { shape, white_m: 0.1 }, &|_| 9.0, 4.0).unwrap();
+        assert!(found.beats(&worse) && !worse.beats(&found));
+    }
+
+    #[test]
+    fn a_place_further_away_changes_no_delay() {
+        let motion = turning(120.0);
+        let fixes = late(|_| 0.25, 0.2, &motion);
+        let shape = NoiseShape { wander: 1.0, time_constant_s: 10.0, jitter: 0.01 };
+        let delays =
+            |fixes: &Fixes| fit(fixes, &motion, &Noise { shape, white_m: 0.2 }, &|_| 0.2, 4.0).unwrap().delay_s;
+        let here = delays(&fixes);
+        let mut moved = fixes.clone();
+        for (k, y) in moved.y.iter_mut().enumerate() {
+            // Each piece has an offset and a drift of its own.
+            let drift = if k < 200 { 0.01 } else { -0.02 } * moved.t[k];
+            *y = [y[0] + 4000.0 + drift, y[1] - 300.0 * f64::from(u8::from(k >= 200)) - drift];
+        }
+        assert!(here.iter().zip(&delays(&moved)).all(|(a, b)| (a - b).abs() < 1e-5));
     }
 }

@@ -10,6 +10,8 @@ mod coarse;
 mod comparison;
 mod constancy;
 mod delays;
+#[cfg(test)]
+mod dense;
 mod describe;
 mod fixes;
 mod input;
