@@ -267,6 +267,16 @@ pub(crate) fn fit(
     })
 }
 
+#[cfg(test)]
+impl Flexible {
+    /// Of these sufficient numbers; as if the most likely walk were the level of least squares of each bin.
+    pub(crate) fn example(middle_s: Vec<f64>, a: DMatrix<f64>, z: DVector<f64>) -> Flexible {
+        let delay_s: Vec<f64> = z.iter().zip(a.diagonal().iter()).map(|(z, a)| z / a).collect();
+        let uncertainty_s = a.diagonal().iter().map(|a| 1.0 / a.sqrt()).collect();
+        Flexible { middle_s, a, z, delay_s, uncertainty_s, cost: 0.0, used: 100 }
+    }
+}
+
 impl Flexible {
     /// Whether this fits better than `other` on as many fixes.
     pub(crate) fn beats(&self, other: &Flexible) -> bool {
