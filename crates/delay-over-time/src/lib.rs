@@ -13,6 +13,8 @@ mod delays;
 #[cfg(test)]
 mod dense;
 mod describe;
+#[cfg(test)]
+mod example;
 mod fixes;
 mod input;
 mod jitter;

@@ -50,6 +50,16 @@ impl Refined {
     }
 }
 
+#[cfg(test)]
+impl Refined {
+    /// A level known to 1 ms and sizes known to 2 ms, all independent; no step's instant is known.
+    pub(crate) fn example(description: Description) -> Refined {
+        let n = description.terms.len();
+        let variances = DVector::from_fn(n + 1, |i, _| if i == 0 { 1e-6 } else { 4e-6 });
+        Refined { description, covariance: DMatrix::from_diagonal(&variances), when: vec![None; n] }
+    }
+}
+
 /// The fixes, the motion and the noise.
 pub(crate) struct Refinement<'a> {
     pub(crate) fixes: &'a Fixes,
