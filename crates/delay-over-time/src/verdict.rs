@@ -407,10 +407,10 @@ mod tests {
         assert!(terms.iter().all(|t| near(t.standard_uncertainty, 2e-3)));
     }
 
-    /// 450 bins make 150 points, and variances are 2.25 times those of white noise.
+    /// 300 bins make 150 points, and variances are 2.25 times those of white noise.
     #[test]
     fn without_a_description_the_curve_is_that_of_the_bins() {
-        let n = 450;
+        let n = 300;
         let a = DMatrix::from_diagonal(&DVector::from_element(n, 1e4));
         let z = DVector::from_fn(n, |i, _| 1e4 * 0.001 * i as f64);
         let mut f = found(&[0.2; 12], 1e-3);
@@ -419,7 +419,7 @@ mod tests {
         let curve = curve(&f, &judged(&f));
         assert_eq!(curve.len(), 150);
         for (k, p) in curve.iter().enumerate() {
-            assert!(near(p.t_s, 3.0 * k as f64) && near(p.delay_s, 0.003 * k as f64), "{p:?}");
+            assert!(near(p.t_s, 2.0 * k as f64) && near(p.delay_s, 0.002 * k as f64), "{p:?}");
             assert!(near(p.standard_uncertainty_s, 0.015), "{p:?}");
         }
     }
