@@ -270,3 +270,32 @@ fn number_parts(nodes: &mut [Node], edges: &[Edge]) -> usize {
     }
     numbers.len()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A channel that is 30 ms late, named first or second: against a reference it is 30 ms late.
+    #[test]
+    fn a_channel_is_as_late_against_a_reference_whichever_is_named_first() {
+        let role = |name: &str| if name.starts_with("truth") { Role::Reference } else { Role::Measured };
+        let delay = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
+        let first = judge("position.gps", "truth.a", delay(0.03), &role).unwrap();
+        let second = judge("truth.a", "position.gps", delay(-0.03), &role).unwrap();
+        for judge in [first, second] {
+            assert_eq!((judge.channel.as_str(), judge.reference.as_str()), ("position.gps", "truth.a"));
+            assert_eq!(judge.lateness_s, delay(0.03));
+        }
+        assert!(judge("truth.a", "truth.b", delay(0.03), &role).is_none());
+    }
+
+    #[test]
+    fn things_that_are_joined_are_one_set_in_any_order() {
+        let mut joined = Joined::new(7);
+        assert!(joined.join(5, 2) && joined.join(6, 5) && joined.join(1, 0));
+        assert!(!joined.join(2, 6) && !joined.join(0, 1));
+        assert_eq!((0..7).map(|at| joined.root(at)).collect::<Vec<usize>>(), [0, 0, 2, 3, 4, 2, 2]);
+        assert!(joined.join(6, 1));
+        assert_eq!((0..7).map(|at| joined.root(at)).collect::<Vec<usize>>(), [0, 0, 0, 3, 4, 0, 0]);
+    }
+}
