@@ -368,8 +368,38 @@ mod tests {
         0.5 * (x[n / 2] + x[(n - 1) / 2])
     }
 
-    /// All four strengths of windows of equal uncertainty against their definitions: a step, an excursion, a trend and
-    /// scatter alone.
+    /// What is said of windows of equal uncertainty, by definition.
+    struct Expected {
+        strengths: [f64; 4],
+        step: Part,
+        excursion: Part,
+        scatter: f64,
+        slope: f64,
+    }
+
+    fn by_definition(delay: &[f64], middle: &[f64], u: f64) -> Expected {
+        let n = delay.len();
+        let null = by_formula(about_mean(delay), n as f64 - 1.0, n, u);
+        let steps = || (2..n - 1).map(|k| (0, k));
+        let (squares, step) = best_part(delay, steps());
+        let stepped = by_formula(squares, n as f64 - 3.0, n, u);
+        let inner = (1..n - 2).flat_map(|i| (i + 2..n).map(move |j| (i, j)));
+        let (squares, excursion) = best_part(delay, steps().chain(inner));
+        let any = by_formula(squares, n as f64 - 3.0, n, u);
+        let with_time: f64 = middle.iter().zip(delay).map(|(m, d)| (m - mean(middle)) * d).sum();
+        let slope = with_time / about_mean(middle);
+        let flat: Vec<f64> = delay.iter().zip(middle).map(|(d, m)| d - slope * m).collect();
+        let trend = by_formula(about_mean(&flat), n as f64 - 2.0, n, u);
+        let neighbours = delay.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2) / 0.454_936_423 - u * u);
+        let scatter = middle_of(neighbours.collect()).max(0.0).sqrt().min(stepped.0).min(any.0).min(trend.0);
+        let partial = (1..n).map(|k| (delay[..k].iter().sum::<f64>() - k as f64 * mean(delay)).powi(2));
+        let nyblom = 6.0 * partial.sum::<f64>() / ((u * u + scatter * scatter) * (n * n) as f64);
+        let best = (null.1 - any.1).max(null.1 - stepped.1);
+        let strengths = [null.1 - stepped.1, best, null.1 - trend.1, nyblom];
+        Expected { strengths, step, excursion, scatter, slope }
+    }
+
+    /// A step, an excursion, a trend and scatter alone.
     #[test]
     fn strengths_are_likelihood_ratios_of_the_best_step_excursion_and_trend() {
         let (n, u) = (15, 0.02);
@@ -383,30 +413,14 @@ mod tests {
             let (delay, middle) = windows(20 + seed as u64, n, scatter, shape);
             let mut room = Room::new(n);
             let found = room.strengths(&delay, &vec![u * u; n], &middle);
-            let null = by_formula(about_mean(&delay), 14.0, n, u);
-            let (squares, step) = best_part(&delay, (2..n - 1).map(|k| (0, k)));
-            let steps = by_formula(squares, 12.0, n, u);
-            let inner = (1..n - 2).flat_map(|i| (i + 2..n).map(move |j| (i, j)));
-            let (squares, any) = best_part(&delay, (2..n - 1).map(|k| (0, k)).chain(inner));
-            let parts = by_formula(squares, 12.0, n, u);
-            let centred: Vec<f64> = middle.iter().map(|m| m - mean(&middle)).collect();
-            let slope = centred.iter().zip(&delay).map(|(x, d)| x * d).sum::<f64>() / about_mean(&middle);
-            let flat: Vec<f64> = delay.iter().zip(&middle).map(|(d, m)| d - slope * m).collect();
-            let trend = by_formula(about_mean(&flat), 13.0, n, u);
-            let neighbours = delay.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2) / 0.454_936_423 - u * u);
-            let scatter = middle_of(neighbours.collect()).max(0.0).sqrt();
-            let scatter = scatter.min(steps.0).min(parts.0).min(trend.0);
-            assert_eq!((room.step, room.excursion), (step, any));
-            assert!((room.scatter - scatter).abs() < 1e-8 && (room.level - mean(&delay)).abs() < 1e-12);
-            let variance = u * u + scatter * scatter;
-            let partial = (1..n).map(|k| (delay[..k].iter().sum::<f64>() - k as f64 * mean(&delay)).powi(2));
-            let nyblom = 6.0 * partial.sum::<f64>() / (variance * (n * n) as f64);
-            let expected = [null.1 - steps.1, (null.1 - parts.1).max(null.1 - steps.1), null.1 - trend.1, nyblom];
-            for (x, y) in found.iter().zip(&expected) {
-                assert!(near(*x, *y, 1e-6), "{seed}: {found:?} {expected:?}");
+            let expected = by_definition(&delay, &middle, u);
+            assert_eq!((room.step, room.excursion), (expected.step, expected.excursion));
+            assert!((room.scatter - expected.scatter).abs() < 1e-8 && (room.level - mean(&delay)).abs() < 1e-12);
+            for (x, y) in found.iter().zip(&expected.strengths) {
+                assert!(near(*x, *y, 1e-6), "{seed}: {found:?} {:?}", expected.strengths);
             }
-            let length = middle[n - 1] - middle[0];
-            assert!(near(room.slope.size, slope * length, 1e-9));
+            let (length, variance) = (middle[n - 1] - middle[0], u * u + expected.scatter.powi(2));
+            assert!(near(room.slope.size, expected.slope * length, 1e-9));
             assert!(near(room.slope.uncertainty, length * (variance / about_mean(&middle)).sqrt(), 1e-6));
         }
     }

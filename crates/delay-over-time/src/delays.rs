@@ -377,7 +377,7 @@ mod tests {
     fn a_level_is_no_surer_than_its_windows_agree() {
         let column = DMatrix::from_fn(30, 3, |i, c| if i % 3 == c { 10.0 } else { 0.0 });
         let level = |late: f64| {
-            let sign = |k: usize| if k % 2 == 0 { late } else { -late };
+            let sign = |k: usize| if k.is_multiple_of(2) { late } else { -late };
             let of = |k: usize| window(k, &column, &(column.column(0) * sign(k)), 1.0);
             delays(&(0..8).map(of).collect::<Vec<Window>>()).unwrap().level
         };

@@ -335,35 +335,42 @@ mod tests {
         assert_eq!(judged(&f).kind, DelayKind::NotTested);
     }
 
-    /// A delay that is `d` longer for a share p of the flight has the standard deviation d √(p (1 − p)); one that lies
-    /// anywhere between two values that are `d` apart has d / √12.
-    #[test]
-    fn a_constant_is_widened_by_what_differs() {
+    /// The verdict on twelve windows that say, with probability `p`, that something differs by 90 ms.
+    fn with_difference(p: f64, varies: bool, rests_on: Option<LoneWindow>) -> Verdict {
         let mut f = found(&[0.2; 12], 1e-3);
+        let test = f.test.as_mut().unwrap();
+        test.comparison.as_mut().unwrap().difference = Effect { size: 0.09, uncertainty: 0.01 };
+        test.decision = Some(Decision { p, varies, rests_on });
+        judged(&f)
+    }
+
+    /// A delay that is `d` longer for a share p of the flight has the standard deviation d √(p (1 − p)).
+    #[test]
+    fn a_constant_is_widened_by_a_window_that_differs_as_long_as_it_lasts() {
         let rests_on = LoneWindow { row: 3, difference: Effect { size: -0.06, uncertainty: 0.004 } };
-        let with = |f: &mut Found, p: f64, varies: bool, rests_on: Option<LoneWindow>| {
-            let test = f.test.as_mut().unwrap();
-            test.comparison.as_mut().unwrap().difference = Effect { size: 0.09, uncertainty: 0.01 };
-            test.decision = Some(Decision { p, varies, rests_on });
-            judged(f)
-        };
-        let lone = with(&mut f, 1e-4, false, Some(rests_on.clone()));
+        let lone = with_difference(1e-4, false, Some(rests_on));
         assert!(near(lone.widening_s, 0.06 * (1.0 / 12.0 * 11.0 / 12.0f64).sqrt()), "{}", lone.widening_s);
         assert_eq!(lone.constancy.left_out_window_s, Some([FIRST_S + 60.0, FIRST_S + 80.0]));
         let note = lone.constancy.note.unwrap();
         assert!(note.starts_with("The delay differs by \u{2212}60.0 ± 8.0 ms in the 20 s that begin at "), "{note}");
-        let parts = with(&mut f, 1e-4, false, None);
+    }
+
+    /// A delay that lies anywhere between two values that are `d` apart has the standard deviation d / √12.
+    #[test]
+    fn a_constant_is_widened_by_parts_that_differ() {
+        let parts = with_difference(1e-4, false, None);
         assert!(near(parts.widening_s, 0.09 / 12f64.sqrt()), "{}", parts.widening_s);
         let note =
             "The delay differs by 90 ± 20 ms between parts of the flight. That is not surely above the limit of 50 ms.";
         assert_eq!(parts.constancy.note.unwrap(), note);
+        assert_eq!((parts.constancy.windows, parts.constancy.window_s, parts.constancy.p), (12, 20.0, Some(1e-4)));
         for (p, varies) in [(2e-3, false), (1e-4, true)] {
-            let calm = with(&mut f, p, varies, None);
+            let calm = with_difference(p, varies, None);
             assert!(calm.widening_s == 0.0 && calm.constancy.note.is_none() && calm.constancy.varies == varies);
         }
-        assert_eq!((parts.constancy.windows, parts.constancy.window_s, parts.constancy.p), (12, 20.0, Some(1e-4)));
+        let mut f = found(&[0.2; 12], 1e-3);
         f.test.as_mut().unwrap().comparison.as_mut().unwrap().scatter_s = 0.06;
-        let scatters = with(&mut f, 0.5, false, None).constancy.note.unwrap();
+        let scatters = judged(&f).constancy.note.unwrap();
         assert_eq!(scatters, "The delay scatters by 60 ms from window to window.");
     }
 

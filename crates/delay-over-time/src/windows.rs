@@ -374,6 +374,7 @@ fn project_out<const C: usize>(basis: &[[f64; 2]], rows: &mut [[f64; C]]) {
 mod tests {
     use super::*;
     use crate::dense::{Dense, Random, near, turning};
+    use nalgebra::DVector;
 
     /// Fixes that are late by `late`, with an offset, a drift, a wander and white noise (m).
     fn fixes(t: Vec<f64>, motion: &Motion, late: f64, [wander, white]: [f64; 2], seed: u64) -> Fixes {
@@ -442,28 +443,34 @@ mod tests {
         (0..g.len()).map(|i| (0..g.len()).map(|j| share(i, j) * g[i] * g[j]).sum::<f64>()).sum()
     }
 
+    /// Delay column, lag, lever and residual of both axes at the delay `at`, white and orthogonal to offset and drift.
+    fn dense_columns(of: &Fixes, motion: &Motion, shape: &NoiseShape, at: f64) -> [[DVector<f64>; 4]; 2] {
+        let state = |k: usize| motion.at(of.t[k] - at, &mut 0);
+        [0, 1].map(|axis| {
+            let dense = Dense::new(&of.t, shape, |k| (shape.jitter * state(k).velocity[axis]).powi(2));
+            let free = |f: &dyn Fn(usize) -> f64| dense.free(&(0..of.len()).map(f).collect::<Vec<f64>>());
+            let like = |k: usize, c: usize| motion.resembling_at(of.t[k] - at, &mut 0)[axis][c];
+            [
+                free(&|k| -state(k).velocity[axis]),
+                free(&|k| like(k, 0)),
+                free(&|k| like(k, 1)),
+                free(&|k| of.y[k][axis] - state(k).place[axis]),
+            ]
+        })
+    }
+
     /// The delay of least squares, and there all columns made white and orthogonal to offset and drift by full matrices.
     #[test]
     fn a_window_is_generalised_least_squares() {
         let motion = turning(60.0);
         for (seed, jitter) in [(3, 0.0), (4, 0.06), (5, 0.0)] {
             let t = Random::new(seed).stamps(60, 8.0);
-            let (of, shape) = (fixes(t.clone(), &motion, 0.3, [0.6, 0.3], seed), NoiseShape { jitter, ..SHAPE });
+            let lags = (2.0 * 59.0 / (t[59] - t[0])).round() as usize;
+            let (of, shape) = (fixes(t, &motion, 0.3, [0.6, 0.3], seed), NoiseShape { jitter, ..SHAPE });
             let at = (0..6).fold(0.25, |at, _| fitted(&of, &motion, &shape, [at; 2]).unwrap().delay_s);
             let w = fitted(&of, &motion, &shape, [at; 2]).unwrap();
             assert!((w.delay_s - at).abs() < 1e-6, "{} {at}", w.delay_s);
-            let state = |k: usize| motion.at(t[k] - at, &mut 0);
-            let columns = [0, 1].map(|axis| {
-                let dense = Dense::new(&t, &shape, |k| (jitter * state(k).velocity[axis]).powi(2));
-                let free = |f: &dyn Fn(usize) -> f64| dense.free(&(0..60).map(f).collect::<Vec<f64>>());
-                let like = |k: usize, c: usize| motion.resembling_at(t[k] - at, &mut 0)[axis][c];
-                [
-                    free(&|k| -state(k).velocity[axis]),
-                    free(&|k| like(k, 0)),
-                    free(&|k| like(k, 1)),
-                    free(&|k| of.y[k][axis] - state(k).place[axis]),
-                ]
-            });
+            let columns = dense_columns(&of, &motion, &shape, at);
             let product = |i: usize, j: usize| columns.iter().map(|c| c[i].dot(&c[j])).sum::<f64>();
             let score = product(0, 3) / (product(0, 0) * product(3, 3)).sqrt();
             assert!(score.abs() < 1e-6, "nothing more is to be gained by another delay: {score}");
@@ -476,7 +483,6 @@ mod tests {
             }
             assert!(near(w.variance, product(3, 3) / 115.0, 1e-6), "{} {}", w.variance, product(3, 3));
             let scores: Vec<f64> = (0..60).map(|k| columns.iter().map(|c| c[0][k] * c[3][k]).sum()).collect();
-            let lags = (2.0 * 59.0 / (t[59] - t[0])).round() as usize;
             let expected = bartlett_by_pairs(&scores, lags) * 120.0 / 115.0;
             assert!(near(w.score_variance, expected, 1e-4), "{} {expected}", w.score_variance);
         }
@@ -495,16 +501,17 @@ mod tests {
             let mut rows = vec![];
             columns(&t, &of.y, &motion, 0.28, &mut rows);
             let found = window_likelihood(&t, &rows, &motion, &shape, 0.28, &mut scratch).unwrap();
-            let (mut information, mut score, mut square, mut log_det) = (0.0, 0.0, 0.0, 0.0);
-            for axis in 0..2 {
-                let state = |k: usize| motion.at(t[k] - 0.28, &mut 0);
-                let dense = Dense::new(&t, &shape, |k| (jitter * state(k).velocity[axis]).powi(2));
-                let free = |f: &dyn Fn(usize) -> f64| dense.free(&(0..50).map(f).collect::<Vec<f64>>());
-                let (v, e) = (free(&|k| -state(k).velocity[axis]), free(&|k| of.y[k][axis] - state(k).place[axis]));
-                (information, score) = (information + v.dot(&v), score + v.dot(&e));
-                square += e.dot(&e);
-                log_det += dense.log_det_noise + dense.log_det_nuisance;
-            }
+            let columns = dense_columns(&of, &motion, &shape, 0.28);
+            let product = |i: usize, j: usize| columns.iter().map(|c| c[i].dot(&c[j])).sum::<f64>();
+            let (information, score, square) = (product(0, 0), product(0, 3), product(3, 3));
+            let log_det: f64 = [0, 1]
+                .map(|axis| {
+                    let velocity = |k: usize| motion.at(t[k] - 0.28, &mut 0).velocity[axis];
+                    let dense = Dense::new(&t, &shape, |k| (jitter * velocity(k)).powi(2));
+                    dense.log_det_noise + dense.log_det_nuisance
+                })
+                .iter()
+                .sum();
             let rss = square - score * score / information;
             let expected = 95.0 * (rss / 95.0).ln() + log_det + information.ln();
             assert!(near(found, expected, 1e-7), "{shape:?}: {found} {expected}");
