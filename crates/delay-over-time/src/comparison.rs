@@ -193,33 +193,7 @@ fn own_scatter(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[
         } else {
             1.0
         };
-    let inside = |k: usize| k >= part.0 && k < part.1;
-    let value = |k: usize| delay[k] - slope * middle[k];
-    let sums = |excess: f64| {
-        let mut of = [[0.0; 2]; 2];
-        for k in 0..n {
-            let w = 1.0 / (square[k] + excess);
-            let side = &mut of[usize::from(inside(k))];
-            side[0] += w;
-            side[1] += w * value(k);
-        }
-        let mean = of.map(|s| if s[0] > 0.0 { s[1] / s[0] } else { 0.0 });
-        let (mut chi_squared, mut falls, mut log_det) = (0.0, 0.0, 1.0);
-        let mut log_sum = 0.0;
-        for k in 0..n {
-            let v = square[k] + excess;
-            let d = value(k) - mean[usize::from(inside(k))];
-            let q = d * d / v;
-            chi_squared += q;
-            falls += q / v;
-            log_det *= v;
-            if !(1e-200..1e200).contains(&log_det) {
-                log_sum += f64::ln(log_det);
-                log_det = 1.0;
-            }
-        }
-        (chi_squared, falls, log_sum + log_det.ln())
-    };
+    let sums = |excess: f64| sums_about(delay, square, part, |k| slope * middle[k], excess);
     let (at_zero, _, log_det) = sums(0.0);
     if at_zero <= free {
         return (0.0, at_zero + log_det);
@@ -237,6 +211,38 @@ fn own_scatter(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[
         }
     }
     (excess.sqrt().min(MOST_SCATTER_S), last.0 + last.2)
+}
+
+/// Chi-squared about the means of `part` and of the rest, how fast it falls with the excess of the variances, and the
+/// logarithm of their product. `trend` is taken out before.
+#[inline]
+fn sums_about(delay: &[f64], square: &[f64], part: Part, trend: impl Fn(usize) -> f64, excess: f64) -> (f64, f64, f64) {
+    let n = delay.len();
+    let inside = |k: usize| k >= part.0 && k < part.1;
+    let value = |k: usize| delay[k] - trend(k);
+    let mut of = [[0.0; 2]; 2];
+    for k in 0..n {
+        let w = 1.0 / (square[k] + excess);
+        let side = &mut of[usize::from(inside(k))];
+        side[0] += w;
+        side[1] += w * value(k);
+    }
+    let mean = of.map(|s| if s[0] > 0.0 { s[1] / s[0] } else { 0.0 });
+    let (mut chi_squared, mut falls, mut log_det) = (0.0, 0.0, 1.0);
+    let mut log_sum = 0.0;
+    for k in 0..n {
+        let v = square[k] + excess;
+        let d = value(k) - mean[usize::from(inside(k))];
+        let q = d * d / v;
+        chi_squared += q;
+        falls += q / v;
+        log_det *= v;
+        if !(1e-200..1e200).contains(&log_det) {
+            log_sum += f64::ln(log_det);
+            log_det = 1.0;
+        }
+    }
+    (chi_squared, falls, log_sum + log_det.ln())
 }
 
 /// Squared difference of a part's mean from the rest's over its variance; `sum` is about the level.

@@ -139,7 +139,6 @@ fn freed(
     covariance: [f64; 3],
 ) -> Option<Delays> {
     let own: Vec<f64> = windows.iter().map(|w| variance(w) / w.information).collect();
-    let along = |w: &Window| [w.products[1] / w.products[0], w.products[2] / w.products[0]];
     let total: f64 = own.iter().map(|v| 1.0 / v).sum();
     let mean = [0, 1].map(|i| windows.iter().zip(&own).map(|(w, v)| along(w)[i] / v).sum::<f64>() / total);
     let sure = [lag, lever].map(|e| if e.is_sure() { e.size } else { 0.0 });
@@ -147,20 +146,8 @@ fn freed(
     let level = raw - mean[0] * sure[0] - mean[1] * sure[1];
     // What was removed is known to its own uncertainty only.
     let removed: f64 = (0..2).filter(|i| sure[*i] != 0.0).map(|i| mean[i] * mean[i] * covariance[2 * i]).sum();
-    let mut uncertainty_s = vec![];
-    let mut delay_s = vec![];
-    for (w, v) in windows.iter().zip(&own) {
-        let b = along(w);
-        delay_s.push(w.delay_s - b[0] * lag.size - b[1] * lever.size);
-        let c = [b[0] - mean[0], b[1] - mean[1]];
-        let shared = c[0] * c[0] * covariance[0] + 2.0 * c[0] * c[1] * covariance[1] + c[1] * c[1] * covariance[2];
-        uncertainty_s.push((v + shared).sqrt());
-    }
-    // Windows that differ by more than they should widen the level (Birge's ratio).
-    let about = delay_s.iter().zip(&uncertainty_s).map(|(d, u)| (1.0 / (u * u), *d)).collect::<Vec<_>>();
-    let centre = about.iter().map(|a| a.0 * a.1).sum::<f64>() / about.iter().map(|a| a.0).sum::<f64>();
-    let chi_squared: f64 = about.iter().map(|a| a.0 * (a.1 - centre).powi(2)).sum();
-    let birge = (chi_squared / (windows.len() as f64 - 1.0).max(1.0)).max(1.0);
+    let (delay_s, uncertainty_s) = without_effects(windows, &own, mean, [lag, lever], covariance);
+    let birge = birge_squared(&delay_s, &uncertainty_s);
     let finite = delay_s.iter().chain(&uncertainty_s).chain([&level, &total]).all(|x| x.is_finite());
     finite.then(|| Delays {
         window: (0..windows.len()).collect(),
@@ -173,6 +160,36 @@ fn freed(
         white_m: 0.0,
         inflation: 1.0,
     })
+}
+
+/// Square of Birge's ratio: windows that differ by more than they should widen the level.
+fn birge_squared(delay_s: &[f64], uncertainty_s: &[f64]) -> f64 {
+    let about = delay_s.iter().zip(uncertainty_s).map(|(d, u)| (1.0 / (u * u), *d)).collect::<Vec<_>>();
+    let centre = about.iter().map(|a| a.0 * a.1).sum::<f64>() / about.iter().map(|a| a.0).sum::<f64>();
+    let chi_squared: f64 = about.iter().map(|a| a.0 * (a.1 - centre).powi(2)).sum();
+    (chi_squared / (delay_s.len() as f64 - 1.0).max(1.0)).max(1.0)
+}
+
+/// Delay and standard uncertainty of each window without the two effects; what all windows share of these is the level's.
+fn without_effects(
+    windows: &[Window],
+    own: &[f64],
+    mean: [f64; 2],
+    [lag, lever]: [Effect; 2],
+    covariance: [f64; 3],
+) -> (Vec<f64>, Vec<f64>) {
+    let of = |(w, v): (&Window, &f64)| {
+        let b = along(w);
+        let c = [b[0] - mean[0], b[1] - mean[1]];
+        let shared = c[0] * c[0] * covariance[0] + 2.0 * c[0] * c[1] * covariance[1] + c[1] * c[1] * covariance[2];
+        (w.delay_s - b[0] * lag.size - b[1] * lever.size, (v + shared).sqrt())
+    };
+    windows.iter().zip(own).map(of).unzip()
+}
+
+/// How much delay a unit of each effect looks like in a window.
+fn along(w: &Window) -> [f64; 2] {
+    [w.products[1] / w.products[0], w.products[2] / w.products[0]]
 }
 
 impl Delays {

@@ -104,9 +104,9 @@ fn constant_kind(level: Option<Effect>, constancy: &Constancy, settings: &OverTi
     }
 }
 
-/// The test of constancy as a record, and what it adds to the uncertainty of a constant.
-fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy, f64) {
-    let mut out = Constancy {
+/// Of a flight of which nothing is known.
+fn untested(settings: &OverTimeSettings) -> Constancy {
+    Constancy {
         tested: false,
         varies: false,
         windows: 0,
@@ -120,7 +120,12 @@ fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy,
         left_out_window_s: None,
         window_delays: vec![],
         note: None,
-    };
+    }
+}
+
+/// The test of constancy as a record, and what it adds to the uncertainty of a constant.
+fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy, f64) {
+    let mut out = untested(settings);
     let Some(test) = test else { return (out, 0.0) };
     out.windows = test.known.len() as u64;
     out.window_s = test.length_s;

@@ -288,35 +288,8 @@ fn motion_start(motion: &Motion, q: f64) -> usize {
 /// All columns at the end of a descent: products, scores, and how the scores hang together.
 fn summarise(t: &[f64], y: &[[f64; 2]], motion: &Motion, best: &Descent, scratch: &mut Scratch) -> Window {
     let n = t.len();
-    let mut speed = 0.0;
-    let mut hint = motion_start(motion, t[0] - best.at_s);
-    let mut origin: Option<([f64; 2], [[f64; 2]; 2])> = None;
-    scratch.full.iter_mut().for_each(Vec::clear);
-    for (t, y) in t.iter().zip(y) {
-        let q = t - best.at_s;
-        let s = motion.at(q, &mut hint);
-        let like = motion.resembling_at(q, &mut hint);
-        let e = [y[0] - s.place[0], y[1] - s.place[1]];
-        let (o, first) = *origin.get_or_insert((e, like));
-        speed += s.speed();
-        let v = if s.speed() > motion.slow_mps { s.velocity } else { [0.0; 2] };
-        for a in 0..2 {
-            scratch.full[a].push([-v[a], like[a][0] - first[a][0], like[a][1], e[a] - o[a]]);
-        }
-    }
-    let mut products = [0.0; 6];
-    let mut with_residual = [0.0; 4];
-    for a in 0..2 {
-        whiten_rows(&scratch.steps[a], &mut scratch.full[a]);
-        project_out(&scratch.basis[a], &mut scratch.full[a]);
-        for r in &scratch.full[a] {
-            let [d, s, l, e] = *r;
-            let of = [d * d, d * s, d * l, s * s, s * l, l * l];
-            products.iter_mut().zip(of).for_each(|(p, x)| *p += x);
-            let of = [d * e, s * e, l * e, e * e];
-            with_residual.iter_mut().zip(of).for_each(|(p, x)| *p += x);
-        }
-    }
+    let speed = gather(t, y, motion, best.at_s, scratch);
+    let (products, with_residual) = products_of(scratch);
     let information = products[0];
     let step = with_residual[0] / information;
     let rss = (with_residual[3] - step * with_residual[0]).max(0.0);
@@ -335,6 +308,46 @@ fn summarise(t: &[f64], y: &[[f64; 2]], motion: &Motion, best: &Descent, scratch
         products,
         scores,
     }
+}
+
+/// Puts all columns at the delay `at_s` into the scratch, not yet whitened, and adds up the speeds.
+fn gather(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mut Scratch) -> f64 {
+    let mut speed = 0.0;
+    let mut hint = motion_start(motion, t[0] - at_s);
+    let mut origin: Option<([f64; 2], [[f64; 2]; 2])> = None;
+    scratch.full.iter_mut().for_each(Vec::clear);
+    for (t, y) in t.iter().zip(y) {
+        let q = t - at_s;
+        let s = motion.at(q, &mut hint);
+        let like = motion.resembling_at(q, &mut hint);
+        let e = [y[0] - s.place[0], y[1] - s.place[1]];
+        let (o, first) = *origin.get_or_insert((e, like));
+        speed += s.speed();
+        let v = if s.speed() > motion.slow_mps { s.velocity } else { [0.0; 2] };
+        for a in 0..2 {
+            scratch.full[a].push([-v[a], like[a][0] - first[a][0], like[a][1], e[a] - o[a]]);
+        }
+    }
+    speed
+}
+
+/// Makes the columns white and takes offset and drift out: products of delay, lag and lever, and of these and of the
+/// residual with the residual.
+fn products_of(scratch: &mut Scratch) -> ([f64; 6], [f64; 4]) {
+    let mut products = [0.0; 6];
+    let mut with_residual = [0.0; 4];
+    for a in 0..2 {
+        whiten_rows(&scratch.steps[a], &mut scratch.full[a]);
+        project_out(&scratch.basis[a], &mut scratch.full[a]);
+        for r in &scratch.full[a] {
+            let [d, s, l, e] = *r;
+            let of = [d * d, d * s, d * l, s * s, s * l, l * l];
+            products.iter_mut().zip(of).for_each(|(p, x)| *p += x);
+            let of = [d * e, s * e, l * e, e * e];
+            with_residual.iter_mut().zip(of).for_each(|(p, x)| *p += x);
+        }
+    }
+    (products, with_residual)
 }
 
 fn span_in_samples(t: &[f64]) -> usize {
