@@ -182,6 +182,20 @@ fn judge(first: &str, second: &str, delay: Estimate, role: &dyn Fn(&str) -> Role
     }
 }
 
+impl Edge {
+    /// Not yet with its effect.
+    fn new(first: usize, second: usize, pair: &Usable) -> Edge {
+        Edge {
+            first,
+            second,
+            delay_s: pair.delay.value,
+            uncertainty_s: pair.uncertainty_s,
+            widened_s: pair.widened_s,
+            effect: 0,
+        }
+    }
+}
+
 impl Graph {
     fn new(usable: &[Usable], role: &dyn Fn(&str) -> Role, settings: &NetworkSettings) -> Graph {
         let names: BTreeSet<&str> =
@@ -190,7 +204,7 @@ impl Graph {
         let mut nodes: Vec<Node> =
             names.iter().map(|name| Node { name: (*name).to_owned(), role: role(name), part: 0 }).collect();
         let mut effects: BTreeMap<EffectName, Vec<usize>> = BTreeMap::new();
-        let mut ends = Vec::new();
+        let mut edges = Vec::new();
         for pair in usable {
             let (Some(&first), Some(&second)) = (index.get(pair.first.as_str()), index.get(pair.second.as_str()))
             else {
@@ -199,23 +213,12 @@ impl Graph {
             let (a, b) = (role(&pair.first), role(&pair.second));
             let name =
                 EffectName { kind: effect_kind(a, b), first: family(&pair.first, a), second: family(&pair.second, b) };
-            effects.entry(name).or_default().push(ends.len());
-            ends.push((first, second, pair));
+            effects.entry(name).or_default().push(edges.len());
+            edges.push(Edge::new(first, second, pair));
         }
         let effects: Vec<Effect> = effects
             .into_iter()
             .map(|(name, edges)| Effect { model_s: settings.model.of(name.kind), name, edges })
-            .collect();
-        let mut edges: Vec<Edge> = ends
-            .iter()
-            .map(|&(first, second, pair)| Edge {
-                first,
-                second,
-                delay_s: pair.delay.value,
-                uncertainty_s: pair.uncertainty_s,
-                widened_s: pair.widened_s,
-                effect: 0,
-            })
             .collect();
         for (at, effect) in effects.iter().enumerate() {
             for &edge in &effect.edges {
