@@ -189,9 +189,7 @@ pub(crate) fn adjust(
     }
     let (chi2, tests) = closure(graph, &b, &weights, &y, freed)?;
     let loops = (graph.edges.len() + graph.parts).saturating_sub(graph.nodes.len());
-    let columns: Vec<DVector<f64>> =
-        graph.effects.iter().map(|effect| &gain * effect_column(effect, graph.edges.len())).collect();
-    let carried = if columns.is_empty() { DMatrix::zeros(0, 0) } else { DMatrix::from_columns(&columns) };
+    let carried = carried(&gain, graph);
     let degrees_of_freedom = loops.saturating_sub(freed.len());
     let chi2 = if degrees_of_freedom == 0 { 0.0 } else { chi2 };
     let finite = lateness_s.iter().chain(covariance.iter()).all(|x| x.is_finite()) && chi2.is_finite();
@@ -206,6 +204,13 @@ pub(crate) fn adjust(
         carried,
         parts,
     })
+}
+
+/// How much of an error of each effect (column) reaches each node (row).
+fn carried(gain: &DMatrix<f64>, graph: &Graph) -> DMatrix<f64> {
+    let columns: Vec<DVector<f64>> =
+        graph.effects.iter().map(|effect| gain * effect_column(effect, graph.edges.len())).collect();
+    if columns.is_empty() { DMatrix::zeros(0, 0) } else { DMatrix::from_columns(&columns) }
 }
 
 /// Incidence matrix B: +1 at the first, −1 at the second node of each pair.

@@ -1,6 +1,6 @@
 //! Whether intervals hold what they say: delays drawn from the model itself.
 
-use crate::graph::{Graph, prepare};
+use crate::graph::{Edge, Graph, prepare};
 use crate::lineage::{Role, lineage_from_name};
 use crate::noise::channel_noise;
 use crate::{NetworkSettings, PairObservation, solve};
@@ -61,6 +61,19 @@ fn draw(
     (delays, truth)
 }
 
+/// The pairs of a graph with other delays.
+fn pairs_with(graph: &Graph, delays: Vec<f64>) -> Vec<PairObservation> {
+    let of = |(edge, delay_s): (&Edge, f64)| {
+        let (first, second) = (&graph.nodes[edge.first], &graph.nodes[edge.second]);
+        let kind = match second.role {
+            Role::Acceleration => DelayPairKind::VelocityAgainstAcceleration,
+            _ => DelayPairKind::PositionAgainstVelocity,
+        };
+        PairObservation::measured(kind, &first.name, &second.name, delay_s, edge.uncertainty_s)
+    };
+    graph.edges.iter().zip(delays).map(of).collect()
+}
+
 /// Share of the true latenesses within their intervals, channel by channel, and the mean of χ²/dof.
 fn coverage(vector: &Value, seed: u64) -> (Vec<(String, f64)>, Option<f64>) {
     let settings = NetworkSettings::default();
@@ -74,19 +87,7 @@ fn coverage(vector: &Value, seed: u64) -> (Vec<(String, f64)>, Option<f64>) {
     let (mut inside, mut ratios) = (vec![0_u32; truth.len()], Vec::new());
     for _ in 0..TRIALS {
         let (delays, truth) = draw(&graph, &settings, &noise, &truth, &mut rng);
-        let drawn: Vec<PairObservation> = graph
-            .edges
-            .iter()
-            .zip(delays)
-            .map(|(edge, delay_s)| {
-                let (first, second) = (&graph.nodes[edge.first], &graph.nodes[edge.second]);
-                let kind = match second.role {
-                    Role::Acceleration => DelayPairKind::VelocityAgainstAcceleration,
-                    _ => DelayPairKind::PositionAgainstVelocity,
-                };
-                PairObservation::measured(kind, &first.name, &second.name, delay_s, edge.uncertainty_s)
-            })
-            .collect();
+        let drawn = pairs_with(&graph, delays);
         let network = solve(&drawn, &lineage_from_name, &settings).unwrap();
         ratios.extend(network.p.map(|_| network.chi2 / f64::from(network.degrees_of_freedom)));
         for (place, channel) in network.channels.iter().enumerate() {

@@ -182,6 +182,20 @@ fn judge(first: &str, second: &str, delay: Estimate, role: &dyn Fn(&str) -> Role
     }
 }
 
+impl Edge {
+    /// Not yet with its effect.
+    fn new(first: usize, second: usize, pair: &Usable) -> Edge {
+        Edge {
+            first,
+            second,
+            delay_s: pair.delay.value,
+            uncertainty_s: pair.uncertainty_s,
+            widened_s: pair.widened_s,
+            effect: 0,
+        }
+    }
+}
+
 impl Graph {
     fn new(usable: &[Usable], role: &dyn Fn(&str) -> Role, settings: &NetworkSettings) -> Graph {
         let names: BTreeSet<&str> =
@@ -190,7 +204,7 @@ impl Graph {
         let mut nodes: Vec<Node> =
             names.iter().map(|name| Node { name: (*name).to_owned(), role: role(name), part: 0 }).collect();
         let mut effects: BTreeMap<EffectName, Vec<usize>> = BTreeMap::new();
-        let mut ends = Vec::new();
+        let mut edges = Vec::new();
         for pair in usable {
             let (Some(&first), Some(&second)) = (index.get(pair.first.as_str()), index.get(pair.second.as_str()))
             else {
@@ -199,23 +213,12 @@ impl Graph {
             let (a, b) = (role(&pair.first), role(&pair.second));
             let name =
                 EffectName { kind: effect_kind(a, b), first: family(&pair.first, a), second: family(&pair.second, b) };
-            effects.entry(name).or_default().push(ends.len());
-            ends.push((first, second, pair));
+            effects.entry(name).or_default().push(edges.len());
+            edges.push(Edge::new(first, second, pair));
         }
         let effects: Vec<Effect> = effects
             .into_iter()
             .map(|(name, edges)| Effect { model_s: settings.model.of(name.kind), name, edges })
-            .collect();
-        let mut edges: Vec<Edge> = ends
-            .iter()
-            .map(|&(first, second, pair)| Edge {
-                first,
-                second,
-                delay_s: pair.delay.value,
-                uncertainty_s: pair.uncertainty_s,
-                widened_s: pair.widened_s,
-                effect: 0,
-            })
             .collect();
         for (at, effect) in effects.iter().enumerate() {
             for &edge in &effect.edges {
@@ -269,4 +272,33 @@ fn number_parts(nodes: &mut [Node], edges: &[Edge]) -> usize {
         node.part = *numbers.entry(joined.root(at)).or_insert(next);
     }
     numbers.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A channel that is 30 ms late, named first or second: against a reference it is 30 ms late.
+    #[test]
+    fn a_channel_is_as_late_against_a_reference_whichever_is_named_first() {
+        let role = |name: &str| if name.starts_with("truth") { Role::Reference } else { Role::Measured };
+        let delay = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
+        let first = judge("position.gps", "truth.a", delay(0.03), &role).unwrap();
+        let second = judge("truth.a", "position.gps", delay(-0.03), &role).unwrap();
+        for judge in [first, second] {
+            assert_eq!((judge.channel.as_str(), judge.reference.as_str()), ("position.gps", "truth.a"));
+            assert_eq!(judge.lateness_s, delay(0.03));
+        }
+        assert!(judge("truth.a", "truth.b", delay(0.03), &role).is_none());
+    }
+
+    #[test]
+    fn things_that_are_joined_are_one_set_in_any_order() {
+        let mut joined = Joined::new(7);
+        assert!(joined.join(5, 2) && joined.join(6, 5) && joined.join(1, 0));
+        assert!(!joined.join(2, 6) && !joined.join(0, 1));
+        assert_eq!((0..7).map(|at| joined.root(at)).collect::<Vec<usize>>(), [0, 0, 2, 3, 4, 2, 2]);
+        assert!(joined.join(6, 1));
+        assert_eq!((0..7).map(|at| joined.root(at)).collect::<Vec<usize>>(), [0, 0, 0, 3, 4, 0, 0]);
+    }
 }

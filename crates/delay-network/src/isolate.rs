@@ -86,14 +86,19 @@ pub(crate) fn isolate(graph: &Graph, settings: &NetworkSettings, noise: &[f64], 
         .iter()
         .map(|suspect| adjust(graph, settings, noise, refused, &[freed.as_slice(), &[*suspect]].concat()))
         .collect::<Option<Vec<_>>>()?;
-    let birge = match verdict {
-        NetworkVerdict::Scattered => (adjustment.chi2 / adjustment.degrees_of_freedom.max(1) as f64).max(1.0).sqrt(),
-        _ => 1.0,
-    };
+    let birge = birge_ratio(verdict, &adjustment);
     let mut suspects: Vec<usize> = suspects.iter().map(|suspect| suspect.effect).collect();
     suspects.sort_unstable();
     let freed = freed.iter().map(|freed| freed.effect).collect();
     Some(Isolation { adjustment, verdict, freed, suspects, alternatives, birge })
+}
+
+/// Factor on all uncertainties: residuals that no effect explains widen them.
+fn birge_ratio(verdict: NetworkVerdict, adjustment: &Adjustment) -> f64 {
+    match verdict {
+        NetworkVerdict::Scattered => (adjustment.chi2 / adjustment.degrees_of_freedom.max(1) as f64).max(1.0).sqrt(),
+        _ => 1.0,
+    }
 }
 
 /// The effect with the largest |w| and its rivals; empty if none is large enough.

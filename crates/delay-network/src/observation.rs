@@ -102,4 +102,29 @@ mod tests {
         assert_eq!(acceleration_gate(50.0, Some(7.0)), None);
         assert_eq!(acceleration_gate(10.0, None), None);
     }
+
+    fn measured(standard_uncertainty: Option<f64>, widened_s: f64, hessian_s: f64) -> Option<f64> {
+        let text = format!(
+            r#"{{"delay_s": {{"value": 0.2, "standard_uncertainty": null}}, "interval_95_s": [0.1, 0.3], "hessian_s": {hessian_s},
+            "hac_s": 0.0, "widened_s": {widened_s}, "crlb_s": 0.0, "smallest_detectable_s": 0.0, "samples": 100,
+            "downweighted_share": 0.18, "rival_s": null, "pieces": [], "over_time": [], "homogeneity": null, "alarm": null,
+            "splits": [], "injections": []}}"#
+        );
+        let mut delay: MeasuredDelay = serde_json::from_str(&text).unwrap();
+        delay.delay_s.standard_uncertainty = standard_uncertainty;
+        let without = without_widening(&delay);
+        assert_eq!(without.value, 0.2);
+        without.standard_uncertainty
+    }
+
+    /// Variances add up: 3² + 4² = 5².
+    #[test]
+    fn without_what_one_delay_does_not_explain_noise_is_left_and_no_less_than_the_curvature_says() {
+        let near = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-15;
+        assert!(near(measured(Some(0.005), 0.004, 0.001), 0.003));
+        assert!(near(measured(Some(0.005), 0.0, 0.001), 0.005));
+        assert!(near(measured(Some(0.005), 0.004, 0.0035), 0.0035));
+        assert!(near(measured(Some(0.005), 0.006, 0.002), 0.002));
+        assert_eq!(measured(None, 0.004, 0.001), None);
+    }
 }

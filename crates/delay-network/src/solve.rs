@@ -48,15 +48,7 @@ pub fn solve(
         return None;
     }
     let noise = channel_noise(&graph, settings.shared_noise);
-    let first = isolate(&graph, settings, &noise, &[])?;
-    let earlier = first.earlier_than_datum(&graph, settings);
-    let refused_parts: Vec<bool> =
-        (0..graph.parts).map(|part| earlier.iter().any(|at| graph.nodes[*at].part == part)).collect();
-    let (shown, refused) = if earlier.is_empty() {
-        (first, None)
-    } else {
-        (isolate(&graph, settings, &noise, &refused_parts)?, Some(first))
-    };
+    let Shown { shown, refused, earlier } = against_datum(&graph, settings, &noise)?;
     let channels = Channels { graph: &graph, settings, shown: &shown, refused: refused.as_ref(), earlier: &earlier };
     let pair_covariance = adjust::pair_covariance(&graph, settings, &[]);
     let mut network = DelayNetwork {
@@ -84,6 +76,26 @@ pub fn solve(
         .filter_map(|judge| judge_against_reference(&network, &judge.channel, &judge.reference, judge.lateness_s))
         .collect();
     Some(network)
+}
+
+/// Network as it is shown.
+struct Shown {
+    shown: Isolation,
+    /// Network against the IMU, where that was refused, and the nodes that are earlier than it.
+    refused: Option<Isolation>,
+    earlier: Vec<usize>,
+}
+
+/// Latenesses against the IMU, or without it in the parts in which a channel would be earlier.
+fn against_datum(graph: &Graph, settings: &NetworkSettings, noise: &[f64]) -> Option<Shown> {
+    let first = isolate(graph, settings, noise, &[])?;
+    let earlier = first.earlier_than_datum(graph, settings);
+    if earlier.is_empty() {
+        return Some(Shown { shown: first, refused: None, earlier });
+    }
+    let refused_parts: Vec<bool> =
+        (0..graph.parts).map(|part| earlier.iter().any(|at| graph.nodes[*at].part == part)).collect();
+    Some(Shown { shown: isolate(graph, settings, noise, &refused_parts)?, refused: Some(first), earlier })
 }
 
 /// Lateness of `first` less that of `second`, s, from the full covariance; `None` if one is missing or they are in

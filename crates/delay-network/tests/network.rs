@@ -69,6 +69,45 @@ fn the_order_of_the_pairs_does_not_matter() {
     }
 }
 
+/// A position that is 70 ms later in all its pairs is 70 ms later, and nothing else changes.
+#[test]
+fn a_channel_that_is_later_moves_alone() {
+    let pairs = complete(&POSITIONS, &VELOCITIES);
+    let before = solved(&pairs);
+    for (name, _) in POSITIONS {
+        let later: Vec<PairObservation> =
+            pairs.iter().map(|pair| if pair.first == name { lie(pair, 0.07) } else { pair.clone() }).collect();
+        let after = solved(&later);
+        assert_eq!(after.covariance_s2, before.covariance_s2);
+        assert!((after.chi2 - before.chi2).abs() < 1e-9 && after.verdict == before.verdict);
+        for (a, b) in after.channels.iter().zip(&before.channels) {
+            let moved = if a.channel == name { 0.07 } else { 0.0 };
+            assert!((a.lateness_s.value - b.lateness_s.value - moved).abs() < 1e-9, "{name}: {}", a.channel);
+        }
+    }
+}
+
+/// Lateness of the first less that of the second, or the other way round.
+#[test]
+fn a_pair_named_the_other_way_round_says_the_same() {
+    let pairs = complete(&POSITIONS, &VELOCITIES);
+    let turned = |pair: &PairObservation| {
+        if pair.kind != PositionAgainstVelocity {
+            return pair.clone();
+        }
+        let told = *pair.delay_s.found().unwrap();
+        let u = told.standard_uncertainty.unwrap();
+        PairObservation::measured(pair.kind, &pair.second, &pair.first, -told.value, u)
+    };
+    let (here, there) = (solved(&pairs), solved(&pairs.iter().map(turned).collect::<Vec<_>>()));
+    for (a, b) in here.channels.iter().zip(&there.channels) {
+        assert!((a.lateness_s.value - b.lateness_s.value).abs() < 1e-9, "{}", a.channel);
+        let [u, v] = [a, b].map(|c| c.lateness_s.standard_uncertainty.unwrap());
+        assert!((u - v).abs() < 1e-9, "{}", a.channel);
+    }
+    assert!((here.chi2 - there.chi2).abs() < 1e-9 && here.degrees_of_freedom == there.degrees_of_freedom);
+}
+
 #[test]
 fn a_reference_judges_and_changes_nothing() {
     let without = solved(&delorean());

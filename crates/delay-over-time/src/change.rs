@@ -76,19 +76,25 @@ impl Change<'_> {
         };
         for _ in 0..turns {
             let (Some(first), Some(_)) = (out.refined.take(), self.test) else { break };
-            let retimed = self.fixes.retimed(&|t| first.description.at(t) - level);
-            let at_level = |_| level;
-            let calm = Starts::new(&retimed, self.motion, level, &at_level);
-            out.noise = noise_about(&retimed, self.motion, &calm, self.interval_s, out.noise, scratch);
-            let start = |t: f64| first.description.at(t);
-            out.flexible = bins::fit(&self.fixes, self.motion, &out.noise, &start, bin_s).or(out.flexible);
-            let again = out.flexible.as_ref().map(|f| describe(f, self.inflation()));
-            let again = again.and_then(|d| self.refined(d, out.noise, bin_s)).unwrap_or(first);
-            out.explained = !varies && self.explains(&again.description, out.noise, bin_s);
-            out.refined = Some(again);
+            self.turn(&mut out, first, bin_s, varies, scratch);
         }
         out.refined = out.refined.filter(|_| varies || out.explained);
         out
+    }
+
+    /// Noise without the description `first`, and the description with that noise.
+    fn turn(&self, out: &mut Described, first: Refined, bin_s: f64, varies: bool, scratch: &mut Scratch) {
+        let level = self.level();
+        let retimed = self.fixes.retimed(&|t| first.description.at(t) - level);
+        let at_level = |_| level;
+        let calm = Starts::new(&retimed, self.motion, level, &at_level);
+        out.noise = noise_about(&retimed, self.motion, &calm, self.interval_s, out.noise, scratch);
+        let start = |t: f64| first.description.at(t);
+        out.flexible = bins::fit(&self.fixes, self.motion, &out.noise, &start, bin_s).or(out.flexible.take());
+        let again = out.flexible.as_ref().map(|f| describe(f, self.inflation()));
+        let again = again.and_then(|d| self.refined(d, out.noise, bin_s)).unwrap_or(first);
+        out.explained = !varies && self.explains(&again.description, out.noise, bin_s);
+        out.refined = Some(again);
     }
 
     fn level(&self) -> f64 {

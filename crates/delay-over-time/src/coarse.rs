@@ -345,6 +345,7 @@ fn cheapest_path(costs: &[Vec<f64>]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::{Random, turning};
 
     #[test]
     fn the_cheapest_path_follows_a_jump_and_ignores_one_bad_block() {
@@ -368,5 +369,143 @@ mod tests {
         let map = coarse(&Track { t: &t, y: &y, breaks: &[] }, &motion, [-2.5, 13.0]).unwrap();
         assert!((map.constant_s - 7.03).abs() < 0.05, "{}", map.constant_s);
         assert!(!map.edge && map.unexplained_share < 0.05 && map.runner_up_cost > 12.0, "{map:?}");
+    }
+
+    /// All paths through a few blocks, by trying.
+    #[test]
+    fn no_path_is_cheaper_than_the_cheapest() {
+        let mut random = Random::new(1);
+        for round in 0..30 {
+            let (blocks, delays) = (4, if round % 2 == 0 { 5usize } else { 17 });
+            let high = if round % 3 == 0 { 30.0 } else { 3.0 };
+            let costs: Vec<Vec<f64>> =
+                (0..blocks).map(|_| (0..delays).map(|_| random.uniform(0.0, high)).collect()).collect();
+            let cost = |path: &[usize]| -> f64 {
+                let changes = path.windows(2).map(|w| (CHANGE_COST * w[0].abs_diff(w[1]) as f64).min(JUMP_COST));
+                path.iter().zip(&costs).map(|(j, c)| c[*j]).sum::<f64>() + changes.sum::<f64>()
+            };
+            let found = cheapest_path(&costs);
+            let count = delays.pow(4);
+            let digits = |n: usize| [n % delays, n / delays % delays, n / delays.pow(2) % delays, n / delays.pow(3)];
+            let least = (0..count).map(|n| cost(&digits(n))).fold(f64::MAX, f64::min);
+            assert_eq!(found.len(), 4);
+            assert!((cost(&found) - least).abs() < 1e-9, "{found:?}: {} {least}", cost(&found));
+        }
+        assert!(cheapest_path(&[]).is_empty());
+    }
+
+    #[test]
+    fn the_bottom_of_a_parabola_is_found_between_the_steps() {
+        for at in [3.0, 3.3, 2.6, 3.49] {
+            let total: Vec<f64> = (0..7).map(|j| 5.0 + 2.0 * (f64::from(j) - at).powi(2)).collect();
+            assert!((bottom(&total, 3) - at).abs() < 1e-9, "{at}");
+            assert_eq!(least(&total), 3);
+        }
+        // At the ends and on a plain there is nothing to lean on.
+        assert_eq!((bottom(&[1.0, 2.0, 3.0], 0), bottom(&[3.0, 2.0, 1.0], 2), bottom(&[1.0; 3], 1)), (0.0, 2.0, 1.0));
+    }
+
+    #[test]
+    fn between_its_points_a_line_is_straight_and_beyond_them_level() {
+        let (x, y) = ([1.0, 2.0, 4.0], [10.0, 20.0, -20.0]);
+        for (q, expected) in
+            [(0.0, 10.0), (1.0, 10.0), (1.5, 15.0), (2.0, 20.0), (3.0, 0.0), (4.0, -20.0), (9.0, -20.0)]
+        {
+            assert!((interpolate(&x, &y, q) - expected).abs() < 1e-12, "{q}");
+        }
+        assert_eq!(interpolate(&[], &[], 1.0), 0.0);
+    }
+
+    /// Fixes in two pieces with offsets of their own, 4 per second.
+    fn track_of(late: f64, noise: f64, motion: &Motion) -> (Vec<f64>, Vec<[f64; 2]>) {
+        let mut random = Random::new(2);
+        let t = random.stamps(200, 3.0);
+        let offset = |t: f64| if t < 40.0 { [700.0, -30.0] } else { [650.0, 20.0] };
+        let y = t.iter().map(|t| {
+            let place = motion.at(t - late, &mut 0).place;
+            [0, 1].map(|a| place[a] + offset(*t)[a] + noise * random.normal())
+        });
+        (t.clone(), y.collect())
+    }
+
+    /// Sums of every block and delay against their definition; the table has a place every 0.1 s, between which it is linear.
+    #[test]
+    fn blocks_hold_the_residuals_of_their_fixes_at_every_delay() {
+        let motion = turning(90.0);
+        let (t, y) = track_of(0.7, 0.3, &motion);
+        let track = Track { t: &t, y: &y, breaks: &[40.0] };
+        let (lo, hi, delays) = (-0.5, 2.0, 26);
+        let blocks = sum_blocks(&track, &motion, lo, hi, delays).unwrap();
+        let fixes = |b: usize| -> Vec<usize> {
+            let piece = |t: f64| usize::from(t >= 40.0);
+            let block = |k: usize| (((t[k] - t[0]) / 2.0) as usize, piece(t[k]));
+            let mut all: Vec<(usize, usize)> = (0..t.len()).map(block).collect();
+            all.dedup();
+            (0..t.len()).filter(|k| block(*k) == all[b]).collect()
+        };
+        assert_eq!(blocks.count.iter().sum::<f64>(), 200.0);
+        for b in 0..blocks.count.len() {
+            let rows = fixes(b);
+            assert_eq!((blocks.count[b], blocks.piece[b]), (rows.len() as f64, usize::from(t[rows[0]] >= 40.0)));
+            assert!((blocks.middle_s[b] - t[rows[0]]).abs() < 1.0 + 1e-3 + 1e-9);
+            let still = |a: usize| rows.iter().map(|k| y[*k][a] - y[0][a]).sum::<f64>();
+            assert!((blocks.still[b][0] - still(0)).abs() < 1e-6 && (blocks.still[b][1] - still(1)).abs() < 1e-6);
+            for j in 0..delays {
+                let at = |k: usize| motion.at(t[k] - lo - 0.1 * j as f64, &mut 0).place;
+                let e = |k: usize, a: usize| y[k][a] - y[0][a] - at(k)[a];
+                let sum = |a: usize| rows.iter().map(|k| e(*k, a)).sum::<f64>();
+                let squares: f64 = rows.iter().map(|k| e(*k, 0).powi(2) + e(*k, 1).powi(2)).sum();
+                // Between places of the table the path bends by less than 2 cm.
+                let (n, room) = (rows.len() as f64, 0.02);
+                assert!((blocks.sums[b][0][j] - sum(0)).abs() < room * n, "{b} {j}");
+                assert!((blocks.sums[b][1][j] - sum(1)).abs() < room * n, "{b} {j}");
+                let scale = (squares * n).sqrt() * 2.0 * room + room;
+                assert!((blocks.sums[b][2][j] - squares).abs() < scale, "{b} {j}: {} {squares}", blocks.sums[b][2][j]);
+            }
+        }
+    }
+
+    /// Squares about the mean of a window, of north and east.
+    #[test]
+    fn the_error_of_a_window_is_about_its_own_offset() {
+        let mut random = Random::new(3);
+        let residuals = [random.pairs(6, 2.0), random.pairs(9, 2.0)];
+        let sum = |r: &[[f64; 2]], f: &dyn Fn(&[f64; 2]) -> f64| r.iter().map(f).sum::<f64>();
+        let squares = |r: &[f64; 2]| r[0] * r[0] + r[1] * r[1];
+        let blocks = Blocks {
+            middle_s: vec![1.0, 3.0],
+            piece: vec![0, 0],
+            count: vec![6.0, 9.0],
+            sums: residuals
+                .iter()
+                .map(|r| [vec![sum(r, &|r| r[0]); 2], vec![sum(r, &|r| r[1]); 2], vec![sum(r, &squares); 2]])
+                .collect(),
+            still: residuals.iter().map(|r| [sum(r, &|r| r[0]), sum(r, &|r| r[1]), sum(r, &squares)]).collect(),
+            interval_s: 0.25,
+        };
+        let all = residuals.concat();
+        let mean = [0, 1].map(|a| all.iter().map(|r| r[a]).sum::<f64>() / 15.0);
+        let expected: f64 = all.iter().map(|r| (r[0] - mean[0]).powi(2) + (r[1] - mean[1]).powi(2)).sum();
+        let (error, count) = window_error(&blocks, &[0, 1], 2);
+        assert!(count == 15.0 && error.iter().all(|e| (e - expected).abs() < 1e-9));
+        assert!((window_spread(&blocks, &[0, 1]) - expected).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_map_follows_a_delay_that_jumps_and_knows_its_edge() {
+        let motion = turning(120.0);
+        let t = Random::new(4).stamps(300, 10.0);
+        let late = |t: f64| if t < 70.0 { 0.4 } else { 2.4 };
+        let y: Vec<[f64; 2]> = t.iter().map(|t| motion.at(t - late(*t), &mut 0).place).collect();
+        let track = Track { t: &t, y: &y, breaks: &[] };
+        let map = coarse(&track, &motion, [-2.0, 5.0]).unwrap();
+        assert!((map.path_at(40.0) - 0.4).abs() < 0.11 && (map.path_at(100.0) - 2.4).abs() < 0.11, "{map:?}");
+        assert!((map.path_span_s() - 2.0).abs() < 0.21 && !map.edge && map.unexplained_share < 0.2);
+        // Searched up to 2 s only, the second half lies at the edge.
+        assert!(coarse(&track, &motion, [-2.0, 2.0]).unwrap().edge);
+        // A place that does not move as the velocity says: all of it is unexplained.
+        let foreign: Vec<[f64; 2]> = y.iter().map(|y| [-y[1], y[0]]).collect();
+        let map = coarse(&Track { y: &foreign, ..track }, &motion, [-2.0, 5.0]).unwrap();
+        assert!(map.unexplained_share > 0.5, "{}", map.unexplained_share);
     }
 }

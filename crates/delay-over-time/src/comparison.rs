@@ -193,33 +193,7 @@ fn own_scatter(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[
         } else {
             1.0
         };
-    let inside = |k: usize| k >= part.0 && k < part.1;
-    let value = |k: usize| delay[k] - slope * middle[k];
-    let sums = |excess: f64| {
-        let mut of = [[0.0; 2]; 2];
-        for k in 0..n {
-            let w = 1.0 / (square[k] + excess);
-            let side = &mut of[usize::from(inside(k))];
-            side[0] += w;
-            side[1] += w * value(k);
-        }
-        let mean = of.map(|s| if s[0] > 0.0 { s[1] / s[0] } else { 0.0 });
-        let (mut chi_squared, mut falls, mut log_det) = (0.0, 0.0, 1.0);
-        let mut log_sum = 0.0;
-        for k in 0..n {
-            let v = square[k] + excess;
-            let d = value(k) - mean[usize::from(inside(k))];
-            let q = d * d / v;
-            chi_squared += q;
-            falls += q / v;
-            log_det *= v;
-            if !(1e-200..1e200).contains(&log_det) {
-                log_sum += f64::ln(log_det);
-                log_det = 1.0;
-            }
-        }
-        (chi_squared, falls, log_sum + log_det.ln())
-    };
+    let sums = |excess: f64| sums_about(delay, square, part, |k| slope * middle[k], excess);
     let (at_zero, _, log_det) = sums(0.0);
     if at_zero <= free {
         return (0.0, at_zero + log_det);
@@ -239,6 +213,38 @@ fn own_scatter(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[
     (excess.sqrt().min(MOST_SCATTER_S), last.0 + last.2)
 }
 
+/// Chi-squared about the means of `part` and of the rest, how fast it falls with the excess of the variances, and the
+/// logarithm of their product. `trend` is taken out before.
+#[inline]
+fn sums_about(delay: &[f64], square: &[f64], part: Part, trend: impl Fn(usize) -> f64, excess: f64) -> (f64, f64, f64) {
+    let n = delay.len();
+    let inside = |k: usize| k >= part.0 && k < part.1;
+    let value = |k: usize| delay[k] - trend(k);
+    let mut of = [[0.0; 2]; 2];
+    for k in 0..n {
+        let w = 1.0 / (square[k] + excess);
+        let side = &mut of[usize::from(inside(k))];
+        side[0] += w;
+        side[1] += w * value(k);
+    }
+    let mean = of.map(|s| if s[0] > 0.0 { s[1] / s[0] } else { 0.0 });
+    let (mut chi_squared, mut falls, mut log_det) = (0.0, 0.0, 1.0);
+    let mut log_sum = 0.0;
+    for k in 0..n {
+        let v = square[k] + excess;
+        let d = value(k) - mean[usize::from(inside(k))];
+        let q = d * d / v;
+        chi_squared += q;
+        falls += q / v;
+        log_det *= v;
+        if !(1e-200..1e200).contains(&log_det) {
+            log_sum += f64::ln(log_det);
+            log_det = 1.0;
+        }
+    }
+    (chi_squared, falls, log_sum + log_det.ln())
+}
+
 /// Squared difference of a part's mean from the rest's over its variance; `sum` is about the level.
 #[inline]
 fn strength(sum: f64, weight: f64, total: f64) -> f64 {
@@ -250,6 +256,8 @@ fn strength(sum: f64, weight: f64, total: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::{Random, near};
+    use nalgebra::{DMatrix, DVector};
 
     fn sight(uncertainty_s: &[f64]) -> Option<(f64, [usize; 2])> {
         let n = uncertainty_s.len();
@@ -274,5 +282,224 @@ mod tests {
         let [from, to] = sight(&bad_first).unwrap().1;
         assert_eq!([from, to], [7, 9], "two good windows before the step, of which one may be left out");
         assert!(sight(&[0.01; 5]).is_none());
+    }
+
+    fn mean(x: &[f64]) -> f64 {
+        x.iter().sum::<f64>() / x.len() as f64
+    }
+
+    fn about_mean(x: &[f64]) -> f64 {
+        x.iter().map(|v| (v - mean(x)).powi(2)).sum()
+    }
+
+    /// Delays about 0.2 s with a scatter of `scatter` at instants that are unequally far apart, and `more` added.
+    fn windows(seed: u64, n: usize, scatter: f64, more: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
+        let mut random = Random::new(seed);
+        let delay = (0..n).map(|k| 0.2 + scatter * random.normal() + more(k)).collect();
+        (delay, random.stamps(n, 100.0))
+    }
+
+    /// Scatter and −2 log likelihood of `n` windows of equal uncertainty `u` with `square` about what is fitted, `free`
+    /// degrees of freedom: the variance of each is square / free, but no less than u².
+    fn by_formula(square: f64, free: f64, n: usize, u: f64) -> (f64, f64) {
+        let variance = (square / free).max(u * u);
+        ((variance - u * u).sqrt(), square / variance + n as f64 * variance.ln())
+    }
+
+    /// Scatters of nothing, of a third and of five times the uncertainty.
+    #[test]
+    fn the_scatter_of_equal_windows_is_what_the_squares_about_the_means_leave() {
+        let (n, u) = (14, 0.01);
+        for (seed, scatter) in [(1, 0.0), (2, 0.003), (3, 0.05), (4, 0.05)] {
+            let (delay, middle) = windows(seed, n, scatter, |k| if k < 5 { 0.1 } else { 0.0 });
+            let agree = |found: (f64, f64), expected: (f64, f64)| {
+                assert!((found.0 - expected.0).abs() < 1e-9, "{found:?} {expected:?}");
+                assert!(near(found.1, expected.1, 1e-9), "{found:?} {expected:?}");
+            };
+            let own = |part, slope| own_scatter(&delay, &vec![u * u; n], part, slope, &middle);
+            agree(own((0, n), 0.0), by_formula(about_mean(&delay), 13.0, n, u));
+            let [a, b] = [&delay[..5], &delay[5..]].map(about_mean);
+            agree(own((0, 5), 0.0), by_formula(a + b, 11.0, n, u));
+            let outside = [&delay[..4], &delay[9..]].concat();
+            agree(own((4, 9), 0.0), by_formula(about_mean(&delay[4..9]) + about_mean(&outside), 11.0, n, u));
+            let level: Vec<f64> = delay.iter().zip(&middle).map(|(d, m)| d + 0.02 * m).collect();
+            agree(own((0, n), -0.02), by_formula(about_mean(&level), 12.0, n, u));
+        }
+    }
+
+    /// Windows of unequal uncertainty: with the scatter, chi-squared is what is left free, and the likelihood is that of
+    /// a normal distribution.
+    #[test]
+    fn with_their_own_scatter_windows_are_as_far_apart_as_they_should_be() {
+        let n = 30;
+        for seed in 10..16 {
+            let (delay, middle) = windows(seed, n, 0.06, |k| if k < 12 { 0.2 } else { 0.0 });
+            let mut random = Random::new(seed);
+            let square: Vec<f64> = (0..n).map(|_| random.uniform(0.01, 0.04).powi(2)).collect();
+            let (scatter, cost) = own_scatter(&delay, &square, (0, 12), 0.0, &middle);
+            let variance: Vec<f64> = square.iter().map(|s| s + scatter * scatter).collect();
+            let chi_squared: f64 = [0..12, 12..n]
+                .map(|rows| {
+                    let total: f64 = rows.clone().map(|k| 1.0 / variance[k]).sum();
+                    let level = rows.clone().map(|k| delay[k] / variance[k]).sum::<f64>() / total;
+                    rows.map(|k| (delay[k] - level).powi(2) / variance[k]).sum::<f64>()
+                })
+                .iter()
+                .sum();
+            assert!((chi_squared - 27.0).abs() < 0.01, "{chi_squared}");
+            let log_det: f64 = variance.iter().map(|v| v.ln()).sum();
+            assert!(near(cost, chi_squared + log_det, 1e-9), "{cost}");
+        }
+    }
+
+    /// Two hundred windows of 1 µs: their determinant underflows, its logarithm does not.
+    #[test]
+    fn the_likelihood_of_many_windows_is_finite() {
+        let (n, u) = (200, 1e-6);
+        let delay: Vec<f64> = (0..n).map(|k| 1e-7 * f64::from(u8::from(k % 2 == 0))).collect();
+        let (scatter, cost) = own_scatter(&delay, &vec![u * u; n], (0, n), 0.0, &vec![0.0; n]);
+        let expected = by_formula(about_mean(&delay), 199.0, n, u);
+        assert!(scatter == 0.0 && near(cost, expected.1, 1e-9), "{cost} {expected:?}");
+    }
+
+    /// The best part of windows of equal weight by trying all: what the squares fall by with a mean of its own.
+    fn best_part(delay: &[f64], parts: impl Iterator<Item = Part>) -> (f64, Part) {
+        let rest = |(i, j): Part| about_mean(&delay[i..j]) + about_mean(&[&delay[..i], &delay[j..]].concat());
+        parts.map(|part| (rest(part), part)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
+    }
+
+    fn middle_of(mut x: Vec<f64>) -> f64 {
+        x.sort_by(f64::total_cmp);
+        let n = x.len();
+        0.5 * (x[n / 2] + x[(n - 1) / 2])
+    }
+
+    /// What is said of windows of equal uncertainty, by definition.
+    struct Expected {
+        strengths: [f64; 4],
+        step: Part,
+        excursion: Part,
+        scatter: f64,
+        slope: f64,
+    }
+
+    fn by_definition(delay: &[f64], middle: &[f64], u: f64) -> Expected {
+        let n = delay.len();
+        let null = by_formula(about_mean(delay), n as f64 - 1.0, n, u);
+        let steps = || (2..n - 1).map(|k| (0, k));
+        let (squares, step) = best_part(delay, steps());
+        let stepped = by_formula(squares, n as f64 - 3.0, n, u);
+        let inner = (1..n - 2).flat_map(|i| (i + 2..n).map(move |j| (i, j)));
+        let (squares, excursion) = best_part(delay, steps().chain(inner));
+        let any = by_formula(squares, n as f64 - 3.0, n, u);
+        let with_time: f64 = middle.iter().zip(delay).map(|(m, d)| (m - mean(middle)) * d).sum();
+        let slope = with_time / about_mean(middle);
+        let flat: Vec<f64> = delay.iter().zip(middle).map(|(d, m)| d - slope * m).collect();
+        let trend = by_formula(about_mean(&flat), n as f64 - 2.0, n, u);
+        let neighbours = delay.windows(2).map(|d| 0.5 * (d[1] - d[0]).powi(2) / 0.454_936_423 - u * u);
+        let scatter = middle_of(neighbours.collect()).max(0.0).sqrt().min(stepped.0).min(any.0).min(trend.0);
+        let partial = (1..n).map(|k| (delay[..k].iter().sum::<f64>() - k as f64 * mean(delay)).powi(2));
+        let nyblom = 6.0 * partial.sum::<f64>() / ((u * u + scatter * scatter) * (n * n) as f64);
+        let best = (null.1 - any.1).max(null.1 - stepped.1);
+        let strengths = [null.1 - stepped.1, best, null.1 - trend.1, nyblom];
+        Expected { strengths, step, excursion, scatter, slope }
+    }
+
+    /// A step, an excursion, a trend and scatter alone.
+    #[test]
+    fn strengths_are_likelihood_ratios_of_the_best_step_excursion_and_trend() {
+        let (n, u) = (15, 0.02);
+        let shapes: [fn(usize) -> f64; 4] = [
+            |k| if k < 6 { 0.3 } else { 0.0 },
+            |k| if (5..9).contains(&k) { 0.3 } else { 0.0 },
+            |k| 0.02 * k as f64,
+            |_| 0.0,
+        ];
+        for (seed, (shape, scatter)) in shapes.iter().flat_map(|s| [(s, 0.01), (s, 0.06)]).enumerate() {
+            let (delay, middle) = windows(20 + seed as u64, n, scatter, shape);
+            let mut room = Room::new(n);
+            let found = room.strengths(&delay, &vec![u * u; n], &middle);
+            let expected = by_definition(&delay, &middle, u);
+            assert_eq!((room.step, room.excursion), (expected.step, expected.excursion));
+            assert!((room.scatter - expected.scatter).abs() < 1e-8 && (room.level - mean(&delay)).abs() < 1e-12);
+            for (x, y) in found.iter().zip(&expected.strengths) {
+                assert!(near(*x, *y, 1e-6), "{seed}: {found:?} {:?}", expected.strengths);
+            }
+            let (length, variance) = (middle[n - 1] - middle[0], u * u + expected.scatter.powi(2));
+            assert!(near(room.slope.size, expected.slope * length, 1e-9));
+            assert!(near(room.slope.uncertainty, length * (variance / about_mean(&middle)).sqrt(), 1e-6));
+        }
+    }
+
+    /// Against the normal equations with a level and a slope.
+    #[test]
+    fn level_and_slope_are_those_of_weighted_least_squares() {
+        let n = 9;
+        let (delay, middle) = windows(40, n, 1e-3, |k| 1e-3 * k as f64);
+        let square: Vec<f64> = (0..n).map(|k| (0.01 + 0.02 * (k % 4) as f64).powi(2)).collect();
+        let mut room = Room::new(n);
+        room.strengths(&delay, &square, &middle);
+        assert!(room.scatter == 0.0);
+        let x = DMatrix::from_fn(n, 2, |i, c| if c == 0 { 1.0 } else { middle[i] });
+        let weights = DMatrix::from_diagonal(&DVector::from_iterator(n, square.iter().map(|s| 1.0 / s)));
+        let covariance = (x.transpose() * &weights * &x).try_inverse().unwrap();
+        let solved = &covariance * x.transpose() * &weights * DVector::from_column_slice(&delay);
+        let length = middle[n - 1] - middle[0];
+        assert!((room.slope.size - solved[1] * length).abs() < 1e-9);
+        assert!((room.slope.uncertainty - covariance[(1, 1)].sqrt() * length).abs() < 1e-9);
+        let total: f64 = square.iter().map(|s| 1.0 / s).sum();
+        let level = delay.iter().zip(&square).map(|(d, s)| d / s).sum::<f64>() / total;
+        assert!((room.level - level).abs() < 1e-12 && near(room.total, total, 1e-12));
+        let sums = square.iter().zip(&delay).scan((0.0, 0.0), |s, (v, d)| {
+            *s = (s.0 + 1.0 / v, s.1 + (d - level) / v);
+            Some(*s)
+        });
+        for (k, (weight, sum)) in sums.enumerate() {
+            assert!(near(room.weights[k + 1], weight, 1e-12) && near(room.sums[k + 1], sum, 1e-9));
+        }
+    }
+
+    fn difference(delay: &[f64], u: f64) -> Effect {
+        let n = delay.len();
+        let middle: Vec<f64> = (0..n).map(|k| 10.0 * k as f64).collect();
+        let mut room = Room::new(n);
+        room.strengths(delay, &vec![u * u; n], &middle);
+        room.largest_difference()
+    }
+
+    /// After less before for a step, inside less outside for an excursion, half the change of a trend.
+    #[test]
+    fn a_difference_has_the_size_sign_and_uncertainty_of_its_means() {
+        let u = 0.01;
+        let is = |found: Effect, size: f64, uncertainty: f64| {
+            assert!((found.size - size).abs() < 1e-9 && (found.uncertainty - uncertainty).abs() < 1e-9, "{found:?}");
+        };
+        for sign in [1.0, -1.0] {
+            let step: Vec<f64> = (0..16).map(|k| if k < 6 { 0.2 } else { 0.2 + 0.3 * sign }).collect();
+            is(difference(&step, u), 0.3 * sign, u * (1.0 / 6.0 + 0.1f64).sqrt());
+            let bump: Vec<f64> = (0..16).map(|k| if (5..10).contains(&k) { 0.2 + 0.3 * sign } else { 0.2 }).collect();
+            is(difference(&bump, u), 0.3 * sign, u * (0.2 + 1.0 / 11.0f64).sqrt());
+        }
+        let trend: Vec<f64> = (0..4).map(|k| -0.1 * f64::from(k)).collect();
+        // Of four windows a step has two on each side and differs by 0.2 s ± u; half the trend is 0.15 s ± u 3 / √5 / 2.
+        let surely = |size: f64, uncertainty: f64| size - 2.0 * uncertainty;
+        let (step, half) = (surely(0.2, u), surely(0.15, 1.5 * u / 5f64.sqrt()));
+        assert!(step > half);
+        is(difference(&trend, u), -0.2, u);
+        let alone = [0.0, 0.1, 0.2];
+        is(difference(&alone, u), 0.1, 0.5 * u * 2.0 / 2f64.sqrt());
+    }
+
+    #[test]
+    fn half_of_the_weight_is_half_of_the_windows_that_know_equally_much() {
+        let of = |square: &[f64]| {
+            let n = square.len();
+            let mut room = Room::new(n);
+            room.strengths(&vec![0.2; n], square, &(0..n).map(|k| k as f64).collect::<Vec<f64>>());
+            room.half_uncertainty()
+        };
+        assert!((of(&[0.25; 12]) - 0.5 * (2.0 / 6.0f64).sqrt()).abs() < 1e-12);
+        // The first window alone knows more than all others: half is as near as a step can be.
+        assert!((of(&[0.01, 1.0, 1.0, 1.0]) - (0.01 + 1.0 / 3.0f64).sqrt()).abs() < 1e-12);
     }
 }

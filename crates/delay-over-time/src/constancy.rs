@@ -184,6 +184,7 @@ impl Tail {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::Random;
 
     fn windows(delay_s: impl Fn(usize) -> f64) -> Delays {
         let n = 24;
@@ -222,5 +223,105 @@ mod tests {
         assert!(decided(&windows(|k| if k < 12 { 0.2 } else { 0.5 })).varies);
         let alike = decided(&windows(|_| 0.2));
         assert!(!alike.varies && alike.rests_on.is_none() && alike.p > 0.01);
+    }
+
+    fn noisy(random: &mut Random, n: usize) -> Delays {
+        let uncertainty_s: Vec<f64> = (0..n).map(|_| random.uniform(0.005, 0.03)).collect();
+        let delay_s = uncertainty_s.iter().map(|u| 0.2 + u * random.normal()).collect();
+        let all = windows(|_| 0.2);
+        Delays { window: (0..n).collect(), middle_s: all.middle_s[..n].to_vec(), delay_s, uncertainty_s, ..all }
+    }
+
+    /// Of 300 flights of a constant delay 30 ± 5.2 have a probability below 10 %, and 3 ± 1.7 one below 1 %.
+    #[test]
+    fn a_constant_delay_is_as_improbable_as_it_says() {
+        let mut random = Random::new(1);
+        let settings = OverTimeSettings::default();
+        let p: Vec<f64> = (0..300)
+            .map(|_| {
+                let d = noisy(&mut random, 14);
+                probability(&d, &compare(&d, &settings), 400, 1.0)
+            })
+            .collect();
+        let below = |limit: f64| p.iter().filter(|p| **p < limit).count();
+        assert!((12..=48).contains(&below(0.1)), "{}", below(0.1));
+        assert!((115..=185).contains(&below(0.5)), "{}", below(0.5));
+        assert!(below(0.01) <= 10, "{}", below(0.01));
+    }
+
+    /// Ranks 0.5, 1.5, … of a distribution with this inverse.
+    fn drawn(n: usize, inverse: impl Fn(f64) -> f64) -> Vec<f64> {
+        (0..n).map(|k| inverse((k as f64 + 0.5) / n as f64)).collect()
+    }
+
+    #[test]
+    fn a_tail_is_that_of_its_draws_and_exponential_beyond() {
+        let tail = Tail::new(&drawn(4000, |u| -(-u).ln_1p()));
+        for x in [0.1f64, 1.0, 2.5, 2.99, 3.5, 6.0, 12.0] {
+            let (found, expected) = (tail.p(x), (-x).exp());
+            assert!((found / expected - 1.0).abs() < 0.15, "{x}: {found} {expected}");
+        }
+    }
+
+    /// Four that do not depend on each other: 1 − (1 − p)⁴; four that are one: p.
+    #[test]
+    fn the_least_of_four_probabilities_is_less_than_one_of_them() {
+        let mut random = Random::new(2);
+        let mut uniform = || (0..4000).map(|_| random.uniform(0.0, 1.0)).collect::<Vec<f64>>();
+        let apart = [uniform(), uniform(), uniform(), uniform()];
+        let same = [(); 4].map(|()| apart[0].clone());
+        for p in [0.3, 0.1, 0.03] {
+            let least = |drawn: &[Vec<f64>; 4], at: usize| {
+                let mut found = [0.1; 4];
+                found[at] = 1.0 - p;
+                smallest_of_four(drawn, &found)
+            };
+            for at in 0..4 {
+                let expected = 1.0 - (1.0 - p).powi(4);
+                assert!((least(&apart, at) - expected).abs() < 0.1 * expected + 0.01, "{p}: {}", least(&apart, at));
+                assert!((least(&same, at) - p).abs() < 0.1 * p + 0.005, "{p}: {}", least(&same, at));
+            }
+        }
+        assert_eq!(smallest_of_four(&[vec![], vec![], vec![], vec![]], &[1.0; 4]), 1.0);
+    }
+
+    /// A fifth of the level, within 50 ms and 150 ms.
+    #[test]
+    fn the_change_that_counts_is_a_share_of_the_level_within_limits() {
+        let limit = |level: f64| compare(&windows(|_| level), &OverTimeSettings::default()).limit_s;
+        for (level, expected) in [(0.0, 0.05), (0.2, 0.05), (0.5, 0.1), (-0.5, 0.1), (3.0, 0.15)] {
+            assert!((limit(level) - expected).abs() < 1e-3, "{level}");
+        }
+    }
+
+    /// 24 windows of ± 1 ms: level, rate, and what would have been seen, by closed formulas.
+    #[test]
+    fn what_windows_say_together_follows_from_their_number_and_uncertainty() {
+        let d = Delays { uncertainty_s: vec![2e-3; 24], ..windows(|k| 0.2 + 1e-4 * k as f64) };
+        let c = compare(&d, &OverTimeSettings::default());
+        assert_eq!(c.scatter_s, 0.0);
+        assert!(
+            (c.level.size - 0.2 - 11.5e-4).abs() < 1e-3 && (c.level.uncertainty - 2e-3 / 24f64.sqrt()).abs() < 1e-12
+        );
+        // Σ (k − 11.5)² = 1150, windows 25 s apart.
+        assert!((c.rate.uncertainty - 2e-3 / (25.0 * 1150f64.sqrt())).abs() < 1e-12);
+        assert!((c.rate.size - 4e-6).abs() < 3.0 * c.rate.uncertainty);
+        let half = 2e-3 * (2.0 / 12.0f64).sqrt();
+        assert!((c.at_best_s - 0.05 - 3.3 * half).abs() < 1e-9);
+        // At half, with a window left out, the variance is 1/11 + 1/12; after four windows 1/3 + 1/20 is up to 2.8 times
+        // this, and after three 1/2 + 1/21 is more.
+        let worst = 2e-3 * (1.0 / 3.0 + 1.0 / 20.0f64).sqrt();
+        assert!((c.detectable_s.unwrap() - 0.05 - 3.3 * worst).abs() < 1e-9);
+        assert_eq!(c.between_s, Some([d.middle_s[3], d.middle_s[20]]));
+        // Where noise rules, a change must be 4.5 standard uncertainties.
+        let rough = compare(&Delays { uncertainty_s: vec![0.2; 24], ..d }, &OverTimeSettings::default());
+        assert!((rough.at_best_s - 4.5 * 100.0 * half).abs() < 1e-9, "{rough:?}");
+        assert!((rough.detectable_s.unwrap() - 4.5 * 100.0 * worst).abs() < 1e-9, "{rough:?}");
+    }
+
+    #[test]
+    fn a_change_below_the_limit_is_none_however_sure() {
+        let small = decided(&windows(|k| if k < 12 { 0.2 } else { 0.24 }));
+        assert!(small.p < 1e-6 && !small.varies && small.rests_on.is_none(), "{small:?}");
     }
 }

@@ -139,7 +139,6 @@ fn freed(
     covariance: [f64; 3],
 ) -> Option<Delays> {
     let own: Vec<f64> = windows.iter().map(|w| variance(w) / w.information).collect();
-    let along = |w: &Window| [w.products[1] / w.products[0], w.products[2] / w.products[0]];
     let total: f64 = own.iter().map(|v| 1.0 / v).sum();
     let mean = [0, 1].map(|i| windows.iter().zip(&own).map(|(w, v)| along(w)[i] / v).sum::<f64>() / total);
     let sure = [lag, lever].map(|e| if e.is_sure() { e.size } else { 0.0 });
@@ -147,20 +146,8 @@ fn freed(
     let level = raw - mean[0] * sure[0] - mean[1] * sure[1];
     // What was removed is known to its own uncertainty only.
     let removed: f64 = (0..2).filter(|i| sure[*i] != 0.0).map(|i| mean[i] * mean[i] * covariance[2 * i]).sum();
-    let mut uncertainty_s = vec![];
-    let mut delay_s = vec![];
-    for (w, v) in windows.iter().zip(&own) {
-        let b = along(w);
-        delay_s.push(w.delay_s - b[0] * lag.size - b[1] * lever.size);
-        let c = [b[0] - mean[0], b[1] - mean[1]];
-        let shared = c[0] * c[0] * covariance[0] + 2.0 * c[0] * c[1] * covariance[1] + c[1] * c[1] * covariance[2];
-        uncertainty_s.push((v + shared).sqrt());
-    }
-    // Windows that differ by more than they should widen the level (Birge's ratio).
-    let about = delay_s.iter().zip(&uncertainty_s).map(|(d, u)| (1.0 / (u * u), *d)).collect::<Vec<_>>();
-    let centre = about.iter().map(|a| a.0 * a.1).sum::<f64>() / about.iter().map(|a| a.0).sum::<f64>();
-    let chi_squared: f64 = about.iter().map(|a| a.0 * (a.1 - centre).powi(2)).sum();
-    let birge = (chi_squared / (windows.len() as f64 - 1.0).max(1.0)).max(1.0);
+    let (delay_s, uncertainty_s) = without_effects(windows, &own, mean, [lag, lever], covariance);
+    let birge = birge_squared(&delay_s, &uncertainty_s);
     let finite = delay_s.iter().chain(&uncertainty_s).chain([&level, &total]).all(|x| x.is_finite());
     finite.then(|| Delays {
         window: (0..windows.len()).collect(),
@@ -173,6 +160,36 @@ fn freed(
         white_m: 0.0,
         inflation: 1.0,
     })
+}
+
+/// Square of Birge's ratio: windows that differ by more than they should widen the level.
+fn birge_squared(delay_s: &[f64], uncertainty_s: &[f64]) -> f64 {
+    let about = delay_s.iter().zip(uncertainty_s).map(|(d, u)| (1.0 / (u * u), *d)).collect::<Vec<_>>();
+    let centre = about.iter().map(|a| a.0 * a.1).sum::<f64>() / about.iter().map(|a| a.0).sum::<f64>();
+    let chi_squared: f64 = about.iter().map(|a| a.0 * (a.1 - centre).powi(2)).sum();
+    (chi_squared / (delay_s.len() as f64 - 1.0).max(1.0)).max(1.0)
+}
+
+/// Delay and standard uncertainty of each window without the two effects; what all windows share of these is the level's.
+fn without_effects(
+    windows: &[Window],
+    own: &[f64],
+    mean: [f64; 2],
+    [lag, lever]: [Effect; 2],
+    covariance: [f64; 3],
+) -> (Vec<f64>, Vec<f64>) {
+    let of = |(w, v): (&Window, &f64)| {
+        let b = along(w);
+        let c = [b[0] - mean[0], b[1] - mean[1]];
+        let shared = c[0] * c[0] * covariance[0] + 2.0 * c[0] * c[1] * covariance[1] + c[1] * c[1] * covariance[2];
+        (w.delay_s - b[0] * lag.size - b[1] * lever.size, (v + shared).sqrt())
+    };
+    windows.iter().zip(own).map(of).unzip()
+}
+
+/// How much delay a unit of each effect looks like in a window.
+fn along(w: &Window) -> [f64; 2] {
+    [w.products[1] / w.products[0], w.products[2] / w.products[0]]
 }
 
 impl Delays {
@@ -211,6 +228,8 @@ impl Delays {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::Random;
+    use nalgebra::{DMatrix, DVector};
 
     /// Ten windows that know lag and lever equally well; each asks for its `lag_s`.
     fn lag_of(lag_s: [f64; 10]) -> Effect {
@@ -240,5 +259,183 @@ mod tests {
         let one = lag_of([0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!((one.size - 0.05).abs() < 1e-4 && (one.uncertainty - 0.05).abs() < 1e-3, "{one:?}");
         assert!(!one.is_sure());
+    }
+
+    /// A window from its columns (delay, lag, lever) and residuals, white with variance `variance`.
+    fn window(k: usize, columns: &DMatrix<f64>, residual: &DVector<f64>, variance: f64) -> Window {
+        let products = columns.transpose() * columns;
+        let with = columns.transpose() * residual;
+        let step = with[0] / products[(0, 0)];
+        Window {
+            from_s: 10.0 * k as f64,
+            to_s: 10.0 * k as f64 + 10.0,
+            middle_s: 10.0 * k as f64 + 5.0,
+            delay_s: 0.2 + step,
+            information: products[(0, 0)],
+            variance,
+            free: 40.0,
+            score_variance: variance * products[(0, 0)],
+            speed_mps: 15.0,
+            products: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| products[at]),
+            scores: [0.0, with[1] - step * products[(0, 1)], with[2] - step * products[(0, 2)]],
+        }
+    }
+
+    /// Nine windows of 30 rows: a delay of 0.2 s about which each scatters, a speed 50 ms late, an antenna 0.4 m ahead.
+    fn flight(seed: u64) -> (Vec<DMatrix<f64>>, Vec<DVector<f64>>, Vec<Window>) {
+        let mut random = Random::new(seed);
+        let columns: Vec<DMatrix<f64>> = (0..9)
+            .map(|_| DMatrix::from_fn(30, 3, |_, c| [12.0, 9.0, 0.8][c] * (random.normal() + [0.0, 0.4, -0.3][c])))
+            .collect();
+        let effects = DVector::from_vec(vec![0.0, 0.05, 0.4]);
+        let residuals: Vec<DVector<f64>> =
+            columns.iter().map(|c| c * &effects + DVector::from_fn(30, |_, _| 0.5 * random.normal())).collect();
+        let windows = columns.iter().zip(&residuals).enumerate().map(|(k, (c, r))| window(k, c, r, 0.25)).collect();
+        (columns, residuals, windows)
+    }
+
+    /// One delay for each window and the two effects that all share, with what is known of these beforehand: the
+    /// covariance and the values by the normal equations of all.
+    fn together(columns: &[DMatrix<f64>], residuals: &[DVector<f64>], variance: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let n = columns.len();
+        let mut normal = DMatrix::zeros(n + 2, n + 2);
+        let mut right = DVector::zeros(n + 2);
+        for (k, (c, r)) in columns.iter().zip(residuals).enumerate() {
+            let at = [k, n, n + 1];
+            let (products, with) = (c.transpose() * c / variance, c.transpose() * r / variance);
+            for i in 0..3 {
+                right[at[i]] += with[i];
+                for j in 0..3 {
+                    normal[(at[i], at[j])] += products[(i, j)];
+                }
+            }
+        }
+        normal[(n, n)] += 1.0 / (0.3 * 0.3);
+        normal[(n + 1, n + 1)] += 1.0;
+        let covariance = normal.try_inverse().unwrap();
+        let values = &covariance * right;
+        (covariance, values)
+    }
+
+    #[test]
+    fn effects_and_delays_are_those_of_one_adjustment_of_all_windows() {
+        for seed in 0..4 {
+            let (columns, residuals, windows) = flight(seed);
+            let found = delays(&windows).unwrap();
+            let (covariance, values) = together(&columns, &residuals, 0.25);
+            assert!(
+                (found.speed_lag_s.size - values[9]).abs() < 1e-9 && (found.lever_m.size - values[10]).abs() < 1e-9
+            );
+            for (k, delay_s) in found.delay_s.iter().enumerate() {
+                assert!((delay_s - 0.2 - values[k]).abs() < 1e-9, "{k}");
+            }
+            // With each window left out: the jackknife widens what the covariance says, and never narrows it.
+            for (i, effect) in [(9, found.speed_lag_s), (10, found.lever_m)] {
+                let without = |k: usize| {
+                    let rest = |x: usize| x != k;
+                    let c: Vec<_> = (0..9).filter(|x| rest(*x)).map(|x| columns[x].clone()).collect();
+                    let r: Vec<_> = (0..9).filter(|x| rest(*x)).map(|x| residuals[x].clone()).collect();
+                    together(&c, &r, 0.25).1[i - 1]
+                };
+                let each: Vec<f64> = (0..9).map(without).collect();
+                let mean = each.iter().sum::<f64>() / 9.0;
+                let jackknife = each.iter().map(|e| (e - mean).powi(2)).sum::<f64>() * 8.0 / 9.0;
+                let expected = jackknife.max(covariance[(i, i)]).sqrt();
+                assert!((effect.uncertainty - expected).abs() < 1e-9, "{effect:?} {expected}");
+            }
+        }
+    }
+
+    /// Windows that agree on both effects: then the covariance is that of the adjustment, and what all windows share of
+    /// it is the level's, not theirs.
+    #[test]
+    fn the_delays_of_windows_are_as_uncertain_against_each_other_as_in_one_adjustment() {
+        let (columns, _, _) = flight(7);
+        let nothing: Vec<DVector<f64>> = columns.iter().map(|_| DVector::zeros(30)).collect();
+        let of = |(k, c): (usize, &DMatrix<f64>)| window(k, c, &nothing[k], 0.25);
+        let windows: Vec<Window> = columns.iter().enumerate().map(of).collect();
+        let found = delays(&windows).unwrap();
+        let (covariance, _) = together(&columns, &nothing, 0.25);
+        let effects = covariance.view((9, 9), (2, 2)).into_owned();
+        let own: Vec<f64> = columns.iter().map(|c| 0.25 / c.column(0).norm_squared()).collect();
+        let total: f64 = own.iter().map(|v| 1.0 / v).sum();
+        let along = |k: usize| {
+            let d = columns[k].column(0);
+            DVector::from_vec([1, 2].map(|c| d.dot(&columns[k].column(c)) / d.norm_squared()).to_vec())
+        };
+        let mean = (0..9).map(|k| along(k) / own[k]).fold(DVector::zeros(2), |a, b| a + b) / total;
+        for (k, u) in found.uncertainty_s.iter().enumerate() {
+            let apart = along(k) - &mean;
+            let expected = (own[k] + apart.dot(&(&effects * &apart))).sqrt();
+            assert!((u - expected).abs() < 1e-9, "{k}: {u} {expected}");
+        }
+        assert!(
+            (found.level.size - 0.2).abs() < 1e-12 && (found.level.uncertainty - total.recip().sqrt()).abs() < 1e-9
+        );
+    }
+
+    /// Effects that are sure move the level: the delay that a window seems to have is not all delay.
+    #[test]
+    fn sure_effects_are_taken_out_of_the_level() {
+        let (columns, _, _) = flight(8);
+        let effects = DVector::from_vec(vec![0.03, 0.2, 3.0]);
+        let of = |(k, c): (usize, &DMatrix<f64>)| window(k, c, &(c * &effects), 0.25);
+        let windows: Vec<Window> = columns.iter().enumerate().map(of).collect();
+        let found = delays(&windows).unwrap();
+        assert!(found.speed_lag_s.is_sure() && found.lever_m.is_sure());
+        let [lag, lever] = found.sure_effects();
+        assert!((lag - 0.2).abs() < 0.01 && (lever - 3.0).abs() < 0.05, "{lag} {lever}");
+        assert!((found.level.size - 0.23).abs() < 0.01, "{:?}", found.level);
+        assert!(found.delay_s.iter().all(|d| (d - 0.23).abs() < 0.01), "{:?}", found.delay_s);
+    }
+
+    /// Birge's ratio: windows that differ by ten times their uncertainty leave a level that is as much less sure.
+    #[test]
+    fn a_level_is_no_surer_than_its_windows_agree() {
+        let column = DMatrix::from_fn(30, 3, |i, c| if i % 3 == c { 10.0 } else { 0.0 });
+        let level = |late: f64| {
+            let sign = |k: usize| if k.is_multiple_of(2) { late } else { -late };
+            let of = |k: usize| window(k, &column, &(column.column(0) * sign(k)), 1.0);
+            delays(&(0..8).map(of).collect::<Vec<Window>>()).unwrap().level
+        };
+        // Ten rows of 10 m/s and 1 m of noise: a window knows 1 / √1000 s, eight of them 1 / √8000 s.
+        let u = 8000f64.sqrt().recip();
+        assert!((level(0.01).uncertainty - u).abs() < 1e-9);
+        let chi_squared = 8.0 * 0.3 * 0.3 * 1000.0;
+        assert!((level(0.3).uncertainty - u * (chi_squared / 7.0f64).sqrt()).abs() < 1e-9);
+    }
+
+    /// Ten windows whose scores hang together twice as much as white noise, and one across a step that says a hundred times.
+    #[test]
+    fn scores_that_hang_together_widen_and_one_window_alone_does_not() {
+        let column = DMatrix::from_fn(30, 3, |i, c| if i % 3 == c { 10.0 } else { 0.0 });
+        let inflation = |ratio: &dyn Fn(usize) -> f64| {
+            let of = |k: usize| {
+                let w = window(k, &column, &DVector::zeros(30), 1.0);
+                Window { score_variance: ratio(k) * w.score_variance, ..w }
+            };
+            delays(&(0..11).map(of).collect::<Vec<Window>>()).unwrap().inflation
+        };
+        assert!((inflation(&|_| 2.0) - 2.0).abs() < 1e-12);
+        assert!((inflation(&|_| 0.5) - 1.0).abs() < 1e-12);
+        assert!((inflation(&|k| if k == 4 { 100.0 } else { 2.0 }) - (10.0 * 2.0 + 3.0 * 2.0) / 11.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rows_keep_what_belongs_to_their_window() {
+        let (.., windows) = flight(9);
+        let mut all = delays(&windows).unwrap();
+        all.uncertainty_s[3] = 0.5;
+        all.uncertainty_s[6] = 0.25;
+        let known = all.known(0.25);
+        assert_eq!(known.window, [0, 1, 2, 4, 5, 7, 8]);
+        assert_eq!((known.len(), all.len()), (7, 9));
+        let again = known.without(3);
+        assert_eq!(again.window, [0, 1, 2, 5, 7, 8]);
+        for (row, k) in again.window.iter().enumerate() {
+            let of = |d: &Delays, r: usize| [d.middle_s[r], d.delay_s[r], d.uncertainty_s[r]];
+            assert_eq!(of(&again, row), of(&all, *k));
+        }
+        assert_eq!(again.level, all.level);
     }
 }

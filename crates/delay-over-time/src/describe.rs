@@ -254,6 +254,7 @@ fn greedy(d: &Dictionary) -> (f64, Description) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::Random;
 
     /// Products and gains against their definitions, on 6 bins of unequal spacing.
     #[test]
@@ -280,5 +281,120 @@ mod tests {
             assert!((gains[j] - (more - gained)).abs() < 1e-6 * more, "{j}: {} {}", gains[j], more - gained);
         }
         assert_eq!(d.steps_only().kinds.len(), 6);
+    }
+
+    /// Bins of 2 s that know their delay with standard uncertainty `u` each, independently.
+    fn on_bins(delay_s: &[f64], u: f64) -> Flexible {
+        let n = delay_s.len();
+        let middle_s: Vec<f64> = (0..n).map(|k| 1.0 + 2.0 * k as f64).collect();
+        let a = DMatrix::from_diagonal(&DVector::from_element(n, 1.0 / (u * u)));
+        let z = DVector::from_iterator(n, delay_s.iter().map(|d| d / (u * u)));
+        Flexible::example(middle_s, a, z)
+    }
+
+    fn described(delay: impl Fn(f64) -> f64, u: f64) -> Vec<Description> {
+        let mut random = Random::new(4);
+        let delay_s: Vec<f64> = (0..60).map(|k| delay(1.0 + 2.0 * f64::from(k)) + 0.3 * u * random.normal()).collect();
+        describe(&on_bins(&delay_s, u), 1.0)
+    }
+
+    fn after(t: f64, at: f64) -> f64 {
+        f64::from(u8::from(t >= at))
+    }
+
+    /// Steps at edges of bins, of many uncertainties: each is found where it is, and no other.
+    #[test]
+    fn steps_are_found_at_their_edges_with_their_sizes() {
+        let cases: [&[(f64, f64)]; 5] = [
+            &[],
+            &[(40.0, 0.3)],
+            &[(40.0, 0.3), (60.0, -0.3)],
+            &[(30.0, 0.2), (34.0, -0.2)],
+            &[(20.0, 0.15), (50.0, 0.2), (80.0, -0.4), (110.0, 0.1)],
+        ];
+        for steps in cases {
+            let delay = |t: f64| 0.2 + steps.iter().map(|(at, size)| size * after(t, *at)).sum::<f64>();
+            let found = described(delay, 0.01).pop().unwrap();
+            let edges: Vec<f64> = found.terms.iter().map(|t| t.at_s).collect();
+            assert_eq!(edges, steps.iter().map(|s| s.0).collect::<Vec<f64>>(), "{found:?}");
+            for (term, (_, size)) in found.terms.iter().zip(steps) {
+                assert!(term.kind == DelayTermKind::Step && (term.size - size).abs() < 0.01, "{term:?}");
+            }
+            assert!((found.level_s - 0.2).abs() < 0.01);
+            for k in 0..60 {
+                let t = 1.0 + 2.0 * f64::from(k);
+                assert!((found.at(t) - delay(t)).abs() < 0.015, "{t}: {found:?}");
+            }
+        }
+    }
+
+    /// A delay that grows, stays and falls back: bends need fewer terms than steps.
+    #[test]
+    fn a_growth_and_a_fall_are_bends() {
+        let delay = |t: f64| 0.1 + 0.02 * (t - 31.0).max(0.0) - 0.02 * (t - 71.0).max(0.0);
+        let all = described(delay, 0.01);
+        assert_eq!(all.len(), 2, "with bends, and of steps alone");
+        let bends = &all[0];
+        assert!(bends.terms.iter().all(|t| t.kind == DelayTermKind::Bend), "{bends:?}");
+        // A bend lies in the middle of its bin or of the next.
+        for (term, (at_s, size)) in bends.terms.iter().zip([(31.0, 0.02), (71.0, -0.02)]) {
+            assert!((term.at_s - at_s).abs() <= 2.0 && (term.size - size).abs() < 2e-3, "{bends:?}");
+        }
+        assert_eq!(bends.terms.len(), 2);
+        assert!((0..60).all(|k| (bends.at(1.0 + 2.0 * f64::from(k)) - delay(1.0 + 2.0 * f64::from(k))).abs() < 0.03));
+        assert!(all[1].terms.iter().all(|t| t.kind == DelayTermKind::Step) && all[1].terms.len() > 3);
+    }
+
+    /// A step among n bins gains s² / u² · k (n − k) / n, and must gain 8 + 2 ln n.
+    #[test]
+    fn a_step_must_pay_its_price() {
+        let (n, k, u) = (60.0, 25.0, 0.01);
+        let price: f64 = 8.0 + 2.0 * f64::ln(n);
+        for (share, found, inflation) in [(1.05, 1, 1.0), (0.95, 0, 1.0), (1.05, 0, 1.2), (1.25, 1, 1.2)] {
+            let size = u * (share * price * n / (k * (n - k))).sqrt();
+            let delay_s: Vec<f64> = (0..60).map(|b| if b < 25 { 0.2 } else { 0.2 + size }).collect();
+            let all = describe(&on_bins(&delay_s, u), inflation);
+            assert_eq!(all.iter().map(|d| d.terms.len()).collect::<Vec<_>>(), [found], "{share} {inflation}");
+        }
+    }
+
+    /// The dictionary of a step at bin 30 of 60 and an excursion from bin 40 to bin 45.
+    fn dictionary() -> Dictionary {
+        let delay_s: Vec<f64> = (0..60)
+            .map(|b| 0.2 + 0.3 * f64::from(u8::from(b >= 30)) + 0.2 * f64::from(u8::from((40..45).contains(&b))))
+            .collect();
+        let f = on_bins(&delay_s, 0.01);
+        Dictionary::of(&f.a, &f.z, &f.middle_s, 1.0).steps_only()
+    }
+
+    #[test]
+    fn terms_move_to_where_they_gain_most_and_never_two_to_one_place() {
+        let d = dictionary();
+        let mut chosen = [0, 27, 41, 43];
+        for _ in 0..6 {
+            d.move_terms(&mut chosen);
+        }
+        chosen.sort_unstable();
+        assert_eq!(chosen, [0, 30, 40, 45]);
+        d.move_terms(&mut chosen);
+        assert_eq!(chosen, [0, 30, 40, 45], "the best stay");
+    }
+
+    #[test]
+    fn terms_that_gain_nothing_are_dropped_and_two_that_pay_together_are_found() {
+        let d = dictionary();
+        let mut chosen = vec![0, 30, 12, 40, 45, 55];
+        d.drop_terms(&mut chosen);
+        assert_eq!(chosen, [0, 30, 40, 45]);
+        let mut pair = d.best_pair(&[0, 30]).unwrap();
+        pair.sort_unstable();
+        assert_eq!(pair, [40, 45]);
+        assert!(d.best_pair(&[0, 30, 40, 45]).is_none());
+        // The price is 8 + 2 ln 60, or a thousandth of what all gain together.
+        let price = 8.0 + 2.0 * 60f64.ln();
+        assert!((d.price_among(&[0]) - price).abs() < 1e-9);
+        let gained = |c: &[usize]| d.gains(c).unwrap().2;
+        let all = [0, 30, 40, 45];
+        assert!((d.price_among(&all) - (1e-3 * (gained(&all) - gained(&[0]))).max(price)).abs() < 1e-9);
     }
 }

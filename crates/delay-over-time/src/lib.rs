@@ -10,7 +10,11 @@ mod coarse;
 mod comparison;
 mod constancy;
 mod delays;
+#[cfg(test)]
+mod dense;
 mod describe;
+#[cfg(test)]
+mod example;
 mod fixes;
 mod input;
 mod jitter;

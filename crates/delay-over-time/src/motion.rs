@@ -184,6 +184,8 @@ pub(crate) fn usual_interval(t: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::Random;
+    use crate::fixes::Fixes;
 
     #[test]
     fn the_place_is_the_integral_whatever_the_order_of_the_queries() {
@@ -206,5 +208,115 @@ mod tests {
         assert_eq!(motion.gaps().len(), 1);
         assert!(motion.knows(1.0) && !motion.knows(3.0) && motion.knows(5.5) && !motion.knows(8.0));
         assert_eq!((motion.gaps_before(1.0), motion.gaps_before(6.0)), (0, 1));
+    }
+
+    /// Anywhere from anywhere, on stamps that are unequally far apart.
+    #[test]
+    fn a_query_does_not_depend_on_the_one_before() {
+        let mut random = Random::new(1);
+        let t = random.stamps(300, -40.0);
+        let (north, east): (Vec<f64>, Vec<f64>) = random.pairs(300, 9.0).into_iter().map(|v| (v[0], v[1])).unzip();
+        let motion = Motion::new(&t, &north, &east);
+        let mut hint = usize::MAX;
+        for k in 0..2000 {
+            let q = random.uniform(t[0], t[299]);
+            let q = if k % 3 == 0 { t[k % 299] } else { q };
+            let s = motion.at(q, &mut hint);
+            let before = t.iter().rposition(|t| *t <= q).unwrap().min(298);
+            assert_eq!(hint, before);
+            let share = (q - t[before]) / (t[before + 1] - t[before]);
+            let v = [&north, &east].map(|v| v[before] + share * (v[before + 1] - v[before]));
+            let area = |v: &[f64], here: f64| -> f64 {
+                let whole: f64 = (0..before).map(|i| 0.5 * (v[i] + v[i + 1]) * (t[i + 1] - t[i])).sum();
+                whole + 0.5 * (v[before] + here) * (q - t[before])
+            };
+            let place = [area(&north, v[0]), area(&east, v[1])];
+            assert!((0..2).all(|a| (s.velocity[a] - v[a]).abs() < 1e-9 && (s.place[a] - place[a]).abs() < 1e-8));
+            assert!((s.speed() - v[0].hypot(v[1])).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn beyond_its_record_the_velocity_is_held() {
+        let t: Vec<f64> = (0..50).map(|k| 10.0 + 0.1 * f64::from(k)).collect();
+        let north: Vec<f64> = t.iter().map(|t| 2.0 * t).collect();
+        let motion = Motion::new(&t, &north, &[3.0; 50]);
+        assert_eq!(motion.span(), (10.0, t[49]));
+        let before = motion.at(7.0, &mut 30);
+        assert!((before.place[0] + 60.0).abs() < 1e-9 && (before.place[1] + 9.0).abs() < 1e-9, "{before:?}");
+        assert!((before.velocity[0] - 20.0).abs() < 1e-9);
+        let after = motion.at(t[49] + 4.0, &mut 3);
+        let end = t[49] * t[49] - 100.0;
+        assert!((after.place[0] - end - 8.0 * t[49]).abs() < 1e-9, "{after:?}");
+        assert!((after.place[1] - 3.0 * (4.9 + 4.0)).abs() < 1e-9, "{after:?}");
+        assert!(motion.knows(10.0) && motion.knows(t[49]) && !motion.knows(9.99) && !motion.knows(t[49] + 0.01));
+    }
+
+    /// Heading ωt, speed 10 + 2t: the place lags by −∫ U̇ n dt where the speed is later, and is n ahead with the antenna.
+    #[test]
+    fn what_resembles_a_delay_is_the_integral_of_the_gain_in_speed_and_the_heading() {
+        let t: Vec<f64> = (0..1000).map(|k| 0.01 * f64::from(k)).collect();
+        let (rate, speed) = (0.7, |t: f64| 10.0 + 2.0 * t);
+        let north: Vec<f64> = t.iter().map(|t| speed(*t) * (rate * t).cos()).collect();
+        let east: Vec<f64> = t.iter().map(|t| speed(*t) * (rate * t).sin()).collect();
+        let motion = Motion::new(&t, &north, &east);
+        for q in [0.0f64, 1.234, 5.5, 9.99] {
+            let [[lag_n, lever_n], [lag_e, lever_e]] = motion.resembling_at(q, &mut 500);
+            let angle = rate * q;
+            assert!((lag_n + 2.0 * angle.sin() / rate).abs() < 1e-3, "{q}: {lag_n}");
+            assert!((lag_e + 2.0 * (1.0 - angle.cos()) / rate).abs() < 1e-3, "{q}: {lag_e}");
+            assert!((lever_n - angle.cos()).abs() < 1e-4 && (lever_e - angle.sin()).abs() < 1e-4, "{q}");
+        }
+        // A fix that is late by its speed alone: the place of a velocity whose speed is 0.1 s later than its direction.
+        let fixes = Fixes { y: vec![[7.0, 8.0]; 1000], starts: vec![0, 1000], t: t.clone() };
+        let freed = fixes.without_effects(&motion, &|_| 1.0, [0.1, 2.0]);
+        let [[lag_n, lever_n], [lag_e, lever_e]] = motion.resembling_at(t[600] - 1.0, &mut 0);
+        let expected = [7.0 - 0.1 * lag_n - 2.0 * lever_n, 8.0 - 0.1 * lag_e - 2.0 * lever_e];
+        assert!((0..2).all(|a| (freed.y[600][a] - expected[a]).abs() < 1e-9), "{:?} {expected:?}", freed.y[600]);
+    }
+
+    #[test]
+    fn what_stands_still_has_no_heading() {
+        let t: Vec<f64> = (0..300).map(|k| 0.1 * f64::from(k)).collect();
+        let north: Vec<f64> = (0..300).map(|k| if k < 150 { 20.0 } else { 0.2 }).collect();
+        let motion = Motion::new(&t, &north, &[0.0; 300]);
+        let [[lag, ahead], aside] = motion.resembling_at(5.0, &mut 0);
+        assert!(lag == 0.0 && ahead == 1.0 && aside == [0.0, 0.0]);
+        let [[lag, ahead], _] = motion.resembling_at(25.0, &mut 0);
+        // From 20 m/s to 0.2 m/s with half of the heading.
+        assert!((lag - 0.5 * 19.8).abs() < 1e-9 && ahead == 0.0, "{lag} {ahead}");
+    }
+
+    /// Usual interval 0.1 s: a gap is more than a second; 0.5 s: more than two seconds.
+    #[test]
+    fn a_gap_is_more_than_a_second_and_more_than_four_intervals() {
+        let stamps = |every: f64, gap: f64| -> Vec<f64> {
+            (0..40).map(|k| every * f64::from(k) + if k >= 20 { gap - every } else { 0.0 }).collect()
+        };
+        for (every, gap, is_one) in [(0.1, 0.99, false), (0.1, 1.01, true), (0.5, 1.99, false), (0.5, 2.01, true)] {
+            let t = stamps(every, gap);
+            assert!((usual_interval(&t) - every).abs() < 1e-9);
+            let motion = Motion::new(&t, &[1.0; 40], &[0.0; 40]);
+            assert_eq!(motion.gaps().len(), usize::from(is_one), "{every} s, {gap} s");
+            if is_one {
+                assert_eq!(motion.gaps()[0], (t[19], t[20]));
+                assert!(motion.knows(t[19]) && !motion.knows(t[19] + 0.1) && motion.knows(t[20]));
+            }
+        }
+        assert_eq!(usual_interval(&[3.0]), 1.0);
+    }
+
+    /// A quarter of the 95 % speed, but 0.3 m/s to 1.5 m/s, and at least a tenth of it.
+    #[test]
+    fn slow_is_a_share_of_the_fast_speed_within_limits() {
+        for (fast, slow) in [(0.4, 0.3), (4.0, 1.0), (10.0, 1.5), (40.0, 4.0)] {
+            // One sample in a hundred is ten times as fast: it is no usual speed.
+            let t: Vec<f64> = (0..500).map(f64::from).collect();
+            let speed: Vec<f64> = (0..500).map(|k| if k % 100 == 7 { 10.0 * fast } else { fast }).collect();
+            let (north, east): (Vec<f64>, Vec<f64>) = speed.iter().map(|u| (0.6 * u, -0.8 * u)).unzip();
+            let motion = Motion::new(&t, &north, &east);
+            assert!((motion.fast_mps - fast).abs() < 1e-9 && (motion.slow_mps - slow).abs() < 1e-9, "{fast}");
+            assert!((motion.rms_mps - fast * (0.99f64 + 0.01 * 100.0).sqrt()).abs() < 1e-9, "{}", motion.rms_mps);
+        }
     }
 }

@@ -57,7 +57,7 @@ impl Sample {
         Sample { windows: fitted.iter().filter(|w| !enough || moving(w)).map(window).collect() }
     }
 
-    /// The most likely shape near `start`; the jitter is held. Compass search in logarithms, from the best of a grid.
+    /// The most likely shape; the jitter is held. Compass search in logarithms, from the best of a grid.
     pub(crate) fn shape(&self, fixes: &Fixes, motion: &Motion, jitter: f64, scratch: &mut Scratch) -> NoiseShape {
         let shape_at = |at: [f64; 2]| NoiseShape { wander: at[0].exp(), time_constant_s: at[1].exp(), jitter };
         let mut cost = |at: [f64; 2]| -> f64 {
@@ -67,39 +67,52 @@ impl Sample {
             };
             self.windows.iter().filter_map(of).sum()
         };
-        let bounds = [WANDER, TIME_CONSTANT_S].map(|(a, b)| (a.ln(), b.ln()));
-        let mut best = ([GUESS.wander.ln(), GUESS.time_constant_s.ln()], f64::MAX);
-        for wander in [0.4f64, 3.0, 20.0] {
-            for time_constant in [2.0f64, 20.0] {
-                let at = [wander.ln(), time_constant.ln()];
-                let value = cost(at);
-                if value < best.1 {
-                    best = (at, value);
-                }
-            }
-        }
-        let mut used = 6;
-        let mut size = 0.9;
-        while used < EVALUATIONS && size > 0.15 {
-            let moves = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [-1.0, -1.0]];
-            let mut moved = false;
-            for m in moves {
-                let at = [0, 1].map(|i| (best.0[i] + size * m[i]).clamp(bounds[i].0, bounds[i].1));
-                if at == best.0 {
-                    continue;
-                }
-                used += 1;
-                let value = cost(at);
-                if value < best.1 - 1e-3 {
-                    best = (at, value);
-                    moved = true;
-                    break;
-                }
-            }
-            if !moved {
-                size *= 0.5;
-            }
-        }
-        shape_at(best.0)
+        let start = best_of_grid(&mut cost);
+        shape_at(compass(&mut cost, start))
     }
+}
+
+/// Logarithms of wander and time constant, and their cost.
+type Place = ([f64; 2], f64);
+
+fn best_of_grid(cost: &mut dyn FnMut([f64; 2]) -> f64) -> Place {
+    let mut best = ([GUESS.wander.ln(), GUESS.time_constant_s.ln()], f64::MAX);
+    for wander in [0.4f64, 3.0, 20.0] {
+        for time_constant in [2.0f64, 20.0] {
+            let at = [wander.ln(), time_constant.ln()];
+            let value = cost(at);
+            if value < best.1 {
+                best = (at, value);
+            }
+        }
+    }
+    best
+}
+
+/// Steps that halve where none of them gains.
+fn compass(cost: &mut dyn FnMut([f64; 2]) -> f64, mut best: Place) -> [f64; 2] {
+    let bounds = [WANDER, TIME_CONSTANT_S].map(|(a, b)| (a.ln(), b.ln()));
+    let mut used = 6;
+    let mut size = 0.9;
+    while used < EVALUATIONS && size > 0.15 {
+        let moves = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [-1.0, -1.0]];
+        let mut moved = false;
+        for m in moves {
+            let at = [0, 1].map(|i| (best.0[i] + size * m[i]).clamp(bounds[i].0, bounds[i].1));
+            if at == best.0 {
+                continue;
+            }
+            used += 1;
+            let value = cost(at);
+            if value < best.1 - 1e-3 {
+                best = (at, value);
+                moved = true;
+                break;
+            }
+        }
+        if !moved {
+            size *= 0.5;
+        }
+    }
+    best.0
 }

@@ -155,3 +155,80 @@ impl Column {
         white
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::{Dense, Random, near};
+    use crate::whitening::NoiseShape;
+
+    fn sight(random: &mut Random, n: usize, from: f64, columns: usize) -> Sight {
+        let mut sight = Sight::default();
+        let (e, v) = (random.pairs(n, 2.0), random.pairs(n, 8.0));
+        for (k, t) in random.stamps(n, from).into_iter().enumerate() {
+            sight.push(t, &Seen { e: [e[k][0] + 5000.0, e[k][1] - 800.0], v: v[k] });
+            // A level, a step in the middle and a bend: as the fits have them.
+            let all = [1.0, f64::from(u8::from(k >= n / 2)), k as f64 / n as f64];
+            sight.columns.extend_from_slice(&all[..columns]);
+        }
+        sight
+    }
+
+    fn dense_part(sight: &Sight, n: usize, noise: &Noise) -> Part {
+        let mut part = Part::none(n);
+        let rows = sight.t.len();
+        for axis in 0..2 {
+            let v = |k: usize| sight.seen[k].v[axis];
+            let dense = Dense::new(&sight.t, &noise.shape, |k| (noise.shape.jitter * v(k)).powi(2));
+            let free = |f: &dyn Fn(usize) -> f64| dense.free(&(0..rows).map(f).collect::<Vec<f64>>()) / noise.white_m;
+            let columns: Vec<DVector<f64>> = (0..n).map(|i| free(&|k| -v(k) * sight.columns[k * n + i])).collect();
+            let e = free(&|k| sight.seen[k].e[axis]);
+            part.normal += DMatrix::from_fn(n, n, |i, j| columns[i].dot(&columns[j]));
+            part.right += DVector::from_fn(n, |i, _| columns[i].dot(&e));
+            part.rss += e.norm_squared();
+        }
+        part
+    }
+
+    fn agree(a: &Part, b: &Part) {
+        assert!((&a.normal - &b.normal).amax() < 1e-8 * b.normal.amax(), "{} {}", a.normal, b.normal);
+        assert!((&a.right - &b.right).amax() < 1e-7 * b.right.amax(), "{} {}", a.right, b.right);
+        assert!(near(a.rss, b.rss, 1e-7), "{} {}", a.rss, b.rss);
+        let least = b.rss - b.right.dot(&(b.normal.clone().try_inverse().unwrap() * &b.right));
+        assert!(near(a.least(), least, 1e-6), "{} {least}", a.least());
+    }
+
+    /// The filters are kept from stretch to stretch, and must fit each.
+    #[test]
+    fn the_normal_equations_of_a_stretch_are_those_of_the_dense_formula() {
+        let mut random = Random::new(11);
+        for (jitter, wander, time_constant_s) in [(0.0, 3.0, 15.0), (0.05, 0.5, 2.0), (0.3, 10.0, 1.0)] {
+            let noise = Noise { shape: NoiseShape { wander, time_constant_s, jitter }, white_m: 0.4 };
+            let mut filters = Filters::default();
+            for columns in [1, 3, 2] {
+                let stretch = sight(&mut random, 40, 100.0, columns);
+                let found = Part::of(&stretch, columns, &noise, &mut filters);
+                agree(&found, &dense_part(&stretch, columns, &noise));
+                // The same stamps at another delay: other velocities and residuals.
+                let mut again = sight(&mut random, 40, 100.0, columns);
+                again.t.clone_from(&stretch.t);
+                let found = Part::of(&again, columns, &noise, &mut filters);
+                agree(&found, &dense_part(&again, columns, &noise));
+            }
+        }
+    }
+
+    #[test]
+    fn stretches_join_by_adding_up_and_a_short_one_says_nothing() {
+        let mut random = Random::new(12);
+        let noise = Noise { shape: NoiseShape { wander: 2.0, time_constant_s: 5.0, jitter: 0.0 }, white_m: 0.4 };
+        let stretches = [30, 8, 7].map(|n| sight(&mut random, n, 0.0, 2));
+        let [a, b, short] = stretches.each_ref().map(|s| Part::of(s, 2, &noise, &mut Filters::default()));
+        assert!(b.rss > 0.0 && short.rss == 0.0 && short.normal.amax() == 0.0);
+        let mut joined = Part::none(2);
+        [&a, &b, &short].into_iter().for_each(|part| joined.join(part));
+        assert!((joined.normal - (&a.normal + &b.normal)).amax() < 1e-12);
+        assert!((joined.right - (&a.right + &b.right)).amax() < 1e-12 && joined.rss == a.rss + b.rss);
+        assert_eq!(Part::none(1).least(), 0.0);
+    }
+}

@@ -214,17 +214,14 @@ fn fit(
     found.fixes_used = edges.len();
     let mut scratch = Scratch::default();
     let starts = Starts::new(&fixes, motion, map.constant_s, &path);
-    let sample = Sample::new(&fixes, motion, &starts, interval_s, &mut scratch);
-    let mut shape = sample.shape(&fixes, motion, 0.0, &mut scratch);
-    if let Some(jitter_s) = selected.jitter.found_s {
-        shape = shape_with_jitter(&fixes, motion, &sample, &starts, interval_s, (shape, jitter_s), &mut scratch);
-    }
+    let shape = shape_of(&fixes, motion, &starts, interval_s, selected.jitter.found_s, &mut scratch);
     let test = best_test(&fixes, motion, &shape, &starts, interval_s, settings, &mut scratch);
     let noise = Noise { shape, white_m: test.as_ref().map_or(1.0, |t| t.all.white_m).max(1e-6) };
-    let (fixes, edges) = match test.as_ref().map_or([0.0; 2], |t| t.all.sure_effects()) {
-        [0.0, 0.0] => (fixes, edges),
-        effects => (fixes.without_effects(motion, &path, effects), edges.without_effects(motion, &path, effects)),
-    };
+    let effects = test.as_ref().map_or([0.0; 2], |t| t.all.sure_effects());
+    let [fixes, edges] = [fixes, edges].map(|of| match effects {
+        [0.0, 0.0] => of,
+        effects => of.without_effects(motion, &path, effects),
+    });
     let change = Change { motion, map, fixes, edges, test: test.as_ref(), interval_s, span_s: found.span_s };
     let described = change.describe(noise, &mut scratch);
     (found.odd, found.jitter, found.test) = (selected.odd, selected.jitter, test);
@@ -250,6 +247,23 @@ fn jitter_of(fixes: &Fixes, motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Jitt
     let (e, state) = residuals(fixes, motion, delay);
     let late_s: Vec<f64> = fixes.t.iter().map(|t| delay(*t)).collect();
     jitter(&fixes.t, &e, &state, &late_s)
+}
+
+/// Shape of the noise, with the jitter that was found.
+fn shape_of(
+    fixes: &Fixes,
+    motion: &Motion,
+    starts: &Starts,
+    interval_s: f64,
+    jitter_s: Option<f64>,
+    scratch: &mut Scratch,
+) -> NoiseShape {
+    let sample = Sample::new(fixes, motion, starts, interval_s, scratch);
+    let shape = sample.shape(fixes, motion, 0.0, scratch);
+    match jitter_s {
+        Some(jitter_s) => shape_with_jitter(fixes, motion, &sample, starts, interval_s, (shape, jitter_s), scratch),
+        None => shape,
+    }
 }
 
 /// Noise whose along-track part is the jitter: the white part is what remains of it.

@@ -104,9 +104,9 @@ fn constant_kind(level: Option<Effect>, constancy: &Constancy, settings: &OverTi
     }
 }
 
-/// The test of constancy as a record, and what it adds to the uncertainty of a constant.
-fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy, f64) {
-    let mut out = Constancy {
+/// Of a flight of which nothing is known.
+fn untested(settings: &OverTimeSettings) -> Constancy {
+    Constancy {
         tested: false,
         varies: false,
         windows: 0,
@@ -120,7 +120,12 @@ fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy,
         left_out_window_s: None,
         window_delays: vec![],
         note: None,
-    };
+    }
+}
+
+/// The test of constancy as a record, and what it adds to the uncertainty of a constant.
+fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy, f64) {
+    let mut out = untested(settings);
     let Some(test) = test else { return (out, 0.0) };
     out.windows = test.known.len() as u64;
     out.window_s = test.length_s;
@@ -246,4 +251,212 @@ pub(crate) fn milliseconds(s: f64) -> String {
 fn number(s: f64) -> String {
     let ms = 1e3 * s;
     flight::fixed(ms, usize::from(ms.abs() < 9.95))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bins::Flexible;
+    use crate::constancy::{Decision, LoneWindow};
+    use crate::example::{FIRST_S, described, found};
+    use nalgebra::{DMatrix, DVector};
+
+    fn judged(found: &Found) -> Verdict {
+        judge(found, &OverTimeSettings::default())
+    }
+
+    fn near(a: f64, b: f64) -> bool {
+        (a - b).abs() < 1e-9
+    }
+
+    /// Twelve windows of ± 1 ms that lie 20 ms to either side of their mean: the level is known to their scatter / √12.
+    #[test]
+    fn a_level_is_no_surer_than_its_windows_agree() {
+        let delay_s: Vec<f64> = (0..12).map(|k| if k % 2 == 0 { 0.22 } else { 0.18 }).collect();
+        let mut f = found(&delay_s, 1e-3);
+        let level = judged(&f).level.unwrap();
+        let scatter = (12.0 * 0.02 * 0.02 / 11.0f64).sqrt();
+        assert!(
+            near(level.size, 0.2) && (level.uncertainty / (scatter / 12f64.sqrt()) - 1.0).abs() < 0.15,
+            "{level:?}"
+        );
+        let compared = f.test.as_ref().unwrap().comparison.as_ref().unwrap().level.uncertainty;
+        assert!(near(level.uncertainty, compared));
+        // And no surer than the noise leaves it.
+        f.test.as_mut().unwrap().all.level.uncertainty = 0.03;
+        assert!(near(judged(&f).level.unwrap().uncertainty, 0.03));
+        f.test.as_mut().unwrap().comparison = None;
+        f.test.as_mut().unwrap().all.level.uncertainty = 1e-4;
+        assert!(near(judged(&f).level.unwrap().uncertainty, 1e-4));
+        f.test.as_mut().unwrap().all.level.uncertainty = f64::INFINITY;
+        assert!(judged(&f).level.is_none());
+        f.test = None;
+        assert!(judged(&f).level.is_none() && judged(&f).unknown == Some(Unknown::NoMotion));
+    }
+
+    #[test]
+    fn nothing_is_said_of_a_level_that_is_not_known() {
+        let with = |change: &dyn Fn(&mut Found)| {
+            let mut f = found(&[0.2; 12], 1e-3);
+            change(&mut f);
+            let v = judged(&f);
+            assert_eq!(v.unknown.is_some(), v.kind == DelayKind::CannotTell);
+            v.unknown
+        };
+        let map = |f: &mut Found, change: &dyn Fn(&mut crate::coarse::CoarseMap)| change(f.map.as_mut().unwrap());
+        assert_eq!(with(&|_| ()), None);
+        assert_eq!(with(&|f| f.map = None), Some(Unknown::NoMotion));
+        assert_eq!(with(&|f| map(f, &|m| m.edge = true)), Some(Unknown::Edge));
+        assert_eq!(with(&|f| map(f, &|m| m.unexplained_share = 0.51)), Some(Unknown::Foreign(0.51)));
+        assert_eq!(with(&|f| map(f, &|m| m.unexplained_share = 0.49)), None);
+        assert_eq!(with(&|f| map(f, &|m| m.runner_up_cost = 11.9)), Some(Unknown::TwoFit([0.2, 3.0])));
+        assert_eq!(with(&|f| map(f, &|m| m.runner_up_cost = 12.1)), None);
+        let level = |u: f64| move |f: &mut Found| f.test.as_mut().unwrap().all.level.uncertainty = u;
+        assert_eq!(with(&level(0.051)), Some(Unknown::Wide(0.051)));
+        assert_eq!(with(&level(0.049)), None);
+        // Of a delay that varies the level need not be known, nor is one of two.
+        let varying = |f: &mut Found| f.test.as_mut().unwrap().decision.as_mut().unwrap().varies = true;
+        assert_eq!(with(&|f| (varying(f), level(0.051)(f)).1), None);
+        assert_eq!(with(&|f| (varying(f), map(f, &|m| m.runner_up_cost = 1.0)).1), None);
+    }
+
+    /// 20 ms are the margin; 95 % lie within 1.645 standard uncertainties of one side and within 1.96 of both.
+    #[test]
+    fn the_kind_of_a_constant_follows_from_its_level_and_uncertainty() {
+        let kind = |size: f64, u: f64| {
+            let mut f = found(&[size; 12], 1e-3);
+            f.test.as_mut().unwrap().all.level = Effect { size, uncertainty: u };
+            judged(&f).kind
+        };
+        let u = 0.002;
+        assert_eq!(kind(0.02 - 1.7 * u, u), DelayKind::OnTime);
+        assert_eq!(kind(0.02 - 1.6 * u, u), DelayKind::Constant);
+        assert_eq!(kind(-0.02 + 1.7 * u, u), DelayKind::OnTime);
+        assert_eq!(kind(-0.02 + 1.6 * u, u), DelayKind::Early);
+        assert_eq!(kind(-0.05, 0.026), DelayKind::Constant);
+        assert_eq!(kind(-0.05, 0.025), DelayKind::Early);
+        let mut f = found(&[0.2; 12], 1e-3);
+        f.test.as_mut().unwrap().comparison = None;
+        assert_eq!(judged(&f).kind, DelayKind::NotTested);
+    }
+
+    /// The verdict on twelve windows that say, with probability `p`, that something differs by 90 ms.
+    fn with_difference(p: f64, varies: bool, rests_on: Option<LoneWindow>) -> Verdict {
+        let mut f = found(&[0.2; 12], 1e-3);
+        let test = f.test.as_mut().unwrap();
+        test.comparison.as_mut().unwrap().difference = Effect { size: 0.09, uncertainty: 0.01 };
+        test.decision = Some(Decision { p, varies, rests_on });
+        judged(&f)
+    }
+
+    /// A delay that is `d` longer for a share p of the flight has the standard deviation d √(p (1 − p)).
+    #[test]
+    fn a_constant_is_widened_by_a_window_that_differs_as_long_as_it_lasts() {
+        let rests_on = LoneWindow { row: 3, difference: Effect { size: -0.06, uncertainty: 0.004 } };
+        let lone = with_difference(1e-4, false, Some(rests_on));
+        assert!(near(lone.widening_s, 0.06 * (1.0 / 12.0 * 11.0 / 12.0f64).sqrt()), "{}", lone.widening_s);
+        assert_eq!(lone.constancy.left_out_window_s, Some([FIRST_S + 60.0, FIRST_S + 80.0]));
+        let note = lone.constancy.note.unwrap();
+        assert!(note.starts_with("The delay differs by \u{2212}60.0 ± 8.0 ms in the 20 s that begin at "), "{note}");
+    }
+
+    /// A delay that lies anywhere between two values that are `d` apart has the standard deviation d / √12.
+    #[test]
+    fn a_constant_is_widened_by_parts_that_differ() {
+        let parts = with_difference(1e-4, false, None);
+        assert!(near(parts.widening_s, 0.09 / 12f64.sqrt()), "{}", parts.widening_s);
+        let note =
+            "The delay differs by 90 ± 20 ms between parts of the flight. That is not surely above the limit of 50 ms.";
+        assert_eq!(parts.constancy.note.unwrap(), note);
+        assert_eq!((parts.constancy.windows, parts.constancy.window_s, parts.constancy.p), (12, 20.0, Some(1e-4)));
+        for (p, varies) in [(2e-3, false), (1e-4, true)] {
+            let calm = with_difference(p, varies, None);
+            assert!(calm.widening_s == 0.0 && calm.constancy.note.is_none() && calm.constancy.varies == varies);
+        }
+        let mut f = found(&[0.2; 12], 1e-3);
+        f.test.as_mut().unwrap().comparison.as_mut().unwrap().scatter_s = 0.06;
+        let scatters = judged(&f).constancy.note.unwrap();
+        assert_eq!(scatters, "The delay scatters by 60 ms from window to window.");
+    }
+
+    /// A step of `s` between two times ten bins of ± u has chi-squared s² / u² · 10 · 10 / 20.
+    #[test]
+    fn a_change_on_bins_is_told_where_it_is_sure() {
+        let change = |chi_squared: f64, inflation: f64| {
+            let (u, n) = (0.01, 20);
+            let size = u * (chi_squared / 5.0f64).sqrt();
+            let a = DMatrix::from_diagonal(&DVector::from_element(n, 1.0 / (u * u)));
+            let z = DVector::from_fn(n, |i, _| (0.2 + if i < 10 { 0.0 } else { size }) / (u * u));
+            let mut f = found(&[0.2; 12], 1e-3);
+            f.flexible = Some(Flexible::example((0..n).map(|k| 2.0 * k as f64).collect(), a, z));
+            f.test.as_mut().unwrap().all.inflation = inflation;
+            judged(&f).change_on_bins
+        };
+        assert!((change(80.0, 1.0).unwrap() - 80.0).abs() < 1e-6);
+        assert!((change(100.0, 2.0).unwrap() - 50.0).abs() < 1e-6);
+        assert_eq!((change(39.0, 1.0), change(78.0, 2.0)), (None, None));
+    }
+
+    #[test]
+    fn the_curve_follows_the_description_and_shows_both_sides_of_a_step() {
+        use DelayTermKind::{Bend, Step};
+        let f = described(&[(Step, 90.0, 0.3), (Bend, 150.0, 0.002)], 0.2);
+        let v = judged(&f);
+        let curve = curve(&f, &v);
+        assert!(curve.len() == CURVE_POINTS + 2 && curve.windows(2).all(|w| w[0].t_s < w[1].t_s));
+        assert_eq!((curve[0].t_s, curve[161].t_s), (FIRST_S, FIRST_S + 240.0));
+        for p in &curve {
+            let (after, bent) = (p.t_s >= FIRST_S + 90.0, (p.t_s - FIRST_S - 150.0).max(0.0));
+            assert!(near(p.delay_s, 0.2 + if after { 0.3 } else { 0.0 } + 0.002 * bent), "{p:?}");
+            // Level known to 1 ms, sizes to 2 ms and 2 ms/s.
+            let variance = 1e-6 + if after { 4e-6 } else { 0.0 } + 4e-6 * bent * bent;
+            assert!(near(p.standard_uncertainty_s, variance.sqrt()), "{p:?}");
+        }
+        let at = curve.iter().position(|p| near(p.t_s, FIRST_S + 90.0)).unwrap();
+        assert!(near(curve[at].delay_s - curve[at - 1].delay_s, 0.3) && curve[at].t_s - curve[at - 1].t_s < 2e-3);
+        let terms = terms(&f);
+        assert_eq!((terms[0].at_s, terms[0].size, terms[1].size), (FIRST_S + 90.0, 0.3, 0.002));
+        assert!(terms.iter().all(|t| near(t.standard_uncertainty, 2e-3)));
+    }
+
+    /// 300 bins make 150 points, and variances are 2.25 times those of white noise.
+    #[test]
+    fn without_a_description_the_curve_is_that_of_the_bins() {
+        let n = 300;
+        let a = DMatrix::from_diagonal(&DVector::from_element(n, 1e4));
+        let z = DVector::from_fn(n, |i, _| 1e4 * 0.001 * i as f64);
+        let mut f = found(&[0.2; 12], 1e-3);
+        f.flexible = Some(Flexible::example((0..n).map(|k| k as f64).collect(), a, z));
+        f.test.as_mut().unwrap().all.inflation = 2.25;
+        let curve = curve(&f, &judged(&f));
+        assert_eq!(curve.len(), 150);
+        for (k, p) in curve.iter().enumerate() {
+            assert!(near(p.t_s, 2.0 * k as f64) && near(p.delay_s, 0.002 * k as f64), "{p:?}");
+            assert!(near(p.standard_uncertainty_s, 0.015), "{p:?}");
+        }
+    }
+
+    #[test]
+    fn jitter_leaves_metres_at_the_speed_of_the_flight() {
+        let mut f = found(&[0.2; 12], 1e-3);
+        assert!(jitter_record(&f).is_none());
+        f.jitter.found_s = Some(0.05);
+        let jitter = jitter_record(&f).unwrap();
+        assert!(near(jitter.remains_m, 0.05 * f.motion.rms_mps) && near(jitter.half_width_95_s, 0.098));
+        assert_eq!(jitter.standard_deviation_s, 0.05);
+    }
+
+    #[test]
+    fn numbers_have_the_decimals_that_their_uncertainty_allows() {
+        let text = |value: f64, u: f64| plus_minus(Estimate { value, standard_uncertainty: Some(u) });
+        assert_eq!(text(0.2034, 0.003), "203 ± 6 ms");
+        assert_eq!(text(0.2034, 4e-4), "203.4 ± 0.8 ms");
+        assert_eq!(text(0.0234, 0.003), "23.4 ± 6.0 ms");
+        assert_eq!(text(-0.0234, 0.006), "\u{2212}23 ± 12 ms");
+        assert_eq!(plus_minus(Estimate { value: 0.2034, standard_uncertainty: None }), "203 ms");
+        let texts = [0.0123, 0.0099, -0.0099, 0.00996, 1.5].map(milliseconds);
+        assert_eq!(texts, ["12 ms", "9.9 ms", "\u{2212}9.9 ms", "10 ms", "1500 ms"]);
+        let of = |size: f64, uncertainty: f64| estimate(Effect { size, uncertainty });
+        assert!(of(1.0, 1.0).is_some() && of(f64::NAN, 1.0).is_none() && of(1.0, f64::INFINITY).is_none());
+    }
 }

@@ -89,6 +89,7 @@ pub(crate) fn offset_and_drift(t: &[f64], steps: &[Step], out: &mut Vec<[f64; 2]
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::{Dense, Random, near};
 
     #[test]
     fn the_filter_agrees_with_that_of_the_signal_crate() {
@@ -116,5 +117,53 @@ mod tests {
         let product = |i: usize, j: usize| q.iter().map(|r| r[i] * r[j]).sum::<f64>();
         assert!((product(0, 0) - 1.0).abs() < 1e-12 && (product(1, 1) - 1.0).abs() < 1e-12);
         assert!(product(0, 1).abs() < 1e-12);
+    }
+
+    /// Irregular stamps, and a further variance of every sample.
+    #[test]
+    fn the_filter_is_the_triangular_factor_of_the_covariance() {
+        let mut random = Random::new(3);
+        for (wander, time_constant_s) in [(0.3, 2.0), (3.0, 15.0), (40.0, 0.5)] {
+            let t = random.stamps(60, -5.0);
+            let extra: Vec<f64> = t.iter().map(|_| random.uniform(0.0, 5.0)).collect();
+            let shape = NoiseShape { wander, time_constant_s, jitter: 0.0 };
+            let mut filter = vec![];
+            let log_det = steps(&t, &shape, |k| extra[k], &mut filter);
+            let dense = Dense::new(&t, &shape, |k| extra[k]);
+            assert!(near(log_det, dense.log_det_noise, 1e-12), "{log_det} {}", dense.log_det_noise);
+            let mut rows = random.pairs(60, 2.0);
+            let columns = [0, 1].map(|c| dense.white(&rows.iter().map(|r| r[c]).collect::<Vec<f64>>()));
+            whiten_rows(&filter, &mut rows);
+            for (k, row) in rows.iter().enumerate() {
+                assert!((0..2).all(|c| near(row[c], columns[c][k], 1e-10)), "{k}: {row:?}");
+            }
+        }
+    }
+
+    /// Variances of 10⁸ and of 10⁻⁸ would overflow and underflow if they were all multiplied.
+    #[test]
+    fn the_determinant_of_a_thousand_samples_neither_overflows_nor_underflows() {
+        let t: Vec<f64> = (0..1000).map(|k| 100.0 * f64::from(k)).collect();
+        let shape = NoiseShape { wander: 1e4, time_constant_s: 1.0, jitter: 0.0 };
+        let log_det = steps(&t, &shape, |_| 0.0, &mut vec![]);
+        assert!(near(log_det, 1000.0 * (1e8f64 + 1.0).ln(), 1e-12), "{log_det}");
+    }
+
+    #[test]
+    fn offset_and_drift_span_what_the_dense_formula_takes_out() {
+        let mut random = Random::new(4);
+        let t = random.stamps(40, 1000.0);
+        let shape = NoiseShape { wander: 2.0, time_constant_s: 6.0, jitter: 0.0 };
+        let (mut filter, mut basis) = (vec![], vec![]);
+        steps(&t, &shape, |_| 0.0, &mut filter);
+        let log_det = offset_and_drift(&t, &filter, &mut basis);
+        let dense = Dense::new(&t, &shape, |_| 0.0);
+        assert!(near(log_det, dense.log_det_nuisance, 1e-10), "{log_det} {}", dense.log_det_nuisance);
+        // An offset and a drift of any size are within the span, whatever their origin.
+        let white = dense.white(&t.iter().map(|t| 7.0 - 0.3 * t).collect::<Vec<f64>>());
+        let with = |c: usize| basis.iter().zip(white.iter()).map(|(q, w)| q[c] * w).sum::<f64>();
+        let (a, b) = (with(0), with(1));
+        let left = |(q, w): (&[f64; 2], &f64)| (w - a * q[0] - b * q[1]).abs();
+        assert!(basis.iter().zip(white.iter()).map(left).fold(0.0, f64::max) < 1e-8 * white.norm());
     }
 }

@@ -288,35 +288,8 @@ fn motion_start(motion: &Motion, q: f64) -> usize {
 /// All columns at the end of a descent: products, scores, and how the scores hang together.
 fn summarise(t: &[f64], y: &[[f64; 2]], motion: &Motion, best: &Descent, scratch: &mut Scratch) -> Window {
     let n = t.len();
-    let mut speed = 0.0;
-    let mut hint = motion_start(motion, t[0] - best.at_s);
-    let mut origin: Option<([f64; 2], [[f64; 2]; 2])> = None;
-    scratch.full.iter_mut().for_each(Vec::clear);
-    for (t, y) in t.iter().zip(y) {
-        let q = t - best.at_s;
-        let s = motion.at(q, &mut hint);
-        let like = motion.resembling_at(q, &mut hint);
-        let e = [y[0] - s.place[0], y[1] - s.place[1]];
-        let (o, first) = *origin.get_or_insert((e, like));
-        speed += s.speed();
-        let v = if s.speed() > motion.slow_mps { s.velocity } else { [0.0; 2] };
-        for a in 0..2 {
-            scratch.full[a].push([-v[a], like[a][0] - first[a][0], like[a][1], e[a] - o[a]]);
-        }
-    }
-    let mut products = [0.0; 6];
-    let mut with_residual = [0.0; 4];
-    for a in 0..2 {
-        whiten_rows(&scratch.steps[a], &mut scratch.full[a]);
-        project_out(&scratch.basis[a], &mut scratch.full[a]);
-        for r in &scratch.full[a] {
-            let [d, s, l, e] = *r;
-            let of = [d * d, d * s, d * l, s * s, s * l, l * l];
-            products.iter_mut().zip(of).for_each(|(p, x)| *p += x);
-            let of = [d * e, s * e, l * e, e * e];
-            with_residual.iter_mut().zip(of).for_each(|(p, x)| *p += x);
-        }
-    }
+    let speed = gather(t, y, motion, best.at_s, scratch);
+    let (products, with_residual) = products_of(scratch);
     let information = products[0];
     let step = with_residual[0] / information;
     let rss = (with_residual[3] - step * with_residual[0]).max(0.0);
@@ -335,6 +308,46 @@ fn summarise(t: &[f64], y: &[[f64; 2]], motion: &Motion, best: &Descent, scratch
         products,
         scores,
     }
+}
+
+/// Puts all columns at the delay `at_s` into the scratch, not yet whitened, and adds up the speeds.
+fn gather(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mut Scratch) -> f64 {
+    let mut speed = 0.0;
+    let mut hint = motion_start(motion, t[0] - at_s);
+    let mut origin: Option<([f64; 2], [[f64; 2]; 2])> = None;
+    scratch.full.iter_mut().for_each(Vec::clear);
+    for (t, y) in t.iter().zip(y) {
+        let q = t - at_s;
+        let s = motion.at(q, &mut hint);
+        let like = motion.resembling_at(q, &mut hint);
+        let e = [y[0] - s.place[0], y[1] - s.place[1]];
+        let (o, first) = *origin.get_or_insert((e, like));
+        speed += s.speed();
+        let v = if s.speed() > motion.slow_mps { s.velocity } else { [0.0; 2] };
+        for a in 0..2 {
+            scratch.full[a].push([-v[a], like[a][0] - first[a][0], like[a][1], e[a] - o[a]]);
+        }
+    }
+    speed
+}
+
+/// Makes the columns white and takes offset and drift out: products of delay, lag and lever, and of these and of the
+/// residual with the residual.
+fn products_of(scratch: &mut Scratch) -> ([f64; 6], [f64; 4]) {
+    let mut products = [0.0; 6];
+    let mut with_residual = [0.0; 4];
+    for a in 0..2 {
+        whiten_rows(&scratch.steps[a], &mut scratch.full[a]);
+        project_out(&scratch.basis[a], &mut scratch.full[a]);
+        for r in &scratch.full[a] {
+            let [d, s, l, e] = *r;
+            let of = [d * d, d * s, d * l, s * s, s * l, l * l];
+            products.iter_mut().zip(of).for_each(|(p, x)| *p += x);
+            let of = [d * e, s * e, l * e, e * e];
+            with_residual.iter_mut().zip(of).for_each(|(p, x)| *p += x);
+        }
+    }
+    (products, with_residual)
 }
 
 fn span_in_samples(t: &[f64]) -> usize {
@@ -367,5 +380,252 @@ fn project_out<const C: usize>(basis: &[[f64; 2]], rows: &mut [[f64; C]]) {
         for c in 0..C {
             row[c] -= with[c][0] * q[0] + with[c][1] * q[1];
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::{Dense, Random, near, turning};
+    use nalgebra::DVector;
+
+    /// Fixes that are late by `late`, with an offset, a drift, a wander and white noise (m).
+    fn fixes(t: Vec<f64>, motion: &Motion, late: f64, [wander, white]: [f64; 2], seed: u64) -> Fixes {
+        let mut random = Random::new(seed);
+        let mut now = [wander * random.normal(), wander * random.normal()];
+        let mut before = t[0];
+        let y = t
+            .iter()
+            .map(|t| {
+                let decay = (-(t - before) / 5.0f64).exp();
+                before = *t;
+                let place = motion.at(t - late, &mut 0).place;
+                [0, 1].map(|a| {
+                    now[a] = decay * now[a] + wander * (1.0 - decay * decay).sqrt() * random.normal();
+                    place[a] + [40.0, -7.0][a] + [0.02, -0.05][a] * t + now[a] + white * random.normal()
+                })
+            })
+            .collect();
+        Fixes { starts: vec![0, t.len()], y, t }
+    }
+
+    fn fitted(fixes: &Fixes, motion: &Motion, shape: &NoiseShape, [constant_s, path_s]: [f64; 2]) -> Option<Window> {
+        let path = move |_: f64| path_s;
+        let starts = Starts::new(fixes, motion, constant_s, &path);
+        fit_window(fixes, 0..fixes.len(), motion, shape, &starts, &mut Scratch::default())
+    }
+
+    const SHAPE: NoiseShape = NoiseShape { wander: 2.0, time_constant_s: 5.0, jitter: 0.0 };
+
+    #[test]
+    fn a_window_without_noise_knows_its_delay_whatever_its_offset_and_drift() {
+        let motion = turning(60.0);
+        let mut random = Random::new(1);
+        for (late, jitter) in [(0.2, 0.0), (-0.15, 0.05), (0.43, 0.0)] {
+            let of = fixes(random.stamps(70, 5.0), &motion, late, [0.0; 2], 1);
+            let w = fitted(&of, &motion, &NoiseShape { jitter, ..SHAPE }, [0.1, 0.1]).unwrap();
+            assert!((w.delay_s - late).abs() < 1e-5, "{w:?}");
+            assert!(w.variance < 1e-8 && w.free == 135.0);
+            assert_eq!((w.from_s, w.to_s), (of.t[0], of.t[69]));
+            assert!((w.middle_s - of.t.iter().sum::<f64>() / 70.0).abs() < 1e-9);
+            let speed = of.t.iter().map(|t| motion.at(t - late, &mut 0).speed()).sum::<f64>() / 70.0;
+            assert!((w.speed_mps - speed).abs() < 1e-3, "{} {speed}", w.speed_mps);
+        }
+    }
+
+    /// The path is 4 s from the constant: further than four steps go.
+    #[test]
+    fn a_window_begins_where_it_fits_better() {
+        let motion = turning(60.0);
+        let t = Random::new(2).stamps(70, 10.0);
+        for (late, starts) in [(4.2, [0.2, 4.1]), (0.2, [0.25, 4.2]), (4.2, [4.1, 0.2])] {
+            let of = fixes(t.clone(), &motion, late, [0.1, 0.1], 2);
+            let w = fitted(&of, &motion, &SHAPE, starts).unwrap();
+            assert!((w.delay_s - late).abs() < 0.03, "{starts:?}: {w:?}");
+        }
+        // Outside the velocity's record one start is left, or none.
+        let of = fixes(t, &motion, 0.2, [0.1, 0.1], 2);
+        assert!((fitted(&of, &motion, &SHAPE, [0.1, 90.0]).unwrap().delay_s - 0.2).abs() < 0.03);
+        assert!((fitted(&of, &motion, &SHAPE, [90.0, 0.1]).unwrap().delay_s - 0.2).abs() < 0.03);
+        assert!(fitted(&of, &motion, &SHAPE, [90.0, -90.0]).is_none());
+    }
+
+    /// Σ over all pairs of (1 − lag / (lags + 1)) gᵢ gⱼ.
+    fn bartlett_by_pairs(g: &[f64], lags: usize) -> f64 {
+        let share = |i: usize, j: usize| (1.0 - i.abs_diff(j) as f64 / (lags + 1) as f64).max(0.0);
+        (0..g.len()).map(|i| (0..g.len()).map(|j| share(i, j) * g[i] * g[j]).sum::<f64>()).sum()
+    }
+
+    /// Delay column, lag, lever and residual of both axes at the delay `at`, white and orthogonal to offset and drift.
+    fn dense_columns(of: &Fixes, motion: &Motion, shape: &NoiseShape, at: f64) -> [[DVector<f64>; 4]; 2] {
+        let state = |k: usize| motion.at(of.t[k] - at, &mut 0);
+        [0, 1].map(|axis| {
+            let dense = Dense::new(&of.t, shape, |k| (shape.jitter * state(k).velocity[axis]).powi(2));
+            let free = |f: &dyn Fn(usize) -> f64| dense.free(&(0..of.len()).map(f).collect::<Vec<f64>>());
+            let like = |k: usize, c: usize| motion.resembling_at(of.t[k] - at, &mut 0)[axis][c];
+            [
+                free(&|k| -state(k).velocity[axis]),
+                free(&|k| like(k, 0)),
+                free(&|k| like(k, 1)),
+                free(&|k| of.y[k][axis] - state(k).place[axis]),
+            ]
+        })
+    }
+
+    /// The delay of least squares, and there all columns made white and orthogonal to offset and drift by full matrices.
+    #[test]
+    fn a_window_is_generalised_least_squares() {
+        let motion = turning(60.0);
+        for (seed, jitter) in [(3, 0.0), (4, 0.06), (5, 0.0)] {
+            let t = Random::new(seed).stamps(60, 8.0);
+            let lags = (2.0 * 59.0 / (t[59] - t[0])).round() as usize;
+            let (of, shape) = (fixes(t, &motion, 0.3, [0.6, 0.3], seed), NoiseShape { jitter, ..SHAPE });
+            let at = (0..6).fold(0.25, |at, _| fitted(&of, &motion, &shape, [at; 2]).unwrap().delay_s);
+            let w = fitted(&of, &motion, &shape, [at; 2]).unwrap();
+            assert!((w.delay_s - at).abs() < 1e-6, "{} {at}", w.delay_s);
+            let columns = dense_columns(&of, &motion, &shape, at);
+            let product = |i: usize, j: usize| columns.iter().map(|c| c[i].dot(&c[j])).sum::<f64>();
+            let score = product(0, 3) / (product(0, 0) * product(3, 3)).sqrt();
+            assert!(score.abs() < 1e-6, "nothing more is to be gained by another delay: {score}");
+            let expected = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|(i, j)| product(i, j));
+            for (found, expected) in w.products.iter().zip(expected).chain([(&w.information, expected[0])]) {
+                assert!(near(*found, expected, 1e-5), "{:?} {expected:?}", w.products);
+            }
+            for (found, expected) in w.scores.iter().zip([0.0, product(1, 3), product(2, 3)]) {
+                assert!((found - expected).abs() < 1e-3, "{:?} {expected}", w.scores);
+            }
+            assert!(near(w.variance, product(3, 3) / 115.0, 1e-6), "{} {}", w.variance, product(3, 3));
+            let scores: Vec<f64> = (0..60).map(|k| columns.iter().map(|c| c[0][k] * c[3][k]).sum()).collect();
+            let expected = bartlett_by_pairs(&scores, lags) * 120.0 / 115.0;
+            assert!(near(w.score_variance, expected, 1e-4), "{} {expected}", w.score_variance);
+        }
+    }
+
+    #[test]
+    fn the_likelihood_of_a_window_is_that_of_the_dense_formula() {
+        let motion = turning(60.0);
+        let t = Random::new(6).stamps(50, 3.0);
+        let of = fixes(t.clone(), &motion, 0.3, [0.6, 0.3], 6);
+        let mut scratch = Scratch::default();
+        for (wander, time_constant_s, jitter) in
+            [(0.5, 2.0, 0.0), (3.0, 30.0, 0.0), (2.0, 5.0, 0.08), (20.0, 0.7, 0.01)]
+        {
+            let shape = NoiseShape { wander, time_constant_s, jitter };
+            let mut rows = vec![];
+            columns(&t, &of.y, &motion, 0.28, &mut rows);
+            let found = window_likelihood(&t, &rows, &motion, &shape, 0.28, &mut scratch).unwrap();
+            let columns = dense_columns(&of, &motion, &shape, 0.28);
+            let product = |i: usize, j: usize| columns.iter().map(|c| c[i].dot(&c[j])).sum::<f64>();
+            let (information, score, square) = (product(0, 0), product(0, 3), product(3, 3));
+            let log_det: f64 = [0, 1]
+                .map(|axis| {
+                    let velocity = |k: usize| motion.at(t[k] - 0.28, &mut 0).velocity[axis];
+                    let dense = Dense::new(&t, &shape, |k| (jitter * velocity(k)).powi(2));
+                    dense.log_det_noise + dense.log_det_nuisance
+                })
+                .iter()
+                .sum();
+            let rss = square - score * score / information;
+            let expected = 95.0 * (rss / 95.0).ln() + log_det + information.ln();
+            assert!(near(found, expected, 1e-7), "{shape:?}: {found} {expected}");
+        }
+    }
+
+    /// Errors over uncertainties of a hundred windows: chi-squared with a hundred degrees of freedom lies within 60 to 150
+    /// with 99.9 %.
+    #[test]
+    fn windows_are_as_uncertain_as_they_say() {
+        let motion = turning(60.0);
+        let square = |seed: u64| {
+            let of = fixes(Random::new(seed).stamps(60, 2.0 + 0.2 * seed as f64), &motion, 0.3, [0.6, 0.3], seed);
+            let w = fitted(&of, &motion, &SHAPE, [0.25; 2]).unwrap();
+            (w.delay_s - 0.3).powi(2) * w.information / w.variance
+        };
+        let squares: f64 = (100..200).map(square).sum();
+        assert!((60.0..150.0).contains(&squares), "{squares}");
+    }
+
+    /// A quarter turn of the world: north becomes east, and east becomes south.
+    #[test]
+    fn a_window_is_the_same_in_a_turned_world() {
+        let grid: Vec<f64> = (0..1500).map(|k| 0.04 * f64::from(k) - 5.0).collect();
+        let here = turning(60.0);
+        let velocity: Vec<[f64; 2]> = grid.iter().map(|t| here.at(*t, &mut 0).velocity).collect();
+        let [north, east]: [Vec<f64>; 2] = [0, 1].map(|a| velocity.iter().map(|v| v[a]).collect());
+        let south: Vec<f64> = east.iter().map(|e| -e).collect();
+        let (motion, turned) = (Motion::new(&grid, &north, &east), Motion::new(&grid, &south, &north));
+        let of = fixes(Random::new(7).stamps(60, 2.0), &motion, 0.3, [0.6, 0.3], 7);
+        let of_turned = Fixes { y: of.y.iter().map(|y| [-y[1], y[0]]).collect(), ..of.clone() };
+        let shape = NoiseShape { jitter: 0.05, ..SHAPE };
+        let (a, b) =
+            (fitted(&of, &motion, &shape, [0.2; 2]).unwrap(), fitted(&of_turned, &turned, &shape, [0.2; 2]).unwrap());
+        assert!((a.delay_s - b.delay_s).abs() < 1e-9 && near(a.score_variance, b.score_variance, 1e-8));
+        assert!(a.products.iter().zip(b.products).all(|(x, y)| near(*x, y, 1e-8)), "{a:?} {b:?}");
+        assert!(a.scores.iter().zip(b.scores).all(|(x, y)| (x - y).abs() < 1e-6), "{a:?} {b:?}");
+    }
+
+    fn circling(turns: impl Fn(f64) -> bool) -> Motion {
+        let t: Vec<f64> = (0..6000).map(|k| 0.04 * f64::from(k) - 20.0).collect();
+        let mut heading = 0.0;
+        let headings: Vec<f64> = t
+            .iter()
+            .map(|t| {
+                heading += if turns(*t) { 0.02 } else { 0.0 };
+                heading
+            })
+            .collect();
+        let of = |f: fn(f64) -> f64| headings.iter().map(|h| 15.0 * f(*h)).collect::<Vec<f64>>();
+        Motion::new(&t, &of(f64::cos), &of(f64::sin))
+    }
+
+    /// Half of the measure is time, half the change of the velocity; on a straight line all is time.
+    #[test]
+    fn the_measure_rises_with_the_time_and_with_the_turns() {
+        let t: Vec<f64> = (0..=400).map(|k| 0.25 * f64::from(k)).collect();
+        let of = |turns: fn(f64) -> bool| measure(&t, &circling(turns), &|_| 0.0);
+        for (turns, at_half, at_three_quarters) in [
+            ((|_| true) as fn(f64) -> bool, 0.5, 0.75),
+            (|_| false, 0.5, 0.75),
+            (|t| t > 50.0, 0.25, 0.625),
+            (|t| t < 50.0, 0.75, 0.875),
+        ] {
+            let m = of(turns);
+            assert!(m[0].abs() < 0.01 && (m[400] - 1.0).abs() < 1e-9 && m.windows(2).all(|w| w[1] >= w[0]));
+            assert!((m[200] - at_half).abs() < 0.01, "{} {at_half}", m[200]);
+            assert!((m[300] - at_three_quarters).abs() < 0.01, "{} {at_three_quarters}", m[300]);
+        }
+        let late = measure(&t, &circling(|t| t > 50.0), &|_| 10.0);
+        assert!(late[200] < 0.26 && (late[239] - late[200] - 0.5 * 0.0975).abs() < 0.01, "the turn is seen 10 s later");
+    }
+
+    #[test]
+    fn windows_tile_every_piece_and_are_shorter_where_it_turns() {
+        let t: Vec<f64> = (0..500).map(|k| 0.25 * f64::from(k)).collect();
+        let of = Fixes { y: vec![[0.0; 2]; 500], starts: vec![0, 400, 410, 500], t };
+        let tiled = |motion: &Motion, length_s: f64| {
+            let late = |_: f64| 0.0;
+            tile(&of, &Starts::new(&of, motion, 0.0, &late), length_s)
+        };
+        let even = tiled(&circling(|_| true), 10.0);
+        // 100 s make ten windows; ten fixes are too few; 22 s make two.
+        assert_eq!(even.len(), 12);
+        assert!(even.iter().all(|w| w.len() >= LEAST_FIXES));
+        assert!(even[..10].iter().all(|w| w.len().abs_diff(40) <= 2), "{even:?}");
+        assert_eq!((even[9].end, even[10].start, even[11].end), (400, 410, 500));
+        assert!(even[..10].windows(2).all(|w| w[0].end == w[1].start) && even[0].start == 0);
+        let late = tiled(&circling(|t| t > 50.0), 10.0);
+        let [before, after] = [late[0].len(), late[7].len()];
+        assert!(before > 60 && (24..34).contains(&after), "{late:?}");
+        assert!(late.iter().all(|w| (w.len() - 1) as f64 * 0.25 >= 0.6 * 10.0 - 0.51), "{late:?}");
+    }
+
+    #[test]
+    fn a_window_that_stands_still_says_nothing() {
+        let grid: Vec<f64> = (0..1000).map(|k| 0.04 * f64::from(k)).collect();
+        let speed: Vec<f64> = grid.iter().map(|t| if *t > 30.0 { 20.0 } else { 0.1 * t.sin() }).collect();
+        let motion = Motion::new(&grid, &speed, &vec![0.0; 1000]);
+        let t: Vec<f64> = (0..60).map(|k| 1.0 + 0.2 * f64::from(k)).collect();
+        let of = Fixes { y: Random::new(9).pairs(60, 0.3), starts: vec![0, 60], t };
+        assert!(fitted(&of, &motion, &SHAPE, [0.2; 2]).is_none());
     }
 }

@@ -264,3 +264,171 @@ pub(crate) fn contradiction(found: &Found, v: &Verdict, settings: &OverTimeSetti
         )
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::example::{WINDOW_S, described, found};
+    use crate::verdict::judge;
+    use record::DelayTermKind::{Bend, Step};
+
+    fn judged(found: &Found) -> Verdict {
+        judge(found, &OverTimeSettings::default())
+    }
+
+    fn said(found: &Found) -> String {
+        sentence(found, &judged(found))
+    }
+
+    /// Twelve windows of ± 10 ms: at the worst place, after the third window, a step is known to 10 ms √(1/2 + 1/9) with one
+    /// left out; 3.3 times this beyond the 50 ms that count are seen. Instants count from the first fix.
+    #[test]
+    fn a_constant_is_told_with_the_change_that_would_have_been_seen() {
+        let f = found(&[0.2; 12], 0.01);
+        let text = "The position is 200 ± 6 ms late, the same all through the flight. A lasting change of 76 ms or more between \
+                    50 s and 190 s would have been seen.";
+        assert_eq!(said(&f), text);
+        assert_eq!(
+            remarks(&f, &judged(&f)),
+            [&text["The position is 200 ± 6 ms late, the same all through the flight. ".len()..]]
+        );
+        // ± 40 ms: 50 ms + 3.3 · 31.3 ms.
+        let f = found(&[0.2; 12], 0.04);
+        let text = said(&f);
+        assert!(
+            text.contains("As far as can be seen: only a change of 153 ms or more between 50 s and 190 s"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn what_is_early_is_told_as_a_late_velocity() {
+        let f = found(&[-0.2; 12], 0.01);
+        assert!(said(&f).starts_with("The velocity is 200 ± 6 ms later than the position, the same"), "{}", said(&f));
+        let f = found(&[0.0; 12], 0.01);
+        assert!(
+            said(&f).starts_with("Position and velocity agree in time: The position is 0.0 ± 5.8 ms late."),
+            "{}",
+            said(&f)
+        );
+    }
+
+    #[test]
+    fn a_step_is_told_with_its_instant_after_the_first_fix_and_both_levels() {
+        let says = |terms: &[(DelayTermKind, f64, f64)], expected: &str| {
+            let f = described(terms, 0.2);
+            assert_eq!(said(&f), format!("The delay {expected}."));
+        };
+        says(&[(Step, 120.0, 0.3)], "jumps by 300 ms at 120 s of the flight, from 200 ms to 500 ms");
+        says(&[(Step, 100.0, -0.15)], "jumps by \u{2212}150 ms at 100 s of the flight, from 200 ms to 50 ms");
+        says(&[(Step, 80.0, 0.1), (Step, 160.0, 0.3)], "jumps 2 times between 200 ms and 600 ms");
+        let to_and_fro = [(Step, 40.0, 0.3), (Step, 100.0, -0.3), (Step, 160.0, 0.3)];
+        says(&to_and_fro, "switches to and fro 3 times between 200 ms and 500 ms");
+        // 240 s of 0.25 ms/s beside a step of 0.3 s: a span of 360 ms.
+        let text = "jumps by 300 ms at 120 s of the flight, and changes slowly besides: between 200 ms and 560 ms";
+        says(&[(Bend, 0.0, 2.5e-4), (Step, 120.0, 0.3)], text);
+    }
+
+    #[test]
+    fn slow_changes_are_told_with_their_range() {
+        let says = |terms: &[(DelayTermKind, f64, f64)], expected: &str| {
+            assert_eq!(said(&described(terms, 0.1)), expected);
+        };
+        says(&[(Bend, 0.0, 0.001)], "The delay drifts between 100 ms and 340 ms.");
+        says(&[(Bend, 0.0, 0.01)], "The delay builds up between 100 ms and 2500 ms and does not fall back.");
+        let queue = "The delay grows and falls back, between 100 ms and 2100 ms: messages wait in a queue.";
+        says(&[(Bend, 20.0, 0.02), (Bend, 120.0, -0.02), (Step, 120.0, -2.0)], queue);
+        let clocks = found(&(0..12).map(|k| 0.1 + 0.004 * f64::from(k)).collect::<Vec<f64>>(), 1e-4);
+        let skewed = Found { refined: described(&[(Bend, 0.0, 1.5e-4)], 0.1).refined, ..clocks };
+        let v = Verdict { kind: DelayKind::Drifts, ..judged(&skewed) };
+        assert_eq!(sentence(&skewed, &v), "The delay drifts between 100 ms and 136 ms, by 150 ppm as clocks do.");
+    }
+
+    #[test]
+    fn effects_that_are_sure_are_remarked_with_two_standard_uncertainties() {
+        let mut f = found(&[0.2; 12], 0.01);
+        let all = &mut f.test.as_mut().unwrap().all;
+        all.lever_m = Effect { size: 0.4, uncertainty: 0.05 };
+        all.speed_lag_s = Effect { size: -0.12, uncertainty: 0.01 };
+        let said = remarks(&f, &judged(&f));
+        assert_eq!(said[1], "The antenna seems to be 0.40 ± 0.10 m ahead of the point whose velocity is known.");
+        assert_eq!(said[2], "The direction follows 120 ± 20 ms later than the speed.");
+        let all = &mut f.test.as_mut().unwrap().all;
+        all.lever_m.uncertainty = 0.14;
+        all.speed_lag_s.size = 0.12;
+        assert_eq!(remarks(&f, &judged(&f))[1..], ["The speed follows 120 ± 20 ms later than the direction."]);
+    }
+
+    /// 12 windows that are 20 s apart: the rate is known to u / √(143 · 20²).
+    #[test]
+    fn clocks_of_different_rates_are_remarked_in_parts_per_million() {
+        let skew = |rate: f64| {
+            let f = found(&(0..12).map(|k| 0.2 + rate * WINDOW_S * f64::from(k)).collect::<Vec<f64>>(), 1e-3);
+            remarks(&f, &judged(&f)).into_iter().find(|r| r.contains("clocks"))
+        };
+        let u = 1e-3 / (143.0 * 400.0f64).sqrt();
+        let text = |ppm: &str| {
+            Some(format!("The delay grows by {ppm} ± {:.1} ppm: the clocks run at different rates.", 2e6 * u))
+        };
+        assert_eq!(skew(5e-5), text("50.0"));
+        assert!(skew(-5e-5).unwrap().contains("50.0 ± "));
+        assert_eq!(skew(2.9 * u), None);
+        assert_eq!(skew(2.1e-4), None);
+    }
+
+    #[test]
+    fn thinning_and_single_late_fixes_are_told() {
+        let mut f = found(&[0.2; 12], 0.01);
+        f.fixes_used = 500;
+        assert_eq!(remarks(&f, &judged(&f)).last().unwrap(), "1 of 3 fixes was used.");
+        f.fixes_used = 600;
+        assert_eq!(remarks(&f, &judged(&f)).len(), 1);
+        f.odd.late = vec![record::LateFix { t_s: 120.0, late_s: 0.4 }; 3];
+        f.jitter.found_s = Some(0.05);
+        f.queued.bursts = vec![record::Burst { start_s: 130.0, fixes: 5, hold_s: 1.0 }; 2];
+        let text = said(&f);
+        let end = " It jitters by 50 ms (standard deviation) from fix to fix. 3 single fixes came late. Fixes arrived in 2 bursts.";
+        assert!(text.ends_with(end), "{text}");
+    }
+
+    /// White noise of 30 m at 20 m/s, ± 12.5 ms wanted: 2 · (30 / (20 · 0.0125))² fixes of 0.01 s are 288 s.
+    #[test]
+    fn as_many_minutes_are_advised_as_the_noise_needs() {
+        let settings = OverTimeSettings::default();
+        let mut f = found(&[0.2; 12], 0.01);
+        assert_eq!(what_to_fly(&f, &judged(&f), &settings), None);
+        f.test.as_mut().unwrap().comparison = None;
+        f.interval_s = 0.01;
+        let speed = f.motion.fast_mps;
+        for (white_m, minutes) in [(1.5 * speed, 5), (0.3, 2), (1e3 * speed, 30)] {
+            f.noise.white_m = white_m;
+            let text = what_to_fly(&f, &judged(&f), &settings).unwrap();
+            assert!(text.starts_with(&format!("Fly {minutes} minutes of turns at {speed:.0} m/s,")), "{text}");
+        }
+        f.test.as_mut().unwrap().all.inflation = 2.0;
+        f.noise.white_m = 1.5 * speed;
+        assert!(what_to_fly(&f, &judged(&f), &settings).unwrap().starts_with("Fly 10 minutes"));
+    }
+
+    /// 30 ms are tolerated, and 3.29 standard uncertainties of the level.
+    #[test]
+    fn a_configured_delay_is_refuted_where_the_difference_is_sure_and_matters() {
+        let against = |f: &Found, configured: f64| {
+            let settings = OverTimeSettings { configured_delay_s: Some(configured), ..OverTimeSettings::default() };
+            contradiction(f, &judged(f), &settings)
+        };
+        let f = found(&[0.2; 12], 1e-3);
+        let text = against(&f, 0.1).unwrap();
+        let (fast, error) = (f.motion.fast_mps, 0.1 * f.motion.fast_mps);
+        let end = format!("The largest error of the position is {error:.1} m at {fast:.0} m/s.");
+        assert_eq!(text, format!("Configured 100 ms; measured 200.0 ± 0.6 ms. {end}"));
+        assert!(against(&f, 0.171).is_none() && against(&f, 0.169).is_some() && against(&f, 0.231).is_some());
+        // Twelve windows of 50 ms: 3.29 · 50 / √12 ms are 47 ms.
+        let rough = found(&[0.2; 12], 0.05);
+        assert!(against(&rough, 0.155).is_none() && against(&rough, 0.15).is_some());
+        let steps = described(&[(Step, 120.0, 0.3)], 0.2);
+        let text = against(&steps, 0.2).unwrap();
+        assert!(text.starts_with("Configured 200 ms; measured 200 ms to 500 ms."), "{text}");
+        assert!(text.contains(&format!("{:.1} m at", 0.3 * fast)), "{text}");
+    }
+}

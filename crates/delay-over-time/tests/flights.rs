@@ -327,3 +327,52 @@ fn a_slow_swing_answers() {
     assert_eq!(f.kind, DelayKind::Constant, "{}", f.words);
     assert!((f.level_s.value - 0.12).abs() < 0.01, "{:?}", f.level_s);
 }
+
+/// The flight an hour later, 50 km away, and turned by a quarter: north becomes east, and east becomes south.
+#[test]
+fn an_hour_a_place_and_a_quarter_turn_change_nothing() {
+    for (profile, seed) in [(Profile::Constant, 7), (Profile::Step { by: 0.2 }, 8)] {
+        let here = fly(&Case::gps(Path::Circuits, profile), seed);
+        let there = Flight {
+            t: here.t.iter().map(|t| t + 3600.0).collect(),
+            velocity_t: here.velocity_t.iter().map(|t| t + 3600.0).collect(),
+            north: here.east.iter().map(|e| 50e3 - e).collect(),
+            east: here.north.iter().map(|n| n - 20e3).collect(),
+            velocity_north: here.velocity_east.iter().map(|e| -e).collect(),
+            velocity_east: here.velocity_north.clone(),
+            late: here.late.clone(),
+        };
+        let (a, b) = (here.analyse(), there.analyse());
+        assert_eq!((a.kind, &a.remarks), (b.kind, &b.remarks));
+        assert!((a.level_s.value - b.level_s.value).abs() < 1e-6, "{:?} {:?}", a.level_s, b.level_s);
+        assert_eq!((a.terms.len(), a.curve.len()), (b.terms.len(), b.curve.len()));
+        for (x, y) in a.terms.iter().zip(&b.terms) {
+            // An instant lies anywhere between two fixes.
+            assert!((y.at_s - x.at_s - 3600.0).abs() < 0.3 && (y.size - x.size).abs() < 1e-5, "{x:?} {y:?}");
+        }
+        if a.terms.is_empty() {
+            assert_eq!(a.words, b.words);
+            for (x, y) in a.curve.iter().zip(&b.curve) {
+                assert!((y.t_s - x.t_s - 3600.0).abs() < 1e-6 && (y.delay_s - x.delay_s).abs() < 1e-5, "{x:?} {y:?}");
+            }
+        }
+    }
+}
+
+/// Positions that are stamped 0.5 s later are 0.5 s later.
+#[test]
+fn stamps_that_are_later_are_a_delay_that_is_longer() {
+    for (profile, seed) in [(Profile::Constant, 9), (Profile::Step { by: 0.2 }, 10)] {
+        let flight = fly(&Case::gps(Path::Sturns, profile), seed);
+        let later =
+            Flight { t: flight.t.iter().map(|t| t + 0.5).collect(), ..fly(&Case::gps(Path::Sturns, profile), seed) };
+        let (a, b) = (flight.analyse(), later.analyse());
+        assert_eq!(a.kind, b.kind);
+        let u = a.level_s.standard_uncertainty.unwrap();
+        assert!((b.level_s.value - a.level_s.value - 0.5).abs() < 0.5 * u, "{:?} {:?}", a.level_s, b.level_s);
+        assert_eq!(a.terms.len(), b.terms.len());
+        for (x, y) in a.terms.iter().zip(&b.terms) {
+            assert!((y.at_s - x.at_s - 0.5).abs() < 0.3 && (y.size - x.size).abs() < 0.01, "{x:?} {y:?}");
+        }
+    }
+}

@@ -18,6 +18,13 @@ pub(crate) struct Lowest<const N: usize> {
     pub(crate) value: f64,
 }
 
+impl<const N: usize> Lowest<N> {
+    /// What is no number is a wall.
+    fn at(at: [f64; N], value: f64) -> Lowest<N> {
+        Lowest { at, value: if value.is_nan() { f64::INFINITY } else { value } }
+    }
+}
+
 /// Simplex search of Nelder and Mead (1965) with the usual coefficients (1, 2, ½, ½), from `start` and the points
 /// `step` away from it along each axis. Infinite values are walls.
 pub(crate) fn nelder_mead<const N: usize>(
@@ -29,23 +36,16 @@ pub(crate) fn nelder_mead<const N: usize>(
     let mut evaluations = 0;
     let mut evaluate = |at: [f64; N]| {
         evaluations += 1;
-        let value = f(&at);
-        (Lowest { at, value: if value.is_nan() { f64::INFINITY } else { value } }, evaluations)
+        (Lowest::at(at, f(&at)), evaluations)
     };
-    let mut simplex = vec![evaluate(start).0];
-    for axis in 0..N {
-        let mut at = start;
-        at[axis] += step[axis];
-        simplex.push(evaluate(at).0);
-    }
+    let mut simplex: Vec<Lowest<N>> = first_points(start, step).map(|at| evaluate(at).0).collect();
     loop {
         simplex.sort_by(|a, b| a.value.total_cmp(&b.value));
         let (best, worst, second) = (simplex[0], simplex[N], simplex[N - 1]);
-        let wide = (0..N).any(|i| simplex.iter().any(|p| (p.at[i] - best.at[i]).abs() > tolerance.x[i]));
-        if (!wide && worst.value - best.value <= tolerance.f) || !best.value.is_finite() {
+        if (!is_wide(&simplex, &tolerance.x) && worst.value - best.value <= tolerance.f) || !best.value.is_finite() {
             return best;
         }
-        let centre: [f64; N] = std::array::from_fn(|i| simplex[..N].iter().map(|p| p.at[i]).sum::<f64>() / N as f64);
+        let centre = centre(&simplex[..N]);
         let along = |s: f64| -> [f64; N] { std::array::from_fn(|i| centre[i] + s * (worst.at[i] - centre[i])) };
         let (reflected, used) = evaluate(along(-1.0));
         if used >= tolerance.evaluations {
@@ -67,6 +67,25 @@ pub(crate) fn nelder_mead<const N: usize>(
             }
         }
     }
+}
+
+/// `start`, and the points `step` away from it along each axis.
+fn first_points<const N: usize>(start: [f64; N], step: [f64; N]) -> impl Iterator<Item = [f64; N]> {
+    let beside = move |axis: usize| {
+        let mut at = start;
+        at[axis] += step[axis];
+        at
+    };
+    std::iter::once(start).chain((0..N).map(beside))
+}
+
+/// Whether any point is further than `limit` from the first along any axis.
+fn is_wide<const N: usize>(simplex: &[Lowest<N>], limit: &[f64; N]) -> bool {
+    (0..N).any(|i| simplex.iter().any(|p| (p.at[i] - simplex[0].at[i]).abs() > limit[i]))
+}
+
+fn centre<const N: usize>(points: &[Lowest<N>]) -> [f64; N] {
+    std::array::from_fn(|i| points.iter().map(|p| p.at[i]).sum::<f64>() / N as f64)
 }
 
 #[cfg(test)]

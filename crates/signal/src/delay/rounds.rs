@@ -97,6 +97,15 @@ struct Found<'a> {
     second: Option<OtherMinimum>,
 }
 
+/// Everything after the last round.
+struct End<'a> {
+    alignment: Alignment<'a>,
+    state: State,
+    descent: Descent,
+    steps: usize,
+    scan: Scan,
+}
+
 impl<'a> Fitting<'a> {
     fn about(measurements: &'a [Measurement<'a>], settings: &'a DelaySettings, first: &Lateness) -> Fitting<'a> {
         let middle_s = middle_of(measurements, first, settings.search_step_s);
@@ -120,34 +129,47 @@ impl<'a> Fitting<'a> {
             state.at = descent.at;
             guard_s = (2.0 * moved).min(guard_s);
             if steady || round == MOST_ROUNDS {
-                let descent = alignment.descend_further(descent, 1e-9).ok_or(DelayError::NoExcitation)?;
-                steps += descent.steps;
-                state.at = descent.at;
-                let second = self.second_minimum(&state, &scan, &descent);
-                return Ok(Found { alignment, state, descent, steps, scan, second });
+                let end = End { alignment, state, descent, steps, scan };
+                return self.finish(end, true);
             }
             self.update_noise(&mut state, &alignment, &descent, round == 1);
             if self.keep_noise && state.weights.is_none() && moved < self.settings.search_step_s {
                 // Neither noise nor weights changed: another round would repeat this one.
-                let descent = alignment.descend_further(descent, 1e-9).ok_or(DelayError::NoExcitation)?;
-                steps += descent.steps;
-                state.at = descent.at;
-                return Ok(Found { alignment, state, descent, steps, scan, second: None });
+                let end = End { alignment, state, descent, steps, scan };
+                return self.finish(end, false);
             }
             if state.noise.iter().any(|n| n.model.wander_std > 0.0)
                 && let Some(delays) = relocate.take()
             {
-                let models: Vec<NoiseModel> = state.noise.iter().map(|n| n.model).collect();
-                scan = search::scan(self.measurements, delays, Some(&models), (state.at.skew, self.middle_s))?;
-                if let Some(other) = scan
-                    .lowest()
-                    .filter(|d| (d - state.at.delay_s).abs() > 3.0 * guard_s.max(self.settings.search_step_s))
-                {
+                scan = self.scan_again(&state, delays)?;
+                if let Some(other) = self.elsewhere(&scan, state.at.delay_s, guard_s) {
                     state.at.delay_s = other;
                     guard_s = self.settings.search_step_s;
                 }
             }
         }
+    }
+
+    /// The scan under the noise and the skew that were found.
+    fn scan_again(&self, state: &State, delays: &[f64]) -> Result<Scan, DelayError> {
+        let models: Vec<NoiseModel> = state.noise.iter().map(|n| n.model).collect();
+        search::scan(self.measurements, delays, Some(&models), (state.at.skew, self.middle_s))
+    }
+
+    /// The lowest delay of the scan, if it is not about the one that was found.
+    fn elsewhere(&self, scan: &Scan, delay_s: f64, guard_s: f64) -> Option<f64> {
+        let apart = 3.0 * guard_s.max(self.settings.search_step_s);
+        scan.lowest().filter(|d| (d - delay_s).abs() > apart)
+    }
+
+    /// Down to the bottom, and with `rivals` the other minimum.
+    fn finish(&self, end: End<'a>, rivals: bool) -> Result<Found<'a>, DelayError> {
+        let End { mut alignment, mut state, descent, steps, scan } = end;
+        let descent = alignment.descend_further(descent, 1e-9).ok_or(DelayError::NoExcitation)?;
+        let steps = steps + descent.steps;
+        state.at = descent.at;
+        let second = if rivals { self.second_minimum(&state, &scan, &descent) } else { None };
+        Ok(Found { alignment, state, descent, steps, scan, second })
     }
 
     fn curved(&self) -> usize {
@@ -274,22 +296,18 @@ impl<'a> Fitting<'a> {
 
     fn report(&self, found: Found) -> Option<DelayFit> {
         let Found { alignment, state, descent, steps, second, .. } = found;
-        let weights: Option<Vec<Vec<f64>>> = state
-            .weights
-            .as_ref()
-            .map(|all| alignment.blocks.iter().zip(all).map(|(b, w)| b.rows.iter().map(|&k| w[k]).collect()).collect());
+        let weights: Option<Vec<Vec<f64>>> = state.weights.as_ref().map(|all| of_rows(all, &alignment.blocks));
         let conditions = Conditions {
             weights: weights.as_deref(),
             known_scale: self.keep_noise || matches!(self.settings.noise, NoiseRule::Known(_)),
             textbook_lags: None,
         };
         let sure = uncertainties(&alignment, &descent.at, &descent.normal, &conditions)?;
-        let used: usize = alignment.blocks.iter().map(|b| b.t.len()).sum();
-        let held_back = weights.iter().flatten().flatten().filter(|w| **w < 1.0).count();
         let component = |c: usize| {
             let weights = weights.as_ref().map(|w| w[c].as_slice());
             component_fit(&alignment, c, &descent, &state.noise[c].model, weights, &sure)
         };
+        let shared = |(k, value): (usize, &f64)| sure.with(*value, sure.first_shared + k);
         Some(DelayFit {
             delay_s: descent.at.delay_s,
             hessian_s: sure.hessian[0],
@@ -297,23 +315,29 @@ impl<'a> Fitting<'a> {
             standard_uncertainty_s: sure.of(0),
             degrees_of_freedom: sure.degrees_of_freedom,
             hac_lags: sure.lags,
-            shared: descent
-                .normal
-                .shared
-                .iter()
-                .enumerate()
-                .map(|(k, value)| Uncertain { value: *value, standard_uncertainty: sure.of(sure.first_shared + k) })
-                .collect(),
-            skew: self.settings.skew.then(|| Uncertain { value: descent.at.skew, standard_uncertainty: sure.of(1) }),
+            shared: descent.normal.shared.iter().enumerate().map(shared).collect(),
+            skew: self.settings.skew.then(|| sure.with(descent.at.skew, 1)),
             middle_s: self.middle_s,
             crlb_s: sure.crlb,
             components: (0..alignment.blocks.len()).map(component).collect(),
             iterations: steps,
             converged: descent.converged,
-            downweighted_share: held_back as f64 / used as f64,
+            downweighted_share: downweighted_share(&alignment.blocks, weights.as_deref()),
             second_minimum: second,
         })
     }
+}
+
+/// The weights of the rows that the blocks use.
+fn of_rows(weights: &[Vec<f64>], blocks: &[Block]) -> Vec<Vec<f64>> {
+    blocks.iter().zip(weights).map(|(b, w)| b.rows.iter().map(|&k| w[k]).collect()).collect()
+}
+
+/// Share of the rows that weights hold back.
+fn downweighted_share(blocks: &[Block], weights: Option<&[Vec<f64>]>) -> f64 {
+    let used: usize = blocks.iter().map(|b| b.t.len()).sum();
+    let held_back = weights.into_iter().flatten().flatten().filter(|w| **w < 1.0).count();
+    held_back as f64 / used as f64
 }
 
 fn component_fit(

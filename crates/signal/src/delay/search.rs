@@ -62,18 +62,8 @@ pub(crate) fn scan(
     skew_about: (f64, f64),
 ) -> Result<Scan, DelayError> {
     let (skew, middle_s) = skew_about;
-    let (earliest, latest) = (delays.first().copied().unwrap_or(0.0), delays.last().copied().unwrap_or(0.0));
-    let unit = NoiseModel::white(1.0);
-    let block = |(component, m): (usize, &Measurement)| {
-        let rows = rows_of(m, earliest, latest);
-        match rows.len() {
-            samples if samples < LEAST_SAMPLES => {
-                Err(DelayError::TooFewSamples { component, samples, of: m.t.len(), needed: LEAST_SAMPLES })
-            }
-            _ => Ok(Block::new(m, thinned(rows), noise.map_or(&unit, |n| &n[component]), None, 0)),
-        }
-    };
-    let blocks: Vec<Block> = measurements.iter().enumerate().map(block).collect::<Result<_, _>>()?;
+    let between = (delays.first().copied().unwrap_or(0.0), delays.last().copied().unwrap_or(0.0));
+    let blocks = thinned_blocks(measurements, between, noise)?;
     let mut alignment = Alignment { measurements, blocks, middle_s };
     let mut scan = Scan { points: Vec::with_capacity(delays.len()), follows: false };
     let mut moving = false;
@@ -89,6 +79,25 @@ pub(crate) fn scan(
         scan.points.push((delay_s, value));
     }
     if moving { Ok(scan) } else { Err(DelayError::NoExcitation) }
+}
+
+/// A block of each measurement with rows that can be compared at all delays between the two.
+fn thinned_blocks(
+    measurements: &[Measurement],
+    (earliest, latest): (f64, f64),
+    noise: Option<&[NoiseModel]>,
+) -> Result<Vec<Block>, DelayError> {
+    let unit = NoiseModel::white(1.0);
+    let block = |(component, m): (usize, &Measurement)| {
+        let rows = rows_of(m, earliest, latest);
+        match rows.len() {
+            samples if samples < LEAST_SAMPLES => {
+                Err(DelayError::TooFewSamples { component, samples, of: m.t.len(), needed: LEAST_SAMPLES })
+            }
+            _ => Ok(Block::new(m, thinned(rows), noise.map_or(&unit, |n| &n[component]), None, 0)),
+        }
+    };
+    measurements.iter().enumerate().map(block).collect()
 }
 
 /// Rows that stay within the reference for all delays between the two; if that leaves less than half of those that

@@ -48,7 +48,7 @@ fn deterministic() -> (Vec<f64>, Vec<f64>) {
 
 /// `delay_fit_deterministic` of the project's acceptance vectors.
 #[test]
-fn the_deterministic_record_gives_delay_gain_offset_and_both_uncertainties_of_the_acceptance_vector() {
+fn the_deterministic_record_gives_delay_gain_and_offset_of_the_acceptance_vector() {
     let case = &vectors()["delay_fit_deterministic"];
     let number = |key: &str| case[key].as_f64().unwrap();
     let list = |key: &str| -> Vec<f64> { serde_json::from_value(case[key].clone()).unwrap() };
@@ -65,9 +65,19 @@ fn the_deterministic_record_gives_delay_gain_offset_and_both_uncertainties_of_th
     assert!((component.offset.value - number("bias")).abs() < 1e-8, "{:?}", component.offset);
     let sse: f64 = component.residuals.iter().map(|e| e * e).sum();
     assert!((sse / number("sse") - 1.0).abs() < 1e-10, "{sse}");
+}
 
+/// The same with the sandwich of the textbooks.
+#[test]
+fn the_uncertainties_of_the_deterministic_record_are_those_of_the_acceptance_vector() {
+    let case = &vectors()["delay_fit_deterministic"];
+    let list = |key: &str| -> Vec<f64> { serde_json::from_value(case[key].clone()).unwrap() };
+    let (t, y) = deterministic();
+    let reference = swing();
+    let measurements = [Measurement { t: &t, y: &y, reference: &reference, gain: POSITIVE, drift: false }];
+    let fit = fit_delay(&measurements, &white()).unwrap();
     let rows = (0..t.len()).collect();
-    let block = Block::new(&measurements[0], rows, &component.noise, None, 1);
+    let block = Block::new(&measurements[0], rows, &fit.components[0].noise, None, 1);
     let mut alignment = Alignment { measurements: &measurements, blocks: vec![block], middle_s: fit.middle_s };
     let at = Lateness { delay_s: fit.delay_s, skew: 0.0 };
     let normal = alignment.normal(&at);
@@ -260,31 +270,37 @@ fn a_delay_that_changes_half_way_is_not_homogeneous() {
     assert!((segments[1].delay_s - 0.4).abs() < 0.01 && (segments[4].delay_s - 0.42).abs() < 0.01, "{segments:?}");
 }
 
+fn error_of(t: &[f64], y: &[f64], reference: &dyn Reference) -> DelayError {
+    let m = Measurement { t, y, reference, gain: POSITIVE, drift: true };
+    fit_delay(&[m], &DelaySettings::default()).unwrap_err()
+}
+
 #[test]
 fn odd_input_is_an_error_in_words() {
     let reference = swing();
-    let error = |t: &[f64], y: &[f64], reference: &dyn Reference| {
-        let m = Measurement { t, y, reference, gain: POSITIVE, drift: true };
-        fit_delay(&[m], &DelaySettings::default()).unwrap_err()
-    };
     let t: Vec<f64> = (0..100).map(|k| 3.0 + 0.1 * f64::from(k)).collect();
     assert_eq!(fit_delay(&[], &DelaySettings::default()).unwrap_err(), DelayError::NoComponent);
-    assert!(matches!(error(&[], &[], &reference), DelayError::TooFewSamples { samples: 0, of: 0, .. }));
-    assert!(matches!(error(&[1.0, 2.0], &[1.0, 2.0], &reference), DelayError::TooFewSamples { samples: 2, .. }));
-    assert!(matches!(error(&t, &t[1..], &reference), DelayError::LengthsDiffer { stamps: 100, values: 99, .. }));
-    assert!(matches!(error(&[1.0, 1.0], &[0.0; 2], &reference), DelayError::StampsNotRising { row: 1, .. }));
-    assert!(matches!(error(&t, &[4.0; 100], &reference), DelayError::DoesNotFollow { .. }));
-    let still = Sines { terms: vec![], span: (0.0, 80.0) };
-    assert_eq!(error(&t, &t, &still), DelayError::NoExcitation);
-    let level = Sines { terms: vec![[1.0, 0.0, 1.0]], span: (0.0, 80.0) };
-    assert_eq!(error(&t, &t, &level), DelayError::NoExcitation);
-    let elsewhere = Sines { span: (200.0, 300.0), ..swing() };
-    assert!(matches!(error(&t, &t, &elsewhere), DelayError::TooFewSamples { samples: 0, of: 100, .. }));
+    assert!(matches!(error_of(&[], &[], &reference), DelayError::TooFewSamples { samples: 0, of: 0, .. }));
+    assert!(matches!(error_of(&[1.0, 2.0], &[1.0, 2.0], &reference), DelayError::TooFewSamples { samples: 2, .. }));
+    assert!(matches!(error_of(&t, &t[1..], &reference), DelayError::LengthsDiffer { stamps: 100, values: 99, .. }));
+    assert!(matches!(error_of(&[1.0, 1.0], &[0.0; 2], &reference), DelayError::StampsNotRising { row: 1, .. }));
     let m = Measurement { t: &t, y: &t, reference: &reference, gain: POSITIVE, drift: false };
     let settings = DelaySettings { search_s: (1.0, -1.0), ..DelaySettings::default() };
     assert!(matches!(fit_delay(&[m], &settings), Err(DelayError::SearchRange { .. })));
-    assert_eq!(delay_crlb(&t, &still, 0.0, 1.0, &NoiseModel::white(1.0), false), None);
     assert_eq!(delay_crlb(&[], &reference, 0.0, 1.0, &NoiseModel::white(1.0), false), None);
+}
+
+#[test]
+fn what_does_not_move_or_is_elsewhere_is_an_error_in_words() {
+    let t: Vec<f64> = (0..100).map(|k| 3.0 + 0.1 * f64::from(k)).collect();
+    assert!(matches!(error_of(&t, &[4.0; 100], &swing()), DelayError::DoesNotFollow { .. }));
+    let still = Sines { terms: vec![], span: (0.0, 80.0) };
+    assert_eq!(error_of(&t, &t, &still), DelayError::NoExcitation);
+    let level = Sines { terms: vec![[1.0, 0.0, 1.0]], span: (0.0, 80.0) };
+    assert_eq!(error_of(&t, &t, &level), DelayError::NoExcitation);
+    let elsewhere = Sines { span: (200.0, 300.0), ..swing() };
+    assert!(matches!(error_of(&t, &t, &elsewhere), DelayError::TooFewSamples { samples: 0, of: 100, .. }));
+    assert_eq!(delay_crlb(&t, &still, 0.0, 1.0, &NoiseModel::white(1.0), false), None);
 }
 
 #[test]

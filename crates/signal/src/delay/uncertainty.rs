@@ -1,9 +1,9 @@
 //! How well the parameters are known: from the curvature, and from the scores whatever the noise.
 
-use super::Gain;
 use super::block::{Normal, nuisance_columns};
 use super::descent::{Alignment, Lateness};
 use super::rounds::Shape;
+use super::{Gain, Uncertain};
 use nalgebra::DMatrix;
 
 /// Standard uncertainties of all parameters: those that are not linear first, then gain (if free), offset and drift
@@ -29,6 +29,11 @@ impl Uncertainties {
     /// The larger of the two.
     pub(crate) fn of(&self, parameter: usize) -> f64 {
         self.hessian[parameter].max(self.hac[parameter])
+    }
+
+    /// A value with the uncertainty of its parameter.
+    pub(crate) fn with(&self, value: f64, parameter: usize) -> Uncertain {
+        Uncertain { value, standard_uncertainty: self.of(parameter) }
     }
 }
 
@@ -70,50 +75,85 @@ pub(crate) fn uncertainties(
     normal: &Normal,
     conditions: &Conditions,
 ) -> Option<Uncertainties> {
-    let curved = alignment.blocks.first()?.columns.len() - 1;
-    let mut first_linear = vec![];
+    let layout = Layout::of(alignment, normal.shared.len())?;
     let prior_std: &[f64] = &alignment.blocks.first()?.shared.prior_std;
-    let first_shared = curved;
-    let mut parameters = curved + normal.shared.len();
-    for block in &alignment.blocks {
-        first_linear.push(parameters);
-        parameters += block.linear_parameters();
-    }
-    let jacobians: Vec<Jacobian> = (0..alignment.blocks.len())
-        .map(|c| {
-            let shape = Shape::of(alignment, c, at, normal);
-            jacobian(alignment, c, shape, &Places { curved, first_linear: first_linear[c] })
-        })
-        .collect();
+    let jacobians = layout.jacobians(alignment, at, normal);
     let n: usize = alignment.blocks.iter().map(|b| b.t.len()).sum();
+    let parameters = layout.parameters;
     let degrees_of_freedom = n.checked_sub(parameters).filter(|d| *d > 0)? as f64;
     let (mut information, mut bread) = matrices(&jacobians, parameters, conditions.weights);
     for (k, std) in prior_std.iter().enumerate().take(normal.shared.len()) {
-        information[(first_shared + k, first_shared + k)] += std.powi(-2);
-        bread[(first_shared + k, first_shared + k)] += std.powi(-2);
+        information[(layout.curved + k, layout.curved + k)] += std.powi(-2);
+        bread[(layout.curved + k, layout.curved + k)] += std.powi(-2);
     }
     let inverse = inverse_of(&bread).or_else(|| inverse_of(&(bread + &information * HELD_BACK_SHARE)))?;
     let rss: f64 = alignment.blocks.iter().map(|b| b.residuals.iter().map(|e| e * e).sum::<f64>()).sum();
     let scale = if conditions.known_scale { 1.0 } else { score_power(alignment, conditions, rss) / degrees_of_freedom };
     let covariance = &inverse * &information * &inverse * scale;
     let crlb = inverse_of(&information)?[(0, 0)].sqrt();
+    let hessian: Vec<f64> = (0..parameters).map(|p| covariance[(p, p)].max(0.0).sqrt()).collect();
+    let correction = conditions.textbook_lags.map_or(1.0, |_| n as f64 / degrees_of_freedom);
+    let Sandwich { hac, lags, of_delay } = sandwich(alignment, &jacobians, &inverse, conditions, correction);
+    let degrees_of_freedom = if hac[0] > hessian[0] { degrees_of_freedom.min(of_delay) } else { degrees_of_freedom };
+    let (first_shared, first_linear) = (layout.curved, layout.first_linear);
+    Some(Uncertainties { hessian, hac, lags, degrees_of_freedom, crlb, first_shared, first_linear })
+}
 
+/// Where all parameters stand: those that are not linear, then the coefficients that all components share.
+struct Layout {
+    curved: usize,
+    /// Of each component.
+    first_linear: Vec<usize>,
+    parameters: usize,
+}
+
+impl Layout {
+    fn of(alignment: &Alignment, shared: usize) -> Option<Layout> {
+        let curved = alignment.blocks.first()?.columns.len() - 1;
+        let mut first_linear = vec![];
+        let mut parameters = curved + shared;
+        for block in &alignment.blocks {
+            first_linear.push(parameters);
+            parameters += block.linear_parameters();
+        }
+        Some(Layout { curved, first_linear, parameters })
+    }
+
+    /// Of each component.
+    fn jacobians(&self, alignment: &Alignment, at: &Lateness, normal: &Normal) -> Vec<Jacobian> {
+        let of = |(c, first_linear): (usize, &usize)| {
+            let shape = Shape::of(alignment, c, at, normal);
+            jacobian(alignment, c, shape, &Places { curved: self.curved, first_linear: *first_linear })
+        };
+        self.first_linear.iter().enumerate().map(of).collect()
+    }
+}
+
+/// Standard uncertainties of the sandwich, the lag of its window, and degrees of freedom of that of the delay.
+struct Sandwich {
+    hac: Vec<f64>,
+    lags: usize,
+    of_delay: f64,
+}
+
+fn sandwich(
+    alignment: &Alignment,
+    jacobians: &[Jacobian],
+    inverse: &DMatrix<f64>,
+    conditions: &Conditions,
+    correction: f64,
+) -> Sandwich {
     let leverages: Vec<Vec<f64>> = match conditions.textbook_lags {
         Some(_) => alignment.blocks.iter().map(|b| vec![0.0; b.t.len()]).collect(),
-        None => jacobians.iter().map(|j| leverages(j, &inverse)).collect(),
+        None => jacobians.iter().map(|j| leverages(j, inverse)).collect(),
     };
-    let correction = conditions.textbook_lags.map_or(1.0, |_| n as f64 / degrees_of_freedom);
     let instants = Instants::of(alignment);
-    let series = |parameter: usize| influence(alignment, &jacobians, &leverages, &inverse, (&instants, parameter));
+    let series = |parameter: usize| influence(alignment, jacobians, &leverages, inverse, (&instants, parameter));
     let delay_series = series(0);
     let lags = conditions.textbook_lags.unwrap_or_else(|| andrews_lags(&delay_series));
-    let sandwich = |s: &[f64]| (bartlett_sum(s, lags) * correction).max(0.0).sqrt();
-    let hac: Vec<f64> =
-        (0..parameters).map(|p| if p == 0 { sandwich(&delay_series) } else { sandwich(&series(p)) }).collect();
-    let hessian: Vec<f64> = (0..parameters).map(|p| covariance[(p, p)].max(0.0).sqrt()).collect();
-    let of_sandwich = bartlett_degrees_of_freedom(&delay_series, lags);
-    let degrees_of_freedom = if hac[0] > hessian[0] { degrees_of_freedom.min(of_sandwich) } else { degrees_of_freedom };
-    Some(Uncertainties { hessian, hac, lags, degrees_of_freedom, crlb, first_shared, first_linear })
+    let of = |s: &[f64]| (bartlett_sum(s, lags) * correction).max(0.0).sqrt();
+    let hac: Vec<f64> = (0..inverse.nrows()).map(|p| if p == 0 { of(&delay_series) } else { of(&series(p)) }).collect();
+    Sandwich { hac, lags, of_delay: bartlett_degrees_of_freedom(&delay_series, lags) }
 }
 
 /// Cramér–Rao bound of the delay at `at` and `gain`, in the unit of the blocks' time.

@@ -273,11 +273,10 @@ impl<'a> Trial<'a> {
         let sum = best.at[0];
         let sum_s = Uncertain { value: sum, standard_uncertainty: covariance[0][0].sqrt() };
         let squares = if model == LagModel::L { 0 } else { parameters(model) - 1 };
-        let mut lags_s: Vec<Uncertain> =
-            (0..squares).map(|i| lag_of(best.at[i + 1], covariance[i + 1][i + 1])).collect();
-        if model == LagModel::L {
-            lags_s.push(sum_s);
-        }
+        let mut lags_s: Vec<Uncertain> = match model {
+            LagModel::L => vec![sum_s],
+            _ => (0..squares).map(|i| lag_of(best.at[i + 1], covariance[i + 1][i + 1])).collect(),
+        };
         lags_s.sort_by(|a, b| b.value.total_cmp(&a.value));
         // What varies is the sum of the squares; the sum itself is known far better.
         let total: f64 = best.at[1..=squares].iter().sum();
@@ -289,13 +288,9 @@ impl<'a> Trial<'a> {
             Some(error) if squares == 1 => Uncertain { standard_uncertainty: error, ..delay_s },
             _ => delay_s,
         };
-        let spread = ONE_SIDED * variance.max(0.0).sqrt();
-        let all: f64 = lags.iter().sum();
-        let open =
-            |square: f64| if total > 0.0 { all * (square.max(0.0) / total).sqrt() } else { square.max(0.0).sqrt() };
         let delay_range_s = match model {
             LagModel::L => [0.0, 0.0],
-            _ => [sum - open(total + spread), sum - open(total - spread)],
+            _ => range_of_delay(sum, &lags, total, ONE_SIDED * variance.max(0.0).sqrt()),
         };
         let gains = self.gains(&best);
         let finite = bic.is_finite() && sum_s.standard_uncertainty.is_finite();
@@ -354,6 +349,13 @@ fn covariance(normal: &Normal) -> [[f64; MOST_CURVED]; MOST_CURVED] {
         unit.gradient = std::array::from_fn(|j| f64::from(u8::from(i == j)));
         unit.step(1e-7, [true; MOST_CURVED]).unwrap_or([f64::INFINITY; MOST_CURVED])
     })
+}
+
+/// Sum less lags whose squares sum up to `total` ± `spread`.
+fn range_of_delay(sum: f64, lags: &[f64], total: f64, spread: f64) -> [f64; 2] {
+    let all: f64 = lags.iter().sum();
+    let open = |square: f64| if total > 0.0 { all * (square.max(0.0) / total).sqrt() } else { square.max(0.0).sqrt() };
+    [sum - open(total + spread), sum - open(total - spread)]
 }
 
 /// A lag and its uncertainty from its square.
