@@ -134,9 +134,6 @@ impl<'l, T> Found<'l, T> {
 }
 
 /// The map for the tables of a log that was read by [`wanted`].
-///
-/// # Errors
-/// Why there is none.
 pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     let sources = sources(log);
     if let Some(odd) = odd_unit(&sources) {
@@ -216,9 +213,6 @@ fn with_bodies<'l>(
 
 /// The map for a table without a header, or whose header says nothing: the two pairs of neighbours that agree best, if they
 /// agree very well.
-///
-/// # Errors
-/// There are none.
 pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     const LEAST: f64 = 0.97;
     /// Agreements in steps of this are the same: then the usual order of axes counts.

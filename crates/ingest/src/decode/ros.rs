@@ -648,15 +648,10 @@ impl<'p> Walk<'p> {
         if self.aligned { self.forward(padding(self.at as u64, alignment)) } else { Some(()) }
     }
 
-    fn raw<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.align(N as u64)?;
-        let bytes: [u8; N] = *self.data.get(self.at..)?.first_chunk()?;
-        self.at += N;
-        Some(bytes)
-    }
-
     fn u32(&mut self) -> Option<u32> {
-        let bytes = self.raw()?;
+        self.align(4)?;
+        let bytes = *self.data.get(self.at..)?.first_chunk()?;
+        self.at += 4;
         Some(if self.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
     }
 

@@ -111,9 +111,6 @@ pub(crate) struct Member {
 }
 
 /// The files in a packed file, with their first bytes.
-///
-/// # Errors
-/// Why it cannot be looked into.
 pub(crate) fn members(path: &Path, packing: Packing) -> io::Result<Vec<Member>> {
     let mut file = File::open(path)?;
     if packing != Packing::Zip {

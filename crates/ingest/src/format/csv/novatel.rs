@@ -102,9 +102,6 @@ pub(super) struct Message<'l> {
 }
 
 /// Takes a line apart and checks its CRC-32.
-///
-/// # Errors
-/// What is wrong with it.
 pub(super) fn parse(line: &[u8]) -> Result<Message<'_>, &'static str> {
     const NONE: &str = "no NovAtel message";
     let line = std::str::from_utf8(line).map_err(|_| NONE)?.trim();

@@ -51,9 +51,6 @@ impl Entry {
 }
 
 /// The files of an archive in the order of its list.
-///
-/// # Errors
-/// What is wrong with it.
 pub(super) fn entries(file: &mut File, most: usize) -> io::Result<Vec<Entry>> {
     let size = file.metadata()?.len();
     let mut entries = match list_at_end(file, size)? {
@@ -241,9 +238,6 @@ pub(super) fn place(file: &mut File, entry: &Entry) -> io::Result<Range<u64>> {
 }
 
 /// The content of an entry; an error where it ends if its CRC is wrong.
-///
-/// # Errors
-/// Why it cannot be unpacked.
 pub(super) fn decoder<'r>(entry: &Entry, packed: impl BufRead + 'r) -> Result<Box<dyn Read + 'r>, String> {
     if entry.encrypted {
         return Err("the ZIP archive is encrypted".to_owned());

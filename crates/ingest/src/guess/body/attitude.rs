@@ -75,9 +75,6 @@ struct Way {
 }
 
 /// The unit and the frame of three angles.
-///
-/// # Errors
-/// Why there are none.
 pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String> {
     let (units, why_unit) = units(of)?;
     let flown = flown.filter(|flown| flown.clock == of.timing.clock);

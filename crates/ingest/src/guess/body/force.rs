@@ -19,9 +19,6 @@ const LEAST_TILT: f64 = 0.03;
 const FEWEST: usize = 20;
 
 /// The unit and the frame of three forces.
-///
-/// # Errors
-/// Why there are none.
 pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
     let (unit, g) = unit_by_gravity(of)?;
     let magnitude = format!("the median of their magnitude is {g:.2} g if they are in {unit}");

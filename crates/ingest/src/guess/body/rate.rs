@@ -21,9 +21,6 @@ const NEAR: f64 = 0.3;
 const FASTEST: f64 = 100.0;
 
 /// The unit and the frame of three rates.
-///
-/// # Errors
-/// Why there are none.
 pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
     let stated = of.stated()?;
     let (deg, rad) = (unit("deg/s")?, unit("rad/s")?);
