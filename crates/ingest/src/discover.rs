@@ -134,7 +134,7 @@ impl Search<'_> {
         paths.sort();
         let (mut tables, first) = (vec![], self.found.units.len());
         for path in &paths {
-            let name = file_name(&path);
+            let name = file_name(path);
             let id = if below.is_empty() { name.clone() } else { format!("{below}/{name}") };
             if name.starts_with('.') {
                 self.ignore(&id, "hidden");
