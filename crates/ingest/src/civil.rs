@@ -26,8 +26,8 @@ impl Tick {
         self.text_since(text, 0)
     }
 
-    /// Nanoseconds of an exact number of ticks since an instant so many seconds after the one that counts as zero; `None` beyond
-    /// the range of `i64`.
+    /// Nanoseconds of an exact number of ticks since an instant so many seconds after the one that counts as zero; `None`
+    /// beyond the range of `i64`.
     pub(crate) fn integer_since(self, ticks: i64, zero_s: i64) -> Option<i64> {
         since(self.wide(ticks), zero_s)
     }

@@ -1032,8 +1032,8 @@ fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) 
     }
 }
 
-const NO_STAMP: &str = "a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \
-                        field and a unit, or a date and a time, or a calendar";
+const NO_STAMP: &str = "a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with \
+                        a field and a unit, or a date and a time, or a calendar";
 
 fn container_source(stamp: ContainerStamp) -> TimeSource {
     match stamp {

@@ -265,8 +265,8 @@ impl Axis {
     }
 }
 
-/// The first session that messages date, its tie, and whether that is from GPS time: a better date of all than when the log has
-/// the messages.
+/// The first session that messages date, its tie, and whether that is from GPS time: a better date of all than when the
+/// log has the messages.
 fn first_said(all: &[Dates]) -> Option<(usize, UtcTie, bool)> {
     let said = all.iter().find(|dates| !dates.by_log)?;
     let (session, tie) = (0..).zip(&said.sessions).find_map(|(i, tie)| Some((i, tie.clone()?)))?;

@@ -112,7 +112,7 @@ pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
     Bound { channel, health, apart, coarse_s, back, notices }
 }
 
-/// Leaves out stamps that are far from the others and sorts the rest; what the stamps are like, and their longest step back.
+/// Leaves out stamps that are far from the others and sorts the rest. Gives their health and their longest step back.
 fn put_in_order(
     plan: &Plan<'_>,
     primary: &Stamps,
