@@ -271,7 +271,14 @@ fn without_time(source: &Source<'_>) -> String {
         .map(String::as_str)
         .collect();
     let known = if all.is_empty() { String::new() } else { format!("{} are recognised, but ", all.join(", ")) };
-    format!("{known}no column of {} {NO_TIME}", source.table.topic.name)
+    match &source.unread_time {
+        Some((column, cell)) => format!(
+            "{known}the time {column} of {} begins with {cell:?}, which cannot be read; what can be read is ISO 8601, h:mm:ss, \
+             the day of a year, or a number of s, ms, us or ns that rises",
+            source.table.topic.name
+        ),
+        None => format!("{known}no column of {} {NO_TIME}", source.table.topic.name),
+    }
 }
 
 /// An unknown unit that a table states is no reason to take another one.
@@ -324,7 +331,14 @@ fn with_times<'l>(
     velocity: &Velocity,
 ) -> Result<Pair<'l>, String> {
     let mut fits: Vec<Pair<'l>> = vec![];
-    let mut why_not = format!("no column of {} {NO_TIME}", of.table.topic.name);
+    let mut why_not = match (of.timings.first(), source.timings.first()) {
+        (Some(own), Some(other)) if own.clock != other.clock => format!(
+            "the times of {} and {} count different clocks: {} and {}",
+            of.table.topic.name, source.table.topic.name, own.clock, other.clock
+        ),
+        (Some(_), None) => without_time(source),
+        _ => without_time(of),
+    };
     let is_own = std::ptr::eq(source, of);
     for timing in &of.timings {
         let is_same = |other: &&Timing| if is_own { other.entry == timing.entry } else { other.clock == timing.clock };

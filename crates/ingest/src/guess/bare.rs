@@ -66,7 +66,7 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
     });
     let velocities = velocities.collect();
     let (attitudes, rates, forces) = (vec![], vec![], vec![]);
-    Source { table, timings, odd_time: None, positions, velocities, attitudes, rates, forces }
+    Source { table, timings, unread_time: None, odd_time: None, positions, velocities, attitudes, rates, forces }
 }
 
 fn range(table: &Table, path: &str) -> Option<(f64, f64)> {

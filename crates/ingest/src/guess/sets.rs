@@ -9,6 +9,8 @@ use crate::table::{Table, numbers};
 pub(super) struct Source<'l> {
     pub(super) table: &'l Table,
     pub(super) timings: Vec<Timing>,
+    /// The first column that is named like a time, and its first cell, where it cannot be read.
+    pub(super) unread_time: Option<(String, String)>,
     /// The time column and the unit that the table states of it, if nobody knows that unit.
     pub(super) odd_time: Option<(String, String)>,
     pub(super) positions: Vec<Position>,
@@ -88,10 +90,11 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
     let odd_time = odd.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
     let is_named = named.iter().any(|column| column.role == Role::Time);
     let timings = if is_named { timings(table, &named) } else { super::times::by_rise(table, &head.names, &named) };
+    let unread_time = if timings.is_empty() { super::times::unread(table, &named) } else { None };
     let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
     let attitudes = triples(ATTITUDE);
     let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
-    Some(Source { table, timings, odd_time, positions, velocities, attitudes, rates, forces })
+    Some(Source { table, timings, unread_time, odd_time, positions, velocities, attitudes, rates, forces })
 }
 
 const ATTITUDE: [Role; 3] = [Role::Roll, Role::Pitch, Role::Yaw];

@@ -185,6 +185,17 @@ pub(super) fn odd<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> 
     (!is_clock && numbers(table, &first.path).is_some()).then_some(first)
 }
 
+/// The first column that is a time by its name, and its first cell.
+pub(super) fn unread(table: &Table, columns: &[Named]) -> Option<(String, String)> {
+    let first = columns.iter().find(|column| column.role == Role::Time)?;
+    let text = |row| {
+        let cell = texts(table, &first.path).and_then(|values| values.text(row).map(|text| text.trim().to_owned()));
+        cell.or_else(|| numbers(table, &first.path)?.number(row).map(|number| number.to_string()))
+    };
+    let cell = (0..table.rows).filter_map(text).find(|text| !text.is_empty())?;
+    Some((first.path.clone(), cell))
+}
+
 /// Most columns that are tried as the time where none is named like one.
 const MOST_RISING: usize = 4;
 /// A time goes on in so many of a hundred rows, and most of its steps are alike.

@@ -7,7 +7,7 @@ use crate::number;
 use crate::text::ended;
 use maud::{Markup, html};
 use record::{CampaignRecord, FlightRow, Gravity, Outcome, flight_alarms};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Flights named beside a reason before the rest is folded away.
 const NAMED: usize = 3;
@@ -154,7 +154,9 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
             false => add(3, &without_numbers(text), ("unsure", "!", "Warning"), text),
         });
     }
-    out.dedup_by(|a, b| a.0 == b.0);
+    // A flight counts once for each reason.
+    let mut keys = BTreeSet::new();
+    out.retain(|(key, _)| keys.insert(key.clone()));
     out
 }
 
