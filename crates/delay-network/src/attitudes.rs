@@ -62,3 +62,58 @@ fn best_left<'a>(
         })
         .map(|(name, merit)| (name.to_owned(), merit))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::{DelayPairKind, Estimate};
+
+    /// The acceleration that each velocity keeps; pairs of velocity, acceleration and uncertainty, ms.
+    fn kept(pairs: &[(&str, &str, f64)]) -> Vec<(String, String)> {
+        let role = |name: &str| match name {
+            _ if name.starts_with("acc") => Role::Acceleration,
+            _ if name.contains("ekf") => Role::Derived,
+            _ => Role::Measured,
+        };
+        let usable = |(first, second, ms): &(&str, &str, f64)| Usable {
+            kind: DelayPairKind::VelocityAgainstAcceleration,
+            first: (*first).to_owned(),
+            second: (*second).to_owned(),
+            delay: Estimate { value: 0.1, standard_uncertainty: Some(1e-3 * ms) },
+            uncertainty_s: 1e-3 * ms,
+            widened_s: 0.0,
+        };
+        let (kept, unused) = one_per_velocity(pairs.iter().map(usable).collect(), &role);
+        assert_eq!(kept.len() + unused.len(), pairs.len());
+        kept.into_iter().map(|pair| (pair.first, pair.second)).collect()
+    }
+
+    /// Two measured velocities win against one and three filters, these against fewer, and then less variance.
+    #[test]
+    fn measured_velocities_count_before_all_velocities_and_these_before_variance() {
+        let all = |acceleration: &'static str, velocities: &[&'static str], ms: f64| -> Vec<(&str, &str, f64)> {
+            velocities.iter().map(|v| (*v, acceleration, ms)).collect()
+        };
+        let winner = |a: Vec<(&str, &str, f64)>, b: Vec<(&str, &str, f64)>| {
+            let of_gps = kept(&[a, b].concat()).into_iter().filter(|pair| pair.0 == "velocity.gps");
+            of_gps.map(|pair| pair.1).collect::<Vec<_>>().join(", ")
+        };
+        let (filters, measured) =
+            (["velocity.gps", "velocity.ekf", "velocity.ekf-2", "velocity.ekf-3"], ["velocity.gps", "velocity.vo"]);
+        assert_eq!(winner(all("acc[a]", &filters, 1.0), all("acc[b]", &measured, 5.0)), "acc[b]");
+        assert_eq!(winner(all("acc[a]", &filters[..2], 1.0), all("acc[b]", &filters, 5.0)), "acc[b]");
+        assert_eq!(winner(all("acc[a]", &filters, 2.0), all("acc[b]", &filters, 1.0)), "acc[b]");
+        assert_eq!(winner(all("acc[a]", &filters, 1.0), all("acc[b]", &filters, 2.0)), "acc[a]");
+        assert_eq!(winner(all("acc[b]", &filters, 1.0), all("acc[a]", &filters, 1.0)), "acc[a]", "then the first name");
+    }
+
+    #[test]
+    fn a_velocity_that_the_best_does_not_serve_keeps_another() {
+        let pairs =
+            [("velocity.gps", "acc[a]", 1.0), ("velocity.vo", "acc[a]", 1.0), ("velocity.radar", "acc[b]", 1.0)];
+        let others = [("velocity.gps", "acc[b]", 5.0)];
+        let found = kept(&[pairs.as_slice(), &others].concat());
+        let expected = pairs.map(|(velocity, acceleration, _)| (velocity.to_owned(), acceleration.to_owned()));
+        assert_eq!(found, expected);
+    }
+}

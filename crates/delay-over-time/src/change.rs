@@ -198,3 +198,106 @@ fn noise_about(
     let windows = fit_all(fixes, motion, &shape, starts, usual_length(interval_s), scratch);
     delays(&windows).map_or(noise, |d| Noise { shape, white_m: d.white_m.max(1e-6) })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::Random;
+    use crate::describe::Term;
+    use crate::example::{FIRST_S, WINDOW_S, found};
+    use record::DelayTermKind;
+
+    /// Fixes of 5 Hz that are late by `late` and noise of 0.3 m, within the windows of [`example::found`].
+    fn fixes(late: &dyn Fn(f64) -> f64, motion: &Motion) -> Fixes {
+        let mut random = Random::new(1);
+        let t: Vec<f64> = (0..1200).map(|k| FIRST_S + 0.2 * f64::from(k)).collect();
+        let y = t.iter().map(|t| motion.at(t - late(*t), &mut 0).place.map(|p| p + 0.3 * random.normal()));
+        Fixes { y: y.collect(), starts: vec![0, 1200], t }
+    }
+
+    const NOISE: Noise = Noise { shape: crate::noise_shape::GUESS, white_m: 0.3 };
+
+    fn with_change<T>(late: &dyn Fn(f64) -> f64, ask: impl FnOnce(&Change) -> T) -> T {
+        let found = found(&[0.3; 12], 1e-3);
+        let (map, test) = (found.map.unwrap(), found.test.unwrap());
+        let of = fixes(late, &found.motion);
+        ask(&Change {
+            motion: &found.motion,
+            map: &map,
+            fixes: of.clone(),
+            edges: of,
+            test: Some(&test),
+            interval_s: 0.2,
+            span_s: found.span_s,
+        })
+    }
+
+    fn sawtooth(t: f64) -> f64 {
+        0.1 + 0.4 * ((t - FIRST_S) / 17.0).fract()
+    }
+
+    /// Squares of each window by the number of its values, about the better of the level (0.3 s) and the map's constant.
+    #[test]
+    fn a_curve_leaves_its_share_of_the_squares_of_the_windows() {
+        with_change(&sawtooth, |change| {
+            let refinement = change.refinement(NOISE, 2.0);
+            let squares = |at: &dyn Fn(f64) -> f64| -> Vec<f64> {
+                (0..12)
+                    .map(|k| {
+                        let from = FIRST_S + WINDOW_S * f64::from(k);
+                        let (squares, count) = refinement.squares_between(from, from + WINDOW_S, at);
+                        squares / (2 * count) as f64
+                    })
+                    .collect()
+            };
+            let sum = |x: &[f64]| x.iter().sum::<f64>();
+            let constants = [0.3, 0.2].map(|c| squares(&|_| c));
+            let constant = constants.iter().min_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap();
+            let curves: [&dyn Fn(f64) -> f64; 3] = [&sawtooth, &|t| 0.5 * sawtooth(t) + 0.15, &|_| 0.3];
+            for curve in curves {
+                let described = squares(curve);
+                let left = change.left(&refinement, curve).unwrap();
+                let (d, c) = (sum(&described), sum(constant));
+                assert!((left.share - d / c).abs() < 1e-9, "{} {}", left.share, d / c);
+                let without = |k: usize| (d - described[k]) / (c - constant[k]);
+                let worst = (0..12).map(without).fold(0.0, f64::max);
+                assert!((left.without_one - worst).abs() < 1e-9, "{} {worst}", left.without_one);
+            }
+        });
+    }
+
+    #[test]
+    fn a_sawtooth_within_all_windows_is_explained_by_its_curve_and_a_constant_explains_nothing() {
+        let mut terms = vec![Term { kind: DelayTermKind::Bend, at_s: FIRST_S, size: 0.4 / 17.0 }];
+        terms.extend((1..15).map(|k| Term {
+            kind: DelayTermKind::Step,
+            at_s: FIRST_S + 17.0 * f64::from(k),
+            size: -0.4,
+        }));
+        let description = Description { level_s: 0.1, terms };
+        assert!((description.at(FIRST_S + 40.0) - sawtooth(FIRST_S + 40.0)).abs() < 1e-9);
+        let small = Description { level_s: 0.3, terms: vec![] };
+        with_change(&sawtooth, |change| {
+            assert!(change.explains(&description, NOISE, 2.0) && !change.explains(&small, NOISE, 2.0));
+        });
+        with_change(&|_| 0.3, |change| assert!(!change.explains(&description, NOISE, 2.0)));
+    }
+
+    /// One window with a reset of 500 m within counts no more than ten medians.
+    #[test]
+    fn one_wild_window_does_not_decide() {
+        with_change(&sawtooth, |change| {
+            let refinement = change.refinement(NOISE, 2.0);
+            let calm = change.left(&refinement, &sawtooth).unwrap();
+            let mut wild = Change { fixes: change.fixes.clone(), edges: change.edges.clone(), ..*change };
+            for k in 430..460 {
+                wild.edges.y[k][0] += 500.0;
+            }
+            let refinement = wild.refinement(NOISE, 2.0);
+            let left = wild.left(&refinement, &sawtooth).unwrap();
+            // Of twelve windows ten medians are at most 10 of 21 of the squares about the constant.
+            assert!(left.share < calm.share + 10.0 / 20.0, "{} {}", left.share, calm.share);
+            assert!(left.share > calm.share && left.without_one < left.share + 1e-9 + 10.0 / 11.0);
+        });
+    }
+}

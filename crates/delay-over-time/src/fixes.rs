@@ -92,3 +92,52 @@ impl Breaks<'_> {
         (self.resets.partition_point(|b| *b <= t), self.motion.gaps_before(t - (self.delay)(t)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fixes() -> Fixes {
+        let t: Vec<f64> = (0..20).map(f64::from).collect();
+        Fixes { y: t.iter().map(|t| [2.0 * t, -t]).collect(), starts: vec![0, 8, 12, 20], t }
+    }
+
+    #[test]
+    fn stamps_move_earlier_and_keep_their_places_and_pieces() {
+        let moved = fixes().retimed(&|t| 0.5 + 0.1 * t);
+        assert_eq!((moved.len(), moved.starts.as_slice()), (20, [0, 8, 12, 20].as_slice()));
+        for (k, (t, y)) in moved.t.iter().zip(&moved.y).enumerate() {
+            let before = k as f64;
+            assert!((t - before + 0.5 + 0.1 * before).abs() < 1e-12 && *y == [2.0 * before, -before]);
+        }
+        assert_eq!(moved.pieces().collect::<Vec<_>>(), [0..8, 8..12, 12..20]);
+    }
+
+    /// From 10 s on all stamps are 5.5 s earlier: those of 10 s to 14 s come before 9 s.
+    #[test]
+    fn stamps_that_come_out_of_order_are_left_out() {
+        let moved = fixes().retimed(&|t| if t >= 10.0 { 5.5 } else { 0.0 });
+        assert_eq!(
+            moved.y.iter().map(|y| y[0] / 2.0).collect::<Vec<f64>>(),
+            [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 15.0, 16.0, 17.0, 18.0, 19.0]
+        );
+        assert_eq!(moved.starts, [0, 8, 10, 15]);
+    }
+
+    /// A reset at 5 s; a gap of the velocity from 8 s to 12 s, which fixes show 1 s later.
+    #[test]
+    fn pieces_begin_at_resets_and_where_fixes_show_a_gap() {
+        let velocity_t: Vec<f64> =
+            (-200..2500).filter(|k| !(801..1200).contains(k)).map(|k| 0.01 * f64::from(k)).collect();
+        let motion = Motion::new(&velocity_t, &vec![1.0; velocity_t.len()], &vec![0.0; velocity_t.len()]);
+        let breaks = Breaks { resets: &[5.0], motion: &motion, delay: &|_| 1.0 };
+        let all = fixes();
+        let usable = |k: usize| !(10..13).contains(&k);
+        let of = Fixes::select(&all.t, &all.y, &breaks, usable, 1);
+        assert_eq!((of.len(), of.starts.as_slice()), (17, [0, 5, 10, 17].as_slice()));
+        assert_eq!((of.t[5], of.t[10], of.y[10]), (5.0, 13.0, [26.0, -13.0]));
+        let third = Fixes::select(&all.t, &all.y, &breaks, usable, 3);
+        assert_eq!(third.t, [0.0, 3.0, 6.0, 9.0, 15.0, 18.0]);
+        assert_eq!(third.starts, [0, 2, 4, 6]);
+    }
+}

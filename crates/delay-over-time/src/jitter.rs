@@ -140,4 +140,39 @@ mod tests {
         assert!(none.found_s.is_none());
         assert!((0.001..0.02).contains(&none.limit_s.unwrap()), "{none:?}");
     }
+
+    /// Ten blocks of equal weight whose squares lie ± `apart` about `square`: the mean is known to apart / 3.
+    fn of_blocks(square: f64, apart: f64) -> Jitter {
+        let weight = 3e4;
+        let blocks: Vec<(f64, f64)> =
+            (0..10).map(|k| (weight * (square + if k % 2 == 0 { apart } else { -apart }), weight)).collect();
+        judge(&blocks)
+    }
+
+    /// Student's t with nine degrees of freedom exceeds 4.297 with a probability of 0.1 %.
+    #[test]
+    fn jitter_is_found_where_it_is_sure_and_no_less_than_ten_milliseconds() {
+        let apart = 1e-4;
+        for (times, found) in [(4.2, false), (4.4, true), (-9.0, false)] {
+            let square = times * apart / 3.0;
+            let jitter = of_blocks(square, apart);
+            assert_eq!(jitter.found_s.is_some(), found, "{times}");
+            assert!(jitter.found_s.is_none_or(|s| (s - square.sqrt()).abs() < 1e-12));
+            assert!((jitter.limit_s.unwrap() - (2.8 * apart / 3.0).sqrt()).abs() < 1e-12);
+        }
+        assert!(
+            of_blocks(0.0099 * 0.0099, 1e-6).found_s.is_none() && of_blocks(0.0101 * 0.0101, 1e-6).found_s.is_some()
+        );
+        assert!(of_blocks(0.01, 0.0).limit_s.is_none(), "blocks that agree to all digits say nothing of their scatter");
+    }
+
+    #[test]
+    fn a_fix_is_compared_with_the_mean_of_its_neighbours() {
+        assert_eq!(second([1.0, 5.0, 3.0]), 3.0);
+        assert_eq!(second([1.0, 2.0, 3.0]), 0.0);
+        // Of a normal distribution the median size is 0.6745 standard deviations.
+        let high: Vec<[f64; 2]> =
+            (0..9).map(|k| [0.6745 * 2.0, -0.6745 * 3.0 * if k % 2 == 0 { 1.0 } else { -1.0 }]).collect();
+        assert!((typical_variance(&high) - 6.0).abs() < 1e-3);
+    }
 }

@@ -116,3 +116,64 @@ fn compass(cost: &mut dyn FnMut([f64; 2]) -> f64, mut best: Place) -> [f64; 2] {
     }
     best.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::{Random, turning};
+
+    /// Fixes of 5 Hz with a delay of 0.3 s, white noise of 0.2 m, and a wander of `wander` times that.
+    fn found(wander: f64, time_constant_s: f64, seed: u64) -> NoiseShape {
+        let (motion, mut random) = (turning(300.0), Random::new(seed));
+        let t: Vec<f64> = (0..1500).map(|k| 0.2 * f64::from(k)).collect();
+        let decay = (-0.2 / time_constant_s).exp();
+        let mut now = [0.2 * wander * random.normal(), 0.2 * wander * random.normal()];
+        let y = t.iter().map(|t| {
+            let place = motion.at(t - 0.3, &mut 0).place;
+            [0, 1].map(|a| {
+                now[a] = decay * now[a] + 0.2 * wander * (1.0 - decay * decay).sqrt() * random.normal();
+                place[a] + now[a] + 0.2 * random.normal()
+            })
+        });
+        let fixes = Fixes { y: y.collect(), starts: vec![0, 1500], t };
+        let mut scratch = Scratch::default();
+        let late = |_: f64| 0.3;
+        let starts = Starts::new(&fixes, &motion, 0.3, &late);
+        Sample::new(&fixes, &motion, &starts, 0.2, &mut scratch).shape(&fixes, &motion, 0.0, &mut scratch)
+    }
+
+    /// Windows of 20 s know how fast the noise wanders, 2 σ² / τ; σ and τ alone they know less well.
+    #[test]
+    fn simulated_noise_wanders_as_fast_as_is_found() {
+        for (wander, time_constant_s, seed) in [(4.0, 4.0, 1), (1.0, 2.0, 2), (10.0, 8.0, 3)] {
+            let shape = found(wander, time_constant_s, seed);
+            let fast = |wander: f64, time_constant_s: f64| 2.0 * wander * wander / time_constant_s;
+            let share = fast(shape.wander, shape.time_constant_s) / fast(wander, time_constant_s);
+            assert!((0.5..2.0).contains(&share), "{wander}, {time_constant_s} s: {shape:?}");
+        }
+        let shape = found(0.0, 5.0, 4);
+        assert!(shape.wander < 0.5, "where there is none: {shape:?}");
+    }
+
+    /// A bowl with its bottom beside the best point of the grid.
+    #[test]
+    fn the_search_goes_down_to_the_bottom_and_stays_within_its_bounds() {
+        for bottom in [[2.0f64, 3.0], [-2.0, 1.0], [0.5, 4.5]] {
+            let mut used = 0;
+            let mut bowl = |at: [f64; 2]| {
+                used += 1;
+                (at[0] - bottom[0]).powi(2) + (at[1] - bottom[1]).powi(2)
+            };
+            let start = best_of_grid(&mut bowl);
+            assert!((start.1 - bowl(start.0)).abs() < 1e-12);
+            let end = compass(&mut bowl, start);
+            assert!((0..2).all(|i| (end[i] - bottom[i]).abs() < 0.5), "{end:?} {bottom:?}");
+            assert!(used <= EVALUATIONS + 8, "{used}");
+        }
+        let mut slope = |at: [f64; 2]| at[0] - at[1];
+        let start = best_of_grid(&mut slope);
+        assert_eq!(start.0, [0.4f64.ln(), 20f64.ln()]);
+        let end = compass(&mut slope, start);
+        assert!((end[0] - 0.02f64.ln()).abs() < 1e-9 && (end[1] - 300f64.ln()).abs() < 1e-9, "{end:?}");
+    }
+}

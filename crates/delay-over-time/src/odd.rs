@@ -127,4 +127,41 @@ mod tests {
         assert_eq!((odd.rows.len(), odd.late.len()), (1, 0));
         assert!(flight(&[], 0.0).rows.is_empty());
     }
+
+    /// 17.2 % of directions lie behind: of four fixes all four with 0.09 %, of three all three with 0.5 %.
+    #[test]
+    fn more_than_chance_is_less_than_a_thousandth() {
+        let probability = |behind: u32, of: u32| -> f64 {
+            let choose = |k: u32| (0..k).map(|i| f64::from(of - i) / f64::from(i + 1)).product::<f64>();
+            (behind..=of).map(|k| choose(k) * 0.172f64.powi(k as i32) * 0.828f64.powi((of - k) as i32)).sum()
+        };
+        for of in 1..12 {
+            for behind in 0..=of {
+                let expected = probability(behind, of) < 1e-3;
+                assert_eq!(more_than_chance(behind as usize, of as usize), expected, "{behind} of {of}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_middle_of_three_lies_between_the_others() {
+        for [a, b, c] in [[1.0, 2.0, 3.0], [3.0, 1.0, 2.0], [2.0, 3.0, 1.0], [3.0, 2.0, 1.0], [2.0, 2.0, 1.0]] {
+            assert_eq!(middle_of([a, b, c]), 2.0);
+        }
+    }
+
+    /// Flying north-east, a fix 3 m north of the medians of its neighbours is √4.5 m along and −√4.5 m across.
+    #[test]
+    fn a_fix_is_off_along_and_across_its_direction() {
+        let mut e = vec![[10.0, -5.0]; 9];
+        e[5] = [40.0, 40.0];
+        e[4] = [13.0, -5.0];
+        let u = 15.0 / 2f64.sqrt();
+        let o = offset(&e, 4, &State { place: [0.0; 2], velocity: [u, u] });
+        let side = 4.5f64.sqrt();
+        assert!((o.along - side).abs() < 1e-9 && (o.across + side).abs() < 1e-9 && o.sides_differ == 0.0);
+        assert!(!o.is_behind());
+        let behind = offset(&e, 4, &State { place: [0.0; 2], velocity: [-15.0, -8.0] });
+        assert!(behind.along < 0.0 && behind.is_behind());
+    }
 }

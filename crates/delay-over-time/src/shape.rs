@@ -99,7 +99,9 @@ impl Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::Random;
     use crate::describe::Term;
+    use DelayTermKind::{Bend, Step};
 
     fn word(terms: &[(DelayTermKind, f64, f64)]) -> DelayKind {
         let terms = terms.iter().map(|(kind, at_s, size)| Term { kind: *kind, at_s: *at_s, size: *size }).collect();
@@ -108,7 +110,6 @@ mod tests {
 
     #[test]
     fn words_follow_the_shape() {
-        use DelayTermKind::{Bend, Step};
         assert_eq!(word(&[(Step, 120.0, 0.15)]), DelayKind::Steps);
         assert_eq!(
             word(&[(Step, 50.0, 0.2), (Step, 90.0, -0.21), (Step, 150.0, 0.19), (Step, 190.0, -0.2)]),
@@ -118,5 +119,56 @@ mod tests {
         assert_eq!(word(&[(Bend, 60.0, 0.021), (Bend, 168.0, -1.021), (Bend, 170.3, 1.0)]), DelayKind::Queues);
         assert_eq!(word(&[(Bend, 60.0, 0.02)]), DelayKind::BuildsUp);
         assert_eq!(word(&[(Bend, 0.0, 0.0005)]), DelayKind::Drifts);
+    }
+
+    /// Some steps and bends within and outside of a flight from 10 s to 110 s, at whole seconds.
+    fn anything(random: &mut Random) -> Description {
+        let mut term = |k: usize| {
+            let at_s = random.uniform(-5.0, 115.0).round() + 0.1 * k as f64;
+            let kind = if random.uniform(0.0, 1.0) < 0.5 { Step } else { Bend };
+            let size = random.normal() * if kind == Step { 0.3 } else { 0.05 };
+            Term { kind, at_s, size }
+        };
+        let mut terms: Vec<Term> = (0..6).map(&mut term).collect();
+        terms.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        Description { level_s: 0.2, terms }
+    }
+
+    /// Against a walk along the curve in steps of 10 ms.
+    #[test]
+    fn a_shape_is_what_the_curve_does_from_instant_to_instant() {
+        let mut random = Random::new(1);
+        for _ in 0..60 {
+            let d = anything(&mut random);
+            let shape = Shape::new(&d, [10.0, 110.0]);
+            let curve: Vec<f64> = (0..=10_000).map(|k| d.at(10.0 + 0.01 * f64::from(k) + 1e-7)).collect();
+            let (mut rise, mut fall, mut drop, mut steepest) = (0.0, 0.0, 0.0, 0.0f64);
+            for (k, w) in curve.windows(2).enumerate() {
+                let by = w[1] - w[0];
+                let t = 10.0 + 0.01 * (k as f64 + 1.0);
+                let jump: f64 =
+                    d.terms.iter().filter(|x| x.kind == Step && (x.at_s - t).abs() < 1e-6).map(|x| x.size).sum();
+                let slope = (by - jump) / 0.01;
+                drop += (-jump).max(0.0);
+                match slope {
+                    s if s < FLUSH => drop -= by - jump,
+                    s if s > 0.0 => rise += by - jump,
+                    _ => fall -= by - jump,
+                }
+                if slope >= FLUSH && slope.abs() > steepest.abs() {
+                    steepest = slope;
+                }
+            }
+            let room = 0.02;
+            let (least, most) = curve.iter().fold((f64::MAX, f64::MIN), |(l, m), x| (l.min(*x), m.max(*x)));
+            assert!((shape.least_s - least).abs() < room && (shape.most_s - most).abs() < room, "{d:?}");
+            assert!((shape.span_s() - (most - least)).abs() < 2.0 * room);
+            assert!(
+                (shape.rise_s - rise).abs() < room && (shape.fall_s - fall).abs() < room,
+                "{d:?} {shape:?} {rise} {fall}"
+            );
+            assert!((shape.drop_s - drop).abs() < room, "{d:?} {shape:?} {drop}");
+            assert!((shape.steepest - steepest).abs() < 1e-3, "{d:?} {} {steepest}", shape.steepest);
+        }
     }
 }

@@ -331,3 +331,58 @@ fn best_test(
     best.decision = best.comparison.as_ref().map(|c| decide(&best.known, c, settings));
     Some(best)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::turning;
+
+    /// A flight of `seconds` whose velocity was logged from `before` s earlier to `after` s later: delays searched, s.
+    fn searched(seconds: f64, before: f64, after: f64) -> [f64; 2] {
+        let motion = turning(seconds + 40.0);
+        let velocity_t: Vec<f64> =
+            (0..=((seconds + before + after) / 0.05) as usize).map(|k| 10.0 - before + 0.05 * k as f64).collect();
+        let velocity: Vec<[f64; 2]> = velocity_t.iter().map(|t| motion.at(*t, &mut 0).velocity).collect();
+        let t: Vec<f64> = (0..=(seconds / 0.2) as usize).map(|k| 10.0 + 0.2 * k as f64).collect();
+        let place: Vec<[f64; 2]> = t.iter().map(|t| motion.at(*t, &mut 0).place).collect();
+        let column = |x: &[[f64; 2]], a: usize| x.iter().map(|x| x[a]).collect::<Vec<f64>>();
+        let record = PositionAgainstVelocity {
+            t: &t,
+            north: &column(&place, 0),
+            east: &column(&place, 1),
+            velocity_t: &velocity_t,
+            velocity_north: &column(&velocity, 0),
+            velocity_east: &column(&velocity, 1),
+            breaks: &[],
+            device_time_s: None,
+        };
+        run(&record, &OverTimeSettings::default()).search_s
+    }
+
+    /// From −15 % to 35 % of the shared record, at least from −1 s to 2 s, and further where the velocity was logged longer.
+    #[test]
+    fn a_short_record_is_searched_for_short_delays() {
+        for (seconds, before, after, expected) in [
+            (120.0, 0.0, 0.0, [-2.5, 13.0]),
+            (20.0, 0.0, 0.0, [-2.5, 7.0]),
+            (12.0, 0.0, 0.0, [-1.8, 4.2]),
+            (12.0, 3.0, 0.4, [-2.2, 7.2]),
+            (12.0, 20.0, 20.0, [-2.5, 13.0]),
+        ] {
+            let found = searched(seconds, before, after);
+            assert!((0..2).all(|i| (found[i] - expected[i]).abs() < 1e-6), "{seconds} s: {found:?} {expected:?}");
+        }
+    }
+
+    #[test]
+    fn a_path_jumps_where_it_changes_by_more_than_three_tenths_of_a_second() {
+        let f = crate::example::found(&[0.2; 12], 1e-3);
+        let map = CoarseMap {
+            middle_s: vec![1.0, 3.0, 5.0, 7.0, 9.0],
+            path_s: vec![0.2, 0.4, 0.8, 0.51, -0.2],
+            ..f.map.unwrap()
+        };
+        assert_eq!(jumps(&map), [4.0, 8.0]);
+        assert_eq!((usual_length(0.2), usual_length(2.0)), (20.0, 50.0));
+    }
+}
