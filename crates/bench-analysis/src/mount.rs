@@ -168,8 +168,8 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
     }
 }
 
-/// The radius of a channel's circle is the bar's length times the channel's gain: it contradicts the rig file only where
-/// another channel shows the same length.
+/// The radius of a channel's circle is the bar's length times the channel's gain, and a lag or clipping makes that smaller: a
+/// short one contradicts the rig file only where another channel shows the same length.
 fn ask_for_witnesses(checks: &mut [MountCheck]) {
     let ratio = |c: &MountCheck| {
         let (stated, fitted) = (c.stated.filter(|_| c.unit == "m")?, c.fitted.found()?);
@@ -180,8 +180,9 @@ fn ask_for_witnesses(checks: &mut [MountCheck]) {
         let Some(own) = ratios[k].filter(|_| check.name.starts_with(circle::NAME)) else { continue };
         let is_alike =
             |other: &Estimate| (other.value - own.value).abs() <= 3.0 * u(other).hypot(u(&own)) + LENGTH_TOLERANCE;
+        let is_short = own.value < 1.0;
         let others = ratios.iter().enumerate().filter(|(other, _)| *other != k).filter_map(|(_, ratio)| ratio.as_ref());
-        if check.of_rig && check.agrees == Some(false) && !others.into_iter().any(is_alike) {
+        if is_short && check.of_rig && check.agrees == Some(false) && !others.into_iter().any(is_alike) {
             check.of_rig = false;
             check.text +=
                 ". No other channel shows this length: it is this channel's own gain or lag, or the bar's length";

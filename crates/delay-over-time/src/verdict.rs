@@ -46,7 +46,7 @@ pub(crate) struct Verdict {
 
 pub(crate) fn judge(found: &Found, settings: &OverTimeSettings) -> Verdict {
     let level = level_of(found);
-    let (mut constancy, widening_s) = constancy_of(found.test.as_ref(), settings);
+    let (mut constancy, widening_s) = constancy_of(found.test.as_ref(), found.span_s[0], settings);
     if found.explained {
         constancy.varies = true;
         constancy.note = Some("The windows alone are not sure of the change. The curve explains more than half of what a constant delay leaves.".to_owned());
@@ -124,7 +124,7 @@ fn untested(settings: &OverTimeSettings) -> Constancy {
 }
 
 /// The test of constancy as a record, and what it adds to the uncertainty of a constant.
-fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy, f64) {
+fn constancy_of(test: Option<&Test>, first_s: f64, settings: &OverTimeSettings) -> (Constancy, f64) {
     let mut out = untested(settings);
     let Some(test) = test else { return (out, 0.0) };
     out.windows = test.known.len() as u64;
@@ -145,7 +145,7 @@ fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy,
     let window = |row: usize| test.known.window.get(row).and_then(|w| test.windows.get(*w)).map(|w| [w.from_s, w.to_s]);
     out.left_out_window_s = d.rests_on.as_ref().and_then(|w| window(w.row));
     let differs = d.p < settings.significance && !d.varies;
-    out.note = note_of(&out, differs);
+    out.note = note_of(&out, first_s, differs);
     // A lone window that differs: the standard deviation of such a delay over the flight. Else any course between the two.
     let deviation = out.left_out_window_s.map_or(12f64.recip(), |[from, to]| {
         let flown: f64 = test.windows.iter().map(|w| w.to_s - w.from_s).sum();
@@ -156,13 +156,15 @@ fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy,
     (out, widening_s)
 }
 
-fn note_of(c: &Constancy, differs: bool) -> Option<String> {
+/// Instants are counted from the first fix, at `first_s`.
+fn note_of(c: &Constancy, first_s: f64, differs: bool) -> Option<String> {
     if let (true, Some(b)) = (differs, c.difference_s) {
         let by = plus_minus(b);
         return Some(match c.left_out_window_s {
             Some([from, to]) => format!(
-                "The delay differs by {by} in the {:.0} s that begin at {from:.0} s. Nothing else in the flight shows a change.",
-                to - from
+                "The delay differs by {by} in the {:.0} s that begin at {:.0} s. Nothing else in the flight shows a change.",
+                to - from,
+                from - first_s
             ),
             None => format!(
                 "The delay differs by {by} between parts of the flight. That is not surely above the limit of {}.",

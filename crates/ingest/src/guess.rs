@@ -204,29 +204,46 @@ fn with_bodies<'l>(
 ) -> Guess {
     let of_places = places.iter().map(|place| (place.topic, &place.timing));
     let times: Vec<(&str, &Timing)> = motions.iter().map(|m| (m.topic, &m.timing)).chain(of_places).collect();
-    let (bodies, unsure) = body::bodies(sources, &motions, &times);
+    let (mut bodies, unsure) = body::bodies(sources, &motions, &times);
+    let other_starts = leave_out_of_other_starts(&mut bodies, &times);
     reasons.extend(unsure.iter().cloned());
-    let own_starts = own_starts(&times);
     let guess = write::map(&All { places, motions, bodies }, &reasons, several);
     let unsure = unsure.iter().map(|why| format!("; not bound: {why}"));
-    let notes: Vec<String> = unsure.chain(own_starts.map(|note| format!("; {note}"))).collect();
+    let notes: Vec<String> = unsure.chain(other_starts.map(|note| format!("; {note}"))).collect();
     Guess { said: guess.said + &notes.concat(), ..guess }
 }
 
-/// Tables that each count from about zero may not have begun together.
-fn own_starts(times: &[(&str, &Timing)]) -> Option<String> {
-    const ABOUT_ZERO_S: f64 = 10.0;
-    let first = |timing: &Timing| timing.times_s.iter().copied().find(|t| t.is_finite());
-    let counts = |timing: &Timing| timing.clock == Clock::Elapsed && first(timing).is_some_and(|t| t < ABOUT_ZERO_S);
-    let tables: BTreeSet<&str> = times.iter().filter(|(_, timing)| counts(timing)).map(|(topic, _)| *topic).collect();
-    let all: Vec<&str> = tables.into_iter().collect();
-    (all.len() > 1).then(|| {
-        format!(
-            "the times of {} each count from about zero and are taken as one clock: if they did not start together, the \
-             difference is part of every delay between them",
-            all.join(" and ")
-        )
-    })
+/// Tables that each count from their own first row, and did not last equally long: they may not have begun together.
+fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> BTreeSet<&'t str> {
+    let own = |timing: &Timing| {
+        let given = || timing.times_s.iter().copied().filter(|t| t.is_finite());
+        let (first, second, last) = (given().next()?, given().nth(1)?, given().next_back()?);
+        let step = second - first;
+        (timing.clock == Clock::Elapsed && first.abs() <= step).then_some((last, step))
+    };
+    let all: Vec<(&str, (f64, f64))> = times.iter().filter_map(|(topic, t)| Some((*topic, own(t)?))).collect();
+    let lasts = || all.iter().map(|(_, (last, _))| *last);
+    let step = all.iter().map(|(_, (_, step))| *step).fold(0.0, f64::max);
+    let apart = lasts().fold(f64::MIN, f64::max) - lasts().fold(f64::MAX, f64::min);
+    if apart > 2.0 * step { all.into_iter().map(|(topic, _)| topic).collect() } else { BTreeSet::new() }
+}
+
+/// Takes out what lies in another such table than the position and the velocity: their delays against it would be wrong
+/// by the time between the starts. Gives what is said of it.
+fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(&str, &Timing)]) -> Option<String> {
+    let of_bodies = bodies.iter().map(|body| (body.topic, &body.timing));
+    let all: Vec<(&str, &Timing)> = times.iter().copied().chain(of_bodies).collect();
+    let doubtful = own_starts(&all);
+    if doubtful.len() < 2 {
+        return None;
+    }
+    bodies.retain(|body| !doubtful.contains(body.topic) || times.iter().any(|(topic, _)| *topic == body.topic));
+    let tables: Vec<&str> = doubtful.into_iter().collect();
+    Some(format!(
+        "the times of {} each count from their own first row, and nothing shows whether they began together: no delay between \
+         these tables is sure; log them with one clock",
+        tables.join(" and ")
+    ))
 }
 
 /// The map for a table without a header, or whose header says nothing: the two pairs of neighbours that agree best, if they
@@ -336,8 +353,13 @@ fn with_times<'l>(
             "the times of {} and {} count different clocks: {} and {}",
             of.table.topic.name, source.table.topic.name, own.clock, other.clock
         ),
-        (Some(_), None) => without_time(source),
-        _ => without_time(of),
+        (own, _) => {
+            let lacking = if own.is_none() { of } else { source };
+            match lacking.unread_time {
+                Some(_) => format!("the time of {} cannot be read", lacking.table.topic.name),
+                None => format!("no column of {} {NO_TIME}", lacking.table.topic.name),
+            }
+        }
     };
     let is_own = std::ptr::eq(source, of);
     for timing in &of.timings {

@@ -504,6 +504,10 @@ mod tests {
             ("t_s", Time, "", Some("s")),
             ("Time [s]", Time, "", Some("s")),
             ("vertical_speed", Velocity(Axis::Up), "", None),
+            ("true_lat", Latitude, "truth", None),
+            ("Longitude True", Longitude, "truth", None),
+            ("true_track", Track, "", None),
+            ("Bearing", Track, "", None),
         ]);
     }
 

@@ -185,8 +185,11 @@ pub(super) fn odd<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> 
     (!is_clock && numbers(table, &first.path).is_some()).then_some(first)
 }
 
-/// The first column that is a time by its name, and its first cell.
+/// The first column that is a time by its name, and its first cell; `None` of a table of one row, in which no time goes on.
 pub(super) fn unread(table: &Table, columns: &[Named]) -> Option<(String, String)> {
+    if table.rows < 2 {
+        return None;
+    }
     let first = columns.iter().find(|column| column.role == Role::Time)?;
     let text = |row| {
         let cell = texts(table, &first.path).and_then(|values| values.text(row).map(|text| text.trim().to_owned()));

@@ -115,6 +115,19 @@ fn tables_whose_last_word_says_what_they_hold_are_one_flight() {
 }
 
 #[test]
+fn tables_that_are_called_after_what_they_hold_are_one_flight() {
+    let table: &[u8] = b"time,lat,lon\n0,1,2\n1,1,2\n";
+    for names in [["f/gps.csv", "f/IMU.csv"], ["f/GPS_1.csv", "f/imu_1.csv"]] {
+        let folder = tree(&names.map(|name| (name, table)));
+        let found = found(folder.path());
+        assert_eq!(found.units.len(), 1, "{names:?}: {:?}", ids(&found));
+        assert_eq!(found.units[0].files.len(), 2);
+    }
+    let folder = tree(&["f/gps.csv", "f/gps-2.csv"].map(|name| (name, table)));
+    assert_eq!(found(folder.path()).units.len(), 2, "two of one kind are no parts of one flight");
+}
+
+#[test]
 fn a_folder_of_bare_topics_is_one_flight() {
     let folder =
         tree(&[("day/f1/gps-fix.csv", TOPIC), ("day/f1/gps-vel.csv", TOPIC), ("day/f1/operator-notes.csv", TOPIC)]);

@@ -264,6 +264,67 @@ fn the_time_column_its_unit_and_its_clock_are_said_and_an_unknown_unit_of_it_is_
     assert!(error.contains("the table states the time time in \"(fortnight)\""), "{error}");
 }
 
+/// 13:59:00 to 14:00:30 as numbers: a minute ends in a jump of 41.
+#[test]
+fn hours_minutes_and_seconds_in_a_number_are_a_time_of_day() {
+    let text = table("utc,lat,lon,alt,vn,ve,vu", |t, [latitude, longitude, up], [n, e, u]| {
+        let of_day = 13.0 * 3600.0 + 59.0 * 60.0 + t;
+        let clock = 1e4 * (of_day / 3600.0).floor() + 1e2 * (of_day % 3600.0 / 60.0).floor() + of_day % 60.0;
+        format!("{clock:.1},{},{},{up},{n},{e},{u}", deg(latitude), deg(longitude))
+    });
+    let loaded = load_text(&text);
+    assert_is_truth(&loaded);
+    assert!(said(&loaded).contains("utc as time-of-day"), "{}", said(&loaded));
+}
+
+#[test]
+fn what_is_called_true_or_of_the_gps_is_named_so() {
+    let text =
+        table("time,lat,lon,gps_lat,gps_lon,true_lat,true_lon,vn,ve", |t, [latitude, longitude, _], [n, e, _]| {
+            let [lat, lon] = [deg(latitude), deg(longitude)];
+            format!("{t},{lat},{lon},{lat},{lon},{lat},{lon},{n},{e}")
+        });
+    let said = said(&load_text(&text));
+    for named in
+        ["position.gps: latitude = gps_lat", "position.plain: latitude = lat", "position.truth: latitude = true_lat"]
+    {
+        assert!(said.contains(named), "{said}");
+    }
+}
+
+/// Two tables that count from their own first row and differ in length: their delays would hold the time between the starts.
+#[test]
+fn an_imu_that_may_have_begun_at_another_time_is_not_bound() {
+    let said_of = |imu_begins_s: f64, imu_counts_from_s: f64| {
+        let gps = table("time,lat,lon,vn,ve,vd", |t, [latitude, longitude, _], [n, e, u]| {
+            format!("{t},{},{},{n},{e},{}", deg(latitude), deg(longitude), -u)
+        });
+        let from = (10.0 * imu_begins_s) as u32;
+        let rows = (from..900).map(|i| {
+            let t = 0.1 * f64::from(i);
+            let [roll, pitch, yaw] = attitude(t);
+            let (rate, force) = imu(t);
+            let values = [roll, pitch, yaw, rate[0], rate[1], rate[2], force[0], force[1], force[2]];
+            let values: Vec<String> = values.iter().map(f64::to_string).collect();
+            format!("{:.1},{}\n", t - imu_counts_from_s, values.join(","))
+        });
+        let header = "time,roll_rad,pitch_rad,yaw_rad,p,q,r,ax,ay,az";
+        let imu = format!("{header}\n{}", rows.collect::<String>());
+        let folder = tempfile::tempdir().unwrap();
+        let paths = [("gps.csv", gps), ("imu.csv", imu)].map(|(name, text)| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        });
+        said(&load(&tables(&paths)).unwrap())
+    };
+    for shared in [said_of(0.0, 0.0), said_of(7.3, 0.0)] {
+        assert!(shared.contains("specific-force") && !shared.contains("began together"), "{shared}");
+    }
+    let own = said_of(7.3, 7.3);
+    assert!(!own.contains("specific-force") && own.contains("nothing shows whether they began together"), "{own}");
+}
+
 #[test]
 fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_left_open() {
     let height = |loaded: &Loaded| of(loaded, Quantity::PositionGeodetic).series.components()[2].clone();
