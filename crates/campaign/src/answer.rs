@@ -243,7 +243,7 @@ fn answered(
     if let Some(lateness_s) = out.lateness_s().filter(|_| absolute && one_delay) {
         out.advice = advice(&lateness_s, &out, health);
     }
-    out.advice.fly = fly(&out, over_time);
+    out.advice.fly = fly(&out, pair, over_time);
     out
 }
 
@@ -335,11 +335,17 @@ fn checked_by_reference(out: &FlightLateness, delays: &FlightDelays) -> Option<S
 }
 
 /// What to fly so that the next log tells what this one does not.
-fn fly(out: &FlightLateness, over_time: Option<&DelayOverTime>) -> Option<String> {
+fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayOverTime>) -> Option<String> {
     if out.lateness.is_some() && out.kind != DelayKind::NotTested {
         return None;
     }
-    over_time?.what_to_fly.clone()
+    over_time.and_then(|o| o.what_to_fly.clone()).or_else(|| match pair.map(|p| &p.delay) {
+        // Of a coarse clock or too few fixes no turns tell more.
+        Some(Finding::CannotTell(why)) if why.contains("turns") || why.contains("circles") => {
+            Some("Fly a minute of turns.".to_owned())
+        }
+        _ => None,
+    })
 }
 
 /// How a note begins that says what the log has.

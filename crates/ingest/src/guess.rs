@@ -340,15 +340,9 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
     if pairs.is_empty() { Err(why_not) } else { Ok(pairs) }
 }
 
-/// Tries all ways to read the time; only one of them may fit.
-fn with_times<'l>(
-    source: &'l Source<'l>,
-    position: &Position,
-    of: &'l Source<'l>,
-    velocity: &Velocity,
-) -> Result<Pair<'l>, String> {
-    let mut fits: Vec<Pair<'l>> = vec![];
-    let mut why_not = match (of.timings.first(), source.timings.first()) {
+/// Why no way to read the times of two tables is tried.
+fn no_common_time(source: &Source<'_>, of: &Source<'_>) -> String {
+    match (of.timings.first(), source.timings.first()) {
         (Some(own), Some(other)) if own.clock != other.clock => format!(
             "the times of {} and {} count different clocks: {} and {}",
             of.table.topic.name, source.table.topic.name, own.clock, other.clock
@@ -360,7 +354,18 @@ fn with_times<'l>(
                 None => format!("no column of {} {NO_TIME}", lacking.table.topic.name),
             }
         }
-    };
+    }
+}
+
+/// Tries all ways to read the time; only one of them may fit.
+fn with_times<'l>(
+    source: &'l Source<'l>,
+    position: &Position,
+    of: &'l Source<'l>,
+    velocity: &Velocity,
+) -> Result<Pair<'l>, String> {
+    let mut fits: Vec<Pair<'l>> = vec![];
+    let mut why_not = no_common_time(source, of);
     let is_own = std::ptr::eq(source, of);
     for timing in &of.timings {
         let is_same = |other: &&Timing| if is_own { other.entry == timing.entry } else { other.clock == timing.clock };

@@ -475,7 +475,8 @@ fn held_rows(samples: &Samples, compared: Option<usize>) -> (Vec<bool>, Option<H
         return (repeats, None);
     }
     let updates: Vec<usize> = updated().collect();
-    let is_steady = 10 * updates.windows(2).filter(|u| u[1] - u[0] == modal_run).count() >= 9 * (updates.len() - 1);
+    let modal = updates.iter().zip(updates.iter().skip(1)).filter(|(from, to)| *to - *from == modal_run).count();
+    let is_steady = 10 * modal >= 9 * updates.len().saturating_sub(1);
     if !is_steady && samples.is_rounded(&updates, compared) {
         repeats.fill(false);
         return (repeats, None);

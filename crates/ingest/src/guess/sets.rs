@@ -2,7 +2,7 @@
 
 use super::names::{Axis, Named, Role};
 use super::times::{Timing, timings};
-use crate::reader::Log;
+use crate::reader::{Log, TableHead};
 use crate::table::{Table, numbers};
 
 /// A table with what its names say and how its time may be read.
@@ -70,14 +70,19 @@ pub(super) fn sources(log: &Log) -> Vec<Source<'_>> {
     log.tables.iter().filter_map(|table| source(log, table)).collect()
 }
 
-fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
-    let head = log.head(&table.topic.name)?;
+/// The columns whose names say what they may be, and which hold a value.
+fn filled(head: &TableHead, table: &Table) -> Vec<Named> {
     let named: Vec<Named> = head.names.iter().filter_map(|path| super::names::named(head, path)).collect();
     let holds = |column: &&Named| {
         let values = || numbers(table, &column.path);
         column.role == Role::Time || values().is_some_and(|v| (0..table.rows).any(|row| v.number(row).is_some()))
     };
-    let named: Vec<Named> = named.iter().filter(holds).cloned().collect();
+    named.iter().filter(holds).cloned().collect()
+}
+
+fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
+    let head = log.head(&table.topic.name)?;
+    let named = filled(head, table);
     let mut labels: Vec<&str> = vec![];
     for column in named.iter().filter(|c| !matches!(c.role, Role::Time | Role::Week)) {
         if !labels.contains(&column.source.as_str()) {

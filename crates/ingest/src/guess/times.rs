@@ -88,7 +88,11 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     if column.unit.is_none() && is_hours_minutes_seconds(table, column) {
         return of_text(table, column, &["time-of-day"]).into_iter().collect();
     }
-    let Some((middle, step)) = middles(table, column) else { return vec![] };
+    middles(table, column).map_or(vec![], |values| of_numbers(table, column, values))
+}
+
+/// Of a column of numbers with this value and this step in the middle of all.
+fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<Timing> {
     let field = super::quoted(&column.path);
     let gps = column.words.iter().any(|word| word.contains("gps"));
     let of_unit = |(unit, scale): (&str, f64), why: &str, is_certain: bool| {
