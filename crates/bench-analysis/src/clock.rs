@@ -148,7 +148,11 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
         }
     }
     let Bridge { pps, hulls, used, .. } = bridge;
-    let basis = if used.pps { TimeBasis::Pps } else { TimeBasis::OneClock };
+    let basis = match used {
+        Ways { pps: true, .. } => TimeBasis::Pps,
+        Ways { hull: true, .. } => TimeBasis::FastestArrivals,
+        Ways { .. } => TimeBasis::OneClock,
+    };
     (!flight.channels.is_empty()).then(|| Tied {
         flight,
         times,

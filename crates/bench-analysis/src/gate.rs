@@ -97,13 +97,16 @@ fn encoder_check(motion: &Motion, rms_frequency_hz: f64) -> GateCheck {
     check("encoder rate", per_swing >= GOOD_SAMPLES_PER_SWING, text)
 }
 
+/// Said of an encoder whose angle scatters: the reference motion is wrong.
+pub(crate) const COUNTS_OR_STAMPS_WRONG: &str = "counts are lost or stamps jitter";
+
 fn residual_check(motion: &Motion) -> GateCheck {
     let counts = motion.residual_rms_counts();
     let [low, high] = GOOD_RESIDUAL_COUNTS;
     let text = match counts {
-        c if c > high => format!(
-            "{c:.2} counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or stamps jitter"
-        ),
+        c if c > high => {
+            format!("{c:.2} counts rms about the smoothed motion, a quantiser leaves 0.29: {COUNTS_OR_STAMPS_WRONG}")
+        }
         c if c < low => format!(
             "{c:.2} counts rms about the smoothed motion, a quantiser leaves 0.29: the angle was smoothed before, or the \
              counts per revolution are wrong"

@@ -172,7 +172,8 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
 /// short one contradicts the rig file only where another channel shows the same length.
 fn ask_for_witnesses(checks: &mut [MountCheck]) {
     let ratio = |c: &MountCheck| {
-        let (stated, fitted) = (c.stated.filter(|_| c.unit == "m")?, c.fitted.found()?);
+        let differs = c.unit == "m" && c.agrees == Some(false);
+        let (stated, fitted) = (c.stated.filter(|_| differs)?, c.fitted.found()?);
         Some(Estimate { value: fitted.value / stated, standard_uncertainty: Some(u(fitted) / stated) })
     };
     let ratios: Vec<Option<Estimate>> = checks.iter().map(ratio).collect();
@@ -182,7 +183,7 @@ fn ask_for_witnesses(checks: &mut [MountCheck]) {
             |other: &Estimate| (other.value - own.value).abs() <= 3.0 * u(other).hypot(u(&own)) + LENGTH_TOLERANCE;
         let is_short = own.value < 1.0;
         let others = ratios.iter().enumerate().filter(|(other, _)| *other != k).filter_map(|(_, ratio)| ratio.as_ref());
-        if is_short && check.of_rig && check.agrees == Some(false) && !others.into_iter().any(is_alike) {
+        if is_short && check.of_rig && !others.into_iter().any(is_alike) {
             check.of_rig = false;
             check.text +=
                 ". No other channel shows this length: it is this channel's own gain or lag, or the bar's length";
@@ -221,4 +222,33 @@ fn untold(name: String, unit: &str, why: &str) -> MountCheck {
 /// One coefficient of a regression as an estimate.
 fn coefficient(fit: &signal::Regression, k: usize) -> Estimate {
     estimate(fit.coefficients.get(k).copied().unwrap_or(0.0), fit.standard_uncertainty(k))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which of these lengths, found beside 1.3 m, contradict the rig file.
+    fn contradict<const N: usize>(found: [(&str, f64); N]) -> [bool; N] {
+        let of = |(name, length): (&str, f64)| {
+            let fitted = Estimate { value: length, standard_uncertainty: Some(0.003) };
+            check(name.to_owned(), "m", fitted, Some(1.3), 0.013, String::new())
+        };
+        let mut checks = found.map(of);
+        ask_for_witnesses(&mut checks);
+        checks.map(|c| c.of_rig && c.agrees == Some(false))
+    }
+
+    #[test]
+    fn a_short_circle_of_one_channel_alone_is_that_channels_gain_or_lag() {
+        let (position, velocity) = ("distance from the axis by position", "distance from the axis by velocity");
+        assert_eq!(contradict([(velocity, 1.25)]), [false]);
+        assert_eq!(contradict([(velocity, 1.25), (position, 1.3), ("lever arm z", 1.3)]), [false; 3]);
+        assert_eq!(contradict([(velocity, 1.25), (position, 1.1)]), [false; 2], "two lags");
+        // The bar is 5 cm shorter than the rig file says.
+        assert_eq!(contradict([(velocity, 1.25), (position, 1.252)]), [true; 2]);
+        assert_eq!(contradict([(velocity, 1.25), ("lever arm z", 1.248)]), [true; 2]);
+        // No lag makes a circle larger.
+        assert_eq!(contradict([(velocity, 1.35)]), [true]);
+    }
 }

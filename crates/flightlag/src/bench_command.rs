@@ -145,13 +145,21 @@ fn verdict_word(verdict: Verdict) -> &'static str {
 
 /// What is relative, and to what.
 fn anchors(channels: &[CardChannel]) -> Vec<String> {
-    let anchor = |c: &CardChannel| match &c.basis {
+    let line = |c: &CardChannel| {
+        match &c.basis {
         TimeBasis::OneClock | TimeBasis::Pps => None,
-        TimeBasis::Anchor { channel } => Some(channel.clone()),
+        TimeBasis::FastestArrivals => Some(
+            "delays hold the least transport latency from the device to the logger, which no log shows: the fastest arrivals \
+             tie the clocks"
+                .to_owned(),
+        ),
+        TimeBasis::Anchor { channel } => {
+            Some(format!("delays are relative to {channel}, which is taken as on time: the clocks differ"))
+        }
+    }
     };
-    let names: std::collections::BTreeSet<String> = channels.iter().filter_map(anchor).collect();
-    let line = |name: String| format!("delays are relative to {name}, which is taken as on time: the clocks differ");
-    names.into_iter().map(line).collect()
+    let lines: std::collections::BTreeSet<String> = channels.iter().filter_map(line).collect();
+    lines.into_iter().collect()
 }
 
 /// The folder of the report; `reports/bench-NAME` below the working folder if none is given.

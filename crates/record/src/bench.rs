@@ -253,6 +253,9 @@ pub enum TimeBasis {
     OneClock,
     /// A pulse per second ties the device's clock to the encoder's: delays are absolute.
     Pps,
+    /// The fastest arrivals tie the device's clock to the encoder's: delays hold the least transport latency, which no log
+    /// shows.
+    FastestArrivals,
     /// Clocks differ: delays are relative to this channel, taken as on time.
     Anchor {
         /// Name of the channel.

@@ -139,6 +139,7 @@ fn basis(basis: &TimeBasis) -> Markup {
         @match basis {
             TimeBasis::OneClock => { "one clock" }
             TimeBasis::Pps => { "pulse per second" }
+            TimeBasis::FastestArrivals => { "fastest arrivals" }
             TimeBasis::Anchor { channel } => { "relative to " code { (shown(channel)) } }
         }
     }

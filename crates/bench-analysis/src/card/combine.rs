@@ -2,6 +2,7 @@
 
 use super::identity::identity_conflict;
 use super::{CardError, sensor_name};
+use crate::gate::COUNTS_OR_STAMPS_WRONG;
 use crate::rig::{SIDE, SIGN};
 use crate::verdict::Evidence;
 use flight::{Code, Notices, Quantity, StampKind};
@@ -184,18 +185,32 @@ fn contradictions(record: &BenchRecord) -> Vec<String> {
     let wrong = checks.filter(|c| c.of_rig && c.agrees == Some(false)).map(|c| c.name.clone());
     let sign = differs(SIGN);
     let side = differs(SIDE);
-    sign.into_iter().chain(side).chain(wrong).collect()
+    let encoder = scattering_encoder(record).map(|_| "encoder residual".to_owned());
+    sign.into_iter().chain(side).chain(wrong).chain(encoder).collect()
+}
+
+/// What the gate says of an encoder whose angle scatters more than counts do.
+fn scattering_encoder(record: &BenchRecord) -> Option<&str> {
+    let checks = record.findings.iter().flat_map(|f| &f.gate.checks);
+    let failed = checks.filter(|c| !c.passed).map(|c| c.text.as_str());
+    failed.into_iter().find(|text| text.ends_with(COUNTS_OR_STAMPS_WRONG))
 }
 
 fn tell_of_rigs(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     for (name, record) in records {
         let wrong = contradictions(record);
         if !wrong.is_empty() {
-            let text = format!(
-                "the data contradict the rig file on {}: its channels are marked on the card; put the rig file right and \
-                 measure again",
-                wrong.join(", ")
-            );
+            let text = match (scattering_encoder(record), wrong.len()) {
+                (Some(why), 1) => format!(
+                    "the angle of the encoder scatters, {why}: the delays may be against a wrong motion, and the channels are \
+                     marked on the card; find the cause and measure again"
+                ),
+                _ => format!(
+                    "the data contradict the rig file on {}: its channels are marked on the card; put the rig file right and \
+                     measure again",
+                    wrong.join(", ")
+                ),
+            };
             notices.push(Code::RigContradicted, name, wrong.len() as u64, text);
         }
     }
@@ -251,6 +266,7 @@ impl Kind {
     fn of(channel: &ChannelDynamics) -> Kind {
         let anchor = match &channel.basis {
             TimeBasis::OneClock | TimeBasis::Pps => None,
+            TimeBasis::FastestArrivals => Some("the fastest arrivals".to_owned()),
             TimeBasis::Anchor { channel } => Some(channel.clone()),
         };
         Kind { quantity: channel.quantity, stamp_kind: channel.stamp_kind, anchor }

@@ -333,9 +333,9 @@ catalogue! {
                 "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity.",
                 "Make one card for each configuration.";
             RigContradicted, "rig-contradicted", [Warning],
-                "The data of a bench record contradict its rig file, so its delays are measured against a wrong motion. `bench` ends with \
-                 exit code 3.",
-                "Correct the rig file and measure again.";
+                "The data of a bench record contradict its rig file, or the angle of its encoder scatters, so its delays are measured \
+                 against a wrong motion. `bench` ends with exit code 3.",
+                "Correct the rig file, or what makes the angle scatter, and measure again.";
             CardRate, "card-rate", [Warning],
                 "Update rates differ: between the records of the bench, or between bench and flight.",
                 "Set the same rate on the bench and in flight.";

@@ -397,14 +397,17 @@ fn verticals(
         (None, ..) => (None, None),
     };
     notes.extend(why);
-    let place_side = height.map(|h| match height_unit {
-        Some(_) => side(h).unwrap_or(Vertical::Up),
-        None => Vertical::LeftOut,
+    // A `z` of a frame that nobody names counts as a vertical velocity shows that says where it points.
+    let by_third = || Some((side(third?)? == Vertical::Up) == (measured?.0 > 0.0));
+    let height_up = height.and_then(side).map(|side| side == Vertical::Up).or_else(by_third);
+    let place_side = height.map(|_| match (height_unit, height_up) {
+        (Some(_), Some(true)) => Vertical::Up,
+        (Some(_), Some(false)) => Vertical::Down,
+        _ => Vertical::LeftOut,
     });
     let mut counts = third.map(|t| side(t).unwrap_or(Vertical::LeftOut));
-    match (height, third, measured) {
-        (Some(h), Some(t), Some((agreement, _))) => {
-            let height_up = side(h).unwrap_or(Vertical::Up) == Vertical::Up;
+    match (height.zip(height_up), third, measured) {
+        (Some((h, height_up)), Some(t), Some((agreement, _))) => {
             let up = (agreement > 0.0) == height_up;
             let shown = if up { Vertical::Up } else { Vertical::Down };
             if side(t).is_some_and(|named| named != shown) {

@@ -121,6 +121,7 @@ fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
 fn unlike(measured: &ChannelDynamics, card: &CardChannel) -> Option<String> {
     let anchor = |basis: &TimeBasis| match basis {
         TimeBasis::OneClock | TimeBasis::Pps => None,
+        TimeBasis::FastestArrivals => Some("the fastest arrivals".to_owned()),
         TimeBasis::Anchor { channel } => Some(channel.clone()),
     };
     let clock =
@@ -248,6 +249,7 @@ pub(super) fn time_base(basis: &TimeBasis) -> Markup {
         @match basis {
             TimeBasis::OneClock => { "absolute (one clock)" }
             TimeBasis::Pps => { "absolute (pulse per second)" }
+            TimeBasis::FastestArrivals => { "longer by the least transport latency (fastest arrivals)" }
             TimeBasis::Anchor { channel } => { "relative to " code { (shown(channel)) } }
         }
     }
@@ -382,11 +384,11 @@ fn contradicted(channel: &CardChannel) -> Markup {
     html! {
         @if !channel.contradicted.is_empty() {
             p {
-                (badge("bad", "✗", "rig contradicted")) " The data contradict the rig file, so that the delay of "
+                (badge("bad", "✗", "rig contradicted")) " The data contradict the rig file or the encoder, so that the delay of "
                 code { (shown(&channel.name)) } " is measured against a motion that was not the bar's: "
                 @for (i, what) in channel.contradicted.iter().take(20).enumerate() { @if i > 0 { ", " } (shown(what)) }
                 @if channel.contradicted.len() > 20 { " and " (channel.contradicted.len() - 20) " more" }
-                ". Correct the rig file and measure again."
+                ". Correct what is named and measure again."
             }
         }
     }

@@ -216,3 +216,22 @@ fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
     assert_eq!(parse_card(&card_text(&combined.card), Path::new("c")).unwrap(), combined.card);
     assert!(combine(&runs(&[400.0]), &TERMS).unwrap().card.channels[0].contradicted.is_empty());
 }
+
+#[test]
+fn an_encoder_whose_angle_scatters_marks_the_channels() {
+    let mut all = runs(&[400.0, 401.0, 399.0]);
+    let check =
+        |passed: bool, text: &str| record::GateCheck { name: "encoder residual".into(), passed, text: text.into() };
+    let of = |record: &mut BenchRecord, check| record.findings.as_mut().unwrap().gate.checks.push(check);
+    of(&mut all[0].1, check(true, "0.30 counts rms about the smoothed motion, as a quantiser leaves (0.29)"));
+    of(
+        &mut all[1].1,
+        check(
+            false,
+            "1.70 counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or stamps jitter",
+        ),
+    );
+    let combined = combine(&all, &TERMS).unwrap();
+    assert_eq!(combined.card.channels[0].contradicted, ["swing-02: encoder residual"]);
+    assert_eq!(told(&combined), [("rig-contradicted", "swing-02")]);
+}

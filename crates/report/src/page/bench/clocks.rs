@@ -38,6 +38,7 @@ fn what_they_are(basis: &TimeBasis) -> Markup {
     match basis {
         TimeBasis::OneClock => html! { "absolute, up to the stamping of that one clock" },
         TimeBasis::Pps => html! { "absolute, up to the edge of the pulse" },
+        TimeBasis::FastestArrivals => html! { "absolute but for the least transport latency, which they hold" },
         TimeBasis::Anchor { channel } => html! {
             "relative: delay less that of " code { (shown(channel)) } ", which is taken as on time"
         },

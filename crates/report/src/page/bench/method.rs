@@ -154,6 +154,10 @@ fn clocks(clocks: &ClockFinding) -> Markup {
                 TimeBasis::Pps => {
                     "The pulse per second ties the device's clock to the encoder's by a line from pulse to pulse. "
                 }
+                TimeBasis::FastestArrivals => {
+                    "The fastest arrivals tie the device's clock to the encoder's. The least transport latency cannot be told \
+                     from a delay. "
+                }
                 TimeBasis::Anchor { channel } => {
                     "Encoder and sensor were stamped by different clocks. The channel " code { (shown(channel)) }
                     " is taken as on time: its lag is the offset of the clocks, and all other delays are given less that \
