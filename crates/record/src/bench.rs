@@ -358,6 +358,15 @@ pub struct DelayFinding {
     pub deciding_length_s: Option<f64>,
 }
 
+impl DelayFinding {
+    /// The margin that decided, s: the strict one where the interval excludes zero.
+    #[must_use]
+    pub fn deciding_margin_s(&self) -> f64 {
+        let [low, high] = self.interval_95_s;
+        if low > 0.0 || high < 0.0 { self.strict_margin_s } else { self.margin_s }
+    }
+}
+
 /// Noise about the reference: an Ornstein–Uhlenbeck process plus white noise, in the channel's unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]

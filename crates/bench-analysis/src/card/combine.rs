@@ -111,7 +111,7 @@ fn one_analysis(
     let was = first.analysis_version;
     match records.iter().find(|(_, r)| r.analysis_version != was) {
         Some((name, BenchRecord { analysis_version: is, .. })) => {
-            Err(error(name, format!("analysis version {is}, but {first_name} has {was}: analyse all of them anew")))
+            Err(error(name, format!("analysis version {is}, but {first_name} has {was}: analyse all of them again")))
         }
         None => Ok(was),
     }

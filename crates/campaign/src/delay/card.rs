@@ -108,7 +108,7 @@ impl<'a> Reading<'a> {
         self.warn_of_configuration(position, self.case.position);
         self.warn_of_lag(position);
         self.warn_of_rig(position);
-        self.warn_of_anchor(position);
+        self.warn_of_basis(position);
         self.tell_of_velocity();
         let validity = self.validity();
         let source = format!("{}{validity}", self.origin(position));
@@ -198,16 +198,22 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// A delay against an anchor is only as good as the anchor.
-    fn warn_of_anchor(&mut self, position: &CardChannel) {
-        if let TimeBasis::Anchor { channel } = &position.basis {
-            let text = format!(
+    /// A delay is only as good as what tied the clocks of the bench.
+    fn warn_of_basis(&mut self, position: &CardChannel) {
+        let text = match &position.basis {
+            TimeBasis::OneClock | TimeBasis::Pps => return,
+            TimeBasis::FastestArrivals => format!(
+                "{}: the fastest arrivals tied the clocks of the bench: the delay holds the least transport latency to its \
+                 logger",
+                position.name
+            ),
+            TimeBasis::Anchor { channel } => format!(
                 "{}: the delay is relative to {channel}, which the bench took as on time: whatever {channel} is late \
                  is missing in it",
                 position.name
-            );
-            self.tell(Code::CardRelative, text);
-        }
+            ),
+        };
+        self.tell(Code::CardRelative, text);
     }
 
     /// Stamps and update rate of the flight against those on the bench.

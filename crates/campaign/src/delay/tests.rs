@@ -292,6 +292,14 @@ fn a_delay_against_an_anchor_is_told() {
     assert_eq!(found.delay.seconds(), 0.4);
 }
 
+#[test]
+fn a_delay_that_holds_the_transport_to_the_logger_is_reported() {
+    let mut card = card("1", "2026-02-03");
+    card.channels[0].basis = TimeBasis::FastestArrivals;
+    let found = usual().with(&card).unwrap();
+    assert_eq!(codes(&found), [(Severity::Warning, "card-relative")]);
+}
+
 fn of_pair(kind: &str, first: &str, second: &str, delay_s: f64) -> record::PairDelay {
     let u_s = 0.001;
     let measured = serde_json::json!({

@@ -349,7 +349,7 @@ catalogue! {
                 "The flight uses another kind of timestamp than the bench.",
                 "Use the same kind of timestamp in both channel maps.";
             CardRelative, "card-relative", [Warning],
-                "The delay on the card is relative to a channel that the bench took as on time.",
+                "The delay on the card is relative to a channel that the bench took as on time, or holds the least transport latency.",
                 "Tie the clocks on the bench, for example by a pulse per second.";
             CardResidual, "card-residual", [Warning, Info],
                 "An error remains after the delay on the card is removed: a lag makes slow motion later, or the velocity is late itself.",

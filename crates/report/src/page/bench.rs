@@ -269,7 +269,7 @@ fn group(title: &str, channels: Vec<&ChannelDynamics>, say: fn(&ChannelDynamics)
 fn on_time(channel: &ChannelDynamics) -> Markup {
     html! {
         @if let Some(found) = &channel.delay {
-            " " (size(found, 1.0)) "\u{a0}ms within ±" (number::exact(found.margin_s * 1e3)) "\u{a0}ms"
+            " " (size(found, 1.0)) "\u{a0}ms within ±" (number::exact(found.deciding_margin_s() * 1e3)) "\u{a0}ms"
         }
     }
 }

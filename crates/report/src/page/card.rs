@@ -110,7 +110,7 @@ fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
         Forest {
             number,
             delay_s: found.map(|(_, delay)| verdict::delay(delay)),
-            margin_s: found.map(|(_, delay)| delay.margin_s),
+            margin_s: found.map(|(_, delay)| delay.deciding_margin_s()),
             left_out,
         }
     };

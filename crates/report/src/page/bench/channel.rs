@@ -129,7 +129,7 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
         (fact("Effective delay when the last value is held", or_why(found.as_seen_s.as_ref(), not_held(channel), held)))
         (fact("Fit that ignores the holding", or_why(found.held_fit_s.as_ref(), not_held(channel), held)))
         (fact("Smallest detectable delay (power 80 %)", ms(found.minimum_detectable_s)))
-        (fact("Margin of equivalence", html! { "±" (exact(found.margin_s * 1e3)) " ms" }))
+        (fact("Margin of equivalence", html! { "±" (exact(found.deciding_margin_s() * 1e3)) " ms" }))
         (fact("Record that would decide", or_why(found.deciding_length_s, decided(channel), |s| html! { (duration(s)) })))
     }
 }
