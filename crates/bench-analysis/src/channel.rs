@@ -1,27 +1,26 @@
 //! The dynamics of one channel against the reference motion (design note 3 and 9).
 
+use crate::constancy::{Constancy, constancy};
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
 use crate::overlay::Laid;
 use crate::reference_error::with_reference;
 use crate::response::response;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement, rate_hz};
-use crate::verdict::{Evidence, millis, probability};
+use crate::verdict::{Evidence, millis};
 use flight::{Delay, RejectCount};
 use record::{
     ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, ModelCandidate, ModelFinding,
-    NoiseFinding, ObjectiveCurve, Stationarity, TimeBasis, Verdict,
+    NoiseFinding, ObjectiveCurve, TimeBasis, Verdict,
 };
 use signal::{
     ComponentFit, DelayFit, DelaySettings, LagChoice, Measurement, NoiseRule, Uncertain, autocorrelation,
-    choose_lag_model_against, delay_by_segment, delay_excess, fit_delay, homogeneity, jitter_from_residuals, kurtosis,
-    ljung_box, resolution, static_deviation, static_segments,
+    choose_lag_model_against, delay_excess, fit_delay, jitter_from_residuals, kurtosis, ljung_box, resolution,
+    static_deviation, static_segments,
 };
 
 /// Lags of the autocorrelation that are shown and tested.
 const ACF_LAGS: usize = 40;
-/// Windows of the delay over the record, s; half overlapping.
-const WINDOW_S: f64 = 15.0;
 /// Another minimum within this many units of chi-squared is told.
 const SECOND_MINIMUM_EXCESS: f64 = 9.0;
 /// Points of the objective's curves.
@@ -53,18 +52,23 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
             return found;
         }
     };
+    let reference_std = updates.reference_std(channel);
+    found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));
+    let Constancy { finding, change_s } = constancy(&measurements, &fit, &settings, found.model.found());
     let reference_s = bench.errors.of_delay(&measurements, &fit, &updates.sensitivities(channel));
-    let delay = delay_finding(channel, bench, &updates, &fit, reference_s);
+    let beyond = Beyond { reference_s, change_s: change_s.unwrap_or(0.0) };
+    let delay = delay_finding(channel, bench, &updates, &fit, beyond);
     found.predicted_s = Some(fit.crlb_s);
     (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
     found.rejected = unused(&updates, &fit);
     found.components = components(channel, bench, &updates, &fit);
-    let reference_std = updates.reference_std(channel);
-    found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));
+    if change_s.is_some() {
+        found.reason += &finding.found().map(|f| format!("; {}", f.text)).unwrap_or_default();
+    }
     found.reason += &found.model.found().map(beside_the_delay).unwrap_or_default();
     found.response = response(channel, &updates, &fit, &found.model);
     found.checks = Some(checks(&measurements, &fit, bench.search_s));
-    found.stationarity = stationarity(&measurements, &fit);
+    found.stationarity = finding;
     found.jitter_s = jitter(&fit);
     found.injections = inject(&measurements, &settings, bench);
     found.delay = Some(delay);
@@ -127,18 +131,27 @@ pub(crate) fn estimate(uncertain: Uncertain) -> Estimate {
     Estimate { value: uncertain.value, standard_uncertainty: Some(uncertain.standard_uncertainty) }
 }
 
+/// What the noise of a fit cannot know of its delay.
+#[derive(Clone, Copy)]
+struct Beyond {
+    /// Standard uncertainty from the reference, s.
+    reference_s: f64,
+    /// How far the delay is from constant, s.
+    change_s: f64,
+}
+
 fn delay_finding(
     channel: &SensedChannel<'_>,
     bench: &Circumstances<'_>,
     updates: &Updates,
     fit: &DelayFit,
-    reference_s: f64,
+    Beyond { reference_s, change_s }: Beyond,
 ) -> DelayFinding {
     let stamps_s = stamp_uncertainty(channel, updates);
     let is_anchor = matches!(bench.basis, TimeBasis::Anchor { channel: anchor } if anchor == channel.name);
     let anchor_s = if is_anchor { 0.0 } else { bench.anchor_s };
     let own_s = with_reference(fit.standard_uncertainty_s, reference_s, fit.components.len());
-    let standard_uncertainty_s = own_s.hypot(stamps_s).hypot(anchor_s);
+    let standard_uncertainty_s = own_s.hypot(stamps_s).hypot(anchor_s).hypot(change_s);
     let judgement = evidence(bench, updates, fit, standard_uncertainty_s).judge();
     let as_seen = updates
         .mean_age_s
@@ -151,6 +164,7 @@ fn delay_finding(
         reference_s,
         stamps_s,
         anchor_s,
+        change_s,
         interval_95_s: judgement.interval_95_s,
         degrees_of_freedom: fit.degrees_of_freedom,
         crlb_s: fit.crlb_s,
@@ -398,43 +412,6 @@ fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64,
     let (delay_s, value) = delay_excess(measurements, fit, &grid(from, to));
     let (near_delay_s, near_value) = delay_excess(measurements, fit, &grid(fit.delay_s - half, fit.delay_s + half));
     ObjectiveCurve { delay_s, value, near_delay_s, near_value }
-}
-
-fn stationarity(measurements: &[Measurement<'_>], fit: &DelayFit) -> Finding<Stationarity> {
-    let windows = delay_by_segment(measurements, fit, WINDOW_S, 0.5);
-    let apart = delay_by_segment(measurements, fit, WINDOW_S, 0.0);
-    let Some((chi2, constant_p)) = homogeneity(&apart) else {
-        return Finding::CannotTell(format!("fewer than two windows of {WINDOW_S} s with enough motion"));
-    };
-    let slope = slope(&apart);
-    let found = if constant_p < 0.01 { "The delay changes over the record" } else { "No change over the record" };
-    let text = format!("{found} (χ² = {chi2:.1}, {} windows, {}).", apart.len(), probability(constant_p));
-    Finding::Found(Stationarity {
-        window_s: WINDOW_S,
-        t_s: windows.iter().map(|w| w.middle_s).collect(),
-        delay_s: windows
-            .iter()
-            .map(|w| Estimate { value: w.delay_s, standard_uncertainty: Some(w.standard_uncertainty_s) })
-            .collect(),
-        constant_p,
-        slope,
-        text,
-    })
-}
-
-/// Weighted straight line through the delays of windows that do not overlap, s/s.
-fn slope(windows: &[signal::SegmentDelay]) -> Estimate {
-    let weight = |w: &signal::SegmentDelay| w.standard_uncertainty_s.powi(-2);
-    let total: f64 = windows.iter().map(weight).sum();
-    let mean = |f: &dyn Fn(&signal::SegmentDelay) -> f64| windows.iter().map(|w| weight(w) * f(w)).sum::<f64>() / total;
-    let (t, d) = (mean(&|w| w.middle_s), mean(&|w| w.delay_s));
-    let spread = windows.iter().map(|w| weight(w) * (w.middle_s - t).powi(2)).sum::<f64>();
-    let product = windows.iter().map(|w| weight(w) * (w.middle_s - t) * (w.delay_s - d)).sum::<f64>();
-    let known = spread > 0.0;
-    Estimate {
-        value: if known { product / spread } else { 0.0 },
-        standard_uncertainty: known.then(|| spread.sqrt().recip()),
-    }
 }
 
 fn jitter(fit: &DelayFit) -> Finding<Estimate> {

@@ -51,6 +51,7 @@ pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f
         encoder_check(motion, rms_frequency_hz),
         residual_check(motion),
     ];
+    checks.extend(slip_check(motion));
     checks.extend(null_check(&states, sensor, arm_m, gravity));
     checks.extend(sensor.channels.iter().filter_map(|(name, channel)| saturation_check(name, channel)));
     let closed = if amplitude < LEAST_AMPLITUDE {
@@ -114,6 +115,17 @@ fn residual_check(motion: &Motion) -> GateCheck {
         c => format!("{c:.2} counts rms about the smoothed motion, as a quantiser leaves (0.29)"),
     };
     check("encoder residual", (low..=high).contains(&counts), text)
+}
+
+/// Said of an encoder that lost counts: what it says of the rest of the record is not sure either.
+pub(crate) const SLIPPED: &str = "encoder slip";
+
+fn slip_check(motion: &Motion) -> Option<GateCheck> {
+    let encoder = motion.encoder();
+    (!encoder.slips.is_empty()).then(|| {
+        let text = format!("{}: counts were lost, or the encoder turned on its shaft", encoder.slips_in_words());
+        check(SLIPPED, false, text)
+    })
 }
 
 /// A free hanging pendulum has no tangential specific force at all: `L ξ″ + g sin ξ = 0`.

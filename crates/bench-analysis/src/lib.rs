@@ -5,6 +5,7 @@ mod bench;
 mod card;
 mod channel;
 mod clock;
+mod constancy;
 mod curves;
 mod encoder;
 mod flexibility;
@@ -25,6 +26,7 @@ mod rig;
 mod rig_file;
 mod sensed;
 mod sensor_rows;
+mod slip;
 mod surroundings;
 mod verdict;
 
@@ -54,4 +56,5 @@ pub use crate::rig::{
 };
 #[cfg(feature = "schema")]
 pub use crate::rig_file::rig_schema;
+pub use crate::slip::Slip;
 pub use crate::surroundings::{Surroundings, place_of};

@@ -97,8 +97,7 @@ fn cells(channel: &CardChannel) -> Vec<String> {
     let (digits, gain_digits) = (digits(u_ms), digits(u_gain));
     vec![
         channel.name.clone(),
-        verdict_word(channel.verdict).to_owned()
-            + if channel.contradicted.is_empty() { "" } else { ", rig contradicted" },
+        verdict_word(channel.verdict).to_owned() + if channel.contradicted.is_empty() { "" } else { ", in doubt" },
         format!("{:.digits$}", channel.delay_s * 1e3),
         format!("{u_ms:.digits$}"),
         channel.as_seen_delay_s.map_or_else(|| "-".to_owned(), |s| format!("{:.digits$}", s * 1e3)),
