@@ -14,6 +14,8 @@ const SAID: f64 = 0.01;
 const SURE: f64 = 0.001;
 /// Half an interval of 95 % in standard uncertainties.
 const HALF_95: f64 = 1.96;
+/// A lag that explains a change leaves less than this share of its range.
+const LAG_EXPLAINS: f64 = 0.5;
 /// Grid of a reference behind a lag, s.
 const GRID_S: f64 = 0.01;
 
@@ -38,7 +40,7 @@ pub(crate) fn constancy(
         let text = format!("fewer than two windows of {WINDOW_S} s with enough motion");
         return Constancy { finding: Finding::CannotTell(text), change_s: None };
     };
-    let by_the_lag = constant_p < SAID && !changes_behind_lag(measurements, settings, model);
+    let by_the_lag = constant_p < SAID && !changes_behind_lag(measurements, settings, model, &apart);
     let changes = constant_p < SURE && !by_the_lag;
     let least = windows.iter().map(|w| w.delay_s).fold(f64::INFINITY, f64::min);
     let most = windows.iter().map(|w| w.delay_s).fold(f64::NEG_INFINITY, f64::max);
@@ -69,6 +71,7 @@ fn changes_behind_lag(
     measurements: &[Measurement<'_>],
     settings: &DelaySettings,
     model: Option<&ModelFinding>,
+    apart: &[SegmentDelay],
 ) -> bool {
     let best = model.and_then(|m| m.candidates.first());
     let lags: Vec<f64> = best.into_iter().flat_map(|c| &c.lags_s).map(|l| l.value).filter(|l| *l > 0.0).collect();
@@ -80,7 +83,18 @@ fn changes_behind_lag(
     let behind: Vec<Measurement<'_>> =
         measurements.iter().zip(&references).map(|(m, reference)| Measurement { reference, ..*m }).collect();
     let Ok(fit) = fit_delay(&behind, settings) else { return true };
-    homogeneity(&delay_by_segment(&behind, &fit, WINDOW_S, 0.0)).is_none_or(|(_, p)| p < SURE)
+    // A lag that was fitted to a step leaves the windows apart, but with so much noise that no chi-squared shows it.
+    let sharper = |window: SegmentDelay| {
+        let same = apart.iter().find(|w| (w.middle_s - window.middle_s).abs() < 0.5 * WINDOW_S);
+        let known_s = same.map_or(f64::INFINITY, |w| w.standard_uncertainty_s);
+        SegmentDelay { standard_uncertainty_s: window.standard_uncertainty_s.min(known_s), ..window }
+    };
+    let windows: Vec<SegmentDelay> = delay_by_segment(&behind, &fit, WINDOW_S, 0.0).into_iter().map(sharper).collect();
+    let range = |all: &[SegmentDelay]| {
+        let bound = |f: fn(f64, f64) -> f64, from: f64| all.iter().map(|w| w.delay_s).fold(from, f);
+        bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY)
+    };
+    range(&windows) > LAG_EXPLAINS * range(apart) || homogeneity(&windows).is_none_or(|(_, p)| p < SURE)
 }
 
 /// Weighted straight line through the delays of windows that do not overlap, s/s.

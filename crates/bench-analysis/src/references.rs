@@ -158,7 +158,7 @@ impl<'a> Maker<'a> {
     fn onto_the_same_turn(&self, t_s: &[f64], rows: &mut SensorRows) {
         for column in &mut rows.columns {
             let mut off: Vec<f64> =
-                t_s.iter().zip(&*column).filter_map(|(t, y)| Some(self.motion.at(*t)?.angle - y)).collect();
+                t_s.iter().zip(&*column).filter_map(|(t, y)| Some(self.motion.seen_at(*t)?.angle - y)).collect();
             let turns = (signal::median_in_place(&mut off).unwrap_or(0.0) / std::f64::consts::TAU).round();
             column.iter_mut().for_each(|y| *y += turns * std::f64::consts::TAU);
         }

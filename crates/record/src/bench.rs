@@ -548,6 +548,9 @@ pub struct FitChecks {
     pub kurtosis: f64,
     /// Share of samples that the robust weights held back, 0 to 1.
     pub downweighted_share: f64,
+    /// Share of the samples that are more than four standard deviations off: 6 in 100 000 of Gaussian noise.
+    #[serde(default)]
+    pub outlier_share: f64,
     /// Objective over delay: −2 log likelihood above its least, noise as fitted.
     pub objective: ObjectiveCurve,
     /// Another minimum nearly as good, s: the delay is ambiguous by a swing.

@@ -356,7 +356,7 @@ impl<'a> Several<'a> {
                 code: Code::NotComparable,
                 record: "",
                 channel: name,
-                why: disagreement(&kept, &left),
+                why: disagreement(kept.into_iter().chain(left).collect()),
             });
             return None;
         }
@@ -477,11 +477,15 @@ impl<'a> Several<'a> {
     }
 }
 
-/// Both groups of records, where neither is a clear majority.
-fn disagreement(kept: &[Run<'_>], left: &[Run<'_>]) -> String {
+/// Both groups of records, where neither is a clear majority: apart at the widest gap between their delays.
+fn disagreement(mut runs: Vec<Run<'_>>) -> String {
+    let delay_s = |r: &Run<'_>| r.delay.delay.seconds();
+    runs.sort_by(|a, b| delay_s(a).total_cmp(&delay_s(b)));
+    let gap = |k: &usize| delay_s(&runs[*k]) - delay_s(&runs[k - 1]);
+    let split = (1..runs.len()).max_by(|a, b| gap(a).total_cmp(&gap(b))).unwrap_or(0);
     let group = |runs: &[Run<'_>]| {
         let one = |r: &Run<'_>| {
-            let [delay_ms, u_ms] = [r.delay.delay.seconds(), 2.0 * r.delay.standard_uncertainty_s].map(|s| 1e3 * s);
+            let [delay_ms, u_ms] = [delay_s(r), 2.0 * r.delay.standard_uncertainty_s].map(|s| 1e3 * s);
             with_minus(&format!("{} {delay_ms:.1} ± {u_ms:.1} ms", r.record))
         };
         runs.iter().map(one).collect::<Vec<_>>().join(", ")
@@ -489,8 +493,8 @@ fn disagreement(kept: &[Run<'_>], left: &[Run<'_>]) -> String {
     format!(
         "the records disagree: {} against {}. No group is more than two thirds of them, so the card gives no common delay. Find \
          what differs between them, and make one card for each configuration",
-        group(kept),
-        group(left)
+        group(&runs[..split]),
+        group(&runs[split..])
     )
 }
 

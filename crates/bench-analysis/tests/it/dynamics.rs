@@ -113,3 +113,16 @@ fn intervals_hold_against_a_coarse_encoder() {
         }
     }
 }
+
+/// The number of a lag of 300 ms was "204 ms late": the pure delay that fits this swing.
+#[test]
+fn a_lag_is_said_with_its_own_numbers_first() {
+    let mut settings = BenchSettings { seed: 5, ..BenchSettings::default() };
+    settings.bar.azimuth_rad = 0.7;
+    let sensor = BenchSensor { lags_s: vec![0.3], ..BenchSensor::noisy(50.0, 0.01) };
+    let found = alone(BenchChannel::VelocityIns, settings, sensor);
+    assert_eq!(found.model.found().unwrap().chosen.as_deref(), Some("L"), "{}", found.reason);
+    let said = found.reason.strip_prefix("a first-order lag of ").unwrap();
+    let value: f64 = said.split(' ').next().unwrap().parse().unwrap();
+    assert!((value - 300.0).abs() < 5.0 && said.contains("fits this swing best"), "{}", found.reason);
+}

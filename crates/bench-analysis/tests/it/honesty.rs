@@ -60,3 +60,95 @@ fn a_delay_that_changes_is_said_and_covered() {
         assert!(!gyro.stationarity.found().unwrap().changes && gyro.delay.as_ref().unwrap().change_s == 0.0);
     }
 }
+
+/// 1.3 s early and 3 s late with a search of −1 to 1.5 s: it was a delay within it, "± 10 ms", and exit code 0.
+#[test]
+fn a_delay_outside_of_the_search_is_no_number() {
+    for (seed, delay, quantity) in [
+        (0, 3.0, Quantity::Attitude),
+        (1, 1.8, Quantity::VelocityNed),
+        (2, -1.3, Quantity::VelocityNed),
+        (3, 2.4, Quantity::Attitude),
+        (4, 1.52, Quantity::Attitude),
+    ] {
+        let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
+        let late = sensed(&swing, &sensor, quantity, 20.0, delay, 0.01);
+        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 50.0, 0.0, 0.01);
+        let encoder = encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.0);
+        let found = measured(encoder, vec![("late", late), ("angular-rate.imu", gyro)]);
+        let late = channel_of(&found, "late");
+        assert!(late.delay.is_none() && late.verdict == record::Verdict::NotMeasurable, "{delay}: {late:?}");
+        let words = ["cannot tell", "search window of −1 to 1.5 s", "widen analysis.search_s"];
+        assert!(words.iter().all(|w| late.reason.contains(w)), "{}", late.reason);
+        assert!(channel_of(&found, "angular-rate.imu").delay.is_some());
+    }
+}
+
+/// A gap of 3 s was bridged with motion that never was: 6 ms of error, stated ± 11 ms.
+#[test]
+fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
+    for seed in 0..4 {
+        let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
+        let whole = encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.0);
+        let kept: Vec<usize> = (0..whole.series.len()).filter(|k| !(2200..2500).contains(k)).collect();
+        let t: Vec<f64> = kept.iter().map(|k| *k as f64 / 100.0).collect();
+        let counts = kept.iter().map(|&k| whole.series.component(0)[k]).collect();
+        let encoder = crate::support::channel(Quantity::EncoderCount, &t, vec![counts]);
+        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 50.0, 0.005, 0.005);
+        let attitude = sensed(&swing, &sensor, Quantity::Attitude, 50.0, 0.03, 0.003);
+        let found = measured(encoder, vec![("angular-rate.imu", gyro), ("attitude.ins", attitude)]);
+        for (name, truth) in [("angular-rate.imu", 0.005), ("attitude.ins", 0.03)] {
+            let channel = channel_of(&found, name);
+            let silent = channel.rejected.iter().find(|r| r.reason.contains("silent")).unwrap();
+            // Three seconds at 50 Hz and a tenth of a second at either end.
+            assert!((150..=165).contains(&silent.count), "{silent:?}");
+            let delay = channel.delay.as_ref().unwrap();
+            let error = delay.delay.seconds() - truth;
+            assert!(error.abs() < 4.0 * delay.standard_uncertainty_s, "{error} {delay:?}");
+            assert!(delay.standard_uncertainty_s < 1e-4, "{delay:?}");
+        }
+        assert!(
+            found.notices.iter().any(|n| n.code == "samples-left-out" && n.text.contains("22.00 to 25.00")
+                || n.text.contains("21.99 to 25.00")),
+            "{:?}",
+            found.notices
+        );
+    }
+}
+
+/// The gain is known no better than the reference: against 200 counts 11 of 16 gyros had a gain beyond k = 2.
+#[test]
+fn the_gain_against_a_coarse_encoder_holds_the_truth() {
+    let trials = 12;
+    let misses = |seed: u64| {
+        let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
+        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 100.0, 0.0, 0.005);
+        let encoder = encoder_channel(&swing, 100.0, 200.0, 1.0, 0.0);
+        let flight = flight_of(vec![("encoder.bar", encoder), ("angular-rate.imu", gyro)]);
+        let mut rig = rig("azimuth_deg = 30", "", "");
+        rig.encoder.counts_per_rev = Some(200.0);
+        rig.analysis.inject_s = vec![];
+        let found = bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig).unwrap();
+        let moved = channel_of(&found, "angular-rate.imu").components.iter().find_map(|c| c.gain.filter(|_| c.excited));
+        let gain = moved.unwrap();
+        (gain.value - 1.0).abs() > 2.0 * gain.standard_uncertainty.unwrap()
+    };
+    let missed = (0..trials).filter(|seed| misses(*seed)).count();
+    assert!(missed <= 2, "{missed} of {trials}");
+}
+
+/// Full turns were "0 swing; ten or more are needed", though the bar moved all the time.
+#[test]
+fn full_turns_are_refused_as_full_turns() {
+    let t = crate::support::grid(100.0, 40.0);
+    let counts = t.iter().map(|t| (3.0 * t / std::f64::consts::TAU * 2000.0).round()).collect();
+    let encoder = crate::support::channel(Quantity::EncoderCount, &t, vec![counts]);
+    let gyro = crate::support::channel(
+        Quantity::AngularRate,
+        &t,
+        vec![vec![0.0; t.len()], t.iter().map(|t| 3.0 + 0.01 * (50.0 * t).sin()).collect(), vec![0.0; t.len()]],
+    );
+    let found = measured(encoder, vec![("angular-rate.imu", gyro)]);
+    let reason = &channel_of(&found, "angular-rate.imu").reason;
+    assert!(reason.contains("19.1 full turns and 0 swings"), "{reason}");
+}

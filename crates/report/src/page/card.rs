@@ -234,7 +234,12 @@ fn displaced(channel: &CardChannel) -> Markup {
                 code { (shown(&channel.name)) } " is " (word) " by " (estimate(&number::scaled(&delay_ms(channel), sign)))
                 "\u{a0}ms, " (time_base(&channel.basis))
             }
-            " (k = 2), from " (number::counted(channel.records, "record", "records"))
+            " (k = 2)"
+            @if let Some(slow) = channel.slow_motion_delay_s {
+                ", as the pure delay that fits the bench's swing best. It is a lag (" (shown(&channel.model)) "): slow motion is "
+                b { (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) " ms" } " late"
+            }
+            ", from " (number::counted(channel.records, "record", "records"))
             @if !channel.outliers.is_empty() {
                 ", " (number::counted(channel.outliers.len() as u64, "record", "records")) " left out"
             }
