@@ -24,7 +24,6 @@ use record::{
     BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, RigGeometry, RigPart, TimeBasis,
 };
 use signal::{DelayFit, DelaySettings, Gain, Measurement, Sign, fit_delay};
-use std::collections::BTreeMap;
 
 /// A bar that turns slower than this many counts a second stands still.
 const STILL_COUNTS_PER_S: f64 = 1.0;
@@ -104,7 +103,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     }
     let arm = accelerometer_arm(sensor, rig);
     let Gate { quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
-    let channels = channels(sensor, &references, &tied, &timing, &motion, rig, &alignment.coarse_delay_s, closed);
+    let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
     tell_of_gaps(&motion, &channels, &mut notices);
     tell_of_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
@@ -146,7 +145,7 @@ impl Placed {
         let rough = align(&raw, &tied.flight, rig, around);
         let turned = raw.clone().oriented(rough.sign, rough.zero_rad.value);
         let references = References::of(&tied.flight, &turned, rig, around, &rough);
-        let timing = Timing::of(&references, &rough.coarse_delay_s, tied, rig, &turned);
+        let timing = Timing::of(&references, tied, rig, &turned);
         let corrected = timing.correct(tied, &turned);
         let alignment = corrected.as_ref().map_or(rough, |sensor| align(&raw, sensor, rig, around));
         if let Some(flight) = &corrected {
@@ -196,14 +195,14 @@ struct Timing {
 }
 
 impl Timing {
-    fn of(references: &References, coarse: &BTreeMap<String, f64>, tied: &Tied, rig: &Rig, motion: &Motion) -> Timing {
+    fn of(references: &References, tied: &Tied, rig: &Rig, motion: &Motion) -> Timing {
         let settings = DelaySettings { search_s: rig.analysis.search_s, skew: true, ..DelaySettings::default() };
         let (first, last) = motion.span();
         let middle_s = 0.5 * (first + last);
         let mut skews = vec![];
         let mut anchor_lag_s = None;
         for channel in &references.channels {
-            let hidden = Hidden::of(motion.gaps(), coarse.get(&channel.name).copied(), rig.analysis.search_s);
+            let hidden = Hidden::of(motion.gaps(), channel.coarse_delay_s, rig.analysis.search_s);
             let Some(fit) = fit_of(channel, hidden, tied, &settings) else { continue };
             let Some(skew) = fit.skew else { continue };
             skews.push(estimate(skew));
@@ -291,7 +290,6 @@ fn channels(
     timing: &Timing,
     motion: &Motion,
     rig: &Rig,
-    coarse: &BTreeMap<String, f64>,
     closed: Option<String>,
 ) -> Vec<ChannelDynamics> {
     let (t, rate): (Vec<f64>, Vec<f64>) = motion.states().map(|(t, state)| (t, state.rate)).unzip();
@@ -315,7 +313,7 @@ fn channels(
         let channel = sensor.channels.get(&found.name)?;
         let time = tied.times.get(&found.name)?;
         let components = found.components.iter().map(sensed).collect();
-        let hidden = Hidden::of(motion.gaps(), coarse.get(&found.name).copied(), rig.analysis.search_s);
+        let hidden = Hidden::of(motion.gaps(), found.coarse_delay_s, rig.analysis.search_s);
         let sensed = SensedChannel { name: &found.name, channel, t: found.t_s.clone(), time, hidden, components };
         Some(dynamics(&sensed, &circumstances))
     };
