@@ -3,7 +3,8 @@
 use crate::verdict::{millis, probability};
 use record::{Estimate, Finding, ModelFinding, Stationarity};
 use signal::{
-    DelayFit, DelaySettings, LaggedReference, Measurement, SegmentDelay, delay_by_segment, fit_delay, homogeneity,
+    DelayFit, DelaySettings, DelayStart, LaggedReference, Measurement, SegmentDelay, delay_by_segment, fit_delay,
+    fit_delay_near, homogeneity,
 };
 
 /// Windows of the delay over the record, s; half overlapping.
@@ -12,10 +13,15 @@ const WINDOW_S: f64 = 15.0;
 const SAID: f64 = 0.01;
 /// Below this one the delay counts as changing: 1 of 752 channels with a constant delay, in simulations.
 const SURE: f64 = 0.001;
+/// Below this one the windows are fitted each with a noise of its own: a step is part of the noise of the whole record, and hides
+/// itself.
+const DOUBTED: f64 = 0.05;
 /// Half an interval of 95 % in standard uncertainties.
 const HALF_95: f64 = 1.96;
 /// A lag that explains a change leaves less than this share of its range.
-const LAG_EXPLAINS: f64 = 0.5;
+const LAG_EXPLAINS: f64 = 0.75;
+/// Fewer rows of a window do not show its noise.
+const LEAST_ROWS: usize = 60;
 /// Grid of a reference behind a lag, s.
 const GRID_S: f64 = 0.01;
 
@@ -40,6 +46,9 @@ pub(crate) fn constancy(
         let text = format!("fewer than two windows of {WINDOW_S} s with enough motion");
         return Constancy { finding: Finding::CannotTell(text), change_s: None };
     };
+    let own_p =
+        if (SURE..DOUBTED).contains(&constant_p) { each_alone(measurements, fit, settings, &apart) } else { None };
+    let constant_p = own_p.filter(|p| *p < SURE).unwrap_or(constant_p);
     let by_the_lag = constant_p < SAID && !changes_behind_lag(measurements, settings, model, &apart);
     let changes = constant_p < SURE && !by_the_lag;
     let least = windows.iter().map(|w| w.delay_s).fold(f64::INFINITY, f64::min);
@@ -64,6 +73,29 @@ pub(crate) fn constancy(
     });
     let farthest_s = (most - fit.delay_s).max(fit.delay_s - least);
     Constancy { finding, change_s: changes.then_some(farthest_s / HALF_95) }
+}
+
+/// Probability that windows fitted alone have one delay; `None` with fewer than two that can be.
+fn each_alone(
+    measurements: &[Measurement<'_>],
+    fit: &DelayFit,
+    settings: &DelaySettings,
+    apart: &[SegmentDelay],
+) -> Option<f64> {
+    let noise: Vec<_> = fit.components.iter().map(|c| c.noise).collect();
+    let one = |window: &SegmentDelay| {
+        let (from, to) = (window.middle_s - 0.5 * WINDOW_S, window.middle_s + 0.5 * WINDOW_S);
+        let within = |m: &Measurement<'_>| m.t.partition_point(|t| *t < from)..m.t.partition_point(|t| *t < to);
+        let parts: Vec<Measurement<'_>> =
+            measurements.iter().map(|m| Measurement { t: &m.t[within(m)], y: &m.y[within(m)], ..*m }).collect();
+        let start = DelayStart { delay_s: window.delay_s, noise: noise.clone(), keep_noise: false };
+        let found = fit_delay_near(&parts, settings, &start).ok().filter(|f| f.converged)?;
+        let enough = found.components.iter().all(|c| c.t_used.len() >= LEAST_ROWS);
+        let (delay_s, standard_uncertainty_s) = (found.delay_s, found.standard_uncertainty_s);
+        enough.then_some(SegmentDelay { delay_s, standard_uncertainty_s, ..*window })
+    };
+    let windows: Vec<SegmentDelay> = apart.iter().filter_map(one).collect();
+    homogeneity(&windows).map(|(_, p)| p)
 }
 
 /// Whether the delay also changes where the lag of the best model is part of the reference; without a lag, it does.

@@ -15,6 +15,10 @@ const BETTER: f64 = 9.0;
 /// simulated records with a delay inside of the search none has both; at a delay far outside, 11 of 12 have.
 const UNEXPLAINED: f64 = 0.8;
 const LEAST_GAIN: f64 = 0.8;
+/// A residual that is motion has no white part.
+const SMOOTH: f64 = 0.02;
+/// A lag that explains the gain is not out before its BIC is worse by so much.
+const DISTINGUISHED: f64 = 6.0;
 
 /// Why the delay of `fit` is no answer; `None` if it is one. `model` is the choice between delay and lag at that delay.
 pub(crate) fn no_answer(
@@ -60,9 +64,10 @@ fn better_beyond(measurements: &[Measurement<'_>], fit: &DelayFit, settings: &De
 
 /// Whether every component leaves a smooth residual as large as what it explains, with too small a gain.
 fn is_unexplained(measurements: &[Measurement<'_>], fit: &DelayFit, model: Option<&ModelFinding>) -> bool {
-    let chosen = model.and_then(|m| m.candidates.iter().find(|c| Some(&c.name) == m.chosen.as_ref()));
-    let is_sensor = |c: &ModelCandidate| !c.lags_s.is_empty() && c.delay_s.is_none_or(|d| d.value >= 0.0);
-    if chosen.is_some_and(|c| is_sensor(c) && (LEAST_GAIN..1.0 / LEAST_GAIN).contains(&c.gain.value)) {
+    let is_sensor = |c: &&ModelCandidate| !c.lags_s.is_empty() && c.delay_s.is_none_or(|d| d.value >= 0.0);
+    let explains = |c: &ModelCandidate| (LEAST_GAIN..1.0 / LEAST_GAIN).contains(&c.gain.value);
+    let in_question = model.into_iter().flat_map(|m| &m.candidates).filter(|c| c.delta_bic < DISTINGUISHED);
+    if in_question.filter(is_sensor).any(explains) {
         return false;
     }
     let is_left = |(m, c): (&Measurement<'_>, &ComponentFit)| {
@@ -70,7 +75,8 @@ fn is_unexplained(measurements: &[Measurement<'_>], fit: &DelayFit, model: Optio
             c.t_used.iter().map(|t| c.gain.value * m.reference.value_and_rate(t - fit.delay_s).0).collect();
         let mean = signal.iter().sum::<f64>() / signal.len().max(1) as f64;
         let rms = (signal.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / signal.len().max(1) as f64).sqrt();
-        c.noise.wander_std > UNEXPLAINED * rms && c.gain.value < LEAST_GAIN
+        let is_smooth = c.noise.white_std < SMOOTH * c.noise.wander_std;
+        is_smooth && c.noise.wander_std > UNEXPLAINED * rms && c.gain.value < LEAST_GAIN
     };
     measurements.iter().zip(&fit.components).all(is_left)
 }

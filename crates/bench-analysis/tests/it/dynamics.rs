@@ -126,3 +126,14 @@ fn a_lag_is_said_with_its_own_numbers_first() {
     let value: f64 = said.split(' ').next().unwrap().parse().unwrap();
     assert!((value - 300.0).abs() < 5.0 && said.contains("fits this swing best"), "{}", found.reason);
 }
+
+/// A barometer behind a lag, in wander as large as its signal: a small gain alone is no delay outside of the search.
+#[test]
+fn a_slow_barometer_in_wander_keeps_its_number() {
+    for seed in 0..4 {
+        let settings = BenchSettings { seed, ..BenchSettings::default() };
+        let sensor = BenchSensor { lags_s: vec![0.15], ..BenchSensor::noisy(25.0, 0.1).wandering(0.4, 20.0) };
+        let found = alone(BenchChannel::Height, settings, sensor);
+        assert!(found.delay.is_some(), "{}", found.reason);
+    }
+}
