@@ -2,11 +2,12 @@
 
 use crate::alignment::{Alignment, align};
 use crate::card::MagneticEvidence;
-use crate::channel::{dynamics, estimate};
+use crate::channel::{SILENT, dynamics, estimate};
 use crate::clock::{EncoderRate, Tied, moved, tie};
 use crate::curves::{curve, liveliest};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 use crate::flexibility::{flexibility, weighted_mean};
+use crate::gap::Hidden;
 use crate::gate::{Gate, gate};
 use crate::magnetometer::magnetic_swings;
 use crate::motion::Motion;
@@ -103,6 +104,8 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let arm = accelerometer_arm(sensor, rig);
     let Gate { quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
     let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
+    tell_of_gaps(&motion, &channels, &mut notices);
+    tell_of_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
     let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);
     notices.extend(turn_notices);
@@ -199,7 +202,8 @@ impl Timing {
         let mut skews = vec![];
         let mut anchor_lag_s = None;
         for channel in &references.channels {
-            let Some(fit) = fit_of(channel, tied, &settings) else { continue };
+            let hidden = Hidden::of(motion.gaps(), channel.coarse_delay_s, rig.analysis.search_s);
+            let Some(fit) = fit_of(channel, hidden, tied, &settings) else { continue };
             let Some(skew) = fit.skew else { continue };
             skews.push(estimate(skew));
             if matches!(&tied.basis, TimeBasis::Anchor { channel: anchor } if *anchor == channel.name) {
@@ -259,8 +263,9 @@ impl Timing {
 }
 
 /// The delay of one channel, all its excited components together, if it converges.
-fn fit_of(channel: &ChannelReference, tied: &Tied, settings: &DelaySettings) -> Option<DelayFit> {
-    let rows = tied.flight.channels.get(&channel.name)?.update_rows();
+fn fit_of(channel: &ChannelReference, hidden: Hidden<'_>, tied: &Tied, settings: &DelaySettings) -> Option<DelayFit> {
+    let mut rows = tied.flight.channels.get(&channel.name)?.update_rows();
+    rows.retain(|&row| channel.t_s.get(row).is_some_and(|t| !hidden.hides(*t)));
     let of_rows = |column: &[f64]| -> Vec<f64> { rows.iter().filter_map(|&row| column.get(row).copied()).collect() };
     let t = of_rows(&channel.t_s);
     let excited = channel.components.iter().filter(|c| c.excited.is_ok());
@@ -308,10 +313,43 @@ fn channels(
         let channel = sensor.channels.get(&found.name)?;
         let time = tied.times.get(&found.name)?;
         let components = found.components.iter().map(sensed).collect();
-        let sensed = SensedChannel { name: &found.name, channel, t: found.t_s.clone(), time, components };
+        let hidden = Hidden::of(motion.gaps(), found.coarse_delay_s, rig.analysis.search_s);
+        let sensed = SensedChannel { name: &found.name, channel, t: found.t_s.clone(), time, hidden, components };
         Some(dynamics(&sensed, &circumstances))
     };
     references.channels.iter().filter_map(of).collect()
+}
+
+/// How long the encoder was silent, and what was left out for it.
+fn tell_of_gaps(motion: &Motion, channels: &[ChannelDynamics], notices: &mut Notices) {
+    let gaps = motion.gaps();
+    let Some((start, end)) = gaps.iter().copied().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0))) else { return };
+    let total_s: f64 = gaps.iter().map(|(from, to)| to - from).sum();
+    let rejected = channels.iter().flat_map(|c| &c.rejected).filter(|r| r.reason == SILENT);
+    let rows: u64 = rejected.map(|r| r.count).sum();
+    let text = format!(
+        "the encoder is silent {} times for a quarter of a swing or longer, {total_s:.2} s together, the longest from {start:.2} to \
+         {end:.2} s: nobody knows the motion there, and {rows} samples of the channels are not compared",
+        gaps.len()
+    );
+    notices.push(Code::SamplesLeftOut, &motion.encoder().channel, rows, text);
+}
+
+/// Share of samples that a channel may hold back as outliers without a word.
+const MANY_OUTLIERS: f64 = 0.05;
+
+fn tell_of_outliers(channels: &[ChannelDynamics], notices: &mut Notices) {
+    for channel in channels {
+        let Some(share) = channel.checks.as_ref().map(|c| c.outlier_share).filter(|s| *s > MANY_OUTLIERS) else {
+            continue;
+        };
+        let text = format!(
+            "{:.0} % of the samples are outliers and were held back in the fit, more than four standard deviations each: look at its residuals, for a disturbance or values \
+             of another source",
+            100.0 * share
+        );
+        notices.push(Code::SamplesLeftOut, &channel.name, (share * channel.samples as f64).round() as u64, text);
+    }
 }
 
 fn sensed(component: &ComponentReference) -> SensedComponent<'_> {

@@ -1,27 +1,28 @@
 //! The dynamics of one channel against the reference motion (design note 3 and 9).
 
+use crate::constancy::{Constancy, constancy};
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
+use crate::lag_words::{model, with_model};
 use crate::overlay::Laid;
-use crate::reference_error::with_reference;
+use crate::reference_error::{Sensitivity, with_reference};
 use crate::response::response;
+use crate::search_window::no_answer;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement, rate_hz};
-use crate::verdict::{Evidence, millis, probability};
+use crate::verdict::{Evidence, millis};
 use flight::{Delay, RejectCount};
 use record::{
-    ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, ModelCandidate, ModelFinding,
-    NoiseFinding, ObjectiveCurve, Stationarity, TimeBasis, Verdict,
+    ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, NoiseFinding, ObjectiveCurve,
+    TimeBasis, Verdict,
 };
 use signal::{
-    ComponentFit, DelayFit, DelaySettings, LagChoice, Measurement, NoiseRule, Uncertain, autocorrelation,
-    choose_lag_model_against, delay_by_segment, delay_excess, fit_delay, homogeneity, jitter_from_residuals, kurtosis,
-    ljung_box, resolution, static_deviation, static_segments,
+    ComponentFit, DelayFit, DelaySettings, Measurement, NoiseRule, Uncertain, autocorrelation,
+    choose_lag_model_against, delay_excess, fit_delay, jitter_from_residuals, kurtosis, ljung_box, resolution,
+    static_deviation, static_segments,
 };
 
 /// Lags of the autocorrelation that are shown and tested.
 const ACF_LAGS: usize = 40;
-/// Windows of the delay over the record, s; half overlapping.
-const WINDOW_S: f64 = 15.0;
 /// Another minimum within this many units of chi-squared is told.
 const SECOND_MINIMUM_EXCESS: f64 = 9.0;
 /// Points of the objective's curves.
@@ -53,18 +54,28 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
             return found;
         }
     };
-    let reference_s = bench.errors.of_delay(&measurements, &fit, &updates.sensitivities(channel));
-    let delay = delay_finding(channel, bench, &updates, &fit, reference_s);
-    found.predicted_s = Some(fit.crlb_s);
-    (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
-    found.rejected = unused(&updates, &fit);
-    found.components = components(channel, bench, &updates, &fit);
     let reference_std = updates.reference_std(channel);
     found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));
-    found.reason += &found.model.found().map(beside_the_delay).unwrap_or_default();
+    if let Some(reason) = no_answer(&measurements, &fit, &settings, found.model.found()) {
+        found.model = Finding::CannotTell(NOT_TRIED.to_owned());
+        found.reason = reason;
+        return found;
+    }
+    let Constancy { finding, change_s } = constancy(&measurements, &fit, &settings, found.model.found());
+    let reference_s = bench.errors.of_delay(&measurements, &fit, &updates.sensitivities(channel));
+    let beyond = Beyond { reference_s, change_s: change_s.unwrap_or(0.0) };
+    let delay = delay_finding(channel, bench, &updates, &fit, beyond);
+    found.predicted_s = Some(fit.crlb_s);
+    (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
+    found.rejected.extend(unused(&updates, &fit));
+    found.components = components(channel, bench, &updates, &fit);
+    if change_s.is_some() {
+        found.reason += &finding.found().map(|f| format!("; {}", f.text)).unwrap_or_default();
+    }
+    found.reason = with_model(&found.reason, fit.delay_s, found.model.found());
     found.response = response(channel, &updates, &fit, &found.model);
     found.checks = Some(checks(&measurements, &fit, bench.search_s));
-    found.stationarity = stationarity(&measurements, &fit);
+    found.stationarity = finding;
     found.jitter_s = jitter(&fit);
     found.injections = inject(&measurements, &settings, bench);
     found.delay = Some(delay);
@@ -79,11 +90,12 @@ fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updat
         stamp_kind: channel.time.kind,
         clock: channel.time.clock,
         basis: bench.basis.clone(),
-        samples: updates.t.len() as u64,
-        rejected: vec![],
+        samples: (updates.t.len() + updates.hidden.len()) as u64,
+        rejected: silent(updates).into_iter().collect(),
         rate_hz: rate_hz(&channel.t),
         update_rate_hz: updates.rate_hz(),
-        held_rows: (updates.rows - updates.t.len()) as u64,
+        held_rows: (updates.rows - updates.t.len() - updates.hidden.len()) as u64,
+
         verdict: Verdict::NotMeasurable,
         reason: String::new(),
         predicted_s: None,
@@ -127,18 +139,27 @@ pub(crate) fn estimate(uncertain: Uncertain) -> Estimate {
     Estimate { value: uncertain.value, standard_uncertainty: Some(uncertain.standard_uncertainty) }
 }
 
+/// What the noise of a fit cannot know of its delay.
+#[derive(Clone, Copy)]
+struct Beyond {
+    /// Standard uncertainty from the reference, s.
+    reference_s: f64,
+    /// How far the delay is from constant, s.
+    change_s: f64,
+}
+
 fn delay_finding(
     channel: &SensedChannel<'_>,
     bench: &Circumstances<'_>,
     updates: &Updates,
     fit: &DelayFit,
-    reference_s: f64,
+    Beyond { reference_s, change_s }: Beyond,
 ) -> DelayFinding {
     let stamps_s = stamp_uncertainty(channel, updates);
     let is_anchor = matches!(bench.basis, TimeBasis::Anchor { channel: anchor } if anchor == channel.name);
     let anchor_s = if is_anchor { 0.0 } else { bench.anchor_s };
     let own_s = with_reference(fit.standard_uncertainty_s, reference_s, fit.components.len());
-    let standard_uncertainty_s = own_s.hypot(stamps_s).hypot(anchor_s);
+    let standard_uncertainty_s = own_s.hypot(stamps_s).hypot(anchor_s).hypot(change_s);
     let judgement = evidence(bench, updates, fit, standard_uncertainty_s).judge();
     let as_seen = updates
         .mean_age_s
@@ -151,6 +172,7 @@ fn delay_finding(
         reference_s,
         stamps_s,
         anchor_s,
+        change_s,
         interval_95_s: judgement.interval_95_s,
         degrees_of_freedom: fit.degrees_of_freedom,
         crlb_s: fit.crlb_s,
@@ -199,11 +221,12 @@ fn duration(t: &[f64]) -> f64 {
 
 fn held_fit(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates) -> Option<Estimate> {
     updates.mean_age_s?;
-    let whole: Vec<Measurement<'_>> = updates
-        .excited
-        .iter()
-        .map(|&k| measurement(&channel.components[k], &channel.t, channel.components[k].values))
-        .collect();
+    let seen: Vec<usize> = (0..channel.t.len()).filter(|&row| !channel.hidden.hides(channel.t[row])).collect();
+    let of = |column: &[f64]| -> Vec<f64> { seen.iter().filter_map(|&row| column.get(row).copied()).collect() };
+    let (t, columns): (Vec<f64>, Vec<Vec<f64>>) =
+        (of(&channel.t), updates.excited.iter().map(|&k| of(channel.components[k].values)).collect());
+    let whole: Vec<Measurement<'_>> =
+        updates.excited.iter().zip(&columns).map(|(&k, y)| measurement(&channel.components[k], &t, y)).collect();
     // As a loop sees it, row by row: no row is less worth for repeating the one before.
     let settings = DelaySettings { noise: NoiseRule::White, robust: false, ..bench.settings() };
     let fit = fit_delay(&whole, &settings).ok()?;
@@ -224,7 +247,7 @@ fn judge(
         return (Verdict::NotMeasurable, text.to_owned());
     }
     if !fit.converged {
-        return (Verdict::NotMeasurable, "the fit did not settle on one delay".to_owned());
+        return (Verdict::NotMeasurable, unsettled(fit));
     }
     let judgement = evidence(bench, updates, fit, delay.standard_uncertainty_s).judge();
     let ambiguous = fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| {
@@ -238,6 +261,28 @@ fn judge(
         _ => String::new(),
     };
     (judgement.verdict, judgement.reason + &relative + &ambiguous.unwrap_or_default())
+}
+
+/// Why the rounds of delay and noise did not end, as far as the last one shows it.
+fn unsettled(fit: &DelayFit) -> String {
+    let noise = fit.components.first().map_or_else(String::new, |c| {
+        format!(" Its residual wanders with a time constant of {:.2} s", c.noise.time_constant_s)
+    });
+    format!(
+        "the fit did not settle on one delay: after {} steps, at {} ± {} ms (k = 2), delay and noise still change each other.{noise}: \
+         the reference is wrong there, or the noise is as lively as the swing",
+        fit.iterations,
+        millis(fit.delay_s),
+        millis(2.0 * fit.standard_uncertainty_s)
+    )
+}
+
+/// The reason of a row that shows an instant within a gap of the encoder.
+pub(crate) const SILENT: &str = "the encoder is silent at its true instant";
+
+fn silent(updates: &Updates) -> Option<RejectCount> {
+    let first = format!("row {}", updates.hidden.first()?);
+    Some(RejectCount { reason: SILENT.to_owned(), count: updates.hidden.len() as u64, first })
 }
 
 fn unused(updates: &Updates, fit: &DelayFit) -> Vec<RejectCount> {
@@ -273,7 +318,9 @@ fn components(
                 fit_delay(&[measurement(component, &updates.t, &updates.values[k])], &bench.settings()).ok()
             });
             ComponentDynamics {
-                gain: fitted.map(|f| estimate(f.gain)),
+                gain: fitted.map(|f| {
+                    gain(f, fit, &measurement(component, &updates.t, &updates.values[k]), bench, &component.sensitivity)
+                }),
                 offset: fitted.map(|f| estimate(f.offset)),
                 drift: fitted.and_then(|f| f.drift).map(estimate),
                 noise: fitted.map(|f| noise(f, component.values, &still)),
@@ -304,6 +351,19 @@ fn laid<'a>(
     }
 }
 
+/// Measured over reference, with what the reference's own error adds.
+fn gain(
+    f: &ComponentFit,
+    fit: &DelayFit,
+    measurement: &Measurement<'_>,
+    bench: &Circumstances<'_>,
+    by: &Sensitivity<'_>,
+) -> Estimate {
+    let share = bench.errors.of_gain(measurement, fit, f, by);
+    let standard_uncertainty = f.gain.standard_uncertainty.hypot(f.gain.value * share);
+    Estimate { value: f.gain.value, standard_uncertainty: Some(standard_uncertainty) }
+}
+
 /// Rows of the channel during which the bar stands still for five seconds or more.
 fn still_rows(bench: &Circumstances<'_>, t: &[f64]) -> Vec<std::ops::Range<usize>> {
     const LEAST_S: f64 = 5.0;
@@ -326,53 +386,6 @@ fn noise(fit: &ComponentFit, values: &[f64], still: &[std::ops::Range<usize>]) -
     }
 }
 
-fn model(choice: &LagChoice) -> Finding<ModelFinding> {
-    let Some(best) = choice.candidates.first() else {
-        return Finding::CannotTell("no model of delay and lag could be fitted".to_owned());
-    };
-    if best.sum_s.value.abs() < 2.0 * best.sum_s.standard_uncertainty {
-        return Finding::CannotTell("no delay found".to_owned());
-    }
-    let candidates = choice
-        .candidates
-        .iter()
-        .map(|c| ModelCandidate {
-            name: c.model.name().to_owned(),
-            delta_bic: c.bic - best.bic,
-            delay_s: c.delay_s.map(estimate),
-            lags_s: c.lags_s.iter().copied().map(estimate).collect(),
-            gain: c.gains.first().map_or(Estimate { value: 1.0, standard_uncertainty: None }, |g| estimate(*g)),
-        })
-        .collect();
-    let words = |name: &str| match name {
-        "D" => "a pure delay",
-        "L" => "a first-order lag",
-        "DL" => "a delay and a first-order lag",
-        _ => "a delay and two lags",
-    };
-    let rival = choice.rival.map(|(model, delta)| (words(model.name()), delta));
-    let text = match (choice.chosen, rival) {
-        (Some(model), Some((rival, delta))) => {
-            format!("{}; {rival} is worse by ΔBIC {delta:.1}", words(model.name()))
-        }
-        (Some(model), None) => words(model.name()).to_owned(),
-        (None, Some((rival, delta))) => {
-            format!("not distinguished: {} or {rival} (ΔBIC {delta:.1}, 6 would decide)", words(best.model.name()))
-        }
-        (None, None) => "not distinguished".to_owned(),
-    };
-    let chosen = choice.chosen.map(|m| m.name().to_owned());
-    Finding::Found(ModelFinding { candidates, chosen, text, sum_s: estimate(best.sum_s) })
-}
-
-/// What the verdict must not leave out where the lateness is not, or not surely, a pure delay.
-fn beside_the_delay(model: &ModelFinding) -> String {
-    match model.chosen.as_deref() {
-        Some("D") => String::new(),
-        _ => format!("; as a model: {}", model.text),
-    }
-}
-
 fn checks(measurements: &[Measurement<'_>], fit: &DelayFit, search_s: (f64, f64)) -> FitChecks {
     let whitened: Vec<f64> = fit.components.iter().flat_map(|c| c.whitened.iter().copied()).collect();
     let first = fit.components.first().map_or(&[][..], |c| c.whitened.as_slice());
@@ -385,9 +398,17 @@ fn checks(measurements: &[Measurement<'_>], fit: &DelayFit, search_s: (f64, f64)
         autocorrelation: acf,
         kurtosis: kurtosis(&whitened).unwrap_or(3.0),
         downweighted_share: fit.downweighted_share,
+        outlier_share: outlier_share(fit),
         objective: objective(measurements, fit, search_s),
         second_minimum_s: fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| m.delay_s),
     }
+}
+
+/// Share of the used rows more than four standard deviations off: Huber's weight is 1.345 over the deviations.
+fn outlier_share(fit: &DelayFit) -> f64 {
+    const FAR: f64 = 1.345 / 4.0;
+    let weights: Vec<f64> = fit.components.iter().flat_map(|c| c.weights.iter().copied()).collect();
+    weights.iter().filter(|w| **w < FAR).count() as f64 / weights.len().max(1) as f64
 }
 
 fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64, f64)) -> ObjectiveCurve {
@@ -398,43 +419,6 @@ fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64,
     let (delay_s, value) = delay_excess(measurements, fit, &grid(from, to));
     let (near_delay_s, near_value) = delay_excess(measurements, fit, &grid(fit.delay_s - half, fit.delay_s + half));
     ObjectiveCurve { delay_s, value, near_delay_s, near_value }
-}
-
-fn stationarity(measurements: &[Measurement<'_>], fit: &DelayFit) -> Finding<Stationarity> {
-    let windows = delay_by_segment(measurements, fit, WINDOW_S, 0.5);
-    let apart = delay_by_segment(measurements, fit, WINDOW_S, 0.0);
-    let Some((chi2, constant_p)) = homogeneity(&apart) else {
-        return Finding::CannotTell(format!("fewer than two windows of {WINDOW_S} s with enough motion"));
-    };
-    let slope = slope(&apart);
-    let found = if constant_p < 0.01 { "The delay changes over the record" } else { "No change over the record" };
-    let text = format!("{found} (χ² = {chi2:.1}, {} windows, {}).", apart.len(), probability(constant_p));
-    Finding::Found(Stationarity {
-        window_s: WINDOW_S,
-        t_s: windows.iter().map(|w| w.middle_s).collect(),
-        delay_s: windows
-            .iter()
-            .map(|w| Estimate { value: w.delay_s, standard_uncertainty: Some(w.standard_uncertainty_s) })
-            .collect(),
-        constant_p,
-        slope,
-        text,
-    })
-}
-
-/// Weighted straight line through the delays of windows that do not overlap, s/s.
-fn slope(windows: &[signal::SegmentDelay]) -> Estimate {
-    let weight = |w: &signal::SegmentDelay| w.standard_uncertainty_s.powi(-2);
-    let total: f64 = windows.iter().map(weight).sum();
-    let mean = |f: &dyn Fn(&signal::SegmentDelay) -> f64| windows.iter().map(|w| weight(w) * f(w)).sum::<f64>() / total;
-    let (t, d) = (mean(&|w| w.middle_s), mean(&|w| w.delay_s));
-    let spread = windows.iter().map(|w| weight(w) * (w.middle_s - t).powi(2)).sum::<f64>();
-    let product = windows.iter().map(|w| weight(w) * (w.middle_s - t) * (w.delay_s - d)).sum::<f64>();
-    let known = spread > 0.0;
-    Estimate {
-        value: if known { product / spread } else { 0.0 },
-        standard_uncertainty: known.then(|| spread.sqrt().recip()),
-    }
 }
 
 fn jitter(fit: &DelayFit) -> Finding<Estimate> {

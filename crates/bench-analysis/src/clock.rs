@@ -463,7 +463,8 @@ fn anchor<'a>(sensor: &'a Flight, rig: &'a Rig) -> Result<(&'a str, &'a Channel)
     }
     let of = |quantity| sensor.channels.iter().find(move |(_, c)| c.quantity == quantity);
     of(Quantity::AngularRate).or_else(|| of(Quantity::VelocityNed)).map(|(name, c)| (name.as_str(), c)).ok_or_else(|| {
-        "clocks of encoder and sensor differ, and the sensor has neither an angular rate nor a velocity to tie them with".into()
+        "clocks of encoder and sensor differ, and the sensor has neither an angular rate nor a velocity to tie them with. \
+         If one clock stamps both, say so in the rig file: [clock] shared = true".into()
     })
 }
 

@@ -1,6 +1,7 @@
 //! The encoder's channel as an angle: counts per revolution, turns unwrapped, glitches left out.
 
 use crate::rig::Rig;
+use crate::slip::{Slip, slips};
 use flight::{Channel, Code, Flight, Notices, Quantity, RejectCount, Severity, Stamp};
 use std::f64::consts::TAU;
 
@@ -30,6 +31,8 @@ pub struct EncoderSeries {
     pub origin: Stamp,
     /// Rows left out, by reason.
     pub rejected: Vec<RejectCount>,
+    /// Where counts were lost or gained. The series is the longest part without.
+    pub slips: Vec<Slip>,
     /// What was repaired or assumed.
     pub notices: Notices,
 }
@@ -134,7 +137,7 @@ impl EncoderSeries {
         if kept.iter().all(|&row| unwrapped[row] == unwrapped[kept[0]]) {
             return Err(EncoderError::Still { channel: name.to_owned() });
         }
-        Ok(EncoderSeries {
+        let series = EncoderSeries {
             channel: name.to_owned(),
             t_s: kept.iter().map(|&row| t_s[row]).collect(),
             angle_rad: kept.iter().map(|&row| unwrapped[row]).collect(),
@@ -142,8 +145,54 @@ impl EncoderSeries {
             counts_source: scale.source,
             origin,
             rejected,
+            slips: vec![],
             notices,
-        })
+        };
+        Ok(series.without_slips())
+    }
+
+    /// The longest part between two slips. The other parts are about another zero.
+    fn without_slips(mut self) -> EncoderSeries {
+        self.slips = slips(&self.t_s, &self.angle_rad, self.lsb_rad());
+        if self.slips.is_empty() {
+            return self;
+        }
+        let rows = self.t_s.len();
+        let ends = self.slips.iter().map(|slip| slip.row);
+        let starts = std::iter::once(0).chain(ends.clone());
+        let parts = starts.zip(ends.chain([rows])).map(|(from, to)| from..to);
+        let longest = parts.max_by_key(std::ops::Range::len).unwrap_or(0..rows);
+        let left_out = rows - longest.len();
+        let [from_s, to_s] = [longest.start, longest.end - 1].map(|row| self.t_s[row]);
+        let text = format!(
+            "the encoder slipped: {}. Only the longest part without a slip is used, {from_s:.2} to {to_s:.2} s",
+            self.slips_in_words()
+        );
+        self.notices.push(Code::EncoderRepaired, &self.channel, self.slips.len() as u64, text);
+        self.rejected.push(RejectCount {
+            reason: "before or after a slip".to_owned(),
+            count: left_out as u64,
+            first: format!("{:.2} s", if longest.start > 0 { self.t_s[0] } else { self.t_s[longest.end] }),
+        });
+        self.t_s = self.t_s[longest.clone()].to_vec();
+        self.angle_rad = self.angle_rad[longest].to_vec();
+        self
+    }
+
+    /// `+50.0 counts (9.00°) at 22.00 s`, for the first few slips.
+    pub(crate) fn slips_in_words(&self) -> String {
+        const MOST: usize = 3;
+        let word = |slip: &Slip| {
+            let degrees = (slip.counts * self.lsb_rad()).to_degrees();
+            let [counts, degrees] =
+                [format!("{:+.1}", slip.counts), format!("{degrees:+.2}")].map(|x| flight::with_minus(&x));
+            format!("{counts} counts ({degrees}°) at {:.2} s", slip.t_s)
+        };
+        let mut words: Vec<String> = self.slips.iter().take(MOST).map(word).collect();
+        if self.slips.len() > MOST {
+            words.push(format!("and {} more", self.slips.len() - MOST));
+        }
+        words.join(", ")
     }
 
     /// The angle of one count, rad.

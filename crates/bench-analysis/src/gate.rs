@@ -51,21 +51,34 @@ pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f
         encoder_check(motion, rms_frequency_hz),
         residual_check(motion),
     ];
+    checks.extend(slip_check(motion));
     checks.extend(null_check(&states, sensor, arm_m, gravity));
-    checks.extend(sensor.channels.iter().filter_map(|(name, channel)| saturation_check(name, channel)));
+    checks.extend(sensor.channels.iter().filter_map(|(name, channel)| saturation_check(name, channel, motion)));
     let closed = if amplitude < LEAST_AMPLITUDE {
         Some(format!(
             "the bar swings by ±{:.2}° only; swing it by ±30° or more, by hand and not too regularly",
             amplitude.to_degrees()
         ))
     } else if swings < LEAST_SWINGS {
-        Some(format!("the record holds {swings} swing; ten or more are needed"))
+        Some(too_few(swings, states.first().zip(states.last()).map_or(0.0, |(a, b)| b.angle - a.angle)))
     } else {
         None
     };
     let quality =
         QualityGate { checks, excited_band_hz: band, rms_frequency_hz, swings, not_observable: not_observable() };
     Gate { quality, closed }
+}
+
+/// Why a record with so few reversals is refused. `turned` is the angle from its first to its last sample, rad.
+fn too_few(swings: u64, turned: f64) -> String {
+    let turns = (turned / std::f64::consts::TAU).abs();
+    if turns < 1.0 {
+        return format!("the record holds {swings} swings; ten or more are needed");
+    }
+    format!(
+        "the bar made {turns:.1} full turns and {swings} swings: only swings to and fro are measured. Reverse the bar ten times or \
+         more within the record"
+    )
 }
 
 fn check(name: &str, passed: bool, text: String) -> GateCheck {
@@ -116,6 +129,17 @@ fn residual_check(motion: &Motion) -> GateCheck {
     check("encoder residual", (low..=high).contains(&counts), text)
 }
 
+/// Said of an encoder that lost counts: what it says of the rest of the record is not sure either.
+pub(crate) const SLIPPED: &str = "encoder slip";
+
+fn slip_check(motion: &Motion) -> Option<GateCheck> {
+    let encoder = motion.encoder();
+    (!encoder.slips.is_empty()).then(|| {
+        let text = format!("{}: counts were lost, or the encoder turned on its shaft", encoder.slips_in_words());
+        check(SLIPPED, false, text)
+    })
+}
+
 /// A free hanging pendulum has no tangential specific force at all: `L ξ″ + g sin ξ = 0`.
 fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f64) -> Option<GateCheck> {
     sensor.channels.values().find(|c| c.quantity == Quantity::SpecificForce)?;
@@ -132,9 +156,17 @@ fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f6
     Some(check("accelerometer x not in its null", passed, text + advice))
 }
 
-/// Rows that stand at the very end of a component's range, several in a row.
-fn saturation_check(name: &str, channel: &Channel) -> Option<GateCheck> {
-    let worst = channel.series.components().iter().map(|y| saturated_share(y)).fold(0.0, f64::max);
+/// A bar that turns slower than this share of its fastest rests, and its sensors repeat what they read.
+const STILL_SHARE: f64 = 0.05;
+
+/// Updates at the very end of a component's range, several in a row, while the bar moves.
+fn saturation_check(name: &str, channel: &Channel, motion: &Motion) -> Option<GateCheck> {
+    let t = channel.series.timeline().seconds_since(motion.origin());
+    let fastest = motion.states().map(|(_, s)| s.rate.abs()).fold(0.0, f64::max);
+    let moves = |row: &usize| motion.at(t[*row]).is_some_and(|s| s.rate.abs() > STILL_SHARE * fastest);
+    let rows: Vec<usize> = channel.update_rows().into_iter().filter(moves).collect();
+    let of = |y: &Vec<f64>| saturated_share(&rows.iter().map(|&row| y[row]).collect::<Vec<f64>>());
+    let worst = channel.series.components().iter().map(of).fold(0.0, f64::max);
     let bound_to_saturate = matches!(channel.quantity, Quantity::SpecificForce | Quantity::AngularRate);
     (bound_to_saturate || worst > SATURATED_SHARE).then(|| {
         let text = format!("{:.1} % of the rows of {name} stand at the end of its range", worst * 100.0);

@@ -5,13 +5,16 @@ mod bench;
 mod card;
 mod channel;
 mod clock;
+mod constancy;
 mod curves;
 mod encoder;
 mod flexibility;
+mod gap;
 mod gate;
 mod gravity;
 mod injection;
 mod kinematics;
+mod lag_words;
 mod magnetic;
 mod magnetometer;
 mod motion;
@@ -23,8 +26,10 @@ mod references;
 mod response;
 mod rig;
 mod rig_file;
+mod search_window;
 mod sensed;
 mod sensor_rows;
+mod slip;
 mod surroundings;
 mod verdict;
 
@@ -54,4 +59,5 @@ pub use crate::rig::{
 };
 #[cfg(feature = "schema")]
 pub use crate::rig_file::rig_schema;
+pub use crate::slip::Slip;
 pub use crate::surroundings::{Surroundings, place_of};

@@ -1,6 +1,7 @@
 //! The motion of the bar: the smoothed encoder with sign and zero.
 
 use crate::encoder::EncoderSeries;
+use crate::gap;
 use crate::kinematics::BarState;
 use flight::Stamp;
 use signal::{SmoothError, SmoothedMotion};
@@ -10,6 +11,8 @@ use signal::{SmoothError, SmoothedMotion};
 pub struct Motion {
     encoder: EncoderSeries,
     smoothed: SmoothedMotion,
+    /// Where the encoder was silent for long, s.
+    gaps: Vec<(f64, f64)>,
     sign: f64,
     zero_rad: f64,
 }
@@ -22,7 +25,8 @@ impl Motion {
     /// [`SmoothError`]: too few samples.
     pub fn of(encoder: EncoderSeries) -> Result<Motion, SmoothError> {
         let smoothed = signal::smooth_by_gcv(&encoder.t_s, &encoder.angle_rad, encoder.variance())?;
-        Ok(Motion { encoder, smoothed, sign: 1.0, zero_rad: 0.0 })
+        let gaps = gap::gaps(&encoder.t_s, smoothed.state.iter());
+        Ok(Motion { encoder, smoothed, gaps, sign: 1.0, zero_rad: 0.0 })
     }
 
     /// The same motion with ξ = sign · encoder + zero.
@@ -81,6 +85,19 @@ impl Motion {
         self.smoothed.at(t).map(|state| self.turned(state))
     }
 
+    /// The bar at `t` (s); `None` also where the encoder was silent for long.
+    #[must_use]
+    pub fn seen_at(&self, t: f64) -> Option<BarState> {
+        gap::outside(&self.gaps, t, self.at(t))
+    }
+
+    /// Where the encoder was silent for longer than a quarter of a swing, or a second: the instants of its samples before and
+    /// after, s.
+    #[must_use]
+    pub fn gaps(&self) -> &[(f64, f64)] {
+        &self.gaps
+    }
+
     /// Covariance of angle, rate, acceleration and jerk at `t`, upper triangle; `None` outside the record.
     #[must_use]
     pub fn covariance_at(&self, t: f64) -> Option<[f64; 10]> {
@@ -123,9 +140,29 @@ impl Motion {
         (0..=steps).map(|k| (first + (last - first) * k as f64 / steps as f64).min(last)).collect()
     }
 
+    /// Samples over which a reading is usually held: they err together.
+    pub(crate) fn held(&self) -> usize {
+        signal::usual_run(&self.encoder.angle_rad)
+    }
+
     /// What the smoother makes of other readings at the encoder's stamps, with all its settings as they are; it is linear.
     pub(crate) fn smoothed_as_the_encoder(&self, readings: &[f64]) -> Option<SmoothedMotion> {
-        signal::smooth(&self.encoder.t_s, readings, self.encoder.variance(), self.smoothed.log10_q).ok()
+        let variance = self.encoder.variance() * self.held() as f64;
+        signal::smooth(&self.encoder.t_s, readings, variance, self.smoothed.log10_q).ok()
+    }
+
+    /// What smoother and encoder would make of the motion found here, if count zero stood a share `phase` (0 to 1) of a count
+    /// elsewhere.
+    pub(crate) fn measured_again(&self, phase: f64) -> Option<SmoothedMotion> {
+        let lsb = self.encoder.lsb_rad();
+        let count = |angle: f64| lsb * ((angle / lsb + phase).round() - phase);
+        let readings: Vec<f64> = self.smoothed.state.iter().map(|s| count(s[0])).collect();
+        self.smoothed_as_the_encoder(&readings)
+    }
+
+    /// The motion as it was smoothed, without sign and zero.
+    pub(crate) fn smoothed(&self) -> &SmoothedMotion {
+        &self.smoothed
     }
 
     /// Samples of the encoder per second.

@@ -3,6 +3,7 @@
 //! Sign, zero, azimuth, lever arm, bias and scale all enter these combinations as coefficients, so a channel can be
 //! aligned in time, and asked, before any of them is known.
 
+use crate::gap::Hidden;
 use crate::kinematics::BarState;
 use crate::motion::Motion;
 use signal::{Regression, regress};
@@ -131,7 +132,7 @@ pub(crate) fn fit_at(motion: &Motion, samples: &Samples, pattern: Pattern, delay
 }
 
 fn inside(motion: &Motion, samples: &Samples, delay_s: f64) -> (Vec<usize>, Vec<BarState>) {
-    samples.t.iter().enumerate().filter_map(|(row, t)| Some((row, motion.at(t - delay_s)?))).unzip()
+    samples.t.iter().enumerate().filter_map(|(row, t)| Some((row, motion.seen_at(t - delay_s)?))).unzip()
 }
 
 fn variance(y: &[f64]) -> f64 {
@@ -173,6 +174,9 @@ fn thinned(motion: &Motion, samples: &Samples, most: usize, (from, to): (f64, f6
     let (first, last) = motion.span();
     let always: Vec<usize> =
         (0..samples.t.len()).filter(|&r| samples.t[r] - to >= first && samples.t[r] - from <= last).collect();
+    let hidden = Hidden { gaps: motion.gaps(), delay_s: (from, to) };
+    let seen: Vec<usize> = always.iter().copied().filter(|&r| !hidden.hides(samples.t[r])).collect();
+    let always = if 2 * seen.len() >= always.len() { seen } else { always };
     let stride = always.len().div_ceil(most).max(1);
     let rows: Vec<usize> = always.into_iter().step_by(stride).collect();
     Samples {

@@ -7,15 +7,20 @@
 use crate::motion::Motion;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use signal::{DelayFit, DelayResponse, Measurement, Reference, SmoothedMotion};
+use signal::{ComponentFit, DelayFit, DelayResponse, GainResponse, Measurement, Reference, SmoothedMotion};
 
 /// The uncertainty of a delay is then known to 1/√(2·16) = 18 %.
 const DRAWS: usize = 16;
+/// Phases of the counts with which the motion is measured again.
+const AGAIN: usize = 8;
 const SEED: u64 = 20_101_025;
 
 /// Draws of the error of the smoothed motion.
 pub(crate) struct ReferenceErrors {
     draws: Vec<SmoothedMotion>,
+    /// The motion measured again with other phases of the counts, and the motion itself.
+    again: Vec<SmoothedMotion>,
+    once: SmoothedMotion,
     sign: f64,
 }
 
@@ -29,17 +34,32 @@ pub(crate) struct Sensitivity<'a> {
 }
 
 impl ReferenceErrors {
-    /// Of the motion as it is oriented: steps of ±σ with chance signs, σ² = LSB²/12, through the same smoother.
+    /// Of the motion as it is oriented: steps of ±σ with chance signs, σ² = LSB²/12, one for each
+    /// held reading, through the same smoother.
     pub(crate) fn of(motion: &Motion) -> ReferenceErrors {
         let mut random = Pcg64::seed_from_u64(SEED);
         let sigma = motion.encoder().variance().sqrt();
         let samples = motion.encoder().t_s.len();
+        let held = motion.held();
         let draws = (0..DRAWS).filter_map(|_| {
-            let noise: Vec<f64> =
-                (0..samples).map(|_| if random.next_u64() >> 63 == 0 { sigma } else { -sigma }).collect();
+            let mut sign = sigma;
+            let noise: Vec<f64> = (0..samples)
+                .map(|k| {
+                    if k % held == 0 {
+                        sign = if random.next_u64() >> 63 == 0 { sigma } else { -sigma };
+                    }
+                    sign
+                })
+                .collect();
             motion.smoothed_as_the_encoder(&noise)
         });
-        ReferenceErrors { draws: draws.collect(), sign: motion.sign() }
+        let again = (0..AGAIN).filter_map(|k| motion.measured_again(k as f64 / AGAIN as f64));
+        ReferenceErrors {
+            draws: draws.collect(),
+            again: again.collect(),
+            once: motion.smoothed().clone(),
+            sign: motion.sign(),
+        }
     }
 
     /// Standard uncertainty of the delay of `fit` from the reference alone, s; `sensitivities` are of its components.
@@ -59,6 +79,30 @@ impl ReferenceErrors {
         };
         let shifts: Vec<f64> = self.draws.iter().filter_map(shift).collect();
         (shifts.iter().map(|s| s * s).sum::<f64>() / shifts.len().max(1) as f64).sqrt()
+    }
+
+    /// Standard uncertainty of the gain of one component from the reference alone: a share of the gain.
+    ///
+    /// An error that follows the reference is a gain. Steps do not err by chance here: at each turn of the swing the count stands
+    /// still for long, and the smoother flattens what is left. So the motion that was found is counted and smoothed again, with
+    /// other phases of the counts, and what that does to the gain is its uncertainty.
+    pub(crate) fn of_gain(
+        &self,
+        measurement: &Measurement<'_>,
+        fit: &DelayFit,
+        component: &ComponentFit,
+        by: &Sensitivity<'_>,
+    ) -> f64 {
+        let Some(response) = GainResponse::of(measurement, component, fit.delay_s) else { return 0.0 };
+        let share = |again: &SmoothedMotion| {
+            let error = |t: &f64| {
+                let instant = t - fit.delay_s;
+                self.error(again, by, instant) - self.error(&self.once, by, instant)
+            };
+            response.shift(&component.t_used.iter().map(error).collect::<Vec<f64>>())
+        };
+        let shares: Vec<f64> = self.again.iter().filter_map(share).collect();
+        (shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64).sqrt()
     }
 
     /// Error of a reference at `t`.

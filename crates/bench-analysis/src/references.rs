@@ -53,6 +53,8 @@ pub struct ChannelReference {
     pub quantity: Quantity,
     /// Stamps of all its rows, s after the encoder's first stamp.
     pub t_s: Vec<f64>,
+    /// Delay at which it was laid over the motion, s: good to a few milliseconds; `None` if it was not.
+    pub coarse_delay_s: Option<f64>,
     /// The components that the log holds and the bench knows.
     pub components: Vec<ComponentReference>,
 }
@@ -122,7 +124,8 @@ impl<'a> Maker<'a> {
             notices.push(Code::NoReference, name, t_s.len() as u64, text);
             return None;
         }
-        Some(ChannelReference { name: name.to_owned(), quantity: channel.quantity, t_s, components })
+        let coarse_delay_s = self.alignment.coarse_delay_s.get(name).copied();
+        Some(ChannelReference { name: name.to_owned(), quantity: channel.quantity, t_s, coarse_delay_s, components })
     }
 
     /// Those that have a reference.
@@ -158,7 +161,7 @@ impl<'a> Maker<'a> {
     fn onto_the_same_turn(&self, t_s: &[f64], rows: &mut SensorRows) {
         for column in &mut rows.columns {
             let mut off: Vec<f64> =
-                t_s.iter().zip(&*column).filter_map(|(t, y)| Some(self.motion.at(*t)?.angle - y)).collect();
+                t_s.iter().zip(&*column).filter_map(|(t, y)| Some(self.motion.seen_at(*t)?.angle - y)).collect();
             let turns = (signal::median_in_place(&mut off).unwrap_or(0.0) / std::f64::consts::TAU).round();
             column.iter_mut().for_each(|y| *y += turns * std::f64::consts::TAU);
         }

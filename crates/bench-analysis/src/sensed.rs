@@ -1,6 +1,7 @@
 //! A channel before its analysis, and what all channels share.
 
 use crate::clock::ChannelTime;
+use crate::gap::Hidden;
 use crate::reference_error::{ReferenceErrors, Sensitivity};
 use flight::Channel;
 use record::TimeBasis;
@@ -31,6 +32,8 @@ pub(crate) struct SensedChannel<'a> {
     /// Its stamps, s after the origin.
     pub(crate) t: Vec<f64>,
     pub(crate) time: &'a ChannelTime,
+    /// Stamps at which it shows an instant of which the encoder is silent.
+    pub(crate) hidden: Hidden<'a>,
     pub(crate) components: Vec<SensedComponent<'a>>,
 }
 
@@ -73,6 +76,8 @@ pub(crate) struct Updates {
     /// Which components those of the fit are.
     pub(crate) excited: Vec<usize>,
     pub(crate) rows: usize,
+    /// Updates left out, for the encoder is silent about their instant.
+    pub(crate) hidden: Vec<usize>,
     /// Mean age of the held value over all rows, s.
     pub(crate) mean_age_s: Option<f64>,
     /// Median step between rows, s.
@@ -81,7 +86,8 @@ pub(crate) struct Updates {
 
 impl Updates {
     pub(crate) fn of(channel: &SensedChannel<'_>) -> Updates {
-        let rows = channel.channel.update_rows();
+        let hides = |row: &usize| channel.t.get(*row).is_some_and(|t| channel.hidden.hides(*t));
+        let (hidden, rows): (Vec<usize>, Vec<usize>) = channel.channel.update_rows().into_iter().partition(hides);
         let pick = |values: &[f64]| rows.iter().filter_map(|&row| values.get(row).copied()).collect::<Vec<f64>>();
         let held = channel.channel.is_held();
         let excited =
@@ -91,6 +97,7 @@ impl Updates {
             values: channel.components.iter().map(|c| pick(c.values)).collect(),
             excited,
             rows: channel.t.len(),
+            hidden,
             mean_age_s: held.then(|| mean_age(&channel.t, &rows)).flatten(),
             row_step_s: median_step(&channel.t),
         }

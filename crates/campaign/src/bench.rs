@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
-pub const BENCH_ANALYSIS_VERSION: u32 = 11;
+pub const BENCH_ANALYSIS_VERSION: u32 = 12;
 
 /// What is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,13 +84,18 @@ pub struct BenchVerdict {
 }
 
 impl BenchVerdict {
-    /// 0 if every record was read whole and measured, 3 if some failed or lost data, or if the data contradict the rig file of
-    /// a record behind the card.
+    /// 0 if every record was read whole and measured, 3 if some failed or lost data, if records disagree, or if
+    /// something puts a channel of the card in doubt: data that contradict the rig file, a slipping encoder, a changing delay.
     #[must_use]
     pub fn exit(&self) -> Exit {
         let whole = |row: &BenchRow| row.outcome == BenchOutcome::Measured && !row.lossy;
-        let rigs_hold = self.channels().iter().all(|c| c.contradicted.is_empty());
-        if self.card.is_some() && rigs_hold && self.rows.iter().all(whole) { Exit::Well } else { Exit::Incomplete }
+        let no_doubt = self.channels().iter().all(|c| c.contradicted.is_empty());
+        let records_agree = !self.notices.iter().any(|n| n.code == Code::NotComparable && n.place.is_empty());
+        if self.card.is_some() && no_doubt && records_agree && self.rows.iter().all(whole) {
+            Exit::Well
+        } else {
+            Exit::Incomplete
+        }
     }
 
     /// The channels of the card.

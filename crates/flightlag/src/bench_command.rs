@@ -78,7 +78,7 @@ fn summary(verdict: &BenchVerdict) -> String {
     if !table.is_empty() {
         text += &table.text();
     }
-    for line in anchors(verdict.channels()) {
+    for line in anchors(verdict.channels()).into_iter().chain(verdict.channels().iter().filter_map(lag)) {
         text += &format!("  {}\n", visible(&line));
     }
     if let Some(magnetometer) = verdict.card.as_ref().and_then(|card| card.magnetometer.as_ref()) {
@@ -97,8 +97,7 @@ fn cells(channel: &CardChannel) -> Vec<String> {
     let (digits, gain_digits) = (digits(u_ms), digits(u_gain));
     vec![
         channel.name.clone(),
-        verdict_word(channel.verdict).to_owned()
-            + if channel.contradicted.is_empty() { "" } else { ", rig contradicted" },
+        verdict_word(channel.verdict).to_owned() + if channel.contradicted.is_empty() { "" } else { ", in doubt" },
         format!("{:.digits$}", channel.delay_s * 1e3),
         format!("{u_ms:.digits$}"),
         channel.as_seen_delay_s.map_or_else(|| "-".to_owned(), |s| format!("{:.digits$}", s * 1e3)),
@@ -141,6 +140,28 @@ fn verdict_word(verdict: Verdict) -> &'static str {
         Verdict::Inconclusive => "inconclusive",
         Verdict::NotMeasurable => "not measurable",
     }
+}
+
+/// The numbers of a lag: the delay in the table is only the one that fits the bench's swing best.
+fn lag(channel: &CardChannel) -> Option<String> {
+    let number = |(i, lag_s): (usize, &f64)| {
+        let u_ms = channel.lags_standard_uncertainty_s.get(i).map(|u| COVERAGE * u * 1e3);
+        let digits = digits(u_ms.unwrap_or(1.0));
+        let value = format!("{:.digits$}", lag_s * 1e3);
+        u_ms.map_or_else(|| format!("{value} ms"), |u| format!("{value} ± {u:.digits$} ms"))
+    };
+    let lags: Vec<String> = channel.lags_s.iter().enumerate().map(number).collect();
+    let slow = channel.slow_motion_delay_s.map(|s| format!(" and slow motion {:.1} ms late", s * 1e3));
+    (!lags.is_empty()).then(|| {
+        format!(
+            "{}: {} of {}{}; {:.1} ms is only the pure delay that fits this swing best",
+            channel.name,
+            channel.model,
+            lags.join(" and "),
+            slow.unwrap_or_default(),
+            channel.delay_s * 1e3
+        )
+    })
 }
 
 /// What is relative, and to what.

@@ -322,8 +322,8 @@ pub enum Verdict {
 pub struct DelayFinding {
     /// Best value; positive is late.
     pub delay: Delay,
-    /// Standard uncertainty, s: the larger of the next two, with what the reference, the stamps and the anchor add in
-    /// quadrature.
+    /// Standard uncertainty, s: the larger of the next two, with what the reference, the stamps, the anchor and a
+    /// change over the record add in quadrature.
     pub standard_uncertainty_s: f64,
     /// From the Hessian of the generalised least squares, s.
     pub hessian_s: f64,
@@ -337,6 +337,9 @@ pub struct DelayFinding {
     pub stamps_s: f64,
     /// From the delay of the anchor channel, s; zero where delays are absolute.
     pub anchor_s: f64,
+    /// So that the interval holds the delay of every part of the record, s; zero unless the delay surely changes.
+    #[serde(default)]
+    pub change_s: f64,
     /// Confidence interval of 95 % (Student), s.
     pub interval_95_s: [f64; 2],
     /// Degrees of freedom.
@@ -545,6 +548,9 @@ pub struct FitChecks {
     pub kurtosis: f64,
     /// Share of samples that the robust weights held back, 0 to 1.
     pub downweighted_share: f64,
+    /// Share of the samples that are more than four standard deviations off: 6 in 100 000 of Gaussian noise.
+    #[serde(default)]
+    pub outlier_share: f64,
     /// Objective over delay: −2 log likelihood above its least, noise as fitted.
     pub objective: ObjectiveCurve,
     /// Another minimum nearly as good, s: the delay is ambiguous by a swing.
@@ -577,6 +583,9 @@ pub struct Stationarity {
     pub delay_s: Vec<Estimate>,
     /// p of the hypothesis that the delay is constant, from windows that do not overlap.
     pub constant_p: f64,
+    /// Whether the delay surely changes: p below 0.001, and not because of a lag.
+    #[serde(default)]
+    pub changes: bool,
     /// Slope, s/s: a clock's skew, or a queue that fills.
     pub slope: Estimate,
     /// In words.

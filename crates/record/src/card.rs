@@ -83,8 +83,8 @@ pub struct CardChannel {
     /// Files of records that were left out as outliers.
     #[serde(default)]
     pub outliers: Vec<String>,
-    /// On what records contradict their rig file, each with the record's name: the delay is measured against a motion that
-    /// was not the bar's.
+    /// What puts the delay in doubt, each with the record's name: on what records contradict their rig file or their encoder, so
+    /// that the delay is measured against a motion that was not the bar's, and where the delay changes over a record.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contradicted: Vec<String>,
 }

@@ -59,8 +59,8 @@ pub use random_effects::{Mean, Reading, mean_of, outliers};
 pub use reference::{Cursor, Reference, SharedColumn};
 pub use regression::{Regression, RegressionError, regress};
 pub use residuals::{autocorrelation, jitter_from_residuals, kurtosis, ljung_box};
-pub use shift::DelayResponse;
-pub use smooth::{SmoothError, SmoothedMotion, Smoother, smooth, smooth_by_gcv};
+pub use shift::{DelayResponse, GainResponse};
+pub use smooth::{SmoothError, SmoothedMotion, Smoother, smooth, smooth_by_gcv, usual_run};
 pub use spectrum::{Spectrum, power_spectrum};
 pub use spline::{CubicSpline, SplineError};
 pub use static_noise::{

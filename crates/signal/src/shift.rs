@@ -1,7 +1,7 @@
 //! How far an error of the values moves the delay.
 
 use crate::delay::block::Block;
-use crate::delay::{DelayFit, Measurement};
+use crate::delay::{ComponentFit, DelayFit, Measurement};
 use crate::whiten::WhiteningFilter;
 
 /// How the delay of a fit answers to errors of the values, to first order; gain, offset, drift, noise and weights as in the
@@ -16,15 +16,9 @@ impl DelayResponse {
     /// Of the fit of `components`. `None` where it has no slope.
     #[must_use]
     pub fn of(components: &[Measurement], fit: &DelayFit) -> Option<DelayResponse> {
-        let part = |(m, f): (&Measurement, &crate::delay::ComponentFit)| {
-            let mut block = Block::new(m, f.used_rows.clone(), &f.noise, Some(&f.weights), 1);
-            for (k, t) in f.t_used.iter().enumerate() {
-                let (value, rate) = m.reference.value_and_rate(t - fit.delay_s);
-                block.columns[0][k] = value;
-                block.columns[1][k] = -rate;
-            }
-            block.project();
-            (block.filter, block.columns.pop().unwrap_or_default())
+        let part = |(m, f): (&Measurement, &ComponentFit)| {
+            let (filter, [_, slope]) = whitened(m, f, fit.delay_s);
+            (filter, slope)
         };
         let parts: Vec<_> = components.iter().zip(&fit.components).map(part).collect();
         let power: f64 = parts.iter().flat_map(|(_, slope)| slope).map(|s| s * s).sum();
@@ -44,6 +38,49 @@ impl DelayResponse {
         };
         fits.then(|| self.parts.iter().zip(errors).map(along).sum::<f64>() / self.power)
     }
+}
+
+/// How the gain of one component of a fit answers to errors of its measured values, the noise as it was found.
+#[derive(Debug, Clone)]
+pub struct GainResponse {
+    /// How its values are made white, and what then is the reference, less what offset and drift explain.
+    part: (WhiteningFilter, Vec<f64>),
+    power: f64,
+}
+
+impl GainResponse {
+    /// Of the component `m` with the fit `f`, at the delay `delay_s`. `None` where the reference does not move.
+    #[must_use]
+    pub fn of(m: &Measurement, f: &ComponentFit, delay_s: f64) -> Option<GainResponse> {
+        let (filter, [value, _]) = whitened(m, f, delay_s);
+        let power: f64 = value.iter().map(|v| v * v).sum();
+        (power > 0.0).then_some(GainResponse { part: (filter, value), power })
+    }
+
+    /// How much larger the gain becomes if the used rows measure `errors` more; `None` where the lengths do not match.
+    #[must_use]
+    pub fn shift(&self, errors: &[f64]) -> Option<f64> {
+        let (filter, value) = &self.part;
+        (errors.len() == value.len()).then(|| {
+            let mut white = errors.to_vec();
+            filter.apply([&mut white]);
+            value.iter().zip(&white).map(|(v, e)| v * e).sum::<f64>() / self.power
+        })
+    }
+}
+
+/// What makes the values of a component white, and its white columns: the reference, and the slope over the delay without what the
+/// gain explains; both without offset and drift.
+fn whitened(m: &Measurement, f: &ComponentFit, delay_s: f64) -> (WhiteningFilter, [Vec<f64>; 2]) {
+    let mut block = Block::new(m, f.used_rows.clone(), &f.noise, Some(&f.weights), 1);
+    for (k, t) in f.t_used.iter().enumerate() {
+        let (value, rate) = m.reference.value_and_rate(t - delay_s);
+        block.columns[0][k] = value;
+        block.columns[1][k] = -rate;
+    }
+    block.project();
+    let slope = block.columns.pop().unwrap_or_default();
+    (block.filter, [block.columns.pop().unwrap_or_default(), slope])
 }
 
 #[cfg(test)]

@@ -298,7 +298,8 @@ fn usual_interval(t: &[f64]) -> Option<f64> {
 
 /// Number of samples over which a value is usually held: the median over all whole runs, but not so
 /// many that too few are left.
-fn usual_run(z: &[f64]) -> usize {
+#[must_use]
+pub fn usual_run(z: &[f64]) -> usize {
     let mut lengths: Vec<usize> = z.chunk_by(|a, b| a == b).map(<[f64]>::len).collect();
     let last = lengths.len().saturating_sub(1);
     match lengths.get_mut(1..last) {

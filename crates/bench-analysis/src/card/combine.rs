@@ -2,10 +2,10 @@
 
 use super::identity::identity_conflict;
 use super::{CardError, sensor_name};
-use crate::gate::COUNTS_OR_STAMPS_WRONG;
+use crate::gate::{COUNTS_OR_STAMPS_WRONG, SLIPPED};
 use crate::rig::{SIDE, SIGN};
 use crate::verdict::Evidence;
-use flight::{Code, Notices, Quantity, StampKind};
+use flight::{Code, Notices, Quantity, StampKind, with_minus};
 use jiff::ToSpan;
 use jiff::civil::Date;
 use record::{
@@ -22,6 +22,9 @@ const METHOD_OF_SEVERAL: &str = "Over several records: random-effects mean (Paul
                                  Knapp, Sidik and Jonkman, within and between records.";
 /// Update rates further apart than this are another configuration of the sensor.
 const RATE_TOLERANCE: f64 = 0.2;
+
+/// More than two thirds of the records must agree, or nobody can say which ones are off.
+const MAJORITY: [usize; 2] = [2, 3];
 
 /// What a card needs besides the records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,7 +48,8 @@ pub struct Combined {
 ///
 /// A channel's delay and gain are random-effects means over the records that measured it: the uncertainty covers the
 /// spread within and between records. What all records share (coarse stamps, the anchor's own delay) is not averaged
-/// away. The magnetometer is left to [`crate::card_magnetometer`]. From four records on, one that does not belong to the others is left out and listed. One record is itself.
+/// away. The magnetometer is left to [`crate::card_magnetometer`]. From four records on, one that does not belong to the others
+/// is left out and listed; if that leaves no more than two thirds of them, the channel is not on the card. One record is itself.
 ///
 /// # Errors
 /// [`CardError`] naming the record: none is given, they are of different sensors or of different analyses, or nothing
@@ -62,9 +66,13 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
         names.into_iter().filter_map(|name| Several::of(name, &usable, &mut left_out)).collect();
     tell(&left_out, &mut notices);
     tell_of_rigs(&usable, &mut notices);
+    tell_of_changes(&usable, &mut notices);
     let channels: Vec<CardChannel> = several.iter().filter_map(|s| s.card(&mut notices)).collect();
     if channels.is_empty() {
-        return Err(error(first_name, format!("nothing was measured of {}: no card", sensor_name(&sensor))));
+        let disagree: Vec<&str> = left_out.iter().filter(|l| l.record.is_empty()).map(|l| l.why.as_str()).collect();
+        let why =
+            if disagree.is_empty() { "nothing was measured".to_owned() } else { disagree.join("; ") + ". No channel" };
+        return Err(error(first_name, format!("{why} of {}: no card", sensor_name(&sensor))));
     }
     let [measured_on, valid_from, valid_until] = validity(&days_behind(&several, &usable), terms, &mut notices);
     let card = SensorCard {
@@ -99,7 +107,8 @@ fn method(records: usize, notices: &Notices) -> String {
         text += METHOD_OF_SEVERAL;
     }
     for notice in notices.iter().filter(|n| n.code == Code::NotComparable) {
-        text += &format!(" {}: {}.", notice.place, notice.text);
+        let place = if notice.place.is_empty() { String::new() } else { format!("{}: ", notice.place) };
+        text += &format!(" {place}{}.", notice.text);
     }
     text
 }
@@ -186,7 +195,14 @@ fn contradictions(record: &BenchRecord) -> Vec<String> {
     let sign = differs(SIGN);
     let side = differs(SIDE);
     let encoder = scattering_encoder(record).map(|_| "encoder residual".to_owned());
-    sign.into_iter().chain(side).chain(wrong).chain(encoder).collect()
+    let slip = slipped_encoder(record).map(|_| SLIPPED.to_owned());
+    sign.into_iter().chain(side).chain(wrong).chain(encoder).chain(slip).collect()
+}
+
+/// What the gate says of an encoder that lost counts.
+fn slipped_encoder(record: &BenchRecord) -> Option<&str> {
+    let mut checks = record.findings.iter().flat_map(|f| &f.gate.checks);
+    checks.find(|c| !c.passed && c.name == SLIPPED).map(|c| c.text.as_str())
 }
 
 /// What the gate says of an encoder whose angle scatters more than counts do.
@@ -196,12 +212,36 @@ fn scattering_encoder(record: &BenchRecord) -> Option<&str> {
     failed.into_iter().find(|text| text.ends_with(COUNTS_OR_STAMPS_WRONG))
 }
 
+/// That the delay of a channel is not one number, with how far it goes.
+fn change(channel: &ChannelDynamics) -> Option<String> {
+    let found = channel.stationarity.found().filter(|s| s.changes)?;
+    let bound = |f: fn(f64, f64) -> f64, from: f64| 1e3 * found.delay_s.iter().map(|d| d.value).fold(from, f);
+    let (least, most) = (bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY));
+    Some(with_minus(&format!("the delay changes over the record, from {least:.1} to {most:.1} ms in windows")))
+}
+
+/// Of each record the channels whose delay changes.
+fn tell_of_changes(records: &[&(String, BenchRecord)], notices: &mut Notices) {
+    for (name, record) in records {
+        let words: Vec<String> =
+            channels(record).iter().filter_map(|c| Some(format!("{}: {}", c.name, change(c)?))).collect();
+        if !words.is_empty() {
+            let text = format!("{}. One number does not describe it: look for its cause", words.join("; "));
+            notices.push(Code::FlightDelayChanges, name, words.len() as u64, text);
+        }
+    }
+}
+
 fn tell_of_rigs(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     for (name, record) in records {
         let wrong = contradictions(record);
         if !wrong.is_empty() {
-            let text = match (scattering_encoder(record), wrong.len()) {
-                (Some(why), 1) => format!(
+            let text = match (slipped_encoder(record), scattering_encoder(record), wrong.len()) {
+                (Some(what), None, 1) => format!(
+                    "the encoder slipped: {what}. The delays are from the longest part without a slip, and the channels are marked \
+                     on the card; find the cause and measure again"
+                ),
+                (None, Some(why), 1) => format!(
                     "the angle of the encoder scatters, {why}: the delays may be against a wrong motion, and the channels are \
                      marked on the card; find the cause and measure again"
                 ),
@@ -287,7 +327,7 @@ struct Several<'a> {
     runs: Vec<Run<'a>>,
     /// Records left out as outliers.
     outliers: Vec<String>,
-    /// On what those of the mean contradict their rig files.
+    /// What puts those of the mean in doubt.
     contradicted: Vec<String>,
 }
 
@@ -311,6 +351,15 @@ impl<'a> Several<'a> {
         for (run, is_outlier) in runs.into_iter().zip(outliers(&delays)) {
             if is_outlier { left.push(run) } else { kept.push(run) }
         }
+        if !left.is_empty() && MAJORITY[1] * kept.len() <= MAJORITY[0] * (kept.len() + left.len()) {
+            left_out.push(LeftOut {
+                code: Code::NotComparable,
+                record: "",
+                channel: name,
+                why: disagreement(kept.into_iter().chain(left).collect()),
+            });
+            return None;
+        }
         for run in &left {
             let delay_s = run.delay.delay.seconds();
             let why = format!("{delay_s:.4} s does not belong to the other records and is left out of the mean");
@@ -318,9 +367,12 @@ impl<'a> Several<'a> {
         }
         let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();
         let behind = records.iter().filter(|(record, _)| kept.iter().any(|run| run.record == record));
-        let contradicted = behind
-            .flat_map(|(record, found)| contradictions(found).into_iter().map(move |what| format!("{record}: {what}")))
-            .collect();
+        let doubts = |found: &BenchRecord| {
+            let own = channels(found).iter().find(|c| c.name == name).and_then(change);
+            contradictions(found).into_iter().chain(own)
+        };
+        let contradicted =
+            behind.flat_map(|(record, found)| doubts(found).map(move |what| format!("{record}: {what}"))).collect();
         (!kept.is_empty()).then_some(Several { name, runs: kept, outliers, contradicted })
     }
 
@@ -423,6 +475,27 @@ impl<'a> Several<'a> {
         }
         Some(middle)
     }
+}
+
+/// Both groups of records, where neither is a clear majority: apart at the widest gap between their delays.
+fn disagreement(mut runs: Vec<Run<'_>>) -> String {
+    let delay_s = |r: &Run<'_>| r.delay.delay.seconds();
+    runs.sort_by(|a, b| delay_s(a).total_cmp(&delay_s(b)));
+    let gap = |k: &usize| delay_s(&runs[*k]) - delay_s(&runs[k - 1]);
+    let split = (1..runs.len()).max_by(|a, b| gap(a).total_cmp(&gap(b))).unwrap_or(0);
+    let group = |runs: &[Run<'_>]| {
+        let one = |r: &Run<'_>| {
+            let [delay_ms, u_ms] = [delay_s(r), 2.0 * r.delay.standard_uncertainty_s].map(|s| 1e3 * s);
+            with_minus(&format!("{} {delay_ms:.1} ± {u_ms:.1} ms", r.record))
+        };
+        runs.iter().map(one).collect::<Vec<_>>().join(", ")
+    };
+    format!(
+        "the records disagree: {} against {}. No group is more than two thirds of them, so the card gives no common delay. Find \
+         what differs between them, and make one card for each configuration",
+        group(&runs[..split]),
+        group(&runs[split..])
+    )
 }
 
 /// What a record says of a channel, or why it does not.

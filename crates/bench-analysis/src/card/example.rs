@@ -120,6 +120,7 @@ pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
             reference_s: 0.0,
             stamps_s: 0.0,
             anchor_s: 0.0,
+            change_s: 0.0,
             interval_95_s: [delay_s - 2.0 * u_s, delay_s + 2.0 * u_s],
             degrees_of_freedom: 100.0,
             crlb_s: u_s,

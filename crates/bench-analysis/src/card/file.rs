@@ -30,8 +30,8 @@ const ORIGIN: &str = "\
 const CHANNEL: &str = "\
 # One entry for each channel. `verdict` is delayed, early, equivalent-to-zero, inconclusive or not-measurable.
 # `basis` says what the delay is measured against: one clock for all, a pulse per second, or an anchor channel.
-# `slow_motion_delay_s` is delay and lags together. `contradicted` says on what a record contradicts its rig file: do not use
-# the channel before the rig file is right.
+# `slow_motion_delay_s` is delay and lags together. `contradicted` says what puts the delay in doubt, as a record that
+# contradicts its rig file: do not use the channel before the cause is found.
 ";
 const RECORD: &str = "\
 # The records that were measured for this card; `records` of a channel says how many of them its mean is made of.

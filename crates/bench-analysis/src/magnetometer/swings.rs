@@ -132,7 +132,7 @@ impl MagneticSwing {
         let samples = update_samples(channel, &sensor_rows(name, channel, rig)?, motion.origin());
         let [x, y, z] = &samples.components[..] else { return None };
         let (rows, angle_rad): (Vec<usize>, Vec<f64>) =
-            samples.t.iter().enumerate().filter_map(|(row, t)| Some((row, motion.at(t - delay_s)?.angle))).unzip();
+            samples.t.iter().enumerate().filter_map(|(row, t)| Some((row, motion.seen_at(t - delay_s)?.angle))).unzip();
         let taken = |column: &[f64]| rows.iter().map(|&row| column[row]).collect();
         (rows.len() >= LEAST_ROWS).then_some(MagneticSwing {
             channel: name.to_owned(),

@@ -113,3 +113,27 @@ fn intervals_hold_against_a_coarse_encoder() {
         }
     }
 }
+
+/// The number of a lag of 300 ms was "204 ms late": the pure delay that fits this swing.
+#[test]
+fn a_lag_is_said_with_its_own_numbers_first() {
+    let mut settings = BenchSettings { seed: 5, ..BenchSettings::default() };
+    settings.bar.azimuth_rad = 0.7;
+    let sensor = BenchSensor { lags_s: vec![0.3], ..BenchSensor::noisy(50.0, 0.01) };
+    let found = alone(BenchChannel::VelocityIns, settings, sensor);
+    assert_eq!(found.model.found().unwrap().chosen.as_deref(), Some("L"), "{}", found.reason);
+    let said = found.reason.strip_prefix("a first-order lag of ").unwrap();
+    let value: f64 = said.split(' ').next().unwrap().parse().unwrap();
+    assert!((value - 300.0).abs() < 5.0 && said.contains("fits this swing best"), "{}", found.reason);
+}
+
+/// A barometer behind a lag, in wander as large as its signal: a small gain alone is no delay outside of the search.
+#[test]
+fn a_slow_barometer_in_wander_keeps_its_number() {
+    for seed in 0..4 {
+        let settings = BenchSettings { seed, ..BenchSettings::default() };
+        let sensor = BenchSensor { lags_s: vec![0.15], ..BenchSensor::noisy(25.0, 0.1).wandering(0.4, 20.0) };
+        let found = alone(BenchChannel::Height, settings, sensor);
+        assert!(found.delay.is_some(), "{}", found.reason);
+    }
+}

@@ -202,3 +202,42 @@ fn sign_and_zero_turn_the_motion_and_leave_its_uncertainty() {
     assert_eq!(turned.covariance_at(10.0).unwrap(), covariance);
     assert!(turned.at(-0.1).is_none() && turned.at(1e3).is_none());
 }
+
+/// 50 counts are 9°: the smoother made a motion of it, and gyro and accelerometer came out early by 5 and 4 ms, with gates
+/// that passed.
+#[test]
+fn an_encoder_that_slips_is_cut_there_and_said() {
+    let swing = Swing::by_hand(0.0);
+    let honest = counts(&swing);
+    let rig = rig("", "", "");
+    for (slip, seconds) in [(50.0, 22.0), (-10.0, 13.0), (200.0, 30.0)] {
+        let slipped = with_values(&honest, |k, v| if k as f64 / 100.0 >= seconds { v + slip } else { v });
+        let series = EncoderSeries::of("encoder.bar", &slipped, &rig).unwrap();
+        let [found] = series.slips[..] else { panic!("{:?}", series.slips) };
+        assert!((found.counts - slip).abs() < 1.5 && (found.t_s - seconds).abs() < 0.015, "{found:?}");
+        assert!(series.notices.iter().any(|n| n.code == "encoder-repaired"), "{:?}", series.notices);
+        let longer_s = f64::max(seconds, 40.0 - seconds);
+        assert!((series.t_s.len() as f64 / 100.0 - longer_s).abs() < 0.02, "{}", series.t_s.len());
+        assert_eq!(series.rejected[0].count as usize + series.t_s.len(), honest.series.len());
+    }
+}
+
+/// False alarms: swings of many speeds and phases, coarse and fine encoders.
+#[test]
+fn an_encoder_without_a_slip_has_none() {
+    let mut alarms = 0;
+    for k in 0..60u32 {
+        let x = f64::from(k);
+        let swing = Swing {
+            middle: 0.1 * x.sin(),
+            sines: vec![(0.7, 0.5 + 0.004 * x, x), (0.2, 0.9 + 0.01 * x, 2.0 * x), (0.06, 2.4, 0.3 * x)],
+            duration: 40.0,
+        };
+        let (rate, per_rev) = [(100.0, 2000.0), (50.0, 2000.0), (200.0, 8000.0), (100.0, 200.0)][k as usize % 4];
+        let channel = encoder_channel(&swing, rate, per_rev, 1.0, 0.0);
+        let mut rig = rig("", "", "");
+        rig.encoder.counts_per_rev = Some(per_rev);
+        alarms += EncoderSeries::of("encoder.bar", &channel, &rig).unwrap().slips.len();
+    }
+    assert_eq!(alarms, 0);
+}

@@ -297,7 +297,7 @@ catalogue! {
                  parts that are too short. Of very many samples only every n-th is used, or neighbours are averaged.",
                 "Look at the marked samples on the page of the flight.";
             FlightDelayChanges, "flight-delay-changes", [Warning],
-                "The delay measured in this flight changes.",
+                "The delay measured in this flight, or in a record of the bench, changes. `bench` ends with exit code 3.",
                 "Look at the curve of the delay over time before you remove a constant delay.";
             DelayContradicted, "delay-contradicted", [Warning],
                 "The removed delay contradicts the flight. This is also an amber alarm.",
@@ -330,11 +330,12 @@ catalogue! {
                  nothing is left, no card is written.",
                 "Look at the page of that record. Measure again if too few are left.";
             NotComparable, "not-comparable", [Warning],
-                "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity.",
+                "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity, or delays that \
+                 disagree without a clear majority. Then `bench` ends with exit code 3.",
                 "Make one card for each configuration.";
             RigContradicted, "rig-contradicted", [Warning],
-                "The data of a bench record contradict its rig file, or the angle of its encoder scatters, so its delays are measured \
-                 against a wrong motion. `bench` ends with exit code 3.",
+                "The data of a bench record contradict its rig file, or its encoder slips or scatters, so its delays are measured \
+                 against a wrong motion. A card can also be in doubt because a delay changed over a record. `bench` ends with exit code 3.",
                 "Correct the rig file, or what makes the angle scatter, and measure again.";
             CardRate, "card-rate", [Warning],
                 "Update rates differ: between the records of the bench, or between bench and flight.",
@@ -381,7 +382,8 @@ catalogue! {
                  encoder. The text says what is assumed.",
                 "State it in the rig file.";
             EncoderRepaired, "encoder-repaired", [Warning, Info],
-                "The encoder wrapped and was unwrapped, or impossible single samples were left out.",
+                "The encoder wrapped and was unwrapped, or impossible single samples were left out, or its count slipped: then only the \
+                 longest part without a slip is used.",
                 "Check the cable if there are many single samples.";
         }
         "Export and recover" {

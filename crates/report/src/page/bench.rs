@@ -20,7 +20,9 @@ use crate::text::{href, shown, shown_block};
 use crate::verdict;
 use flight::Quantity;
 use maud::{Markup, PreEscaped, html};
-use record::{BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, TimeBasis, Verdict};
+use record::{
+    BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, ModelFinding, TimeBasis, Verdict,
+};
 
 /// What the page of a bench record needs besides the record.
 #[derive(Debug, Clone, Copy)]
@@ -237,6 +239,10 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
                     (number::interval(found.interval_95_s.map(|s| s * 1e3), found.standard_uncertainty_s * 1e3)) " ms"
                     @if let TimeBasis::Anchor { channel } = &channel.basis { ", relative to " code { (shown(channel)) } }
                     "."
+                    @if let Some(model) = lagging(channel) {
+                        " That is the pure delay that fits this swing best. The channel has a lag (" (shown(&model.text))
+                        "): slow motion is " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } " late."
+                    }
                     @if let Some(seen) = &found.as_seen_s {
                         " A loop that reads the held value sees " (estimate(&verdict::in_millis(seen))) " ms."
                     }
@@ -245,6 +251,13 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
             }
         }
     }
+}
+
+/// The model of the channel, if it was chosen and has a lag.
+fn lagging(channel: &ChannelDynamics) -> Option<&ModelFinding> {
+    let model = channel.model.found()?;
+    let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
+    (!chosen.lags_s.is_empty()).then_some(model)
 }
 
 fn size(found: &DelayFinding, sign: f64) -> Markup {

@@ -234,7 +234,12 @@ fn displaced(channel: &CardChannel) -> Markup {
                 code { (shown(&channel.name)) } " is " (word) " by " (estimate(&number::scaled(&delay_ms(channel), sign)))
                 "\u{a0}ms, " (time_base(&channel.basis))
             }
-            " (k = 2), from " (number::counted(channel.records, "record", "records"))
+            " (k = 2)"
+            @if let Some(slow) = channel.slow_motion_delay_s {
+                ", as the pure delay that fits the bench's swing best. It is a lag (" (shown(&channel.model)) "): slow motion is "
+                b { (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) " ms" } " late"
+            }
+            ", from " (number::counted(channel.records, "record", "records"))
             @if !channel.outliers.is_empty() {
                 ", " (number::counted(channel.outliers.len() as u64, "record", "records")) " left out"
             }
@@ -349,7 +354,7 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
             th scope="row" { (shown(&channel.name)) }
             td {
                 (verdict_badge(channel.verdict))
-                @if !channel.contradicted.is_empty() { " " (badge("bad", "✗", "rig contradicted")) }
+                @if !channel.contradicted.is_empty() { " " (badge("bad", "✗", "in doubt")) }
             }
             td.n { (estimate(&delay_ms(channel))) }
             td.n { "±" (number::exact(margin_s * 1e3)) }
@@ -384,11 +389,11 @@ fn contradicted(channel: &CardChannel) -> Markup {
     html! {
         @if !channel.contradicted.is_empty() {
             p {
-                (badge("bad", "✗", "rig contradicted")) " The data contradict the rig file or the encoder, so that the delay of "
-                code { (shown(&channel.name)) } " is measured against a motion that was not the bar's: "
+                (badge("bad", "✗", "in doubt")) " The data contradict the rig file or the encoder, or the delay of "
+                code { (shown(&channel.name)) } " is not constant: "
                 @for (i, what) in channel.contradicted.iter().take(20).enumerate() { @if i > 0 { ", " } (shown(what)) }
                 @if channel.contradicted.len() > 20 { " and " (channel.contradicted.len() - 20) " more" }
-                ". Correct what is named and measure again."
+                ". Correct what is named and measure again. Until then do not rely on the number."
             }
         }
     }

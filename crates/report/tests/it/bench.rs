@@ -334,7 +334,7 @@ fn what_was_read_and_with_which_rig_stands_under_provenance() {
 #[test]
 fn a_channel_whose_rig_the_data_contradict_is_marked_with_what_they_contradict() {
     let html = text(&the_card(), "index.html");
-    assert_eq!(html.matches("rig contradicted").count(), 2, "one row and one paragraph");
+    assert_eq!(html.matches("in doubt").count(), 2, "one row and one paragraph");
     assert!(html.contains("swing-07: azimuth by &lt;imu&gt;") && html.contains("; slow motion "));
 }
 

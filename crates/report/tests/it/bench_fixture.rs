@@ -173,6 +173,7 @@ fn delay(kind: &Kind) -> DelayFinding {
         hac_s: kind.u_s * 0.99,
         reference_s: kind.u_s * 0.02,
         stamps_s: kind.u_s * 0.1,
+        change_s: 0.0,
         anchor_s: kind.u_s * 0.03,
         interval_95_s: [kind.delay_s - 1.97 * kind.u_s, kind.delay_s + 1.97 * kind.u_s],
         degrees_of_freedom: DURATION * kind.rate * 3.0 - 11.0,
@@ -263,6 +264,7 @@ fn checks(kind: &Kind) -> FitChecks {
         ljung_box_p: 0.31,
         kurtosis: 3.04,
         downweighted_share: if kind.name == "position.gps" { 0.013 } else { 0.0 },
+        outlier_share: 0.0,
         objective: ObjectiveCurve {
             value: delay_s.iter().map(|&d| scale * curve(d)).collect(),
             delay_s,
@@ -285,6 +287,7 @@ fn stationarity(kind: &Kind) -> Finding<Stationarity> {
         delay_s: t_s.iter().map(|_| estimate(kind.delay_s + u * noise.next(), u)).collect(),
         t_s,
         constant_p: 0.42,
+        changes: false,
         slope: estimate(kind.u_s / 60.0, kind.u_s / 20.0),
         text: "Constant as far as this record can show.".into(),
     })

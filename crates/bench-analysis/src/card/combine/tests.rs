@@ -235,3 +235,43 @@ fn an_encoder_whose_angle_scatters_marks_the_channels() {
     assert_eq!(combined.card.channels[0].contradicted, ["swing-02: encoder residual"]);
     assert_eq!(told(&combined), [("rig-contradicted", "swing-02")]);
 }
+
+/// Two records of 400 and two of 600 ms gave "400.1 ± 0.5 ms" of two records: the other two were called outliers.
+#[test]
+fn records_without_a_clear_majority_make_no_common_delay() {
+    let mut all = runs(&[400.0, 400.1, 600.0, 600.1]);
+    for (_, record) in &mut all {
+        record.findings.as_mut().unwrap().channels.push(channel("velocity.gps", 0.1, 0.002));
+    }
+    let combined = combine(&all, &TERMS).unwrap();
+    let names: Vec<&str> = combined.card.channels.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["velocity.gps"]);
+    let said = combined.notices.iter().find(|n| n.code == Code::NotComparable && n.place.is_empty()).unwrap();
+    assert!(
+        ["position.gps", "swing-01 400.0 ± 4.0 ms", "swing-04 600.1 ± 4.0 ms"].iter().all(|w| said.text.contains(w))
+    );
+    assert!(combined.card.method.contains("disagree"));
+    let alone = combine(&runs(&[400.0, 400.1, 600.0, 600.1]), &TERMS).unwrap_err();
+    assert!(alone.to_string().contains("disagree"), "{alone}");
+    let five = combine(&runs(&[400.0, 400.1, 399.9, 400.0, 600.0]), &TERMS).unwrap();
+    assert_eq!(five.card.channels[0].outliers, ["swing-05"]);
+}
+
+#[test]
+fn a_delay_that_changes_puts_its_channel_in_doubt() {
+    let mut all = runs(&[400.0, 401.0, 399.0]);
+    let estimate = |value| Estimate { value, standard_uncertainty: Some(0.002) };
+    all[1].1.findings.as_mut().unwrap().channels[0].stationarity = record::Finding::Found(record::Stationarity {
+        window_s: 15.0,
+        t_s: vec![10.0, 25.0],
+        delay_s: vec![estimate(0.35), estimate(0.45)],
+        constant_p: 1e-6,
+        changes: true,
+        slope: estimate(0.0),
+        text: String::new(),
+    });
+    let combined = combine(&all, &TERMS).unwrap();
+    let said = "swing-02: the delay changes over the record, from 350.0 to 450.0 ms in windows";
+    assert_eq!(combined.card.channels[0].contradicted, [said]);
+    assert_eq!(told(&combined), [("flight-delay-changes", "swing-02")]);
+}

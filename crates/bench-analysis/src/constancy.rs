@@ -1,0 +1,145 @@
+//! Whether the delay of a channel stays the same over the record (design note 3.9).
+
+use crate::verdict::{millis, probability};
+use record::{Estimate, Finding, ModelFinding, Stationarity};
+use signal::{
+    DelayFit, DelaySettings, DelayStart, LaggedReference, Measurement, SegmentDelay, delay_by_segment, fit_delay,
+    fit_delay_near, homogeneity,
+};
+
+/// Windows of the delay over the record, s; half overlapping.
+const WINDOW_S: f64 = 15.0;
+/// Below this probability the text says that the delay changes.
+const SAID: f64 = 0.01;
+/// Below this one the delay counts as changing: 1 of 752 channels with a constant delay, in simulations.
+const SURE: f64 = 0.001;
+/// Below this one the windows are fitted each with a noise of its own: a step is part of the noise of the whole record, and hides
+/// itself.
+const DOUBTED: f64 = 0.05;
+/// Half an interval of 95 % in standard uncertainties.
+const HALF_95: f64 = 1.96;
+/// A lag that explains a change leaves less than this share of its range.
+const LAG_EXPLAINS: f64 = 0.75;
+/// Fewer rows of a window do not show its noise.
+const LEAST_ROWS: usize = 60;
+/// Grid of a reference behind a lag, s.
+const GRID_S: f64 = 0.01;
+
+/// What is found, and how far the delay is from constant.
+pub(crate) struct Constancy {
+    pub(crate) finding: Finding<Stationarity>,
+    /// Standard uncertainty of the delay that covers the delay of every window, s; `None` where nothing surely changes.
+    pub(crate) change_s: Option<f64>,
+}
+
+/// The delay in windows, against one delay for all. Behind a lag a hand that changes its speed changes the delay that fits
+/// best: only what is left with the lag of the `model` in the reference is a change of the channel.
+pub(crate) fn constancy(
+    measurements: &[Measurement<'_>],
+    fit: &DelayFit,
+    settings: &DelaySettings,
+    model: Option<&ModelFinding>,
+) -> Constancy {
+    let windows = delay_by_segment(measurements, fit, WINDOW_S, 0.5);
+    let apart = delay_by_segment(measurements, fit, WINDOW_S, 0.0);
+    let Some((chi2, constant_p)) = homogeneity(&apart) else {
+        let text = format!("fewer than two windows of {WINDOW_S} s with enough motion");
+        return Constancy { finding: Finding::CannotTell(text), change_s: None };
+    };
+    let own_p =
+        if (SURE..DOUBTED).contains(&constant_p) { each_alone(measurements, fit, settings, &apart) } else { None };
+    let constant_p = own_p.filter(|p| *p < SURE).unwrap_or(constant_p);
+    let by_the_lag = constant_p < SAID && !changes_behind_lag(measurements, settings, model, &apart);
+    let changes = constant_p < SURE && !by_the_lag;
+    let least = windows.iter().map(|w| w.delay_s).fold(f64::INFINITY, f64::min);
+    let most = windows.iter().map(|w| w.delay_s).fold(f64::NEG_INFINITY, f64::max);
+    let found = match constant_p {
+        p if p >= SAID => "No change over the record".to_owned(),
+        _ if by_the_lag => "The delay that fits best changes with the motion, as the lag makes it".to_owned(),
+        _ => format!("The delay changes over the record, between {} and {} ms", millis(least), millis(most)),
+    };
+    let text = format!("{found} (χ² = {chi2:.1}, {} windows, {}).", apart.len(), probability(constant_p));
+    let finding = Finding::Found(Stationarity {
+        window_s: WINDOW_S,
+        t_s: windows.iter().map(|w| w.middle_s).collect(),
+        delay_s: windows
+            .iter()
+            .map(|w| Estimate { value: w.delay_s, standard_uncertainty: Some(w.standard_uncertainty_s) })
+            .collect(),
+        constant_p,
+        changes,
+        slope: slope(&apart),
+        text,
+    });
+    let farthest_s = (most - fit.delay_s).max(fit.delay_s - least);
+    Constancy { finding, change_s: changes.then_some(farthest_s / HALF_95) }
+}
+
+/// Probability that windows fitted alone have one delay; `None` with fewer than two that can be.
+fn each_alone(
+    measurements: &[Measurement<'_>],
+    fit: &DelayFit,
+    settings: &DelaySettings,
+    apart: &[SegmentDelay],
+) -> Option<f64> {
+    let noise: Vec<_> = fit.components.iter().map(|c| c.noise).collect();
+    let one = |window: &SegmentDelay| {
+        let (from, to) = (window.middle_s - 0.5 * WINDOW_S, window.middle_s + 0.5 * WINDOW_S);
+        let within = |m: &Measurement<'_>| m.t.partition_point(|t| *t < from)..m.t.partition_point(|t| *t < to);
+        let parts: Vec<Measurement<'_>> =
+            measurements.iter().map(|m| Measurement { t: &m.t[within(m)], y: &m.y[within(m)], ..*m }).collect();
+        let start = DelayStart { delay_s: window.delay_s, noise: noise.clone(), keep_noise: false };
+        let found = fit_delay_near(&parts, settings, &start).ok().filter(|f| f.converged)?;
+        let enough = found.components.iter().all(|c| c.t_used.len() >= LEAST_ROWS);
+        let (delay_s, standard_uncertainty_s) = (found.delay_s, found.standard_uncertainty_s);
+        enough.then_some(SegmentDelay { delay_s, standard_uncertainty_s, ..*window })
+    };
+    let windows: Vec<SegmentDelay> = apart.iter().filter_map(one).collect();
+    homogeneity(&windows).map(|(_, p)| p)
+}
+
+/// Whether the delay also changes where the lag of the best model is part of the reference; without a lag, it does.
+fn changes_behind_lag(
+    measurements: &[Measurement<'_>],
+    settings: &DelaySettings,
+    model: Option<&ModelFinding>,
+    apart: &[SegmentDelay],
+) -> bool {
+    let best = model.and_then(|m| m.candidates.first());
+    let lags: Vec<f64> = best.into_iter().flat_map(|c| &c.lags_s).map(|l| l.value).filter(|l| *l > 0.0).collect();
+    if lags.is_empty() {
+        return true;
+    }
+    let lagged = |m: &Measurement<'_>| LaggedReference::new(m.reference, &lags, GRID_S);
+    let Some(references) = measurements.iter().map(lagged).collect::<Option<Vec<_>>>() else { return true };
+    let behind: Vec<Measurement<'_>> =
+        measurements.iter().zip(&references).map(|(m, reference)| Measurement { reference, ..*m }).collect();
+    let Ok(fit) = fit_delay(&behind, settings) else { return true };
+    // A lag that was fitted to a step leaves the windows apart, but with so much noise that no chi-squared shows it.
+    let sharper = |window: SegmentDelay| {
+        let same = apart.iter().find(|w| (w.middle_s - window.middle_s).abs() < 0.5 * WINDOW_S);
+        let known_s = same.map_or(f64::INFINITY, |w| w.standard_uncertainty_s);
+        SegmentDelay { standard_uncertainty_s: window.standard_uncertainty_s.min(known_s), ..window }
+    };
+    let windows: Vec<SegmentDelay> = delay_by_segment(&behind, &fit, WINDOW_S, 0.0).into_iter().map(sharper).collect();
+    let range = |all: &[SegmentDelay]| {
+        let bound = |f: fn(f64, f64) -> f64, from: f64| all.iter().map(|w| w.delay_s).fold(from, f);
+        bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY)
+    };
+    range(&windows) > LAG_EXPLAINS * range(apart) || homogeneity(&windows).is_none_or(|(_, p)| p < SURE)
+}
+
+/// Weighted straight line through the delays of windows that do not overlap, s/s.
+fn slope(windows: &[SegmentDelay]) -> Estimate {
+    let weight = |w: &SegmentDelay| w.standard_uncertainty_s.powi(-2);
+    let total: f64 = windows.iter().map(weight).sum();
+    let mean = |f: &dyn Fn(&SegmentDelay) -> f64| windows.iter().map(|w| weight(w) * f(w)).sum::<f64>() / total;
+    let (t, d) = (mean(&|w| w.middle_s), mean(&|w| w.delay_s));
+    let spread = windows.iter().map(|w| weight(w) * (w.middle_s - t).powi(2)).sum::<f64>();
+    let product = windows.iter().map(|w| weight(w) * (w.middle_s - t) * (w.delay_s - d)).sum::<f64>();
+    let known = spread > 0.0;
+    Estimate {
+        value: if known { product / spread } else { 0.0 },
+        standard_uncertainty: known.then(|| spread.sqrt().recip()),
+    }
+}

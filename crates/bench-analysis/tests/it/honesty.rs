@@ -1,0 +1,154 @@
+//! Records that break an assumption: what is said of them must be no confident wrong number.
+
+use crate::support::{Noise, Sensor, Swing, encoder_channel, flight_of, rig, sensed};
+use bench_analysis::{Bench, BenchInput, bench};
+use flight::{Channel, Flight, Quantity};
+use record::ChannelDynamics;
+
+fn measured(encoder: Channel, sensors: Vec<(&str, Channel)>) -> Bench {
+    let mut channels = vec![("encoder.bar", encoder)];
+    channels.extend(sensors);
+    let flight: Flight = flight_of(channels);
+    let mut rig = rig("azimuth_deg = 30", "", "");
+    rig.analysis.inject_s = vec![];
+    bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig).unwrap()
+}
+
+fn channel_of<'a>(found: &'a Bench, name: &str) -> &'a ChannelDynamics {
+    found.findings.channels.iter().find(|c| c.name == name).unwrap()
+}
+
+/// A swing of the hand that is another one for each seed.
+fn swing(seed: u64) -> Swing {
+    let mut noise = Noise::seeded(seed);
+    let mut swing = Swing::by_hand(0.0);
+    for (_, f, phase) in &mut swing.sines {
+        *f *= 1.0 + noise.gauss(0.05);
+        *phase += noise.gauss(2.0);
+    }
+    swing.duration = 60.0;
+    swing
+}
+
+/// Rows of `late` from `from_s` on, of `early` before.
+fn changing(early: &Channel, late: &Channel, from_s: f64) -> Channel {
+    let rows = early.series.len();
+    let from = early.series.timeline().stamps().iter().filter(|s| (s.0 as f64) < from_s * 1e9).count();
+    let of = |k: usize| [&early.series.component(k)[..from], &late.series.component(k)[from..]].concat();
+    let values: Vec<Vec<f64>> = (0..early.series.components().len()).map(of).collect();
+    let t: Vec<f64> = early.series.timeline().stamps().iter().map(|s| s.0 as f64 * 1e-9).collect();
+    assert_eq!(values[0].len(), rows);
+    crate::support::channel(early.quantity, &t, values)
+}
+
+/// It was 45.8 ± 0.9 ms without a word, and exit code 0.
+#[test]
+fn a_delay_that_changes_is_said_and_covered() {
+    for seed in 0..3 {
+        let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
+        let velocity = |delay| sensed(&swing, &sensor, Quantity::VelocityNed, 50.0, delay, 0.03);
+        let changed = changing(&velocity(0.02), &velocity(0.08), 32.0);
+        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 50.0, 0.0, 0.01);
+        let encoder = encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.0);
+        let found = measured(encoder, vec![("velocity.ins", changed), ("angular-rate.imu", gyro)]);
+        let velocity = channel_of(&found, "velocity.ins");
+        let [low, high] = velocity.delay.as_ref().unwrap().interval_95_s;
+        assert!(low < 0.021 && high > 0.079, "{low} {high}");
+        assert!(velocity.stationarity.found().unwrap().changes, "{velocity:?}");
+        assert!(velocity.reason.contains("changes over the record, between"), "{}", velocity.reason);
+        let gyro = channel_of(&found, "angular-rate.imu");
+        assert!(!gyro.stationarity.found().unwrap().changes && gyro.delay.as_ref().unwrap().change_s == 0.0);
+    }
+}
+
+/// 1.3 s early and 3 s late with a search of −1 to 1.5 s: it was a delay within it, "± 10 ms", and exit code 0.
+#[test]
+fn a_delay_outside_of_the_search_is_no_number() {
+    for (seed, delay, quantity) in [
+        (0, 3.0, Quantity::Attitude),
+        (1, 1.8, Quantity::VelocityNed),
+        (2, -1.3, Quantity::VelocityNed),
+        (3, 2.4, Quantity::Attitude),
+        (4, 1.52, Quantity::Attitude),
+    ] {
+        let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
+        let late = sensed(&swing, &sensor, quantity, 20.0, delay, 0.01);
+        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 50.0, 0.0, 0.01);
+        let encoder = encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.0);
+        let found = measured(encoder, vec![("late", late), ("angular-rate.imu", gyro)]);
+        let late = channel_of(&found, "late");
+        assert!(late.delay.is_none() && late.verdict == record::Verdict::NotMeasurable, "{delay}: {late:?}");
+        let words = ["cannot tell", "search window of −1 to 1.5 s", "widen analysis.search_s"];
+        assert!(words.iter().all(|w| late.reason.contains(w)), "{}", late.reason);
+        assert!(channel_of(&found, "angular-rate.imu").delay.is_some());
+    }
+}
+
+/// A gap of 3 s was bridged with motion that never was: 6 ms of error, stated ± 11 ms.
+#[test]
+fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
+    for seed in 0..4 {
+        let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
+        let whole = encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.0);
+        let kept: Vec<usize> = (0..whole.series.len()).filter(|k| !(2200..2500).contains(k)).collect();
+        let t: Vec<f64> = kept.iter().map(|k| *k as f64 / 100.0).collect();
+        let counts = kept.iter().map(|&k| whole.series.component(0)[k]).collect();
+        let encoder = crate::support::channel(Quantity::EncoderCount, &t, vec![counts]);
+        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 50.0, 0.005, 0.005);
+        let attitude = sensed(&swing, &sensor, Quantity::Attitude, 50.0, 0.03, 0.003);
+        let found = measured(encoder, vec![("angular-rate.imu", gyro), ("attitude.ins", attitude)]);
+        for (name, truth) in [("angular-rate.imu", 0.005), ("attitude.ins", 0.03)] {
+            let channel = channel_of(&found, name);
+            let silent = channel.rejected.iter().find(|r| r.reason.contains("silent")).unwrap();
+            // Three seconds at 50 Hz and a tenth of a second at either end.
+            assert!((150..=165).contains(&silent.count), "{silent:?}");
+            let delay = channel.delay.as_ref().unwrap();
+            let error = delay.delay.seconds() - truth;
+            assert!(error.abs() < 4.0 * delay.standard_uncertainty_s, "{error} {delay:?}");
+            assert!(delay.standard_uncertainty_s < 1e-4, "{delay:?}");
+        }
+        assert!(
+            found.notices.iter().any(|n| n.code == "samples-left-out" && n.text.contains("22.00 to 25.00")
+                || n.text.contains("21.99 to 25.00")),
+            "{:?}",
+            found.notices
+        );
+    }
+}
+
+/// The gain is known no better than the reference: against 200 counts 11 of 16 gyros had a gain beyond k = 2.
+#[test]
+fn the_gain_against_a_coarse_encoder_holds_the_truth() {
+    let trials = 12;
+    let misses = |seed: u64| {
+        let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
+        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 100.0, 0.0, 0.005);
+        let encoder = encoder_channel(&swing, 100.0, 200.0, 1.0, 0.0);
+        let flight = flight_of(vec![("encoder.bar", encoder), ("angular-rate.imu", gyro)]);
+        let mut rig = rig("azimuth_deg = 30", "", "");
+        rig.encoder.counts_per_rev = Some(200.0);
+        rig.analysis.inject_s = vec![];
+        let found = bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig).unwrap();
+        let moved = channel_of(&found, "angular-rate.imu").components.iter().find_map(|c| c.gain.filter(|_| c.excited));
+        let gain = moved.unwrap();
+        (gain.value - 1.0).abs() > 2.0 * gain.standard_uncertainty.unwrap()
+    };
+    let missed = (0..trials).filter(|seed| misses(*seed)).count();
+    assert!(missed <= 2, "{missed} of {trials}");
+}
+
+/// Full turns were "0 swing; ten or more are needed", though the bar moved all the time.
+#[test]
+fn full_turns_are_refused_as_full_turns() {
+    let t = crate::support::grid(100.0, 40.0);
+    let counts = t.iter().map(|t| (3.0 * t / std::f64::consts::TAU * 2000.0).round()).collect();
+    let encoder = crate::support::channel(Quantity::EncoderCount, &t, vec![counts]);
+    let gyro = crate::support::channel(
+        Quantity::AngularRate,
+        &t,
+        vec![vec![0.0; t.len()], t.iter().map(|t| 3.0 + 0.01 * (50.0 * t).sin()).collect(), vec![0.0; t.len()]],
+    );
+    let found = measured(encoder, vec![("angular-rate.imu", gyro)]);
+    let reason = &channel_of(&found, "angular-rate.imu").reason;
+    assert!(reason.contains("19.1 full turns and 0 swings"), "{reason}");
+}
