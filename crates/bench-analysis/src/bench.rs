@@ -320,7 +320,7 @@ fn channels(
     references.channels.iter().filter_map(of).collect()
 }
 
-/// How long the encoder was silent, and what was left out for it.
+/// The gaps of the encoder, and how many samples were left out for them.
 fn tell_of_gaps(motion: &Motion, channels: &[ChannelDynamics], notices: &mut Notices) {
     let gaps = motion.gaps();
     let Some((start, end)) = gaps.iter().copied().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0))) else { return };
@@ -328,8 +328,8 @@ fn tell_of_gaps(motion: &Motion, channels: &[ChannelDynamics], notices: &mut Not
     let rejected = channels.iter().flat_map(|c| &c.rejected).filter(|r| r.reason == SILENT);
     let rows: u64 = rejected.map(|r| r.count).sum();
     let text = format!(
-        "the encoder is silent {} times for a quarter of a swing or longer, {total_s:.2} s together, the longest from {start:.2} to \
-         {end:.2} s: nobody knows the motion there, and {rows} samples of the channels are not compared",
+        "gaps of the encoder, each a quarter of a swing or longer: {}, {total_s:.2} s in total, the longest from {start:.2} to \
+         {end:.2} s. The motion there is unknown: {rows} samples of the channels are left out",
         gaps.len()
     );
     notices.push(Code::SamplesLeftOut, &motion.encoder().channel, rows, text);

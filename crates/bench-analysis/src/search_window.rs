@@ -4,7 +4,7 @@ use crate::verdict::millis;
 use record::{ModelCandidate, ModelFinding};
 use signal::{ComponentFit, DelayFit, DelaySettings, Measurement, delay_objective_above};
 
-/// How far beyond the search it is looked for a better delay, s, and share of the record at most.
+/// How far beyond the search window a better delay is sought: in s, and as a share of the record at most.
 const BEYOND_S: f64 = 5.0;
 const MOST_OF_RECORD: f64 = 0.2;
 /// Rows of a component that are looked at there.
