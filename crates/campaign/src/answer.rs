@@ -13,7 +13,7 @@ use compensation_replay::{
     AutopilotParameter, FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice,
     measure_delays, pick_pair,
 };
-use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
+use delay_network::{Lineage, NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
@@ -238,6 +238,9 @@ fn answered(
     if let Some(check) = checked_by_reference(&out, delays) {
         out.words += &check;
     }
+    if let Some(network) = network {
+        out.words += &other_receivers(&out, network);
+    }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
     let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::NotTested);
     if let Some(lateness_s) = out.lateness_s().filter(|_| absolute && one_delay) {
@@ -332,6 +335,26 @@ fn checked_by_reference(out: &FlightLateness, delays: &FlightDelays) -> Option<S
     let pair = delays.pairs.iter().find(against)?;
     let found = pair.delay.found()?.delay_s;
     Some(format!(". Against {}, kept as a check, the delay of {position} is {} ms", pair.second, in_ms(&found)))
+}
+
+/// Other positions that are measured and not of a filter, and whose lateness is another one: what is removed from one receiver
+/// is wrong for the next.
+fn other_receivers(out: &FlightLateness, network: &DelayNetwork) -> String {
+    let Some(own) = out.lateness.as_ref().filter(|_| !out.kind.varies()) else { return String::new() };
+    let is_other = |channel: &&ChannelLateness| {
+        let name = channel.channel.as_str();
+        let differs = difference(network, name, &own.channel)
+            .is_some_and(|d| d.value.abs() > ON_TIME_S.max(3.0 * d.standard_uncertainty.unwrap_or_default()));
+        name.starts_with("position.") && lineage_from_name(name) == Lineage::Measured && differs
+    };
+    let against = match &own.relative_to {
+        Some(zero) => format!("later than {zero}"),
+        None => "late".to_owned(),
+    };
+    let others = network.channels.iter().filter(is_other);
+    others
+        .map(|c| format!(". Another position of this log, {}, is {} ms {against}", c.channel, in_ms(&c.lateness_s)))
+        .collect()
 }
 
 /// What to fly so that the next log tells what this one does not.

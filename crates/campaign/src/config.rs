@@ -246,9 +246,10 @@ const DEFAULT_POSITIONS: [&str; 11] = [
     "position.ekf-global",
 ];
 /// Best first.
-const DEFAULT_VELOCITIES: [&str; 11] = [
+const DEFAULT_VELOCITIES: [&str; 13] = [
     "velocity.ekf",
     "velocity.ins",
+    "velocity.plain",
     "velocity.gps",
     "velocity.xyz",
     "velocity.velned",
@@ -258,6 +259,7 @@ const DEFAULT_VELOCITIES: [&str; 11] = [
     "velocity.hnr",
     "velocity.nav2",
     "velocity.ekf-global",
+    "velocity.truth",
 ];
 
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -269,8 +271,9 @@ struct WrittenChannels {
     /// position.ekf-global.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     position: Option<Spanned<Vec<String>>>,
-    /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.gps, velocity.xyz,
-    /// velocity.velned, velocity.sol, velocity.pubx, velocity.vtg, velocity.hnr, velocity.nav2, velocity.ekf-global.
+    /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.plain, velocity.gps, velocity.xyz,
+    /// velocity.velned, velocity.sol, velocity.pubx, velocity.vtg, velocity.hnr, velocity.nav2, velocity.ekf-global,
+    /// velocity.truth.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     velocity: Option<Spanned<Vec<String>>>,
     /// Independent position to score against. Default: position.truth.
@@ -1352,12 +1355,16 @@ mod tests {
             ("position.nav2", "velocity.nav2"),
             ("position.ekf-global", "velocity.ekf-global"),
             ("position.ins", "velocity.xyz"),
+            ("position.gps", "velocity.truth"),
         ] {
             let expected = Ok([position, velocity].map(str::to_owned));
             assert_eq!(pair(&[(position, p), (velocity, v)]), expected);
         }
         let both = pair(&[("position.posllh", p), (p, p), ("velocity.velned", v), ("velocity.vtg", v), (v, v)]);
         assert_eq!(both, Ok([p, v].map(str::to_owned)));
+        // Columns of no named source, beside those of the receiver, are of something faster.
+        let plain = pair(&[(p, p), ("velocity.truth", v), (v, v), ("velocity.plain", v)]);
+        assert_eq!(plain, Ok([p, "velocity.plain"].map(str::to_owned)));
     }
 
     #[test]

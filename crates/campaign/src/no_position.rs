@@ -1,5 +1,6 @@
 //! What is said of a log without a position.
 
+use compensation_replay::some_of;
 use flight::{Binding, ChannelHealth, Flight};
 
 /// Channels that are named.
@@ -31,7 +32,7 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
         None => {
             format!(
                 "no position channel: the pipeline asks for {}, and the log has none of them. {held}",
-                wanted.join(", ")
+                some_of(wanted)
             )
         }
     }

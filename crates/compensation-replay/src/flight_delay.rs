@@ -11,6 +11,7 @@ mod coarse;
 mod disturbance;
 mod doubt;
 mod fit;
+mod foreign;
 mod gate;
 mod injection;
 mod local;

@@ -267,13 +267,25 @@ pub fn pick_pair<'a>(
 fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Result<Picked<'a>, Refusal> {
     let (name, channel) = flight.first_of(wanted).ok_or_else(|| Refusal::NoChannel {
         what,
-        wanted: wanted.join(", "),
+        wanted: some_of(wanted),
         held: held_instead(flight, what),
     })?;
     if is(what, channel.quantity) {
         Ok((name, channel))
     } else {
         Err(Refusal::WrongQuantity { channel: name.to_owned(), quantity: channel.quantity, what })
+    }
+}
+
+/// The first names of a long list, and how many follow.
+#[must_use]
+pub fn some_of(names: &[String]) -> String {
+    const NAMED: usize = 4;
+    match names {
+        [first @ .., _] if first.len() >= NAMED => {
+            format!("{} and {} more", names[..NAMED - 1].join(", "), names.len() - (NAMED - 1))
+        }
+        all => all.join(", "),
     }
 }
 

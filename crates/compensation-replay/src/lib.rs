@@ -47,7 +47,7 @@ pub use export::{
     autopilot_advice, export_c,
 };
 pub use flight_delay::{FlightDelaySettings, measure_delays};
-pub use input::{Picked, Refusal, pick_pair};
+pub use input::{Picked, Refusal, pick_pair, some_of};
 pub use lever_arm::{
     AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity,
     lever_sensitivity_of_speeds,

@@ -13,7 +13,7 @@ mod write;
 
 pub(crate) use self::ways::ways;
 
-use self::decide::{Motion, Of, Place, Vertical, decide, plausible_height, side, units_of_place};
+use self::decide::{Motion, Of, Place, Vertical, decide, plausible_height, side, units_of_place, without_unit};
 use self::names::{Named, Role};
 use self::sets::{Position, Source, Velocity, has_body, may_hold, says_axes, sources};
 use self::times::Timing;
@@ -324,20 +324,35 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
         sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))).collect();
     order.sort_by_key(|(s, p)| (!std::ptr::eq(*s, of), !p.is_geodetic, p.source != velocity.source));
     let mut why_not = "no position to compare them with".to_owned();
+    let mut contradicts = false;
     let mut pairs: Vec<Pair<'l>> = vec![];
     for (source, position) in order {
         match with_times(source, position, of, velocity) {
-            Ok(pair) => {
+            Ok(mut pair) => {
+                // Its axes go where those of a latitude and longitude show.
+                if let (Some((known, shown)), (place, own)) = (pairs.first(), &mut pair)
+                    && known.what.set.is_geodetic
+                    && !place.what.set.is_geodetic
+                    && !says_axes(&place.what.set.first)
+                {
+                    place.what.swapped = own.what.swapped != shown.what.swapped;
+                    place.what.is_west = own.what.is_west != shown.what.is_west;
+                }
                 let agrees = pairs.first().is_none_or(|(_, known)| {
                     known.what.unit == pair.1.what.unit && known.timing.entry == pair.1.timing.entry
                 });
                 pairs.extend(Some(pair).filter(|_| agrees));
             }
-            Err(why) if pairs.is_empty() => why_not = why,
-            Err(_) => {}
+            Err(why) => {
+                let is_known = position.is_geodetic && !velocity.is_polar && !says_axes(&velocity.first);
+                contradicts |= is_known && std::ptr::eq(source, of) && pairs.is_empty();
+                why_not = if pairs.is_empty() { why } else { why_not };
+            }
         }
     }
-    if pairs.is_empty() { Err(why_not) } else { Ok(pairs) }
+    // Axes that agree with a position of axes as unknown, and not with a latitude and longitude, may go anywhere.
+    let only_local = pairs.iter().all(|(place, _)| !place.what.set.is_geodetic && !says_axes(&place.what.set.first));
+    if pairs.is_empty() || contradicts && only_local { Err(why_not) } else { Ok(pairs) }
 }
 
 /// Why no way to read the times of two tables is tried.
@@ -417,8 +432,10 @@ fn unchecked<'l>(
         return Err(format!("{path}: nothing says what the time of its table counts"));
     };
     let units: Vec<(Unit, String)> = units_of_place(of.table, set);
-    let [(unit, why)] = units.as_slice() else {
-        return Err(format!("{path}: nothing shows whether it is in degrees or radians"));
+    let (unit, why) = match units.as_slice() {
+        [one] => one,
+        [] => return Err(without_unit(of.table, set)),
+        _ => return Err(format!("{path}: nothing shows whether it is in degrees or radians")),
     };
     if !set.is_geodetic && (set.first.unit.is_none() || !says_axes(&set.first)) {
         return Err(format!(

@@ -8,8 +8,6 @@ use signal::DelayFit;
 
 /// Shortest record that is tried, s.
 const SHORTEST_S: f64 = 5.0;
-/// A pair whose displacements disagree by more than this share does not belong together.
-const MOST_UNEXPLAINED: f64 = 0.5;
 
 /// The motion as gates and advice see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -282,13 +280,6 @@ pub(crate) fn refuse_fit(
 ) -> Option<String> {
     let known = fit.standard_uncertainty_s.max(fit.crlb_s);
     let uncertain = known.is_nan() || known > settings.worst_sigma_s;
-    if let Some(share) = offer.unexplained_share.filter(|share| *share > MOST_UNEXPLAINED) {
-        return Some(format!(
-            "{first} does not move as {second} says: {:.0} % of its displacement is left over at the best delay. Check \
-             axes, signs and units of both",
-            100.0 * share
-        ));
-    }
     if !fit.converged && !uncertain {
         return Some(format!(
             "no delay stands out: the search between {first} and {second} did not come to rest, as where they do not \
@@ -308,39 +299,6 @@ pub(crate) fn refuse_fit(
 
 /// Step of the first search, s.
 pub(crate) const SEARCH_STEP_S: f64 = 0.02;
-
-/// Share of the displacement (rms) that the second channel leaves over, over 5, 10 or 20 s, whichever is least: noise
-/// counts less the longer, drift the shorter. Of a flight too short for three of these, over a fifth of its longest piece.
-pub(crate) fn unexplained_share(
-    first: &Horizontal,
-    pieces: &[Piece],
-    stretches: &[Stretch],
-    delay_s: f64,
-) -> Option<f64> {
-    let over = |base_s: f64| -> Option<f64> {
-        let (mut moved2, mut missed2, mut count) = (0.0, 0.0, 0);
-        for piece in pieces {
-            let mut i = 0;
-            for j in 0..piece.rows.len() {
-                let (a, b) = (piece.rows[i], piece.rows[j]);
-                if first.t[b] - first.t[a] < base_s {
-                    continue;
-                }
-                for axis in AXES {
-                    let at = |row: usize| stretches[piece.stretch][axis].value_and_rate(first.t[row] - delay_s).0;
-                    let moved = first.axes[axis][b] - first.axes[axis][a];
-                    moved2 += moved * moved;
-                    missed2 += (moved - (at(b) - at(a))).powi(2);
-                }
-                count += 1;
-                i = j;
-            }
-        }
-        (count >= 3 && moved2 > 0.0).then(|| (missed2 / moved2).sqrt())
-    };
-    let longest_s = pieces.iter().map(|piece| piece.duration_s(first)).fold(0.0, f64::max);
-    [5.0, 10.0, 20.0].into_iter().filter_map(over).min_by(f64::total_cmp).or_else(|| over(longest_s / 5.0))
-}
 
 #[cfg(test)]
 mod tests {

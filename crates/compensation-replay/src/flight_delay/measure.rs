@@ -6,7 +6,7 @@ use super::gate::{self, Motion, SEARCH_STEP_S};
 use super::local::{BodyAxes, Most, Prepared, prepare};
 use super::pairs::{Pair, Second};
 use super::pieces::{self, Names, Piece, Stretch};
-use super::{FlightDelaySettings, doubt, injection, over_time, skew, split, varies};
+use super::{FlightDelaySettings, doubt, foreign, injection, over_time, skew, split, varies};
 use crate::input::Horizontal;
 use flight::{Flight, Notices};
 use record::{DelayExcitation, DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
@@ -201,7 +201,13 @@ impl<'a> Known<'a> {
         let delay_settings = settings_about(coarse.delay_s);
         let (fit, skew) = mean_of_skewed(&record.measurements(), &delay_settings, fit);
         offer.predicted_s = Some(fit.crlb_s);
-        offer.unexplained_share = gate::unexplained_share(first, &cut, stretches, fit.delay_s);
+        let agreement = foreign::agreement(first, &cut, stretches, fit.delay_s);
+        offer.unexplained_share = agreement.as_ref().map(|agreement| agreement.unexplained);
+        if let Some(reason) = agreement.and_then(|agreement| agreement.refusal(&self.names)) {
+            // Of channels that do not move alike no delay scatters or drifts, unless it is seen to change.
+            finding.varies.take_if(|varies| !varies.kind.varies());
+            return Err(refusal(reason, finding.varies.as_ref()).into());
+        }
         if let Some(reason) = gate::refuse_fit(&fit, offer, &motion, settings, &self.names) {
             return Err(refusal(reason, finding.varies.as_ref()).into());
         }

@@ -4,10 +4,10 @@
 use super::FlightDelaySettings;
 use super::coarse::coarse_delay;
 use super::fit::{Record, fit_shared, walk_of};
-use super::gate;
 use super::local::{LEAST_SAMPLES, Prepared};
 use super::measure::{about, settings_about};
 use super::pieces::{self, Names};
+use super::{foreign, gate};
 use crate::input::{AXES, Horizontal};
 use flight::{Clock, Notices};
 use record::DelayOrigin;
@@ -83,8 +83,9 @@ impl TrackFitter {
         let walk = walk_of(&prepared.second, step_s);
         let fit = fit_shared(&record.measurements(), &settings_about(expected_s), walk).map_err(|e| e.to_string())?;
         offer.predicted_s = Some(fit.crlb_s);
-        offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
-        if let Some(reason) = gate::refuse_fit(&fit, &offer, &motion, &settings, &names) {
+        let agreement = foreign::agreement(&prepared.first, &cut, &stretches, fit.delay_s);
+        let refusal = agreement.and_then(|agreement| agreement.refusal(&names));
+        if let Some(reason) = refusal.or_else(|| gate::refuse_fit(&fit, &offer, &motion, &settings, &names)) {
             return Err(reason);
         }
         Ok(TrackFit::of(&fit))

@@ -4,7 +4,7 @@ use super::motion::{Match, Trace, Windows};
 use super::names::{Axis, Named, Role};
 use super::sets::{Position, Velocity, says_axes};
 use super::times::Timing;
-use crate::table::{Table, numbers};
+use crate::table::{Column, Table, numbers};
 use flight::{Dimension, Geodetic, LocalFrame, Unit};
 
 /// Below, position and velocity do not belong together.
@@ -101,8 +101,29 @@ pub(super) fn largest(table: &Table, column: &Named) -> f64 {
     (0..table.rows).filter_map(|row| values?.number(row)).fold(0.0, |most, v| most.max(v.abs()))
 }
 
-/// Units that a position may have: the stated one, or those that its range allows, with the reason.
+/// Distances from the centre of the Earth at which anything flies, m.
+const EARTH_CENTRED_M: std::ops::Range<f64> = 6.33e6..6.5e6;
+
+/// Whether three lengths are earth-centred coordinates: they are as far from one point as the surface of the Earth is.
+pub(super) fn is_earth_centred(table: &Table, set: &Position) -> bool {
+    let columns =
+        [Some(&set.first), Some(&set.second), set.third.as_ref()].map(|c| Some((c?, numbers(table, &c?.path)?)));
+    let [Some(x), Some(y), Some(z)] = columns else { return false };
+    let length = |row: usize, (column, values): (&Named, &Column)| {
+        let value = values.number(row)?;
+        Some(column.unit.map_or(value, |unit| unit.to_si(value)))
+    };
+    let distance = |row: usize| Some(length(row, x)?.hypot(length(row, y)?).hypot(length(row, z)?));
+    let mut distances = (0..table.rows).filter_map(distance).filter(|distance| *distance > 0.0).peekable();
+    !set.is_geodetic && distances.peek().is_some() && distances.all(|distance| EARTH_CENTRED_M.contains(&distance))
+}
+
+/// Units that a position may have: the stated one, or those that its range allows, with the reason; none of earth-centred
+/// coordinates, of which no axis goes north.
 pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String)> {
+    if is_earth_centred(table, set) {
+        return vec![];
+    }
     let stated = set.first.unit.or(set.second.unit);
     if let Some(stated) = stated {
         return vec![(stated, format!("the table states {stated}"))];
@@ -126,8 +147,16 @@ pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String
     degrees.into_iter().chain(radians.map(|rad| (rad, "tried as rad".to_owned()))).collect()
 }
 
-/// What is said of a position whose values are in no unit of an angle.
-fn out_of_range(table: &Table, set: &Position) -> String {
+/// What is said of a position without a unit: it is earth-centred, or its values are in no unit of an angle.
+pub(super) fn without_unit(table: &Table, set: &Position) -> String {
+    if !set.is_geodetic {
+        let [x, y] = [&set.first.path, &set.second.path];
+        let z = set.third.as_ref().map_or("", |z| &z.path);
+        return format!(
+            "{x}, {y} and {z} are earth-centred coordinates; a channel map reads them as x, y and z with frame = \"ecef\", see \
+             `flightlag maps --example`"
+        );
+    }
     let [latitude, longitude] = [&set.first, &set.second].map(|column| (&column.path, largest(table, column)));
     format!(
         "the values of {} reach {}, those of {} {}: neither degrees nor radians nor 1e-7 degrees (missing values as -9999, or \
@@ -188,7 +217,7 @@ impl<S> Copy for Of<'_, S> {}
 /// Why there are none, or more than one way.
 pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Result<(Place, Motion), String> {
     let mut found: Vec<(Place, Motion)> = vec![];
-    let mut why_not = out_of_range(place.table, place.set);
+    let mut why_not = without_unit(place.table, place.set);
     for (angle, why) in units_of_place(place.table, place.set) {
         for track in tracks(motion.table, motion.set) {
             let speeds = speeds(motion.table, motion.timing, motion.set, track);
@@ -426,6 +455,8 @@ fn verticals(
     (height, third_unit.zip(counts), notes)
 }
 
+/// How the reason of a unit ends that is assumed.
+pub(super) const UNSHOWN: &str = "which nothing shows";
 /// Units in which heights are logged.
 const OF_HEIGHTS: [&str; 4] = ["m", "ft", "mm", "cm"];
 /// No table of flights holds heights above this, m.
@@ -480,7 +511,7 @@ pub(super) fn plausible_height(table: &Table, height: &Named, angle: Unit) -> (O
     let most = largest(table, height);
     let path = &height.path;
     if most <= HIGHEST_M {
-        return (unit("m"), Some(format!("{path} is taken as metres, which nothing shows")));
+        return (unit("m"), Some(format!("{path} is taken as metres, {UNSHOWN}")));
     }
     if most > HIGHEST_FT && angle.symbol() == "1e-7 deg" && unit("mm").is_some_and(|mm| mm.to_si(most) <= HIGHEST_M) {
         let why =

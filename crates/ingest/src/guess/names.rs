@@ -145,6 +145,7 @@ const FILLERS: &[&str] = &[
     "ellipsoidal",
     "ground",
     "true",
+    "utm",
     "geodetic",
     "motion",
     "m",
@@ -230,6 +231,7 @@ pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
         .map_or(path, |unit| path.get(..path.len().saturating_sub(unit.len() + 2)).unwrap_or(path));
     let mut words = words(front);
     let ending = take_unit(&mut words);
+    let words: Vec<String> = words.iter().flat_map(|word| without_number(word)).collect();
     let all = words.clone();
     let (role, source) = body_role_of(&words, &ending).or_else(|| role_of(&words, &ending))?;
     let stated = head.unit_of(path);
@@ -242,6 +244,16 @@ pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
     let is_short = unit.is_none() && role.dimension() == Dimension::Speed && ending.iter().any(|u| u.symbol() == "ms");
     let unit = if is_short { "m/s".parse().ok() } else { unit };
     Some(Named { path: path.to_owned(), role, source, unit, odd_unit, words: all })
+}
+
+/// `lat2` is `lat` of a source named `2`.
+fn without_number(word: &str) -> Vec<String> {
+    let stem = word.trim_end_matches(|c: char| c.is_ascii_digit());
+    let is_role = stem.len() > 1 && role_of_word(stem, &[]).is_some();
+    match word.strip_prefix(stem).filter(|number| is_role && !number.is_empty()) {
+        Some(number) => vec![stem.to_owned(), number.to_owned()],
+        None => vec![word.to_owned()],
+    }
 }
 
 /// Takes the words of a unit from the end, as `m`, `s` in `vel_n_m_s`, `mps` or `e7`.
@@ -292,6 +304,10 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
     }
     let mut left: Vec<&str> = vec![];
     let (mut role, mut axis, mut of) = (None, None, None);
+    let is_speed = words.iter().any(|word| {
+        let of_speed = |role| matches!(role, Role::Speed | Role::Track | Role::Velocity(_));
+        OF_VELOCITY.contains(&word.as_str()) || role_of_word(word, words).is_some_and(of_speed)
+    });
     for word in words.iter().map(String::as_str) {
         match role_of_word(word, words) {
             Some(found) if role.is_none_or(|known| known == found || found == Role::Height) => {
@@ -302,7 +318,8 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
             None if OF_PLACE.contains(&word) => of = of.or(Some(Dimension::Length)),
             None if axis_of(word).is_some() && axis.is_none() => axis = axis_of(word),
             None if word == "vertical" && (has(words, "speed") || has(words, "velocity")) => axis = Some(Axis::Up),
-            None if FILLERS.contains(&word) => {}
+            // Ground speed is a kind of speed; a ground latitude is of the ground.
+            None if FILLERS.contains(&word) && (word != "ground" || is_speed) => {}
             None => left.push(word),
         }
     }
@@ -477,6 +494,10 @@ mod tests {
         say(&[
             ("lat", Latitude, "", None),
             ("lat_deg", Latitude, "", Some("deg")),
+            ("lat2", Latitude, "2", None),
+            ("ground_lat", Latitude, "ground", None),
+            ("ground_speed", Speed, "", None),
+            ("UTM_N", Position(Axis::North), "", None),
             ("gps_lon_e7", Longitude, "gps", Some("1e-7 deg")),
             ("Latitude (deg)", Latitude, "", Some("deg")),
             ("GPSLat", Latitude, "gps", None),

@@ -57,7 +57,29 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
             return vec![found];
         }
     }
-    of_role(Role::Time).map(|column| of_column(table, column)).find(|found| !found.is_empty()).unwrap_or_default()
+    let mut ways = of_role(Role::Time).map(|column| of_column(table, column)).filter(|found| !found.is_empty());
+    let Some(first) = ways.next() else { return vec![] };
+    if first.iter().all(is_whole_seconds) {
+        // Of several rows in a second only a finer time tells when each was taken.
+        return ways.find(|other| !other.iter().any(repeats)).map_or(first, finer);
+    }
+    first
+}
+
+/// Whether it repeats whole seconds.
+fn is_whole_seconds(timing: &Timing) -> bool {
+    repeats(timing) && timing.times_s.iter().all(|t| t.is_nan() || t.fract() == 0.0)
+}
+
+/// Whether one row in two or more has the time of the one before.
+fn repeats(timing: &Timing) -> bool {
+    let again = timing.times_s.iter().zip(timing.times_s.iter().skip(1)).filter(|(a, b)| a == b).count();
+    2 * again >= timing.times_s.len()
+}
+
+fn finer(ways: Vec<Timing>) -> Vec<Timing> {
+    let with_why = |way: Timing| Timing { why: format!("{}; the time before it counts whole seconds", way.why), ..way };
+    ways.into_iter().map(with_why).collect()
 }
 
 fn kind_of(column: &Named) -> &'static str {

@@ -1,7 +1,7 @@
 //! A guess as the file of a channel map.
 
 use super::body::Body;
-use super::decide::{Motion, Place, Vertical};
+use super::decide::{Motion, Place, UNSHOWN, Vertical};
 use super::{Found, Guess, quoted};
 use flight::Unit;
 use std::fmt::Write;
@@ -55,17 +55,19 @@ fn times(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<Stri
     said
 }
 
-/// Vertical columns that are not bound, with the reason.
+/// Vertical columns that are not bound, or in a unit that nothing shows, with the reason.
 fn left_out(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<String> {
     let is_out = |third: &Option<(Unit, Vertical)>| matches!(third, Some((_, Vertical::LeftOut)));
     let heights = places.iter().filter(|place| is_out(&place.what.third)).filter_map(|p| p.what.set.third.as_ref());
     let speeds = motions.iter().filter(|motion| is_out(&motion.what.third)).filter_map(|m| m.what.set.third.as_ref());
+    let whys = places.iter().map(|place| &place.what.why).chain(motions.iter().map(|motion| &motion.what.why));
+    let assumed = whys.flatten().filter(|why| why.ends_with(UNSHOWN)).cloned();
     let heights = heights.map(|column| match column.role {
         super::names::Role::Height => format!("not bound: {}: nothing shows its unit", column.path),
         _ => format!("not bound: {}: nothing shows its unit, or whether it counts up or down", column.path),
     });
     let speeds = speeds.map(|column| format!("not bound: {}: nothing shows whether it counts up or down", column.path));
-    heights.chain(speeds).collect()
+    heights.chain(speeds).chain(assumed).collect()
 }
 
 fn of_body(body: &Body) -> Channel<'_> {
@@ -168,6 +170,8 @@ fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<
         "" if is_geodetic => "gps".to_owned(),
         "" => "local".to_owned(),
         "gnss" => "gps".to_owned(),
+        "0" | "1" => "gps".to_owned(),
+        number if number.bytes().all(|b| b.is_ascii_digit()) => format!("gps-{number}"),
         "ref" | "reference" | "gt" | "groundtruth" | "ground-truth" => "truth".to_owned(),
         other => other.to_owned(),
     };

@@ -292,6 +292,98 @@ fn what_is_called_true_or_of_the_gps_is_named_so() {
     }
 }
 
+#[test]
+fn columns_of_a_second_receiver_are_channels_of_their_own() {
+    let text = table("time,lat,lon,lat2,lon2,gps_vn,gps_ve,vn,ve", |t, [latitude, longitude, _], [n, e, _]| {
+        let [lat, lon] = [deg(latitude), deg(longitude)];
+        format!("{t},{lat},{lon},{lat},{lon},{n},{e},{n},{e}")
+    });
+    let said = said(&load_text(&text));
+    for named in [
+        "position.gps: latitude = lat [deg]",
+        "position.gps-2: latitude = lat2",
+        "velocity.gps: north = gps_vn",
+        "velocity.plain: north = vn",
+    ] {
+        assert!(said.contains(named), "{said}");
+    }
+}
+
+#[test]
+fn a_height_whose_unit_nothing_shows_is_said_to_be_assumed() {
+    let text = table("time,lat,lon,alt,vn,ve", |t, [a, b, h], [n, e, _]| {
+        format!("{t},{},{},{},{n},{e}", deg(a), deg(b), h / 0.3048)
+    });
+    let said = said(&load_text(&text));
+    assert!(said.contains("alt is taken as metres, which nothing shows"), "{said}");
+}
+
+/// Of earth-centred coordinates no axis goes north, though x and y move as their velocities say.
+#[test]
+fn earth_centred_coordinates_are_asked_for_in_a_map() {
+    let text = table("time,x,y,z,vx,vy,vz", |t, [a, b, h], [n, e, u]| {
+        let place = flight::Geodetic { latitude: a, longitude: b, height: h }.to_ecef();
+        let ((sa, ca), (sb, cb)) = (a.sin_cos(), b.sin_cos());
+        let level = ca * u - sa * n;
+        let [vx, vy, vz] = [cb * level - sb * e, sb * level + cb * e, ca * n + sa * u];
+        format!("{t},{},{},{},{vx},{vy},{vz}", place.x, place.y, place.z)
+    });
+    let error = load_text(&text).binding.unwrap_err();
+    assert!(
+        error.contains("x, y and z are earth-centred coordinates") && error.contains("frame = \"ecef\""),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_utm_grid_is_metres_north_and_east() {
+    let text = table("time,UTM_E,UTM_N,vn,ve", |t, _, [n, e, _]| {
+        let ([north, east, _], _) = truth(t - LATE_S);
+        format!("{t},{},{},{n},{e}", 691_000.0 + east, 5_337_000.0 + north)
+    });
+    let said = said(&load_text(&text));
+    assert!(said.contains("north = UTM_N [m], east = UTM_E [m]"), "{said}");
+}
+
+/// x east and y north, as latitude and longitude show.
+#[test]
+fn the_axes_of_a_local_position_are_those_that_latitude_and_longitude_show() {
+    let text = table("time,x,y,vx,vy,gps_lat,gps_lon", |t, [a, b, _], [n, e, _]| {
+        let ([north, east, _], _) = truth(t - LATE_S);
+        format!("{t},{east},{north},{e},{n},{},{}", deg(a), deg(b))
+    });
+    let said = said(&load_text(&text));
+    assert!(
+        said.contains("north = vy [m/s], east = vx [m/s]") && said.contains("north = y [m], east = x [m]"),
+        "{said}"
+    );
+}
+
+/// X-Plane's axes: x east, y up, z south.
+#[test]
+fn axes_that_contradict_latitude_and_longitude_are_not_called_north_and_east() {
+    let text = table("time,lat,lon,x,y,z,vx,vy,vz", |t, [a, b, _], [n, e, u]| {
+        let ([north, east, up], _) = truth(t - LATE_S);
+        format!("{t},{},{},{east},{up},{},{e},{u},{}", deg(a), deg(b), -north, -n)
+    });
+    let error = load_text(&text).binding.unwrap_err();
+    assert!(error.contains("vx and vy do not say how lat moves"), "{error}");
+}
+
+#[test]
+fn a_time_in_whole_seconds_of_many_rows_gives_way_to_a_finer_one() {
+    let of = |first: &str| {
+        table(&format!("{first},boot_time_ms,lat,lon,alt,vn,ve,vd"), |t, [a, b, h], [n, e, u]| {
+            let second = (t + 1e-6).floor();
+            let clock = format!("10:{:02}:{:02}", second as u32 / 60, second as u32 % 60);
+            format!("{clock},{:.0},{},{},{h},{n},{e},{}", 1e3 * t, deg(a), deg(b), -u)
+        })
+    };
+    let loaded = load_text(&of("utc_time"));
+    assert_is_truth(&loaded);
+    assert!(said(&loaded).contains("time = boot_time_ms [ms]"), "{}", said(&loaded));
+}
+
 /// Two tables that count from their own first row and differ in length: their delays would hold the time between the starts.
 #[test]
 fn an_imu_that_may_have_begun_at_another_time_is_not_bound() {
