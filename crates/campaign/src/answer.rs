@@ -75,7 +75,10 @@ pub(crate) fn measure(
     let mut lateness = match picked {
         Ok(_) => answered(base, &delays, network.as_ref(), health),
         Err(_) if position.is_none() => unusable(base, no_position(flight, binding, positions)),
-        Err(refusal @ Refusal::NoChannel { .. }) => unusable(base, refusal.to_string()),
+        Err(refusal @ Refusal::NoChannel { .. }) => {
+            let check = position.and_then(|position| against_reference(position, &delays)).unwrap_or_default();
+            unusable(base, format!("{refusal}{check}"))
+        }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
     lateness.alarms.extend(lateness.reference_file.as_ref().and_then(unused_reference));
@@ -330,7 +333,10 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
 /// reference file has a line of its own, and its clock may not be that of the log.
 fn checked_by_reference(out: &FlightLateness, delays: &FlightDelays) -> Option<String> {
     let relative = out.lateness.as_ref()?.relative_to.is_some() && !out.kind.varies() && out.reference_file.is_none();
-    let position = out.position.as_deref().filter(|_| relative)?;
+    against_reference(out.position.as_deref().filter(|_| relative)?, delays)
+}
+
+fn against_reference(position: &str, delays: &FlightDelays) -> Option<String> {
     let against = |p: &&PairDelay| p.kind == DelayPairKind::PositionAgainstReference && p.first == position;
     let pair = delays.pairs.iter().find(against)?;
     let found = pair.delay.found()?.delay_s;

@@ -246,7 +246,7 @@ const DEFAULT_POSITIONS: [&str; 11] = [
     "position.ekf-global",
 ];
 /// Best first.
-const DEFAULT_VELOCITIES: [&str; 13] = [
+const DEFAULT_VELOCITIES: [&str; 12] = [
     "velocity.ekf",
     "velocity.ins",
     "velocity.plain",
@@ -259,7 +259,6 @@ const DEFAULT_VELOCITIES: [&str; 13] = [
     "velocity.hnr",
     "velocity.nav2",
     "velocity.ekf-global",
-    "velocity.truth",
 ];
 
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -272,8 +271,7 @@ struct WrittenChannels {
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     position: Option<Spanned<Vec<String>>>,
     /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.plain, velocity.gps, velocity.xyz,
-    /// velocity.velned, velocity.sol, velocity.pubx, velocity.vtg, velocity.hnr, velocity.nav2, velocity.ekf-global,
-    /// velocity.truth.
+    /// velocity.velned, velocity.sol, velocity.pubx, velocity.vtg, velocity.hnr, velocity.nav2, velocity.ekf-global.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     velocity: Option<Spanned<Vec<String>>>,
     /// Independent position to score against. Default: position.truth.
@@ -870,7 +868,7 @@ impl Checker<'_> {
     /// user are not looked at before the file is right.
     fn likely_typos(&self, channels: &[(String, usize)]) {
         let Ok(maps) = ingest::MapLibrary::shipped() else { return };
-        let known: BTreeSet<&str> = maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
+        let known: BTreeSet<&str> = maps.channel_names().collect();
         for (name, line) in channels.iter().filter(|(name, _)| !known.contains(name.as_str())) {
             if let Some(near) = settings::likely(name, known.iter().copied()) {
                 self.file
@@ -1355,7 +1353,6 @@ mod tests {
             ("position.nav2", "velocity.nav2"),
             ("position.ekf-global", "velocity.ekf-global"),
             ("position.ins", "velocity.xyz"),
-            ("position.gps", "velocity.truth"),
         ] {
             let expected = Ok([position, velocity].map(str::to_owned));
             assert_eq!(pair(&[(position, p), (velocity, v)]), expected);

@@ -43,7 +43,7 @@ impl Library {
     /// That every channel which the pipeline names is one that some map binds: a misspelt name would else pass
     /// for one that no flight holds, and the next in the list be taken.
     pub(crate) fn check(&self, pipeline: &Pipeline) -> Result<(), CampaignError> {
-        let known: BTreeSet<&str> = self.maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
+        let known: BTreeSet<&str> = self.maps.channel_names().collect();
         let of_reference_file = |name: &str| [REFERENCE_POSITION, REFERENCE_VELOCITY].contains(&name);
         let is_known = |name: &&str| known.contains(name) || of_reference_file(name);
         let file = pipeline.file_name();

@@ -23,6 +23,9 @@ use crate::table::{Table, TopicInfo};
 use flight::{Clock, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// Names of columns that no source is said of, beside those of the GPS: of something else, and mostly of something faster.
+pub(crate) const PLAIN: [&str; 2] = ["position.plain", "velocity.plain"];
+
 /// Said of a table without a time.
 pub(crate) const NO_TIME: &str = "is a time that goes on";
 

@@ -506,6 +506,11 @@ impl MapLibrary {
         Ok(self)
     }
 
+    /// Names of the channels that a flight can have by these maps, or by a guess where none fits.
+    pub fn channel_names(&self) -> impl Iterator<Item = &str> {
+        self.iter().flat_map(ChannelMap::channel_names).chain(crate::guess::PLAIN)
+    }
+
     /// Adds a map, or replaces the one of the same name.
     pub fn add(&mut self, map: ChannelMap) {
         match self.maps.iter_mut().find(|m| m.name == map.name) {

@@ -1,11 +1,12 @@
 //! Words for a lateness and for a difference, and what else follows from an answer.
 
-use super::{kind_of, unknown, velocity_lateness_s, words};
+use super::{kind_of, other_receivers, unknown, velocity_lateness_s, words};
 use crate::config::Pipeline;
 use crate::line::{DelayLine, LineParts};
+use delay_network::{NetworkSettings, PairObservation, lineage_from_name, solve};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelaySetting, DelaySource, Estimate, FlightLateness,
-    Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayPairKind, DelaySetting, DelaySource, Estimate,
+    FlightLateness, Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
 };
 
 fn estimate(value: f64, u: f64) -> Estimate {
@@ -63,6 +64,26 @@ fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
         let text = words(&FlightLateness { kind, ..difference }, None, None);
         assert!(text.contains("than velocity.gps; how late both are is not known"), "{text}");
     }
+}
+
+/// What is removed from one receiver is wrong for the next; a second one that is as late, a filter and a truth are no news.
+#[test]
+fn another_receiver_with_another_delay_is_named() {
+    let against_gps = |position: &str, delay_s: f64| {
+        PairObservation::measured(DelayPairKind::PositionAgainstVelocity, position, "velocity.gps", delay_s, 0.0005)
+    };
+    let others = |second: &str, delay_s: f64| {
+        let pairs = [against_gps("position.gps", 0.2), against_gps(second, delay_s)];
+        let network = solve(&pairs, &lineage_from_name, &NetworkSettings::default()).unwrap();
+        let lateness = network.channel("position.gps").cloned();
+        other_receivers(&FlightLateness { lateness, ..late(0.2, Some("velocity.gps")) }, &network)
+    };
+    let said = others("position.gps-2", 0.45);
+    assert!(said.starts_with(". Another position of this log, position.gps-2, is 450"), "{said}");
+    assert!(said.ends_with("ms later than velocity.gps"), "{said}");
+    assert_eq!(others("position.gps-2", 0.201), "");
+    assert_eq!(others("position.ekf", 0.01), "");
+    assert_eq!(others("position.truth", 0.0), "");
 }
 
 #[test]

@@ -201,9 +201,9 @@ impl<'a> Known<'a> {
         let delay_settings = settings_about(coarse.delay_s);
         let (fit, skew) = mean_of_skewed(&record.measurements(), &delay_settings, fit);
         offer.predicted_s = Some(fit.crlb_s);
-        let agreement = foreign::agreement(first, &cut, stretches, fit.delay_s);
-        offer.unexplained_share = agreement.as_ref().map(|agreement| agreement.unexplained);
-        if let Some(reason) = agreement.and_then(|agreement| agreement.refusal(&self.names)) {
+        let compared = foreign::Compared { first, pieces: &cut, stretches, delay_s: fit.delay_s };
+        offer.unexplained_share = compared.unexplained_share();
+        if let Some(reason) = compared.refusal(offer.unexplained_share, &self.names) {
             // Of channels that do not move alike no delay scatters or drifts, unless it is seen to change.
             finding.varies.take_if(|varies| !varies.kind.varies());
             return Err(refusal(reason, finding.varies.as_ref()).into());

@@ -83,8 +83,9 @@ impl TrackFitter {
         let walk = walk_of(&prepared.second, step_s);
         let fit = fit_shared(&record.measurements(), &settings_about(expected_s), walk).map_err(|e| e.to_string())?;
         offer.predicted_s = Some(fit.crlb_s);
-        let agreement = foreign::agreement(&prepared.first, &cut, &stretches, fit.delay_s);
-        let refusal = agreement.and_then(|agreement| agreement.refusal(&names));
+        let compared =
+            foreign::Compared { first: &prepared.first, pieces: &cut, stretches: &stretches, delay_s: fit.delay_s };
+        let refusal = compared.refusal(compared.unexplained_share(), &names);
         if let Some(reason) = refusal.or_else(|| gate::refuse_fit(&fit, &offer, &motion, &settings, &names)) {
             return Err(reason);
         }

@@ -176,6 +176,7 @@ const TIMES: &[&str] = &[
     "unixtime",
     "utctime",
     "millis",
+    "boot",
     "micros",
     "clock",
 ];
@@ -249,7 +250,7 @@ pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
 /// `lat2` is `lat` of a source named `2`.
 fn without_number(word: &str) -> Vec<String> {
     let stem = word.trim_end_matches(|c: char| c.is_ascii_digit());
-    let is_role = stem.len() > 1 && role_of_word(stem, &[]).is_some();
+    let is_role = stem.len() > 1 && role_of_word(stem, &[]).is_some_and(|role| !matches!(role, Role::Position(_)));
     match word.strip_prefix(stem).filter(|number| is_role && !number.is_empty()) {
         Some(number) => vec![stem.to_owned(), number.to_owned()],
         None => vec![word.to_owned()],
@@ -496,6 +497,8 @@ mod tests {
             ("lat_deg", Latitude, "", Some("deg")),
             ("lat2", Latitude, "2", None),
             ("ground_lat", Latitude, "ground", None),
+            ("px4_lat", Latitude, "px4", None),
+            ("boot_ms", Time, "", Some("ms")),
             ("ground_speed", Speed, "", None),
             ("UTM_N", Position(Axis::North), "", None),
             ("gps_lon_e7", Longitude, "gps", Some("1e-7 deg")),

@@ -59,16 +59,21 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
     }
     let mut ways = of_role(Role::Time).map(|column| of_column(table, column)).filter(|found| !found.is_empty());
     let Some(first) = ways.next() else { return vec![] };
-    if first.iter().all(is_whole_seconds) {
-        // Of several rows in a second only a finer time tells when each was taken.
+    if first.iter().any(|timing| repeats(timing) && columns.iter().any(|column| moves_within(table, timing, column))) {
+        // Where values change while the time stands still, only a finer time tells when each was taken.
         return ways.find(|other| !other.iter().any(repeats)).map_or(first, finer);
     }
     first
 }
 
-/// Whether it repeats whole seconds.
-fn is_whole_seconds(timing: &Timing) -> bool {
-    repeats(timing) && timing.times_s.iter().all(|t| t.is_nan() || t.fract() == 0.0)
+/// Whether a column of a position or a velocity changes in most rows that have the time of the row before.
+fn moves_within(table: &Table, timing: &Timing, column: &Named) -> bool {
+    let is_time = matches!(column.role, Role::Time | Role::Week);
+    let Some(values) = numbers(table, &column.path).filter(|_| !is_time) else { return false };
+    let again = timing.times_s.iter().zip(timing.times_s.iter().skip(1)).enumerate().filter(|(_, (a, b))| a == b);
+    let changes = |row: usize| values.number(row).zip(values.number(row + 1)).is_some_and(|(a, b)| a != b);
+    let (all, changed) = again.fold((0, 0), |(all, changed), (row, _)| (all + 1, changed + usize::from(changes(row))));
+    2 * changed > all
 }
 
 /// Whether one row in two or more has the time of the one before.
@@ -78,7 +83,8 @@ fn repeats(timing: &Timing) -> bool {
 }
 
 fn finer(ways: Vec<Timing>) -> Vec<Timing> {
-    let with_why = |way: Timing| Timing { why: format!("{}; the time before it counts whole seconds", way.why), ..way };
+    let with_why =
+        |way: Timing| Timing { why: format!("{}; the time before it repeats while the values change", way.why), ..way };
     ways.into_iter().map(with_why).collect()
 }
 
