@@ -35,7 +35,7 @@ pub use ulog::UlogReader;
 pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, UnpackingReader, members, named_text};
 
 use crate::bytes::is_zero;
-use crate::decode::Topics;
+use crate::decode::{Tally, Topics};
 use crate::error::IngestError;
 use crate::reader::{Limits, Log, ReadContext, Select};
 use flight::{Code, Notices, Severity};
@@ -47,6 +47,32 @@ fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
     if logs > 1 {
         let text = "logs stand one behind another in this file; all were read";
         notices.push(Code::SeveralLogs, file, logs, text);
+    }
+}
+
+/// Says how many messages belong to no topic that the log announces.
+fn tell_unplaced(unplaced: &Tally, file: &str, notices: &mut Notices) {
+    unplaced.tell(Code::UnknownChannel, file, "messages that belong to no known topic", notices);
+}
+
+/// Says how many messages, as the format calls them, are of more topics than are taken.
+fn tell_too_many_topics(unplaced: &Tally, what: &str, file: &str, notices: &mut Notices) {
+    unplaced.tell(Code::UnknownChannel, file, &format!("{what} found no topic, for there are too many"), notices);
+}
+
+/// Says how many messages could not be decompressed.
+fn tell_broken(broken: &Tally, file: &str, notices: &mut Notices) {
+    broken.tell(Code::Undecodable, file, "messages whose compression is broken", notices);
+}
+
+/// Compares the number of messages with what `by`, such as an index, states.
+fn compare_count(by: &str, stated: u64, found: u64, file: &str, notices: &mut Notices) {
+    if stated > found {
+        let text = format!("messages are missing: the {by} counts {stated}, {found} were found");
+        notices.push(Code::MissingMessages, file, stated - found, text);
+    } else if stated < found {
+        let text = format!("messages more than the {by} counts ({stated})");
+        notices.push(Code::IndexDiffers, file, found - stated, text);
     }
 }
 

@@ -4,6 +4,7 @@ use super::record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField};
 use super::units::Units;
 use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
+use crate::format::tell_too_many_topics;
 use crate::reader::{Log, Restart};
 use crate::table::TopicInfo;
 use flight::{Code, NANOS_PER_SECOND, Notices, Severity};
@@ -440,7 +441,7 @@ impl<'t, 'w> Book<'t, 'w> {
         let text = "types were defined again and otherwise, and there is no record of the old or the new one";
         unused.tell(Code::Redefined.at(Severity::Info), file, text, notices);
         self.misfits.tell(Code::Undecodable, file, "records are not as long as their definition says", notices);
-        self.unplaced.tell(Code::UnknownChannel, file, "records found no topic, for there are too many", notices);
+        tell_too_many_topics(&self.unplaced, "records", file, notices);
         let text = "the field that tells instances apart was named after the first records, which are in one topic";
         self.late_instances.tell(Code::Redefined, file, text, notices);
         let text = "units and instances of a type are stated twice and otherwise, of which the first holds, or for another number \

@@ -8,6 +8,7 @@ use super::framing::{Framing, next_time, time_us};
 use super::vehicle::Vehicle;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
+use crate::format::tell_too_many_topics;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Clock, Code, Notices, Severity};
@@ -208,8 +209,7 @@ impl<'b, 't> Book<'b, 't> {
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let text = format!("frames have {FLAGGED}: they are intact and were not read, as MAVLink asks");
         self.flagged.tell(Code::UnknownRecord.at(Severity::Loss), "", &text, notices);
-        let text = "messages found no topic, for there are too many";
-        self.unplaced.tell(Code::UnknownChannel, "", text, notices);
+        tell_too_many_topics(&self.unplaced, "messages", "", notices);
         let text = "the times in front of frames leap away from those of their neighbours and back; the frames have a time \
                     between";
         self.receive.out_of_line.tell(Code::ReceiveClock.at(Severity::Loss), "", text, notices);
