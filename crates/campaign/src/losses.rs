@@ -149,7 +149,7 @@ mod tests {
         ));
         assert!(!is_minor(&[gps], 0, 0.2) && !is_minor(&[camera, gps], 0, 0.2));
         assert!(!is_minor(&[camera], WHOLE / 2, 0.2), "half of the log");
-        assert!(!is_minor(&[(Code::MissingMessages, "a.bag")], 0, 0.2), "of which topic they were is not known");
+        assert!(!is_minor(&[(Code::IndexDiffers, "a.bag")], 0, 0.2), "of which topic they were is not known");
         let weighed = weighed(&[camera], 0, 0.2);
         assert!(weighed.iter().any(|n| n.code == "minor-loss" && n.severity == Severity::Warning), "{weighed:?}");
         let said: Vec<String> = weighed.iter().map(|n| n.text.clone()).collect();

@@ -7,29 +7,31 @@ use super::code::catalogue;
 
 /// Names of codes in records of older releases, and the code that says the same now.
 pub(super) const FORMER: &[(Code, &str)] = &[
-    (Code::IncompleteFile, "empty-file no-end no-data-end no-begin no-messages"),
+    (
+        Code::IncompleteRecording,
+        "incomplete-file empty-file no-end no-data-end no-begin no-messages missing-file write-ahead-log write-ahead-log-cut no-write-ahead-log unfinished-transaction",
+    ),
     (
         Code::Corrupt,
         "packed-damage bad-utf16 data-checksum summary-checksum damaged-head missing-pages misplaced-pages bad-rows suspect-length",
     ),
-    (Code::Undecodable, "bad-format no-time"),
+    (Code::Undecodable, "bad-format no-time unknown-channel unknown-topic"),
     (Code::UnknownRecord, "private-record unknown-message newer-version unknown-flags"),
-    (Code::UnknownChannel, "unknown-topic"),
-    (Code::IndexDiffers, "miscounted-messages bad-index shifted metadata"),
-    (Code::ExtraBytes, "preamble padding prefix"),
+    (Code::SeveralSessions, "several-logs clock-restart restart-dated"),
+    (Code::Skipped, "extra-bytes preamble padding prefix closed-chunks"),
     (
         Code::ReadLeniently,
         "no-dollar odd-padding longer-than-defined epoch-order found-pages copied-rows row-numbers unused-pages",
     ),
     (Code::NoChecksum, "unchecked no-chunk-checksum"),
+    (
+        Code::IndexDiffers,
+        "miscounted-messages bad-index shifted metadata missing-messages original-unreadable original-cut",
+    ),
     (Code::Redefined, "redefined-format several-definitions type-change units-differ late-instance"),
     (Code::TooMuchData, "too-many-values too-many-columns long-attachment"),
     (Code::NotListed, "more-texts more-topics"),
     (Code::DefinitionSupplied, "common-definition given-definition completed-definition"),
-    (Code::StampOutOfRange, "before-1970"),
-    (Code::OriginalUnreadable, "original-cut"),
-    (Code::WriteAheadLog, "write-ahead-log-cut no-write-ahead-log unfinished-transaction"),
-    (Code::Undated, "untimed untimed-pulse headless no-epoch no-stamp utc-not-valid"),
     (Code::SeveralSources, "several-talkers talker-changed several-devices several-publishers"),
     (Code::NoRows, "not-a-table"),
     (Code::ColumnRenamed, "no-header"),
@@ -37,14 +39,15 @@ pub(super) const FORMER: &[(Code, &str)] = &[
     (Code::HeaderChanged, "header-repeated columns-not-read other-table"),
     (Code::DoubtfulRows, "like-header marked-rows rows-like-remarks"),
     (Code::UnknownWord, "status-unknown unknown-remark"),
-    (Code::BackJump, "clock-jump"),
+    (Code::Undated, "untimed untimed-pulse headless no-epoch no-stamp utc-not-valid"),
     (Code::RejectedRow, "unbound-velocity stamp-not-rising"),
+    (Code::BackJump, "clock-jump"),
     (Code::StampKind, "placed-stamps no-receive-time"),
     (Code::StampWrap, "turn-unclear"),
     (Code::GpsWeek, "week-rollover week-glitch week-suspect"),
     (Code::DateInferred, "date-order no-zone stale-date counter-dated unix-stamps"),
+    (Code::StampOutOfRange, "before-1970"),
     (Code::ClockSuspect, "clock-differs"),
-    (Code::ClockRestart, "restart-dated"),
     (Code::ReceiveClock, "receive-time receive-clock-unset receive-clock-back"),
     (Code::Substitute, "absent-component zero-field height-datum magnetic-track"),
     (Code::NoUsableRow, "not-a-series"),
@@ -59,19 +62,19 @@ pub(super) const FORMER: &[(Code, &str)] = &[
         "velocity-before-first-fix velocity-after-last-fix compensator-refused-samples compensator-without-output",
     ),
     (Code::LeftOffCard, "record-left-out channel-missing outlier no-card"),
-    (Code::CardRate, "rates-differ"),
     (Code::RigContradicted, "card-rig-contradicted"),
+    (Code::CardRate, "rates-differ"),
     (Code::CardDayUnknown, "card-without-day"),
     (Code::CardNotValid, "card-expired card-not-yet-valid"),
     (Code::CardResidual, "card-lag card-velocity"),
     (Code::ClockNotTied, "no-hull no-such-stamp pulse-unusable"),
     (Code::NoReference, "channel-incomplete channel-without-reference azimuth-unknown"),
     (Code::RigDiffers, "counts-per-rev-differ encoder-sign-differs mount-differs mount-side-differs"),
-    (Code::EncoderRepaired, "encoder-spikes encoder-unwrapped"),
     (
         Code::RigAssumed,
         "encoder-sign-assumed encoder-zero-assumed gravity-assumed field-model-expired field-model-without-site",
     ),
+    (Code::EncoderRepaired, "encoder-spikes encoder-unwrapped"),
     (Code::CellsReplaced, "zero-bytes absent-values"),
     (Code::LogTime, "log-time-lent"),
 ];
@@ -91,47 +94,38 @@ catalogue! {
                 "All losses of the log are minor and are listed as warnings. They are less than 0.1 % of the log. No channel that is \
                  used has a hole of more than 0.5 s for it, or no channel uses the topic.",
                 "Nothing. The losses are listed on the page of the flight.";
-            IncompleteFile, "incomplete-file", [Loss, Warning],
-                "The file lacks its beginning or its end, or is empty: no footer, index, directory, first definition or table of \
-                 messages. It was truncated, or the recorder was stopped before it closed the file.",
-                "Copy the log again. If the recorder was stopped, nothing more can be had: what was written before was read.";
+            IncompleteRecording, "incomplete-recording", [Loss, Warning, Info],
+                "A part of the recording is missing, or the recorder was stopped before it closed the recording. A file lacks its \
+                 beginning or its end, is empty, or is not there. Or the newest pages of a database are in a write-ahead log or a \
+                 journal. It is a warning if it is not sure that something is missing. It is info if the write-ahead log was read.",
+                "Copy the log again, with all files of the recording and the `-wal` file of a database. If the recorder was stopped, what \
+                 was written before was read.";
             Corrupt, "corrupt", [Loss],
                 "Content fails a check that does not name the damaged bytes: a checksum, a compressed or converted file, or the pages \
                  of a database. The text says what was still read.",
                 "Copy or unpack the log again and compare checksums. For a database, keep its `-wal` file with it.";
-            MissingFile, "missing-file", [Loss, Warning],
-                "A file is not there that the metadata name, or the numbers of the other files. It is a warning if all counted \
-                 messages were found, or if only the first files lack.",
-                "Copy the missing file into the folder of the recording.";
-            MissingMessages, "missing-messages", [Loss],
-                "The index, summary or metadata counts more messages than were found.",
-                "Look at the other losses of this log: they name the place. Copy the log again.";
             Undecodable, "undecodable", [Loss],
-                "Messages do not fit their definition, have no usable format, lack a field that their type must have, or their \
-                 compression is corrupt.",
-                "If the topic matters, compare the definition in the log with the software that wrote it.";
-            UnknownChannel, "unknown-channel", [Loss],
-                "Messages belong to no known topic, or there are more topics than flightlag takes.",
-                "Look for damage before them: the record that announces the topic was probably lost.";
+                "Messages cannot be decoded. They do not fit their definition, have no usable format, or lack a field that their type \
+                 must have. Or their compression is corrupt, or they belong to no known topic.",
+                "If the topic matters, compare the definition in the log with the software that wrote it. If the topic is unknown, look \
+                 for damage before the messages: the record that announces it was probably lost.";
             UnknownRecord, "unknown-record", [Warning, Loss, Info],
                 "Records of an unknown type, message number or format version were skipped. It is a loss where nothing else vouches \
                  for the bytes, or where the log says that reading on may be wrong.",
                 "Nothing, if you do not need them. If the log is newer than this release, update flightlag.";
-            WriteAheadLog, "write-ahead-log", [Info, Warning, Loss],
-                "The recorder did not close the database. Its newest pages are in a write-ahead log or a journal, which was read, \
-                 is missing, or ends inside a transaction.",
-                "Keep the `-wal` file next to the database. Close the recorder before copying.";
             MapLacks, "map-lacks", [Warning],
                 "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2. \
                  `delay` raises it as a red alarm.",
                 "Correct the map. `flightlag inspect` lists topics and fields, `flightlag maps --suggest` prints a map that fits.";
         }
         "Reading" {
-            SeveralLogs, "several-logs", [Warning],
-                "The file holds several logs one after another. All were read.",
-                "Check that they belong to one flight. If not, split the file.";
-            ExtraBytes, "extra-bytes", [Info],
-                "Text or filling bytes that hold no record, as before the first frame, between records or after the last one.",
+            SeveralSessions, "several-sessions", [Warning],
+                "The log holds several sessions: several logs one after another, or a boot clock that restarts. After a \
+                 restart each session is dated by itself, or follows the one before at a distance that the text states.",
+                "Check that the sessions belong to one flight. If not, split the log.";
+            Skipped, "skipped", [Info],
+                "Text, lines or padding that hold no record were not read. Or chunks without a wanted topic were not decompressed, \
+                 and their messages are counted from the verified index.",
                 "Nothing.";
             ReadLeniently, "read-leniently", [Warning, Info],
                 "The log departs from its format in a way that leaves one reasonable reading: padding, order, length or page lists \
@@ -141,15 +135,17 @@ catalogue! {
                 "Sentences or chunks have no checksum, so their content cannot be verified.",
                 "Enable checksums in the recorder.";
             IndexDiffers, "index-differs", [Warning, Loss],
-                "An index, a summary or metadata cannot be read, or disagrees with the content. The content counts. It is a loss \
-                 where messages may be missing.",
-                "Reindex or copy the log again if messages may be missing. Otherwise nothing.";
+                "An index, a summary or metadata cannot be read, or disagrees with the content. The content counts. It is a loss where \
+                 messages are missing or may be missing.",
+                "After a loss, look at the other losses of this log: they name the place. Copy the log again, or recover the original \
+                 again. Otherwise nothing.";
             Redefined, "redefined", [Warning, Info, Loss],
                 "A topic, type, unit or number is defined twice, differently. Each message is read by the definition before it. \
                  Values that fit neither are left out.",
                 "Check the topic that the text names. One recording should have one definition of each type.";
             TooMuchData, "too-much-data", [Loss, Warning],
-                "Rows, columns or attachments were left out: they need more memory or more columns than a log of this size may take.",
+                "Rows, columns, topics or attachments were left out: they need more memory, more columns or more topics than a log may \
+                 take.",
                 "Split the log, or leave out topics that you do not need when you record.";
             NotListed, "not-listed", [Info, Warning, Loss],
                 "There are more names, texts, changes or notices than are listed. The others are counted.",
@@ -161,12 +157,6 @@ catalogue! {
                 "The log does not define a type in full. A built-in definition, or one from the `--maps` folder, was used or completed \
                  it.",
                 "Nothing, if your software uses that definition. Otherwise put your own into the `--maps` folder.";
-            ClosedChunks, "closed-chunks", [Info],
-                "Chunks without a wanted topic were not decompressed. Their messages are counted from the verified index.",
-                "Nothing.";
-            OriginalUnreadable, "original-unreadable", [Warning],
-                "The metadata about the log that this file was recovered from cannot be read, or only in part.",
-                "Recover the original log again with this release.";
             Dropout, "dropout", [Warning],
                 "The logger could not keep up. The text gives the total and the longest dropout.",
                 "Use a faster storage card, or log fewer topics.";
@@ -241,10 +231,6 @@ catalogue! {
                 "Two clocks differ by an amount that looks like an error. Examples are leap seconds, GPS time as UTC, TAI, hours of a \
                  zone, and more than a day.",
                 "Check the time scale of both clocks. A delay between them may be wrong by that amount.";
-            ClockRestart, "clock-restart", [Warning],
-                "The boot clock restarts within the log. Each session is dated by itself, or follows the one before at a distance that the \
-                 text states.",
-                "Check that the sessions belong to one flight. If not, split the log.";
             RestartUndated, "restart-undated", [Loss],
                 "The boot clock restarts within the log, and nothing dates some sessions. Their rows are not used.",
                 "Log a message with date and time in each session, or analyse one session at a time.";

@@ -96,7 +96,7 @@ impl Joined {
         if let Some(source) = &self.axis.source {
             let text =
                 "the clock since boot began anew; each session is dated by itself and put on the clock of the first";
-            notices.push(Code::ClockRestart, source, sessions - 1, text);
+            notices.push(Code::SeveralSessions, source, sessions - 1, text);
         }
         // A session without a row has nothing to lose.
         let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, rows)| shift.is_none() && **rows > 0);

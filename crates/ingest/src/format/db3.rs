@@ -127,7 +127,7 @@ impl Source {
         if self.write_ahead && !is_there && !described {
             let text = "the recorder kept a write-ahead log (-wal), and none, or an empty one, stands beside the bag: unless the recorder closed \
                         it, its last messages are missing, which the file itself cannot show";
-            notices.push(Code::WriteAheadLog.at(Severity::Warning), self.file.name(), 1, text);
+            notices.push(Code::IncompleteRecording.at(Severity::Warning), self.file.name(), 1, text);
         }
     }
 
@@ -179,11 +179,11 @@ fn open(path: &Path, name: &str) -> Result<File, IngestError> {
 
 fn raise_wal(wal: &Wal, notices: &mut Notices) {
     let text = "the recorder did not close this bag: its newest pages were read from the write-ahead log beside it";
-    notices.push(Code::WriteAheadLog, wal.name.as_str(), 1, text);
+    notices.push(Code::IncompleteRecording.at(Severity::Info), wal.name.as_str(), 1, text);
     if wal.unfinished > 0 {
         let text = "pages at the end of the write-ahead log belong to a transaction that was never finished, or are \
                     damaged; they were not used";
-        notices.push(Code::WriteAheadLog.at(Severity::Loss), wal.name.as_str(), wal.unfinished, text);
+        notices.push(Code::IncompleteRecording.at(Severity::Loss), wal.name.as_str(), wal.unfinished, text);
     }
 }
 
@@ -197,7 +197,7 @@ fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
     });
     if hot {
         let text = "a journal beside the database shows that its last transaction did not end: it was read as it is";
-        notices.push(Code::WriteAheadLog.at(Severity::Warning), name, 1, text);
+        notices.push(Code::IncompleteRecording.at(Severity::Warning), name, 1, text);
     }
 }
 
@@ -356,7 +356,7 @@ impl Losses<'_> {
                 }
                 false => "there is no table of messages: is this a ROS 2 bag?",
             };
-            notices.push(Code::IncompleteFile, name, 1, text);
+            notices.push(Code::IncompleteRecording, name, 1, text);
         }
     }
 

@@ -451,7 +451,7 @@ fn each_boot_in_a_dataflash_log_is_dated_by_its_own_epochs() {
         assert_eq!(utc, truth, "{from_ms}");
         assert_eq!(stamps[0].0, BOOT_MS * MS);
         // Where the clock goes back the reader says so too.
-        assert_eq!(count_saying(&loaded, "clock-restart", "each session is dated by itself"), 1);
+        assert_eq!(count_saying(&loaded, "several-sessions", "each session is dated by itself"), 1);
         assert_told(&loaded, "boots", &[("utc-outlier", 0), ("restart-undated", 0)], 1);
         assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
     }
@@ -463,7 +463,7 @@ fn a_boot_in_a_dataflash_log_whose_begin_is_lost_is_reported_as_a_clock_that_ste
     const FIRST_MS: i64 = 300_000_000;
     let headless = boot(3000, FIRST_MS + 240_000, 3)[dataflash_from(0, &[]).len()..].to_vec();
     let loaded = load_as(LogKind::DataFlash, &[boot(BOOT_MS, FIRST_MS, 3), headless].concat(), &library, None);
-    assert_told(&loaded, "boots", &[("clock-restart", 0), ("back-jump", 1 + 3)], 1);
+    assert_told(&loaded, "boots", &[("several-sessions", 0), ("back-jump", 1 + 3)], 1);
 }
 
 /// A log of a version of 2013: its records have the autopilot's time in ms.
@@ -490,7 +490,7 @@ fn boots_of_autopilots_of_two_generations_in_one_log_are_both_dated() {
     let logs = [[old(BOOT_MS, &first), new(3000, &later)], [new(BOOT_MS, &first), old(3000, &later)]];
     for (log, name) in logs.into_iter().zip(["old first", "new first"]) {
         let loaded = load_as(LogKind::DataFlash, &log.concat(), &library, None);
-        assert_told(&loaded, name, &[("clock-restart", 1 + 1), ("restart-undated", 0)], 1);
+        assert_told(&loaded, name, &[("several-sessions", 1 + 1), ("restart-undated", 0)], 1);
         let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
         let utc: Vec<i64> = stamps.iter().map(|s| loaded.flight.unix(Clock::Boot, *s).unwrap().0).collect();
         let truth = [300_000_000, 300_240_000].map(|ms| (0..ROWS).map(move |row| unix_ns((2313, ms), row)));

@@ -261,7 +261,7 @@ fn every_boot_of_a_vehicle_in_one_log_keeps_its_rows_at_their_true_time() {
         };
         let loaded = load_boots(&boots(TRUE));
         assert!(off_ms(&loaded, &boots(TRUE)).iter().all(|off| *off == 0.0), "{later:?}");
-        assert_eq!(count_of(&loaded, "clock-restart"), later.len() as u64, "{later:?}");
+        assert_eq!(count_of(&loaded, "several-sessions"), later.len() as u64, "{later:?}");
         assert_eq!((count_of(&loaded, "utc-outlier"), count_of(&loaded, "back-jump")), (0, 0), "{later:?}");
         assert!(!lossy(&loaded));
         let first = loaded.flight.channels["position.ekf"].series.timeline().first().unwrap();
@@ -342,7 +342,7 @@ fn messages_without_a_time_get_the_clock_since_boot_from_those_around_them() {
 #[test]
 fn messages_without_a_time_follow_their_vehicle_across_a_restart() {
     let loaded = load_log(&[untimed(50_000, 0), untimed(3000, 40_000)].concat());
-    assert_eq!(count_of(&loaded, "clock-restart"), 1);
+    assert_eq!(count_of(&loaded, "several-sessions"), 1);
     // The second session is as far from the first as it is for the messages that state their time.
     let attitude = loaded.flight.channels["attitude.ekf"].series.timeline().stamps();
     let moved_ms = attitude[400].0 as f64 * 1e-6 - 3000.0;
@@ -392,7 +392,7 @@ fn a_ground_station_whose_clock_is_set_does_not_make_a_boot_of_its_vehicle() {
     let (_folder, path) = file("log.tlog", &hours_later(1));
     let unit = ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog };
     let loaded = load(&unit).unwrap();
-    assert_eq!(count_of(&loaded, "clock-restart"), 0, "{:?}", loaded.flight.notices);
+    assert_eq!(count_of(&loaded, "several-sessions"), 0, "{:?}", loaded.flight.notices);
     let stamps = loaded.flight.channels["position.ekf"].series.timeline().stamps();
     assert_eq!((stamps.len(), stamps[199].0 - stamps[0].0), (200, 19_900_000_000));
     assert_eq!(loaded.flight.unix(Clock::Boot, stamps[199]).unwrap().0, (NOON_US + 19_900_000) as i64 * 1000);

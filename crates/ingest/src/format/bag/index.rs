@@ -79,10 +79,10 @@ impl Index {
         match self {
             Index::None => {
                 let text = "the bag has no index: its recorder was stopped before it could close it";
-                notices.push(Code::IncompleteFile, file, 1, text);
+                notices.push(Code::IncompleteRecording, file, 1, text);
             }
             Index::CutOff => {
-                notices.push(Code::IncompleteFile, file, 1, "the bag was cut before the end of its index");
+                notices.push(Code::IncompleteRecording, file, 1, "the bag was cut before the end of its index");
             }
             Index::Unreadable => {
                 let text = "the index cannot be read, so nothing says whether messages are missing";

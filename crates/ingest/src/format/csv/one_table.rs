@@ -91,7 +91,7 @@ impl<'t> OneTable<'t> {
         }
         if self.preamble > 0 {
             let text = "lines before the header are not read";
-            notices.push(Code::ExtraBytes, file, self.preamble, text);
+            notices.push(Code::Skipped, file, self.preamble, text);
         }
     }
 
