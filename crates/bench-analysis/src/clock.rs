@@ -522,7 +522,7 @@ fn retimed(
         }),
         // Stamps were made to rise and values were finite; should they ever not fit, say so.
         Err(error) => {
-            notices.push(Code::NoUsableRow, name, rows.len() as u64, error.to_string());
+            notices.push(Code::RejectedRow, name, rows.len() as u64, error.to_string());
             None
         }
     }

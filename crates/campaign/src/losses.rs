@@ -143,7 +143,7 @@ mod tests {
         let (camera, gps) = ((Code::Undecodable, "topic camera"), (Code::Undecodable, "topic gps"));
         assert!(is_minor(&[camera], 0, 9.0));
         assert!(is_minor(
-            &[(Code::BadNumber, "camera.csv, line 4"), (Code::Damaged, "camera.csv, bytes 0 to 9")],
+            &[(Code::RejectedCell, "camera.csv, line 4"), (Code::Damaged, "camera.csv, bytes 0 to 9")],
             9,
             9.0
         ));

@@ -704,7 +704,7 @@ fn one_broken_cell_leaves_a_column_of_numbers_and_is_counted() {
     assert_eq!(speed.iter().filter(|v| **v == Some(1.5)).count(), 49);
     assert_eq!(speed[20], None);
     assert_eq!(frame.column("mode").unwrap().str().unwrap().get(20), Some("word"));
-    let notice = report.notices.iter().find(|n| n.code == "bad-number").unwrap();
+    let notice = report.notices.iter().find(|n| n.code == "rejected-cell").unwrap();
     assert_eq!(notice.count, 1);
     assert!(notice.text.contains("speed") && notice.text.contains("1.5#"), "{}", notice.text);
 }

@@ -35,22 +35,28 @@ pub(super) const FORMER: &[(Code, &str)] = &[
     (Code::SeveralSources, "several-talkers talker-changed several-devices several-publishers"),
     (Code::NoRows, "not-a-table"),
     (Code::ColumnRenamed, "no-header"),
-    (Code::BadNumber, "not-finite"),
-    (Code::HeaderChanged, "header-repeated columns-not-read other-table"),
-    (Code::DoubtfulRows, "like-header marked-rows rows-like-remarks"),
+    (Code::RejectedCell, "bad-number not-finite no-line-end"),
+    (
+        Code::IrregularTable,
+        "header-changed header-repeated columns-not-read other-table doubtful-rows like-header marked-rows rows-like-remarks",
+    ),
     (Code::UnknownWord, "status-unknown unknown-remark"),
-    (Code::Undated, "untimed untimed-pulse headless no-epoch no-stamp utc-not-valid"),
-    (Code::RejectedRow, "unbound-velocity stamp-not-rising"),
-    (Code::BackJump, "clock-jump"),
+    (Code::Undated, "untimed untimed-pulse headless no-epoch no-stamp utc-not-valid restart-undated"),
+    (Code::RejectedRow, "unbound-velocity stamp-not-rising no-usable-row not-a-series"),
+    (Code::DuplicateStamp, "coarse-stamps"),
+    (
+        Code::UnreliableStamps,
+        "back-jump clock-jump stamp-out-of-range before-1970 receive-clock receive-time receive-clock-unset receive-clock-back",
+    ),
     (Code::StampKind, "placed-stamps no-receive-time"),
     (Code::StampWrap, "turn-unclear"),
-    (Code::GpsWeek, "week-rollover week-glitch week-suspect"),
-    (Code::DateInferred, "date-order no-zone stale-date counter-dated unix-stamps"),
-    (Code::StampOutOfRange, "before-1970"),
-    (Code::ClockSuspect, "clock-differs"),
-    (Code::ReceiveClock, "receive-time receive-clock-unset receive-clock-back"),
+    (
+        Code::DateInferred,
+        "date-order no-zone stale-date counter-dated unix-stamps gps-week week-rollover week-glitch week-suspect",
+    ),
+    (Code::ClockSuspect, "clock-differs no-common-time"),
+    (Code::UtcTie, "utc-outlier"),
     (Code::Substitute, "absent-component zero-field height-datum magnetic-track"),
-    (Code::NoUsableRow, "not-a-series"),
     (Code::UnitDiffers, "unit-converted"),
     (Code::RecordSplit, "gap-split reset-split"),
     (
@@ -171,43 +177,40 @@ catalogue! {
             ColumnRenamed, "column-renamed", [Info, Warning],
                 "Columns without a unique name were given one. Without a header row they are called `column_1`, `column_2` and so on.",
                 "Add a header row, or use the new names in your channel map.";
-            NoLineEnd, "no-line-end", [Warning],
-                "The last row has no line end. Its last value may be truncated and is not used.",
-                "Nothing. One value is missing.";
-            BadNumber, "bad-number", [Warning, Loss, Info],
-                "Cells of a column of numbers hold no number. Words for a missing value, such as N/A or nan, are info. Many other \
-                 cells are a loss.",
+            RejectedCell, "rejected-cell", [Warning, Loss, Info],
+                "Cells of a column of numbers hold no number, or the last value of a table may be truncated, because its row has no line \
+                 end. They are not used. Words for a missing value, such as N/A or nan, are info. Many other cells are a loss.",
                 "Look at the lines that the text names. Correct the export, or the decimal sign.";
-            HeaderChanged, "header-changed", [Info, Loss],
-                "Another header follows inside the table, or rows of another table. Later rows are read by the new order. Columns and \
-                 rows that do not belong to the first table are not read.",
-                "Split the file where the header changes.";
-            DoubtfulRows, "doubtful-rows", [Warning],
-                "Rows look like a header or like comments, or comments look like rows. The text says which were read.",
-                "Look at the lines that the text names.";
+            IrregularTable, "irregular-table", [Info, Warning, Loss],
+                "A text table holds lines that are not its rows, or may not be. Examples are another header, rows of another table, and \
+                 comments that look like rows. The text says what was read. Columns or rows that were not read are a loss. A line that \
+                 may be the header of another table, or a comment, is a warning.",
+                "Look at the lines that the text names. Split the file where another table begins.";
             UnknownWord, "unknown-word", [Warning],
                 "The log states a status or a remark that neither flightlag nor the channel map knows. What depends on it is unknown or \
                  not bound.",
                 "Look the word up in the manual of the device and add it to your channel map.";
         }
         "Time and clocks" {
-            Undated, "undated", [Info, Warning],
-                "The time of some messages is unknown: before the first known date or week, after damage, or where the receiver does \
-                 not state it. They are dated from their neighbours, or not used.",
-                "Nothing, unless most rows are affected: then log a message with date and time.";
+            Undated, "undated", [Info, Warning, Loss],
+                "The time of some messages is unknown: before the first known date or week, after damage, or after a restart of the \
+                 boot clock. Or the receiver does not state it. They are dated from their neighbours, or not used. It is a loss if rows \
+                 of a whole session are not used.",
+                "Nothing, unless most rows are affected. Then log a message with date and time, in each session if the clock restarts.";
             RejectedRow, "rejected-row", [Warning, Info, Loss],
-                "Rows are not used for a channel. The text gives the reason: no value, out of range, no fix, not finite, no position near \
-                 them, timestamps that do not rise, and others.",
-                "Look at the reason and at the first row. A row without a value is normal where a device logs several rates.";
+                "Rows are not used for a channel, or none is left of it. The text gives the reason: no value, out of range, no fix, not \
+                 finite, no position near them, timestamps that do not rise, and others.",
+                "Look at the reason and at the first row. A row without a value is normal where a device logs several rates. If no row is \
+                 left: was the receiver without a fix, or is the map wrong?";
             DuplicateStamp, "duplicate-stamp", [Warning, Loss],
-                "Rows have the timestamp of another row and were left out. It is a loss if a clock that is wrong caused many of them.",
-                "Log the time of measurement with each row.";
-            CoarseStamps, "coarse-stamps", [Warning],
-                "Rows have the same timestamp and different values. The timestamps are too coarse; a delay may be wrong by their step.",
-                "Log timestamps with more digits.";
-            BackJump, "back-jump", [Warning],
-                "Timestamps or the clock go back. The rows were sorted by timestamp.",
-                "Look for a clock that was set during the flight.";
+                "Rows have the timestamp of another row and are not used. If their values differ, the timestamps are too coarse, and a \
+                 delay may be wrong by their step. It is a loss if a clock that is wrong caused many of them.",
+                "Log the time of measurement with each row, with more digits if the timestamps are coarse.";
+            UnreliableStamps, "unreliable-stamps", [Warning, Loss],
+                "Timestamps go back or jump, or are outside of the years that are possible or can be written. A clock was not set or was \
+                 set during the log, or messages are out of order. Rows are sorted by timestamp, and a timestamp that cannot be written \
+                 is set to the limit. It is a loss where the time of frames had to be taken from their neighbours.",
+                "Look for a clock that was set during the flight. Set the clock of the logger or ground station before the flight.";
             StampKind, "stamp-kind", [Info, Warning],
                 "A kind of timestamp is missing in some rows, is known to be unreliable, or was computed from the receive times of other \
                  messages.",
@@ -215,40 +218,24 @@ catalogue! {
             StampWrap, "stamp-wrap", [Warning, Info],
                 "A counter wrapped around, and the timestamps continue. If the number of wraps is unclear, they were left unchanged.",
                 "Check that no device restarted at that time: it would look the same.";
-            GpsWeek, "gps-week", [Warning],
-                "The GPS week is wrong or ambiguous: a 10-bit counter, a date that is impossible for this receiver, or single rows a \
-                 week off. The nearest possible week is used.",
-                "Compare the date with the day of the flight. Update the firmware of an old receiver.";
             DateInferred, "date-inferred", [Info, Warning],
-                "Dates or zones are not stated in full and were inferred. Examples are the order of day and month, a missing zone read \
-                 as UTC, the date after midnight, and dates by a counter.",
-                "Check date and hour of the first row. State the format in your channel map.";
-            StampOutOfRange, "stamp-out-of-range", [Warning],
-                "Timestamps are outside of what can be written: after the year 2262, or before 1970 in a recovered log. They were set to \
-                 the limit.",
-                "Set the clock of the logger.";
+                "Dates, zones or GPS weeks are not stated in full, or are ambiguous or impossible, and were inferred. Examples are the \
+                 order of day and month, a missing zone read as UTC, the date after midnight, and dates by a counter. Of a GPS week of 10 \
+                 bits the nearest possible week is used.",
+                "Compare date and hour of the first row with the flight. State the format in your channel map. Update the firmware of an \
+                 old receiver.";
             ClockSuspect, "clock-suspect", [Warning],
-                "Two clocks differ by an amount that looks like an error. Examples are leap seconds, GPS time as UTC, TAI, hours of a \
-                 zone, and more than a day.",
-                "Check the time scale of both clocks. A delay between them may be wrong by that amount.";
-            RestartUndated, "restart-undated", [Loss],
-                "The boot clock restarts within the log, and nothing dates some sessions. Their rows are not used.",
-                "Log a message with date and time in each session, or analyse one session at a time.";
-            ReceiveClock, "receive-clock", [Warning, Loss],
-                "The clock of the ground station was not set, was set back, or jumps. Receive times of these frames are unreliable.",
-                "Synchronise the ground station before the flight, or use the times of the vehicle.";
+                "Two clocks differ by an amount that looks like an error, or position and velocity have no time in common. Examples are \
+                 leap seconds, GPS time as UTC, TAI, hours of a zone, and more than a day.",
+                "Check the time scale of both clocks and the channel map: both channels must be of one flight. A delay between them may \
+                 be wrong by that amount.";
             LeapSeconds, "leap-seconds", [Warning],
                 "The flight is later than the leap seconds that this release knows.",
                 "Update flightlag. Without a new leap second nothing changes.";
-            NoCommonTime, "no-common-time", [Warning],
-                "Position and velocity have no time in common.",
-                "Check the clocks and the channel map: both channels must be of one flight.";
-            UtcTie, "utc-tie", [Info],
-                "The clock of the log is dated by the named messages.",
-                "Nothing.";
-            UtcOutlier, "utc-outlier", [Warning],
-                "Messages would date the clock of the log differently by more than a second. They are not used.",
-                "Check the time of the receiver if they are many.";
+            UtcTie, "utc-tie", [Info, Warning],
+                "The clock of the log is dated by the named messages. Messages that would date it differently by more than a second are \
+                 not used, which is a warning.",
+                "Nothing. If many messages are not used, check the time of the receiver.";
         }
         "Channels and binding" {
             BoundByGuess, "bound-by-guess", [Warning],
@@ -264,9 +251,6 @@ catalogue! {
                 "A part of a channel is not logged as such, and something else is used. The text says what: zero, another field, the \
                  height above mean sea level, or a magnetic track.",
                 "Nothing, unless the substitute does not hold for your log.";
-            NoUsableRow, "no-usable-row", [Warning, Info],
-                "A channel has no usable row, or its rows do not form a time series. The reasons are listed.",
-                "Look at the reasons. Was the receiver without a fix, or is the map wrong?";
             UnitUnknown, "unit-unknown", [Warning],
                 "The table states a unit that flightlag does not know. The map's unit is used. This is also an amber alarm.",
                 "Write the unit as flightlag knows it (`m`, `m/s`, `deg`, `rad` and so on).";

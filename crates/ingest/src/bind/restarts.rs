@@ -10,7 +10,7 @@ use crate::map::{TieRule, TimeSource};
 use crate::reader::{Log, Restart};
 use crate::table::Table;
 use crate::time::tie;
-use flight::{Clock, Code, NANOS_PER_SECOND, Notices, UtcTie};
+use flight::{Clock, Code, NANOS_PER_SECOND, Notices, Severity, UtcTie};
 use std::collections::BTreeMap;
 
 /// Dates of two sessions that differ by less are one, ns.
@@ -105,7 +105,7 @@ impl Joined {
                 "the clock since boot began anew, and nothing dates {} of {sessions} sessions: their rows are not used",
                 lost().count()
             );
-            notices.push(Code::RestartUndated, "", lost().map(|(_, rows)| rows).sum(), text);
+            notices.push(Code::Undated.at(Severity::Loss), "", lost().map(|(_, rows)| rows).sum(), text);
         }
     }
 }

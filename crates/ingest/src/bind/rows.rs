@@ -534,7 +534,7 @@ fn channel_of(
         // The rows were sorted and checked above; should they ever not fit, say so.
         Err(error) => {
             let text = format!("channel {}: {error}", plan.rule.name);
-            notices.push(Code::NoUsableRow, &plan.table.topic.name, rows as u64, text);
+            notices.push(Code::RejectedRow, &plan.table.topic.name, rows as u64, text);
             None
         }
     }

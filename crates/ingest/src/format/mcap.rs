@@ -471,7 +471,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         self.too_long.tell(Code::TooMuchData, file, "attachments longer than a record may be were not taken", notices);
         if self.late_stamps > 0 {
             let text = "stamps beyond the year 2262 were set to the last instant before";
-            notices.push(Code::StampOutOfRange, file, self.late_stamps, text);
+            notices.push(Code::UnreliableStamps, file, self.late_stamps, text);
         }
     }
 }

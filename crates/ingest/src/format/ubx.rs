@@ -220,7 +220,7 @@ impl Frames {
         let untimed = &self.receiver.pulses.untimed;
         untimed.tell(Code::Undated.at(Severity::Warning), "", "pulses have no GPS time", notices);
         if let Some((text, dates)) = self.receiver.suspicion() {
-            notices.push(Code::GpsWeek, "", dates, text);
+            notices.push(Code::DateInferred.at(Severity::Warning), "", dates, text);
         }
         log.health.about.receivers = self.receiver.names;
         log.health.about.receiver_identities = self.receiver.identity.finish();

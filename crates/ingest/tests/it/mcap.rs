@@ -367,7 +367,7 @@ fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
     assert!(reason("/flat").starts_with("FlatBuffers are not read"));
     let bare = log.health.topics.iter().find(|t| t.name == "/bare").unwrap();
     assert_eq!(bare.stamps[0].first_ns, i64::MAX);
-    assert_eq!(notice(&log, "stamp-out-of-range").count, 3);
+    assert_eq!(notice(&log, "unreliable-stamps").count, 3);
     assert!(!lost(&log));
     // The channel record made unreadable takes its messages along.
     let unchunked = Layout { summary: false, data_crc: false, ..Layout::UNCHUNKED };

@@ -152,7 +152,7 @@ fn every_kind_of_message_is_read_and_every_field_lies_where_its_format_says() {
     let stamps = &log.health.topics.iter().find(|t| t.name == "pose").unwrap().stamps[0];
     assert_eq!((stamps.clock, stamps.kind, stamps.back_jumps), (Clock::Boot, StampKind::Logged, 1));
     assert_eq!(notice(&log, "dropout"), Some((Severity::Warning, 2)));
-    assert_eq!(notice(&log, "back-jump"), Some((Severity::Warning, 1)));
+    assert_eq!(notice(&log, "unreliable-stamps"), Some((Severity::Warning, 1)));
     assert!(!loses(&log));
     let about = &log.health.about;
     assert_eq!(about.system.as_deref(), Some("PX4"));

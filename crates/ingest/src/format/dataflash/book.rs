@@ -449,7 +449,7 @@ impl<'t, 'w> Book<'t, 'w> {
         self.other_units.tell(Code::Redefined, file, text, notices);
         let text = "the clock restarts within the file; what follows is stamped as if it came ten seconds later";
         self.clock.moved.tell(Code::SeveralSessions, file, text, notices);
-        self.clock.back.tell(Code::BackJump, file, "the clock steps back by more than a second", notices);
+        self.clock.back.tell(Code::UnreliableStamps, file, "the clock steps back by more than a second", notices);
         log.health.undecodable += self.misfits.count;
         log.health.messages += self.misfits.count;
         log.restarts = self.clock.begun;

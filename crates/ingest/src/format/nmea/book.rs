@@ -187,7 +187,7 @@ impl Book {
         self.timeless.tell(Code::Undecodable, "", text, notices);
         tell_too_many_topics(&self.unplaced, "sentences", "", notices);
         if let Some((text, dates)) = self.age.suspicion() {
-            notices.push(Code::GpsWeek, "", dates, text);
+            notices.push(Code::DateInferred.at(Severity::Warning), "", dates, text);
         }
         if log.health.about.receiver_identities.is_empty() {
             log.health.about.receiver_identities = of_version(&self.texts, "TXT", "NMEA").into_iter().collect();

@@ -212,11 +212,11 @@ impl<'b, 't> Book<'b, 't> {
         tell_too_many_topics(&self.unplaced, "messages", "", notices);
         let text = "the times in front of frames leap away from those of their neighbours and back; the frames have a time \
                     between";
-        self.receive.out_of_line.tell(Code::ReceiveClock.at(Severity::Loss), "", text, notices);
+        self.receive.out_of_line.tell(Code::UnreliableStamps.at(Severity::Loss), "", text, notices);
         let text = "frames were received before 2000 or after 2100 by a clock that was not set";
-        self.receive.unset.tell(Code::ReceiveClock, "", text, notices);
+        self.receive.unset.tell(Code::UnreliableStamps, "", text, notices);
         let text = "the clock by which frames were received was set back";
-        self.receive.set_back.tell(Code::ReceiveClock, "", text, notices);
+        self.receive.set_back.tell(Code::UnreliableStamps, "", text, notices);
         let frames = self.undefined.values().sum();
         if frames > 0 {
             let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));
@@ -234,7 +234,7 @@ impl<'b, 't> Book<'b, 't> {
             let text = "messages are of a later run of the vehicle: its clock since boot restarts, and without times of \
                         reception nobody knows how far apart the runs are. Channels are made of the first run alone; the \
                         topics of the others have the number of the run, as ATTITUDE#2";
-            notices.push(Code::RestartUndated, "", self.later_runs, text);
+            notices.push(Code::Undated.at(Severity::Loss), "", self.later_runs, text);
         }
         log.health.about = self.vehicle.finish();
     }

@@ -388,7 +388,7 @@ impl<'t, 'w> Session<'t, 'w> {
             notices.push(Code::Redefined, file, self.formats.replaced, text);
         }
         let text = "messages whose stamp lies before that of the message before";
-        self.back_jumps.tell(Code::BackJump, file, text, notices);
+        self.back_jumps.tell(Code::UnreliableStamps, file, text, notices);
         if let Some(rarer) = self.odd.rarer() {
             let text =
                 "messages that are padded otherwise than all others: their format may not be what they were written by";
