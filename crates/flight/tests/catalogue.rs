@@ -265,11 +265,6 @@ const FIRED: &[(Code, &str, &str)] = &[
         "a_held_vector_repeats_all_its_components_and_a_resting_encoder_is_measured",
     ),
     (
-        Code::Substitute,
-        "crates/ingest/tests/it/bench.rs",
-        "a_table_with_one_gyroscope_axis_is_an_angular_rate_of_that_axis",
-    ),
-    (
         Code::UnitUnknown,
         "crates/ingest/tests/it/own_tables.rs",
         "a_unit_of_something_else_is_refused_and_an_unknown_one_is_told",
@@ -336,18 +331,11 @@ const FIRED: &[(Code, &str, &str)] = &[
         "an_absolute_and_a_relative_delay_are_not_averaged",
     ),
     (
-        Code::RigContradicted,
+        Code::CardConditions,
         "crates/campaign/src/delay/tests.rs",
-        "a_card_from_a_rig_that_the_data_contradict_is_warned_of",
+        "stamps_and_rates_that_differ_from_the_bench_are_told",
     ),
-    (Code::CardRate, "crates/campaign/src/delay/tests.rs", "stamps_and_rates_that_differ_from_the_bench_are_told"),
-    (
-        Code::CardDayUnknown,
-        "crates/bench-analysis/src/card/combine/tests.rs",
-        "a_card_without_a_day_has_no_validity_and_says_so",
-    ),
-    (Code::CardNotValid, "crates/campaign/src/card_tests.rs", "an_expired_card_is_used_and_its_flight_wants_attention"),
-    (Code::CardStampKind, "crates/campaign/src/delay/tests.rs", "stamps_and_rates_that_differ_from_the_bench_are_told"),
+    (Code::CardMismatch, "crates/campaign/src/card_tests.rs", "an_expired_card_is_used_and_its_flight_wants_attention"),
     (Code::CardRelative, "crates/campaign/src/delay/tests.rs", "a_delay_against_an_anchor_is_told"),
     (
         Code::CardResidual,
@@ -355,19 +343,9 @@ const FIRED: &[(Code, &str, &str)] = &[
         "a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told",
     ),
     (
-        Code::ClockNotTied,
+        Code::ClockTie,
         "crates/bench-analysis/tests/it/clocks.rs",
         "a_channel_on_a_clock_of_its_own_is_left_out_and_named",
-    ),
-    (
-        Code::AlignmentAmbiguous,
-        "crates/bench-analysis/tests/it/clocks.rs",
-        "a_swing_of_one_sine_is_too_regular_to_align_two_clocks",
-    ),
-    (
-        Code::ClockDrift,
-        "crates/bench-analysis/tests/it/clocks.rs",
-        "channels_that_drift_on_the_encoders_own_clock_are_reported",
     ),
     (
         Code::NoReference,
@@ -375,19 +353,9 @@ const FIRED: &[(Code, &str, &str)] = &[
         "without_an_azimuth_only_the_vertical_is_compared",
     ),
     (
-        Code::BenchTurned,
-        "crates/bench-analysis/tests/it/iron.rs",
-        "a_bench_that_is_turned_within_a_record_is_told_and_its_magnetometer_calibrated",
-    ),
-    (
-        Code::RigDiffers,
+        Code::RigContradicted,
         "crates/bench-analysis/tests/it/encoder.rs",
         "stated_counts_that_the_angle_contradicts_are_told",
-    ),
-    (
-        Code::RigAssumed,
-        "crates/bench-analysis/tests/it/alignment.rs",
-        "a_magnetometer_alone_shows_neither_and_the_assumptions_are_told",
     ),
     (
         Code::EncoderRepaired,
@@ -395,19 +363,9 @@ const FIRED: &[(Code, &str, &str)] = &[
         "single_glitches_are_left_out_counted_and_told",
     ),
     (
-        Code::FieldsLeftOut,
-        "crates/convert/tests/it/export.rs",
-        "fields_that_no_column_takes_and_topics_without_a_message_are_told_with_their_names",
-    ),
-    (
-        Code::CellsReplaced,
+        Code::ValuesReplaced,
         "crates/convert/tests/it/original.rs",
         "a_log_that_was_recovered_twice_is_read_as_the_original",
-    ),
-    (
-        Code::LogTime,
-        "crates/convert/tests/it/recover.rs",
-        "a_table_that_no_map_binds_is_dated_by_a_stamp_that_one_knows_if_it_is_a_date",
     ),
     (Code::NotWritten, "crates/convert/src/recover.rs", "messages_that_were_found_and_not_written_are_a_loss"),
 ];

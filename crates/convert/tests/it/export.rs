@@ -509,7 +509,7 @@ fn fields_that_no_column_takes_and_topics_without_a_message_are_told_with_their_
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("tables"));
     log_of_arrays(&log);
     let report = exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
-    let left_out: Vec<_> = report.notices.iter().filter(|n| n.code == "fields-left-out").collect();
+    let left_out: Vec<_> = report.notices.iter().filter(|n| n.code == "not-written").collect();
     assert_eq!(left_out.len(), 1, "{:?}", report.notices);
     assert_eq!(
         (left_out[0].severity, left_out[0].count, left_out[0].place.as_str()),

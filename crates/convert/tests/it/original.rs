@@ -160,7 +160,7 @@ fn a_log_that_was_recovered_twice_is_read_as_the_original() {
         let (once, twice) = (folder.path().join("once.mcap"), folder.path().join("twice.mcap"));
         for (log, out) in [(&log, &once), (&once, &twice)] {
             let told = in_context(|context| recover(&unit(log), library(), out, context)).unwrap().notices;
-            replaced += told.iter().filter(|n| n.code == "cells-replaced").map(|n| n.count).sum::<u64>();
+            replaced += told.iter().filter(|n| n.code == "values-replaced").map(|n| n.count).sum::<u64>();
         }
         let (before, after) = (read(&log), read(&twice));
         assert_eq!(before.flight.channels, after.flight.channels, "{}", seed.name);

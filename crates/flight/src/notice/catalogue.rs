@@ -56,9 +56,12 @@ pub(super) const FORMER: &[(Code, &str)] = &[
     ),
     (Code::ClockSuspect, "clock-differs no-common-time"),
     (Code::UtcTie, "utc-outlier"),
-    (Code::Substitute, "absent-component zero-field height-datum magnetic-track"),
+    (
+        Code::Assumption,
+        "substitute absent-component zero-field height-datum magnetic-track rig-assumed encoder-sign-assumed encoder-zero-assumed gravity-assumed field-model-expired field-model-without-site",
+    ),
     (Code::UnitDiffers, "unit-converted"),
-    (Code::RecordSplit, "gap-split reset-split"),
+    (Code::RecordSplit, "gap-split reset-split bench-turned"),
     (
         Code::SamplesLeftOut,
         "glitch-masked disturbed-stretch velocity-spike fix-far-away rest-left-out short-pieces delay-samples-thinned",
@@ -68,21 +71,18 @@ pub(super) const FORMER: &[(Code, &str)] = &[
         "velocity-before-first-fix velocity-after-last-fix compensator-refused-samples compensator-without-output",
     ),
     (Code::LeftOffCard, "record-left-out channel-missing outlier no-card"),
-    (Code::RigContradicted, "card-rig-contradicted"),
-    (Code::CardRate, "rates-differ"),
-    (Code::CardDayUnknown, "card-without-day"),
-    (Code::CardNotValid, "card-expired card-not-yet-valid"),
+    (Code::CardConditions, "card-rate rates-differ card-day-unknown card-without-day"),
+    (Code::CardMismatch, "card-not-valid card-expired card-not-yet-valid card-stamp-kind"),
     (Code::CardResidual, "card-lag card-velocity"),
-    (Code::ClockNotTied, "no-hull no-such-stamp pulse-unusable"),
+    (Code::ClockTie, "clock-not-tied no-hull no-such-stamp pulse-unusable alignment-ambiguous clock-drift"),
     (Code::NoReference, "channel-incomplete channel-without-reference azimuth-unknown"),
-    (Code::RigDiffers, "counts-per-rev-differ encoder-sign-differs mount-differs mount-side-differs"),
     (
-        Code::RigAssumed,
-        "encoder-sign-assumed encoder-zero-assumed gravity-assumed field-model-expired field-model-without-site",
+        Code::RigContradicted,
+        "rig-differs counts-per-rev-differ encoder-sign-differs mount-differs mount-side-differs card-rig-contradicted",
     ),
     (Code::EncoderRepaired, "encoder-spikes encoder-unwrapped"),
-    (Code::CellsReplaced, "zero-bytes absent-values"),
-    (Code::LogTime, "log-time-lent"),
+    (Code::ValuesReplaced, "cells-replaced zero-bytes absent-values log-time log-time-lent"),
+    (Code::NotWritten, "fields-left-out"),
 ];
 
 catalogue! {
@@ -102,8 +102,9 @@ catalogue! {
                 "Nothing. The losses are listed on the page of the flight.";
             IncompleteRecording, "incomplete-recording", [Loss, Warning, Info],
                 "A part of the recording is missing, or the recorder was stopped before it closed the recording. A file lacks its \
-                 beginning or its end, is empty, or is not there. Or the newest pages of a database are in a write-ahead log or a \
-                 journal. It is a warning if it is not sure that something is missing. It is info if the write-ahead log was read.",
+                 beginning, its end, its index or its table of messages, is empty, or is not there. Or the newest pages of a database \
+                 are in a write-ahead log or a journal. It is a warning if it is not sure that something is missing. It is info if the \
+                 write-ahead log was read.",
                 "Copy the log again, with all files of the recording and the `-wal` file of a database. If the recorder was stopped, what \
                  was written before was read.";
             Corrupt, "corrupt", [Loss],
@@ -241,16 +242,15 @@ catalogue! {
             BoundByGuess, "bound-by-guess", [Warning],
                 "No channel map fits. Columns were bound by name, unit and motion. This is also an amber alarm.",
                 "Check the binding with `flightlag inspect`. `flightlag maps --suggest` prints the map to correct and keep.";
-            Assumption, "assumption", [Warning],
-                "The channel map assumes something about the log that the log does not state.",
-                "Check that the assumption holds for your aircraft. If not, use your own channel map.";
+            Assumption, "assumption", [Warning, Info],
+                "The channel map or the rig file assumes something that the log does not state or show. The text says what. It is info \
+                 if a part of a channel is not logged as such and has a substitute. Examples are zero, another field, the height above \
+                 mean sea level, or a magnetic track.",
+                "Check that the assumption holds. If not, use your own channel map, or state it in the rig file: site, gravity, magnetic \
+                 field, zero or sign of the encoder.";
             HeldRows, "held-rows", [Info],
                 "The channel repeats held values. The repeats are not measurements and are not used.",
                 "Nothing.";
-            Substitute, "substitute", [Info],
-                "A part of a channel is not logged as such, and something else is used. The text says what: zero, another field, the \
-                 height above mean sea level, or a magnetic track.",
-                "Nothing, unless the substitute does not hold for your log.";
             UnitUnknown, "unit-unknown", [Warning],
                 "The table states a unit that flightlag does not know. The map's unit is used. This is also an amber alarm.",
                 "Write the unit as flightlag knows it (`m`, `m/s`, `deg`, `rad` and so on).";
@@ -260,7 +260,8 @@ catalogue! {
         }
         "Delay from flight" {
             RecordSplit, "record-split", [Warning],
-                "Gaps, clock jumps or resets: the record is split there, and each part has its own offset.",
+                "The record is split at gaps, clock jumps or resets, or where the bench was turned. Each part has its own offset, or is a \
+                 magnetometer swing at its own azimuth.",
                 "Nothing, if they are known. Many splits make the interval of the delay wider.";
             SamplesLeftOut, "samples-left-out", [Warning, Info],
                 "Samples take no part in the delay: jumps, spikes, fixes far away, stretches where the channels contradict each other, rest, \
@@ -303,22 +304,14 @@ catalogue! {
                 "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity, or delays that \
                  disagree without a clear majority. Then `bench` ends with exit code 3.",
                 "Make one card for each configuration.";
-            RigContradicted, "rig-contradicted", [Warning],
-                "The data of a bench record contradict its rig file, or its encoder slips or scatters, so its delays are measured \
-                 against a wrong motion. A card can also be in doubt because a delay changed over a record. `bench` ends with exit code 3.",
-                "Correct the rig file, or what makes the angle scatter, and measure again.";
-            CardRate, "card-rate", [Warning],
-                "Update rates differ: between the records of the bench, or between bench and flight.",
-                "Set the same rate on the bench and in flight.";
-            CardDayUnknown, "card-day-unknown", [Warning],
-                "The day of the bench records or of the flight is unknown, so the validity of the card is unknown.",
-                "Log a date, or check the validity by hand.";
-            CardNotValid, "card-not-valid", [Warning],
-                "The flight is before the first or after the last day of the card. The card is used.",
-                "Measure the sensor again, or use the card of that time.";
-            CardStampKind, "card-stamp-kind", [Warning],
-                "The flight uses another kind of timestamp than the bench.",
-                "Use the same kind of timestamp in both channel maps.";
+            CardConditions, "card-conditions", [Warning],
+                "Update rates differ: between the records of the bench, or between bench and flight. Or the day of the bench records or \
+                 of the flight is unknown, so the validity of the card is unknown.",
+                "Set the same rate on the bench and in flight. Log a date, or check the validity by hand.";
+            CardMismatch, "card-mismatch", [Warning],
+                "The flight is before the first or after the last day of the card, or uses another kind of timestamp than the bench. The \
+                 card is used.",
+                "Use the card of that time, or measure the sensor again. Use the same kind of timestamp in both channel maps.";
             CardRelative, "card-relative", [Warning],
                 "The delay on the card is relative to a channel that the bench took as on time, or holds the least transport latency.",
                 "Tie the clocks on the bench, for example by a pulse per second.";
@@ -327,49 +320,38 @@ catalogue! {
                 "Nothing, if the error is small enough: the text gives its size or its cause.";
         }
         "Bench" {
-            ClockNotTied, "clock-not-tied", [Warning],
-                "Nothing ties the clock of a channel to the encoder. The text says what is missing: a usable pulse, pairs of device time \
-                 and arrival, or the timestamps that the rig file asks for. The channel may be left out.",
-                "Check pulse, timestamps and the clock settings of the rig file.";
-            AlignmentAmbiguous, "alignment-ambiguous", [Warning],
-                "The swing is too regular to align the clocks with certainty.",
-                "Stop the bar once or twice during the record.";
-            ClockDrift, "clock-drift", [Warning],
-                "All channels drift against the encoder. The delays hold for the middle of the record.",
-                "Stamp encoder and sensor with one clock, or check which one is wrong.";
+            ClockTie, "clock-tie", [Warning],
+                "The tie between the clocks of a channel and of the encoder is missing, ambiguous, or drifts. The text says what is \
+                 missing: a usable pulse, pairs of device time and arrival, or the timestamps that the rig file asks for. The channel may \
+                 be left out. The tie is ambiguous if the swing is too regular. If all channels drift, the delays hold for the middle of \
+                 the record.",
+                "Check pulse, timestamps and the clock settings of the rig file. Stop the bar once or twice during the record. Against a \
+                 drift, stamp encoder and sensor with one clock.";
             NoReference, "no-reference", [Warning],
                 "A channel cannot be compared with the motion of the bar: its components are missing, or the azimuth of the swing is unknown.",
                 "State mount and azimuth in the rig file, and log all components.";
-            BenchTurned, "bench-turned", [Warning],
-                "The bench was turned during the record. Each part is a magnetometer swing at its own azimuth.",
-                "Nothing, if it was on purpose.";
-            RigDiffers, "rig-differs", [Warning],
-                "The record and the rig file disagree about a part that the text names: mount, side of the pivot, sign or counts of the \
-                 encoder. The rig file is used.",
-                "Correct the rig file and measure again.";
-            RigAssumed, "rig-assumed", [Warning],
-                "The rig file does not state something and the record does not show it: site, gravity, magnetic field, zero or sign of the \
-                 encoder. The text says what is assumed.",
-                "State it in the rig file.";
+            RigContradicted, "rig-contradicted", [Warning],
+                "The data of a bench record contradict its rig file on a part that the text names. The rig file is used. Or the encoder \
+                 slips or scatters, or a delay changed over the record. `bench` ends with exit code 3 if the channels of the card are \
+                 marked for it.",
+                "Correct the rig file, or what makes the angle scatter, and measure again.";
             EncoderRepaired, "encoder-repaired", [Warning, Info],
                 "The encoder wrapped and was unwrapped, or impossible single samples were left out, or its count slipped: then only the \
                  longest part without a slip is used.",
                 "Check the cable if there are many single samples.";
         }
         "Export and recover" {
-            FieldsLeftOut, "fields-left-out", [Warning],
-                "Fields have no column: variable-length arrays, or more than 64 elements.",
-                "Use `flightlag recover`: it copies the messages of MCAP files and ROS bags whole.";
-            CellsReplaced, "cells-replaced", [Info, Warning],
-                "Cells cannot be written as they are. A placeholder is written for a value that the log lacks, with `_given` false. In CSV, \
-                 U+2400 replaces zero bytes.",
-                "Use the `_given` fields to tell placeholders from values. Export as Parquet to keep zero bytes.";
-            LogTime, "log-time", [Info, Warning],
-                "The log has no log time for these rows. The text says which time is used, or that a neighbour's is.",
-                "Nothing. Use the timestamps in the fields where the order matters.";
-            NotWritten, "not-written", [Loss],
-                "Messages were found and could not be written.",
-                "Look at the topic that the place names, and report it.";
+            ValuesReplaced, "values-replaced", [Info, Warning],
+                "The log lacks a value or a log time that the written file must have, or a value cannot be written as it is. For a \
+                 missing value a placeholder is written, with `_given` false. For a missing log time, the text says which time is used, \
+                 or that a neighbour's is. In CSV, U+2400 replaces zero bytes.",
+                "Use the `_given` fields to tell placeholders from values. Use the timestamps in the fields where the order matters. \
+                 Export as Parquet to keep zero bytes.";
+            NotWritten, "not-written", [Loss, Warning],
+                "Something was read and not written. Fields that are variable-length arrays, or have more than 64 elements, have no \
+                 column: a warning. Messages that could not be written are a loss.",
+                "For fields, use `flightlag recover`: it copies the messages of MCAP files and ROS bags whole. For messages, look at the \
+                 topic that the place names, and report it.";
         }
     }
     alarms {

@@ -741,7 +741,7 @@ fn a_differential_fix_is_a_fix() {
 #[test]
 fn heights_without_that_of_the_sea_are_read_and_said_to_be_above_it() {
     let height = |loaded: &ingest::Loaded| loaded.flight.channels["position.gps"].series.component(2)[0];
-    let above_sea = |loaded: &ingest::Loaded| count_saying(loaded, "substitute", "above mean sea level") > 0;
+    let above_sea = |loaded: &ingest::Loaded| count_saying(loaded, "assumption", "above mean sea level") > 0;
     let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "", "A")).collect::<Vec<_>>());
     assert_eq!((height(&loaded), above_sea(&loaded)), (545.4, true));
     // Where a sentence here and there lacks it, the others have the height above the ellipsoid.
