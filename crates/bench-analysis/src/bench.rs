@@ -246,7 +246,7 @@ impl Timing {
                  the middle of the record",
                 with_minus(&format!("{:.1} ± {:.1}", value * 1e6, 2e6 * u))
             );
-            notices.push(Code::ClockDrift, "", 1, text);
+            notices.push(Code::ClockTie, "", 1, text);
         }
     }
 

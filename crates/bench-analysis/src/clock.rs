@@ -138,7 +138,7 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
     for (name, channel) in sensed(sensor) {
         let Some(stamps) = asked_for(channel, rig) else {
             let text = format!("channel {name} has no stamps of the kind that the rig asks for; it is left out");
-            notices.push(Code::ClockNotTied, name, channel.series.len() as u64, text);
+            notices.push(Code::ClockTie, name, channel.series.len() as u64, text);
             continue;
         };
         if let Some(mapped) = bridge.mapped(name, channel, &stamps, &mut notices) {
@@ -194,7 +194,7 @@ impl Bridge<'_> {
             "channel {name}: nothing ties its clock ({}) to the encoder's ({}); it is left out",
             stamps.clock, encoder.clock
         );
-        notices.push(Code::ClockNotTied, name, channel.series.len() as u64, text);
+        notices.push(Code::ClockTie, name, channel.series.len() as u64, text);
         None
     }
 }
@@ -253,7 +253,7 @@ fn pulse_clock<'a>(
     match PiecewiseClock::from_pulses(&logger_s, first_second) {
         Ok(clock) => Some((name, clock)),
         Err(error) => {
-            notices.push(Code::ClockNotTied, name, logger_s.len() as u64, error.to_string());
+            notices.push(Code::ClockTie, name, logger_s.len() as u64, error.to_string());
             None
         }
     }
@@ -314,7 +314,7 @@ fn hulls(sensor: &Flight, arrival_clock: Clock, notices: &mut Notices) -> BTreeM
             }
             None => {
                 let text = format!("{} pairs of device time and arrival are too few for a hull", pairs.len());
-                notices.push(Code::ClockNotTied, name, pairs.len() as u64, text);
+                notices.push(Code::ClockTie, name, pairs.len() as u64, text);
             }
         }
     }
@@ -401,7 +401,7 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
     for (other, channel) in sensed(sensor) {
         let Some(own) = asked_for(channel, rig).filter(|s| s.clock == stamps.clock) else {
             let text = format!("channel {other} is not stamped by the clock of the anchor {name}; it is left out");
-            notices.push(Code::ClockNotTied, other, channel.series.len() as u64, text);
+            notices.push(Code::ClockTie, other, channel.series.len() as u64, text);
             continue;
         };
         times.insert(other.clone(), ChannelTime { kind: own.kind, clock: own.clock, latency: latency(channel, hull) });
@@ -482,7 +482,7 @@ fn warn_of_rival(name: &str, lag: &CoarseLag, notices: &mut Notices) {
             lag.runner_up,
             millis(lag.runner_up_s - lag.shift_s)
         );
-        notices.push(Code::AlignmentAmbiguous, name, 1, text);
+        notices.push(Code::ClockTie, name, 1, text);
     }
 }
 
@@ -522,7 +522,7 @@ fn retimed(
         }),
         // Stamps were made to rise and values were finite; should they ever not fit, say so.
         Err(error) => {
-            notices.push(Code::NoUsableRow, name, rows.len() as u64, error.to_string());
+            notices.push(Code::RejectedRow, name, rows.len() as u64, error.to_string());
             None
         }
     }

@@ -243,7 +243,7 @@ fn tell_of_other_steps(name: &str, stated: f64, raw: &[f64], notices: &mut Notic
     let Some(seen) = lattice_counts(raw) else { return };
     if (seen / stated - 1.0).abs() > 0.01 {
         let text = format!("the angle moves in steps of {seen:.0} per revolution where the rig says {stated:.0}");
-        notices.push(Code::RigDiffers, name, 1, text);
+        notices.push(Code::RigContradicted, name, 1, text);
     }
 }
 

@@ -124,13 +124,13 @@ fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notice
     let names: Vec<&str> = wrong.map(|c| c.name.as_str()).collect();
     if !names.is_empty() {
         let text = format!("record and rig file do not agree on {}", names.join(", "));
-        notices.push(Code::RigDiffers, "mount", names.len() as u64, text);
+        notices.push(Code::RigContradicted, "mount", names.len() as u64, text);
     }
     let upright_side = detected.filter(|s| s.upside_down == Some(false));
     let hangs = rig.bar.mount == crate::rig::MountKind::Hanging;
     if let Some(side) = upright_side.filter(|s| rig.bar.mount != crate::rig::MountKind::Custom && s.below != hangs) {
         let text = format!("the record shows a bar that is {}, the rig says {}", side.in_words(), rig.bar.mount);
-        notices.push(Code::RigDiffers, SIDE, 1, text);
+        notices.push(Code::RigContradicted, SIDE, 1, text);
     }
     notices
 }

@@ -62,7 +62,7 @@ fn gravity(rig: &Rig, place: Option<Geodetic>, notices: &mut Notices) -> (f64, S
         None => {
             let text =
                 "neither rig nor log says where the bench is: standard gravity 9.80665 m/s², wrong by up to 0.3 %";
-            notices.push(Code::RigAssumed, "", 1, text);
+            notices.push(Code::Assumption, "", 1, text);
             (STANDARD_GRAVITY_MPS2, "assumed: standard gravity, for the site is not known".to_owned())
         }
     }
@@ -75,13 +75,13 @@ fn field(rig: &Rig, model: Option<&ModelField>, notices: &mut Notices) -> (Optio
         (FieldRule::Wmm, Some(model)) => {
             if !model.is_valid {
                 let text = format!("{}: the field is extrapolated", validity(model));
-                notices.push(Code::RigAssumed, "", 1, text);
+                notices.push(Code::Assumption, "", 1, text);
             }
             (Some(model.ned_t), validity(model))
         }
         (FieldRule::Wmm, None) => {
             let text = "site.field = \"wmm\" needs site and day, and neither rig nor log has both: the field is fitted";
-            notices.push(Code::RigAssumed, "", 1, text);
+            notices.push(Code::Assumption, "", 1, text);
             (None, "fitted: for the model, site or day is not known".to_owned())
         }
     }

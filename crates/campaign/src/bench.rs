@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
-pub const BENCH_ANALYSIS_VERSION: u32 = 12;
+pub const BENCH_ANALYSIS_VERSION: u32 = 13;
 
 /// What is asked for.
 #[derive(Debug, Clone, PartialEq)]

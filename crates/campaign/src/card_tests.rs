@@ -104,7 +104,7 @@ fn a_card_with_another_content_makes_the_result_anew_and_says_so() {
 fn an_expired_card_is_used_and_its_flight_wants_attention() {
     let case = Case::new(|card| card.valid_until = Some("2026-05-03".into()));
     let (campaign, flight, _) = case.run();
-    assert_eq!((flight.outcome.clone(), codes(&flight)), (Outcome::Compensated, vec!["card-not-valid"]));
+    assert_eq!((flight.outcome.clone(), codes(&flight)), (Outcome::Compensated, vec!["card-mismatch"]));
     assert!(campaign.flights[0].attention[0].contains("expired on 2026-05-03"), "{:?}", campaign.flights[0].attention);
     let page = std::fs::read_to_string(case.path("out/flights/f.mcap/index.html")).unwrap();
     assert!(page.contains("EXPIRED on 2026-05-03"), "the source on the page says it");

@@ -143,13 +143,13 @@ mod tests {
         let (camera, gps) = ((Code::Undecodable, "topic camera"), (Code::Undecodable, "topic gps"));
         assert!(is_minor(&[camera], 0, 9.0));
         assert!(is_minor(
-            &[(Code::BadNumber, "camera.csv, line 4"), (Code::Damaged, "camera.csv, bytes 0 to 9")],
+            &[(Code::RejectedCell, "camera.csv, line 4"), (Code::Damaged, "camera.csv, bytes 0 to 9")],
             9,
             9.0
         ));
         assert!(!is_minor(&[gps], 0, 0.2) && !is_minor(&[camera, gps], 0, 0.2));
         assert!(!is_minor(&[camera], WHOLE / 2, 0.2), "half of the log");
-        assert!(!is_minor(&[(Code::MissingMessages, "a.bag")], 0, 0.2), "of which topic they were is not known");
+        assert!(!is_minor(&[(Code::IndexDiffers, "a.bag")], 0, 0.2), "of which topic they were is not known");
         let weighed = weighed(&[camera], 0, 0.2);
         assert!(weighed.iter().any(|n| n.code == "minor-loss" && n.severity == Severity::Warning), "{weighed:?}");
         let said: Vec<String> = weighed.iter().map(|n| n.text.clone()).collect();

@@ -803,13 +803,8 @@ fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
 }
 
 /// Warnings that make the numbers of a flight doubtful.
-const GRAVE: [Code; 5] = [
-    Code::VelocityContradictsPosition,
-    Code::StampsCoarserThanDelay,
-    Code::CardNotValid,
-    Code::CardStampKind,
-    Code::CardRelative,
-];
+const GRAVE: [Code; 4] =
+    [Code::VelocityContradictsPosition, Code::StampsCoarserThanDelay, Code::CardMismatch, Code::CardRelative];
 /// Below this share of time with output, a flight wants a look.
 const FEW_VALID: f64 = 0.95;
 

@@ -193,14 +193,14 @@ fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, Co
 /// Says which fields are in no column; of very many topics the first, and the number of the others.
 fn note_left_out(log: &mut Log) {
     const LISTED: usize = 200;
-    const CODE: Code = Code::FieldsLeftOut;
+    let what = Code::NotWritten.at(Severity::Warning);
     for LeftOut { topic, fields, names } in log.left_out.iter().take(LISTED) {
         let text = format!("fields without a column, for their length is not fixed or too great: {names}");
-        log.notices.push(CODE, format!("topic {topic}"), *fields, text);
+        log.notices.push(what, format!("topic {topic}"), *fields, text);
     }
     let others = log.left_out.len().saturating_sub(LISTED) as u64;
     if others > 0 {
-        log.notices.push(CODE, "", others, "more topics have fields without a column");
+        log.notices.push(what, "", others, "more topics have fields without a column");
     }
 }
 
@@ -220,7 +220,7 @@ fn note_zero_bytes(source: &Source, notices: &mut Notices) {
     let texts = with_zero_bytes(&source.sheet);
     if texts > 0 {
         let text = "texts hold zero bytes, which no CSV may: \u{2400} stands for each";
-        notices.push(Code::CellsReplaced.at(Severity::Warning), format!("topic {}", source.name), texts, text);
+        notices.push(Code::ValuesReplaced.at(Severity::Warning), format!("topic {}", source.name), texts, text);
     }
 }
 

@@ -68,7 +68,7 @@ impl<'t> MessageType<'t> {
             let text = "values that the log does not have were written as NaN, 0 or empty text; fields that end in _given \
                         say which";
             let place = format!("topic {}", self.table.topic.name);
-            notices.push(Code::CellsReplaced, place, absent, text);
+            notices.push(Code::ValuesReplaced, place, absent, text);
         }
     }
 

@@ -244,7 +244,7 @@ impl Recording {
     pub(crate) fn note_before_epoch(&self, notices: &mut Notices) {
         if self.before_epoch > 0 {
             let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
-            notices.push(Code::StampOutOfRange, "", self.before_epoch, text);
+            notices.push(Code::UnreliableStamps, "", self.before_epoch, text);
         }
     }
 

@@ -247,10 +247,10 @@ pub(crate) fn tell<'t>(
         let severity = if by_order { Severity::Warning } else { Severity::Info };
         let text = format!("the log does not say when it took these rows; log_time is {how}");
         let of_topics = topics.get(how).map_or(&[][..], Vec::as_slice);
-        notices.push(Code::LogTime.at(severity), place(of_topics), rows, text);
+        notices.push(Code::ValuesReplaced.at(severity), place(of_topics), rows, text);
         if lent > 0 {
             let text = "rows without a time of their own have that of the row before, the first ones of the row behind";
-            notices.push(Code::LogTime, place(of_topics), lent, text);
+            notices.push(Code::ValuesReplaced, place(of_topics), lent, text);
         }
     }
     topics

@@ -142,7 +142,7 @@ mod tests {
         let mut notices = Notices::new();
         notices.push(Code::HeldRows, "gps", 3, "3 rows repeat the one before");
         assert!(!notices.any_loss());
-        notices.push(Code::IncompleteFile, "a.bag, byte 10", 1, "the file ends inside a record");
+        notices.push(Code::IncompleteRecording, "a.bag, byte 10", 1, "the file ends inside a record");
         assert!(notices.any_loss());
     }
 }

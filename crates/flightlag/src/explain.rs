@@ -103,7 +103,7 @@ mod tests {
     fn a_code_of_an_older_release_leads_to_the_one_of_today() {
         let text = explained("no-end").unwrap();
         assert!(
-            text.starts_with("no-end is called incomplete-file in this release.\n\nincomplete-file: loss"),
+            text.starts_with("no-end is called incomplete-recording in this release.\n\nincomplete-recording: loss"),
             "{text}"
         );
     }

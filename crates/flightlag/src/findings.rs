@@ -63,7 +63,7 @@ mod tests {
         let mut all = Notices::new();
         all.push(Code::HeldRows, "gps", 3, "held rows");
         all.push(Code::Damaged, "a, bytes 0 to 9", 9, "cut");
-        all.push(Code::IncompleteFile, "a", 1, "no footer");
+        all.push(Code::IncompleteRecording, "a", 1, "no footer");
         let text = notices(&all);
         assert!(text.find("no footer") < text.find("held rows") && !text.contains("cut"), "{text}");
     }

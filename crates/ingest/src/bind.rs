@@ -197,7 +197,7 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
     }
     if tie.outliers > 0 {
         let text = "messages that date the clock are more than a second off the others and are not used";
-        notices.push(Code::UtcOutlier, &tie.source, tie.outliers, text);
+        notices.push(Code::UtcTie.at(Severity::Warning), &tie.source, tie.outliers, text);
     }
 }
 
@@ -217,7 +217,7 @@ fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notice
         format!(", at most by {:.3} s{why}", longest.length_s)
     });
     let text = format!("{which}: stamps go back{longest}; the rows were sorted by stamp");
-    notices.push(Code::BackJump, place, back.iter().copied().map(jumps).sum(), text);
+    notices.push(Code::UnreliableStamps, place, back.iter().copied().map(jumps).sum(), text);
 }
 
 /// A driver fills in what its sensor does not have, say with zeros: a channel of a bench without one usable row is no reason
@@ -226,7 +226,7 @@ fn no_rows(health: &ChannelHealth, notices: &mut Notices) {
     let reasons: Vec<String> = health.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
     let text = format!("channel {} has no usable row: {}", health.name, reasons.join(", "));
     let severity = if BENCH_ALONE.contains(&health.quantity) { Severity::Info } else { Severity::Warning };
-    notices.push(Code::NoUsableRow.at(severity), &health.source.topic, health.rows, text);
+    notices.push(Code::RejectedRow.at(severity), &health.source.topic, health.rows, text);
 }
 
 fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {

@@ -20,13 +20,13 @@ pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, St
     if let Some(stated) = rig.encoder.sign {
         if let Some((found, how)) = seen.filter(|(s, _)| *s != stated) {
             let text = format!("the rig says encoder.sign = {stated}, but {how} says {found}; the rig's is used");
-            notices.push(Code::RigDiffers, SIGN, 1, text);
+            notices.push(Code::RigContradicted, SIGN, 1, text);
         }
         return (stated, "rig file".to_owned());
     }
     seen.map(|(sign, how)| (sign, format!("fitted: {how}"))).unwrap_or_else(|| {
         let text = "no gyro, accelerometer or attitude shows which way the encoder counts: +1 is assumed";
-        notices.push(Code::RigAssumed, "", 1, text);
+        notices.push(Code::Assumption, "", 1, text);
         (1.0, "assumed: no gyro, accelerometer or attitude shows it".to_owned())
     })
 }

@@ -61,7 +61,7 @@ pub(super) fn zero(
     }
     let zero = from_the_middle(motion, sign);
     let text = "no channel shows the bar's angle at encoder zero: the swing is assumed to be even about the vertical";
-    notices.push(Code::RigAssumed, "", 1, text);
+    notices.push(Code::Assumption, "", 1, text);
     (zero, "assumed: the swing is even about the vertical".to_owned())
 }
 

@@ -188,7 +188,7 @@ fn tell(left_out: &[LeftOut<'_>], notices: &mut Notices) {
 /// record can be trusted.
 fn contradictions(record: &BenchRecord) -> Vec<String> {
     let differs = |part: &str| {
-        record.notices.iter().any(|n| n.code == Code::RigDiffers && n.place == part).then(|| part.to_owned())
+        record.notices.iter().any(|n| n.code == Code::RigContradicted && n.place == part).then(|| part.to_owned())
     };
     let checks = record.findings.iter().flat_map(|f| &f.mount.checks);
     let wrong = checks.filter(|c| c.of_rig && c.agrees == Some(false)).map(|c| c.name.clone());
@@ -263,7 +263,7 @@ fn validity(days: &[&str], terms: &CardTerms<'_>, notices: &mut Notices) -> [Opt
     let until = newest.zip(terms.valid_days).and_then(|(day, n)| day.checked_add(i64::from(n).days()).ok());
     if newest.is_none() && terms.valid_days.is_some() {
         let text = "no record says on which day it was made: the card has no days of validity";
-        notices.push(Code::CardDayUnknown, "", 1, text);
+        notices.push(Code::CardConditions, "", 1, text);
     }
     let text = |day: Option<&Date>| day.map(ToString::to_string);
     [text(newest), until.and(text(oldest)), text(until.as_ref())]
@@ -471,7 +471,7 @@ impl<'a> Several<'a> {
         let differ = rates.iter().any(|rate| (rate / middle - 1.0).abs() > RATE_TOLERANCE);
         if differ {
             let text = format!("{}: the records differ in their update rate; the card gives {middle:.3} Hz", self.name);
-            notices.push(Code::CardRate, self.name, 1, text);
+            notices.push(Code::CardConditions, self.name, 1, text);
         }
         Some(middle)
     }

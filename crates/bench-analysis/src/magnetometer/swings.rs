@@ -34,7 +34,7 @@ pub(crate) fn magnetic_swings(
     let parts = parts(sensor, motion, rig, around);
     let turned = parts.windows(2).any(|pair| differ(pair[0].azimuth, pair[1].azimuth));
     let swings = if turned {
-        notices.push(Code::BenchTurned, "", parts.len() as u64, in_words(&parts));
+        notices.push(Code::RecordSplit, "", parts.len() as u64, in_words(&parts));
         parts.iter().filter_map(|p| first_swing(&p.sensor, motion, rig, &p.alignment)).collect()
     } else {
         first_swing(sensor, motion, rig, alignment).into_iter().collect()

@@ -108,7 +108,7 @@ fn velocity_and_position_give_zero_and_azimuth_once_the_sign_is_known() {
 #[test]
 fn a_magnetometer_alone_shows_neither_and_the_assumptions_are_told() {
     let found = alone("magnetic-field.imu", Quantity::MagneticField, 50.0, 2e-7, &rig("", "", ""));
-    assert_eq!(codes(&found), ["rig-assumed", "rig-assumed"]);
+    assert_eq!(codes(&found), ["assumption", "assumption"]);
     assert!(found.zero_rad.standard_uncertainty.unwrap() > 0.1);
     assert!(found.zero_source.starts_with("assumed"), "{}", found.zero_source);
 }
@@ -135,7 +135,7 @@ fn what_the_rig_says_is_used_and_a_contradiction_is_told() {
     let stated = rig("azimuth_deg = 30.0", "sign = 1\nzero_deg = 10.0", "");
     let found = aligned(&swing, &sensor, &stated, -1.0, 10f64.to_radians());
     assert_eq!((found.sign, found.sign_source.as_str()), (1.0, "rig file"));
-    assert_eq!(codes(&found), ["rig-differs"]);
+    assert_eq!(codes(&found), ["rig-contradicted"]);
     assert!((found.zero_rad.value - 10f64.to_radians()).abs() < 1e-12);
     assert_eq!(found.zero_rad.standard_uncertainty, None);
     assert_eq!(found.azimuth_source, "rig file");

@@ -81,7 +81,7 @@ fn stated_counts_that_the_angle_contradicts_are_told() {
     let encoder = channel(Quantity::EncoderAngle, &t, vec![angle]);
     let series = EncoderSeries::of("encoder.bar", &encoder, &rig("", "", "")).unwrap();
     let told: Vec<&str> = series.notices.iter().map(|n| n.code.as_str()).collect();
-    assert_eq!(told, ["rig-differs"]);
+    assert_eq!(told, ["rig-contradicted"]);
 }
 
 #[test]

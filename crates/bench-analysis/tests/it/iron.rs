@@ -136,7 +136,7 @@ fn a_bench_that_is_turned_within_a_record_is_told_and_its_magnetometer_calibrate
         [30.0, 150.0, 270.0].iter().zip(0..).map(|(azimuth, k)| simulated(*azimuth, 1 + k, 19 * k as i64)).collect();
     let flights: Vec<Flight> = parts.iter().map(|p| p.to_flight().unwrap()).collect();
     let found = measured(&joined(&flights), &rig(&parts[0], None));
-    let told = found.notices.iter().find(|n| n.code == "bench-turned").unwrap();
+    let told = found.notices.iter().find(|n| n.code == "record-split").unwrap();
     assert!(told.text.contains("30° from") && told.text.contains("150° from") && told.text.contains("270° from"));
     for (swing, truth) in found.magnetic.swings.iter().zip([30.0f64, 150.0, 270.0]) {
         let off = swing.azimuth.value.rem_euclid(std::f64::consts::TAU) - truth.to_radians();
@@ -146,5 +146,5 @@ fn a_bench_that_is_turned_within_a_record_is_told_and_its_magnetometer_calibrate
     let of_record = found.findings.mount.magnetometer.found().unwrap();
     assert_eq!((of_record.kind.as_str(), of_record.azimuths), ("full", 3));
     let steady = measured(&flights[0], &rig(&parts[0], None));
-    assert!(steady.notices.iter().all(|n| n.code != "bench-turned"));
+    assert!(steady.notices.iter().all(|n| n.code != "record-split"));
 }

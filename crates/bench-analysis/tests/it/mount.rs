@@ -65,7 +65,7 @@ fn a_rig_that_has_the_sensor_on_the_wrong_side_is_told() {
     let (finding, notices) = found(&swing, &sensor, &rig("mount = \"upright\"", "", ""));
     assert_eq!(finding.detected, Finding::Found("hanging".to_owned()));
     assert_eq!(check(&finding, "lever arm z of specific-force.imu").agrees, Some(false));
-    let parts: Vec<&str> = notices.iter().filter(|n| n.code == "rig-differs").map(|n| n.place.as_str()).collect();
+    let parts: Vec<&str> = notices.iter().filter(|n| n.code == "rig-contradicted").map(|n| n.place.as_str()).collect();
     assert_eq!(parts, ["mount", "side of the pivot"]);
 }
 
@@ -119,7 +119,7 @@ fn what_is_wrong_with_a_sensor_is_found_with_its_size() {
     near("bias y of angular-rate.imu", -0.02, 1e-3);
     near("bias x of specific-force.imu", 0.2, 0.03);
     near("bias z of specific-force.imu", 0.15, 0.03);
-    let told = notices.iter().find(|n| n.code == "rig-differs").unwrap();
+    let told = notices.iter().find(|n| n.code == "rig-contradicted").unwrap();
     for name in ["lever arm x", "lever arm z", "misalignment about z"] {
         assert!(told.text.contains(name), "{}", told.text);
     }

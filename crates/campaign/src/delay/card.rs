@@ -220,12 +220,12 @@ impl<'a> Reading<'a> {
         let (kind, bench) = (channel.series.timeline().kind(), on_card.stamp_kind);
         if kind != bench {
             let text = format!("{name}: this flight has {kind} stamps, the bench measured the delay of {bench} ones");
-            self.tell(Code::CardStampKind, text);
+            self.tell(Code::CardMismatch, text);
         }
         let rates = rate_of(&self.case.binding.channels, name).zip(on_card.update_rate_hz);
         if let Some((rate, bench)) = rates.filter(|(rate, bench)| (rate / bench - 1.0).abs() > RATE_TOLERANCE) {
             let text = format!("{name}: updated at {rate:.2} Hz in this flight, at {bench:.2} Hz on the bench");
-            self.tell(Code::CardRate, text);
+            self.tell(Code::CardConditions, text);
         }
     }
 
@@ -237,18 +237,18 @@ impl<'a> Reading<'a> {
             Validity::Valid | Validity::Unlimited => String::new(),
             Validity::DayUnknown => {
                 let text = "no stamp of this flight tells the day: whether the card is valid is not known";
-                self.tell(Code::CardDayUnknown, text.to_owned());
+                self.tell(Code::CardConditions, text.to_owned());
                 "; the day of the flight is not known".to_owned()
             }
             Validity::Expired(until) => {
                 let text = format!("flown on {flown}, but the card expired on {until}: its delay is used all the same");
-                self.tell(Code::CardNotValid, text);
+                self.tell(Code::CardMismatch, text);
                 format!("; EXPIRED on {until}")
             }
             Validity::NotYet(from) => {
                 let text =
                     format!("flown on {flown}, before the card begins on {from}: its delay is used all the same");
-                self.tell(Code::CardNotValid, text);
+                self.tell(Code::CardMismatch, text);
                 format!("; NOT YET VALID, from {from} on")
             }
         }

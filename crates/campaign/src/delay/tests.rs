@@ -218,13 +218,13 @@ fn an_expired_card_is_used_and_said_loudly() {
     card.valid_until = Some("2026-05-03".into());
     let found = usual().with(&card).unwrap();
     assert_eq!(found.delay.seconds(), 0.4);
-    assert_eq!(codes(&found), [(Severity::Warning, "card-not-valid")]);
+    assert_eq!(codes(&found), [(Severity::Warning, "card-mismatch")]);
     assert!(found.source.ends_with("; EXPIRED on 2026-05-03"), "{}", found.source);
     card.valid_until = Some("2026-05-04".into());
     assert_eq!(codes(&usual().with(&card).unwrap()), [], "the last day counts");
     card.valid_from = Some("2026-05-05".into());
     card.valid_until = None;
-    assert_eq!(codes(&usual().with(&card).unwrap()), [(Severity::Warning, "card-not-valid")]);
+    assert_eq!(codes(&usual().with(&card).unwrap()), [(Severity::Warning, "card-mismatch")]);
 }
 
 #[test]
@@ -234,21 +234,21 @@ fn the_day_comes_from_any_clock_that_counts_days_and_else_is_said_to_be_unknown(
     let mut card = card("1", "2026-02-03");
     card.valid_until = Some("2026-05-03".into());
     let found = Flown::at(gps, Clock::Gps, StampKind::Measured).with(&card).unwrap();
-    assert_eq!(codes(&found), [(Severity::Warning, "card-not-valid")]);
+    assert_eq!(codes(&found), [(Severity::Warning, "card-mismatch")]);
     let boot = Flown::at(0, Clock::Boot, StampKind::Measured);
-    assert_eq!(codes(&boot.with(&card).unwrap()), [(Severity::Warning, "card-day-unknown")]);
+    assert_eq!(codes(&boot.with(&card).unwrap()), [(Severity::Warning, "card-conditions")]);
     let mut tied = Flown::at(0, Clock::Boot, StampKind::Measured);
     let spread_s = flight::Distribution { min: 0.0, p01: 0.0, median: 0.0, p99: 0.0, max: 0.0 };
     let (clock, source) = (Clock::Boot, "gps".to_owned());
     tied.flight.utc = Some(flight::UtcTie { clock, source, offset_ns: NOON, spread_s, pairs: 1, outliers: 0 });
-    assert_eq!(codes(&tied.with(&card).unwrap()), [(Severity::Warning, "card-not-valid")], "the log ties the clock");
+    assert_eq!(codes(&tied.with(&card).unwrap()), [(Severity::Warning, "card-mismatch")], "the log ties the clock");
     let mut other = Flown::at(0, Clock::Boot, StampKind::Measured);
     let stamps = (0..1000).map(|i| Stamp(NOON + i)).collect();
     let velocity = other.flight.channels.get_mut("velocity.ins").unwrap();
     velocity.other_stamps = vec![(StampKind::Logged, Clock::Unix, stamps)];
     assert_eq!(
         codes(&other.with(&card).unwrap()),
-        [(Severity::Warning, "card-not-valid")],
+        [(Severity::Warning, "card-mismatch")],
         "another channel knows the day"
     );
     (card.valid_from, card.valid_until) = (None, None);
@@ -275,10 +275,10 @@ fn of_several_cards_each_flight_takes_the_one_that_is_valid_on_its_day() {
 fn stamps_and_rates_that_differ_from_the_bench_are_told() {
     let card = card("1", "2026-02-03");
     let logged = Flown::at(NOON, Clock::Unix, StampKind::Logged).with(&card).unwrap();
-    assert_eq!(codes(&logged), [(Severity::Warning, "card-stamp-kind")]);
+    assert_eq!(codes(&logged), [(Severity::Warning, "card-mismatch")]);
     let mut fast = usual();
     fast.binding.channels[0].held.as_mut().unwrap().update_interval_s = 0.1;
-    assert_eq!(codes(&fast.with(&card).unwrap()), [(Severity::Warning, "card-rate")]);
+    assert_eq!(codes(&fast.with(&card).unwrap()), [(Severity::Warning, "card-conditions")]);
     fast.binding.channels[0].held.as_mut().unwrap().update_interval_s = 1.0 / 4.7;
     assert_eq!(codes(&fast.with(&card).unwrap()), [], "17.5 % are within 20 %");
 }

@@ -208,18 +208,8 @@ impl Cuts {
             );
             notices.push(Code::SamplesLeftOut, names.first, *wild, text);
         }
-        if *resets > 0 {
-            let text =
-                format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
-            notices.push(Code::RecordSplit, names.first, *resets, text);
-        }
-        if *gaps > 0 {
-            let text = format!(
-                "{}: {gaps} gap(s) or clock jump(s): the record is cut there, each part has its own offset",
-                names.second
-            );
-            notices.push(Code::RecordSplit, names.second, *gaps, text);
-        }
+        say_split(names.first, *resets, "reset(s)", notices);
+        say_split(names.second, *gaps, "gap(s) or clock jump(s)", notices);
     }
 }
 
@@ -255,6 +245,13 @@ pub(crate) fn pieces(
     }
     said.say(names, notices);
     keep_the_best(out, first, names, notices)
+}
+
+fn say_split(name: &str, count: u64, what: &str, notices: &mut Notices) {
+    if count > 0 {
+        let text = format!("{name}: {count} {what}: the record is cut there, each part has its own offset");
+        notices.push(Code::RecordSplit, name, count, text);
+    }
 }
 
 /// Takes samples at rest before and after the motion from their stretches.

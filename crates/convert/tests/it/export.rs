@@ -509,7 +509,7 @@ fn fields_that_no_column_takes_and_topics_without_a_message_are_told_with_their_
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("tables"));
     log_of_arrays(&log);
     let report = exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
-    let left_out: Vec<_> = report.notices.iter().filter(|n| n.code == "fields-left-out").collect();
+    let left_out: Vec<_> = report.notices.iter().filter(|n| n.code == "not-written").collect();
     assert_eq!(left_out.len(), 1, "{:?}", report.notices);
     assert_eq!(
         (left_out[0].severity, left_out[0].count, left_out[0].place.as_str()),
@@ -704,7 +704,7 @@ fn one_broken_cell_leaves_a_column_of_numbers_and_is_counted() {
     assert_eq!(speed.iter().filter(|v| **v == Some(1.5)).count(), 49);
     assert_eq!(speed[20], None);
     assert_eq!(frame.column("mode").unwrap().str().unwrap().get(20), Some("word"));
-    let notice = report.notices.iter().find(|n| n.code == "bad-number").unwrap();
+    let notice = report.notices.iter().find(|n| n.code == "rejected-cell").unwrap();
     assert_eq!(notice.count, 1);
     assert!(notice.text.contains("speed") && notice.text.contains("1.5#"), "{}", notice.text);
 }

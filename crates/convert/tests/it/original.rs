@@ -118,7 +118,7 @@ fn all_seeds_are_read_as_they_were(of: impl Fn(Container) -> bool) {
         let (differences, lost) = recovered(&log, &folder.path().join("recovered.mcap"));
         // What the missing index says of a bag is said of no MCAP.
         let no_index = seed.name == "bag-unindexed";
-        let told = if no_index { vec!["incomplete-file"] } else { vec![] };
+        let told = if no_index { vec!["incomplete-recording"] } else { vec![] };
         let kinds: Vec<&str> = differences.iter().filter_map(|d| d.split(' ').next()).collect();
         assert_eq!((kinds, lost), (told, no_index), "{}: {differences:#?}", seed.name);
     }
@@ -160,7 +160,7 @@ fn a_log_that_was_recovered_twice_is_read_as_the_original() {
         let (once, twice) = (folder.path().join("once.mcap"), folder.path().join("twice.mcap"));
         for (log, out) in [(&log, &once), (&once, &twice)] {
             let told = in_context(|context| recover(&unit(log), library(), out, context)).unwrap().notices;
-            replaced += told.iter().filter(|n| n.code == "cells-replaced").map(|n| n.count).sum::<u64>();
+            replaced += told.iter().filter(|n| n.code == "values-replaced").map(|n| n.count).sum::<u64>();
         }
         let (before, after) = (read(&log), read(&twice));
         assert_eq!(before.flight.channels, after.flight.channels, "{}", seed.name);
@@ -265,7 +265,7 @@ fn of_channels_that_disagree_on_what_their_topic_was_only_one_is_read_and_the_re
         assert_eq!(table.rows, 3, "{first:?} {second:?}");
         assert_eq!(table.published_ns.is_some(), first.is_none());
         let lost = read(&log).flight.notices.iter().find(|n| n.severity == Severity::Loss).cloned().unwrap();
-        assert_eq!((lost.code.as_str(), lost.count), ("unknown-channel", 3));
+        assert_eq!((lost.code.as_str(), lost.count), ("undecodable", 3));
         assert!(lost.text.contains("another channel says"), "{}", lost.text);
     }
 }
@@ -289,7 +289,7 @@ fn a_log_that_says_more_of_itself_than_any_log_is_cut_short_and_that_is_told() {
     assert_eq!((loaded.health.extras.len(), loaded.health.about.texts.len()), (1001, 1000));
     assert!(loaded.health.format.len() < 300);
     let count = |code: &str| loaded.flight.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
-    assert_eq!((count("c"), count("original-unreadable")), (1000, 3000));
+    assert_eq!((count("c"), count("index-differs")), (1000, 3000));
     assert!(!loaded.flight.notices.any_loss());
 }
 

@@ -279,7 +279,7 @@ fn rows_that_nobody_logged_are_recovered_with_the_utc_that_they_say_themselves()
         let near = |found: i64, truth: i64| found.abs_diff(truth) < 1_000_000_000;
         assert!(near(first, *truth.iter().min().unwrap()), "{container:?} {first}");
         assert!(near(last, *truth.iter().max().unwrap()), "{container:?} {last}");
-        let told = report.notices.iter().find(|n| n.code == "log-time").unwrap();
+        let told = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
         assert!(told.severity == Severity::Info && told.text.contains("UTC: "), "{told:?}");
         assert!(provenance(&out)["log_time"].contains("UTC: "));
     }
@@ -307,7 +307,7 @@ fn rows_that_nothing_dates_keep_their_order_and_a_warning_says_so() {
     let rpm: Vec<f64> = (0..table.rows).filter_map(|row| table.column("rpm")?.number(row)).collect();
     assert_eq!(rpm, (1..=30).rev().map(f64::from).collect::<Vec<_>>());
     assert!(log_times(&out).windows(2).all(|pair| pair[0] < pair[1]));
-    let told = report.notices.iter().find(|n| n.code == "log-time").unwrap();
+    let told = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
     assert!(told.severity == Severity::Warning && told.text.contains("the order of the rows alone"), "{told:?}");
 }
 
@@ -319,7 +319,7 @@ fn a_table_that_no_map_binds_is_dated_by_a_stamp_that_one_knows_if_it_is_a_date(
         let rows: String = (0..30).map(|i| format!("{},{i}\n", begin_ns + i * 100_000_000)).collect();
         std::fs::write(&log, format!("%time,field.rpm\n{rows}")).unwrap();
         let report = recovered(&log, &out).unwrap();
-        let notice = report.notices.iter().find(|n| n.code == "log-time").unwrap();
+        let notice = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
         assert!(notice.text.contains(told), "{notice:?}");
         let first = log_times(&out)[0];
         assert!(first == begin_ns || told != "UTC: ", "{first}");

@@ -7,49 +7,61 @@ use super::code::catalogue;
 
 /// Names of codes in records of older releases, and the code that says the same now.
 pub(super) const FORMER: &[(Code, &str)] = &[
-    (Code::IncompleteFile, "empty-file no-end no-data-end no-begin no-messages"),
+    (
+        Code::IncompleteRecording,
+        "incomplete-file empty-file no-end no-data-end no-begin no-messages missing-file write-ahead-log write-ahead-log-cut no-write-ahead-log unfinished-transaction",
+    ),
     (
         Code::Corrupt,
         "packed-damage bad-utf16 data-checksum summary-checksum damaged-head missing-pages misplaced-pages bad-rows suspect-length",
     ),
-    (Code::Undecodable, "bad-format no-time"),
+    (Code::Undecodable, "bad-format no-time unknown-channel unknown-topic"),
     (Code::UnknownRecord, "private-record unknown-message newer-version unknown-flags"),
-    (Code::UnknownChannel, "unknown-topic"),
-    (Code::IndexDiffers, "miscounted-messages bad-index shifted metadata"),
-    (Code::ExtraBytes, "preamble padding prefix"),
+    (Code::SeveralSessions, "several-logs clock-restart restart-dated"),
+    (Code::Skipped, "extra-bytes preamble padding prefix closed-chunks"),
     (
         Code::ReadLeniently,
         "no-dollar odd-padding longer-than-defined epoch-order found-pages copied-rows row-numbers unused-pages",
     ),
     (Code::NoChecksum, "unchecked no-chunk-checksum"),
+    (
+        Code::IndexDiffers,
+        "miscounted-messages bad-index shifted metadata missing-messages original-unreadable original-cut",
+    ),
     (Code::Redefined, "redefined-format several-definitions type-change units-differ late-instance"),
     (Code::TooMuchData, "too-many-values too-many-columns long-attachment"),
     (Code::NotListed, "more-texts more-topics"),
     (Code::DefinitionSupplied, "common-definition given-definition completed-definition"),
-    (Code::StampOutOfRange, "before-1970"),
-    (Code::OriginalUnreadable, "original-cut"),
-    (Code::WriteAheadLog, "write-ahead-log-cut no-write-ahead-log unfinished-transaction"),
-    (Code::Undated, "untimed untimed-pulse headless no-epoch no-stamp utc-not-valid"),
     (Code::SeveralSources, "several-talkers talker-changed several-devices several-publishers"),
     (Code::NoRows, "not-a-table"),
     (Code::ColumnRenamed, "no-header"),
-    (Code::BadNumber, "not-finite"),
-    (Code::HeaderChanged, "header-repeated columns-not-read other-table"),
-    (Code::DoubtfulRows, "like-header marked-rows rows-like-remarks"),
+    (Code::RejectedCell, "bad-number not-finite no-line-end"),
+    (
+        Code::IrregularTable,
+        "header-changed header-repeated columns-not-read other-table doubtful-rows like-header marked-rows rows-like-remarks",
+    ),
     (Code::UnknownWord, "status-unknown unknown-remark"),
-    (Code::BackJump, "clock-jump"),
-    (Code::RejectedRow, "unbound-velocity stamp-not-rising"),
+    (Code::Undated, "untimed untimed-pulse headless no-epoch no-stamp utc-not-valid restart-undated"),
+    (Code::RejectedRow, "unbound-velocity stamp-not-rising no-usable-row not-a-series"),
+    (Code::DuplicateStamp, "coarse-stamps"),
+    (
+        Code::UnreliableStamps,
+        "back-jump clock-jump stamp-out-of-range before-1970 receive-clock receive-time receive-clock-unset receive-clock-back",
+    ),
     (Code::StampKind, "placed-stamps no-receive-time"),
     (Code::StampWrap, "turn-unclear"),
-    (Code::GpsWeek, "week-rollover week-glitch week-suspect"),
-    (Code::DateInferred, "date-order no-zone stale-date counter-dated unix-stamps"),
-    (Code::ClockSuspect, "clock-differs"),
-    (Code::ClockRestart, "restart-dated"),
-    (Code::ReceiveClock, "receive-time receive-clock-unset receive-clock-back"),
-    (Code::Substitute, "absent-component zero-field height-datum magnetic-track"),
-    (Code::NoUsableRow, "not-a-series"),
+    (
+        Code::DateInferred,
+        "date-order no-zone stale-date counter-dated unix-stamps gps-week week-rollover week-glitch week-suspect",
+    ),
+    (Code::ClockSuspect, "clock-differs no-common-time"),
+    (Code::UtcTie, "utc-outlier"),
+    (
+        Code::Assumption,
+        "substitute absent-component zero-field height-datum magnetic-track rig-assumed encoder-sign-assumed encoder-zero-assumed gravity-assumed field-model-expired field-model-without-site",
+    ),
     (Code::UnitDiffers, "unit-converted"),
-    (Code::RecordSplit, "gap-split reset-split"),
+    (Code::RecordSplit, "gap-split reset-split bench-turned"),
     (
         Code::SamplesLeftOut,
         "glitch-masked disturbed-stretch velocity-spike fix-far-away rest-left-out short-pieces delay-samples-thinned",
@@ -59,21 +71,18 @@ pub(super) const FORMER: &[(Code, &str)] = &[
         "velocity-before-first-fix velocity-after-last-fix compensator-refused-samples compensator-without-output",
     ),
     (Code::LeftOffCard, "record-left-out channel-missing outlier no-card"),
-    (Code::CardRate, "rates-differ"),
-    (Code::RigContradicted, "card-rig-contradicted"),
-    (Code::CardDayUnknown, "card-without-day"),
-    (Code::CardNotValid, "card-expired card-not-yet-valid"),
+    (Code::CardConditions, "card-rate rates-differ card-day-unknown card-without-day"),
+    (Code::CardMismatch, "card-not-valid card-expired card-not-yet-valid card-stamp-kind"),
     (Code::CardResidual, "card-lag card-velocity"),
-    (Code::ClockNotTied, "no-hull no-such-stamp pulse-unusable"),
+    (Code::ClockTie, "clock-not-tied no-hull no-such-stamp pulse-unusable alignment-ambiguous clock-drift"),
     (Code::NoReference, "channel-incomplete channel-without-reference azimuth-unknown"),
-    (Code::RigDiffers, "counts-per-rev-differ encoder-sign-differs mount-differs mount-side-differs"),
-    (Code::EncoderRepaired, "encoder-spikes encoder-unwrapped"),
     (
-        Code::RigAssumed,
-        "encoder-sign-assumed encoder-zero-assumed gravity-assumed field-model-expired field-model-without-site",
+        Code::RigContradicted,
+        "rig-differs counts-per-rev-differ encoder-sign-differs mount-differs mount-side-differs card-rig-contradicted",
     ),
-    (Code::CellsReplaced, "zero-bytes absent-values"),
-    (Code::LogTime, "log-time-lent"),
+    (Code::EncoderRepaired, "encoder-spikes encoder-unwrapped"),
+    (Code::ValuesReplaced, "cells-replaced zero-bytes absent-values log-time log-time-lent"),
+    (Code::NotWritten, "fields-left-out"),
 ];
 
 catalogue! {
@@ -91,47 +100,39 @@ catalogue! {
                 "All losses of the log are minor and are listed as warnings. They are less than 0.1 % of the log. No channel that is \
                  used has a hole of more than 0.5 s for it, or no channel uses the topic.",
                 "Nothing. The losses are listed on the page of the flight.";
-            IncompleteFile, "incomplete-file", [Loss, Warning],
-                "The file lacks its beginning or its end, or is empty: no footer, index, directory, first definition or table of \
-                 messages. It was truncated, or the recorder was stopped before it closed the file.",
-                "Copy the log again. If the recorder was stopped, nothing more can be had: what was written before was read.";
+            IncompleteRecording, "incomplete-recording", [Loss, Warning, Info],
+                "A part of the recording is missing, or the recorder was stopped before it closed the recording. A file lacks its \
+                 beginning, its end, its index or its table of messages, is empty, or is not there. Or the newest pages of a database \
+                 are in a write-ahead log or a journal. It is a warning if it is not sure that something is missing. It is info if the \
+                 write-ahead log was read.",
+                "Copy the log again, with all files of the recording and the `-wal` file of a database. If the recorder was stopped, what \
+                 was written before was read.";
             Corrupt, "corrupt", [Loss],
                 "Content fails a check that does not name the damaged bytes: a checksum, a compressed or converted file, or the pages \
                  of a database. The text says what was still read.",
                 "Copy or unpack the log again and compare checksums. For a database, keep its `-wal` file with it.";
-            MissingFile, "missing-file", [Loss, Warning],
-                "A file is not there that the metadata name, or the numbers of the other files. It is a warning if all counted \
-                 messages were found, or if only the first files lack.",
-                "Copy the missing file into the folder of the recording.";
-            MissingMessages, "missing-messages", [Loss],
-                "The index, summary or metadata counts more messages than were found.",
-                "Look at the other losses of this log: they name the place. Copy the log again.";
             Undecodable, "undecodable", [Loss],
-                "Messages do not fit their definition, have no usable format, lack a field that their type must have, or their \
-                 compression is corrupt.",
-                "If the topic matters, compare the definition in the log with the software that wrote it.";
-            UnknownChannel, "unknown-channel", [Loss],
-                "Messages belong to no known topic, or there are more topics than flightlag takes.",
-                "Look for damage before them: the record that announces the topic was probably lost.";
+                "Messages cannot be decoded. They do not fit their definition, have no usable format, or lack a field that their type \
+                 must have. Or their compression is corrupt, or they belong to no known topic.",
+                "If the topic matters, compare the definition in the log with the software that wrote it. If the topic is unknown, look \
+                 for damage before the messages: the record that announces it was probably lost.";
             UnknownRecord, "unknown-record", [Warning, Loss, Info],
                 "Records of an unknown type, message number or format version were skipped. It is a loss where nothing else vouches \
                  for the bytes, or where the log says that reading on may be wrong.",
                 "Nothing, if you do not need them. If the log is newer than this release, update flightlag.";
-            WriteAheadLog, "write-ahead-log", [Info, Warning, Loss],
-                "The recorder did not close the database. Its newest pages are in a write-ahead log or a journal, which was read, \
-                 is missing, or ends inside a transaction.",
-                "Keep the `-wal` file next to the database. Close the recorder before copying.";
             MapLacks, "map-lacks", [Warning],
                 "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2. \
                  `delay` raises it as a red alarm.",
                 "Correct the map. `flightlag inspect` lists topics and fields, `flightlag maps --suggest` prints a map that fits.";
         }
         "Reading" {
-            SeveralLogs, "several-logs", [Warning],
-                "The file holds several logs one after another. All were read.",
-                "Check that they belong to one flight. If not, split the file.";
-            ExtraBytes, "extra-bytes", [Info],
-                "Text or filling bytes that hold no record, as before the first frame, between records or after the last one.",
+            SeveralSessions, "several-sessions", [Warning],
+                "The log holds several sessions: several logs one after another, or a boot clock that restarts. After a \
+                 restart each session is dated by itself, or follows the one before at a distance that the text states.",
+                "Check that the sessions belong to one flight. If not, split the log.";
+            Skipped, "skipped", [Info],
+                "Text, lines or padding that hold no record were not read. Or chunks without a wanted topic were not decompressed, \
+                 and their messages are counted from the verified index.",
                 "Nothing.";
             ReadLeniently, "read-leniently", [Warning, Info],
                 "The log departs from its format in a way that leaves one reasonable reading: padding, order, length or page lists \
@@ -141,15 +142,17 @@ catalogue! {
                 "Sentences or chunks have no checksum, so their content cannot be verified.",
                 "Enable checksums in the recorder.";
             IndexDiffers, "index-differs", [Warning, Loss],
-                "An index, a summary or metadata cannot be read, or disagrees with the content. The content counts. It is a loss \
-                 where messages may be missing.",
-                "Reindex or copy the log again if messages may be missing. Otherwise nothing.";
+                "An index, a summary or metadata cannot be read, or disagrees with the content. The content counts. It is a loss where \
+                 messages are missing or may be missing.",
+                "After a loss, look at the other losses of this log: they name the place. Copy the log again, or recover the original \
+                 again. Otherwise nothing.";
             Redefined, "redefined", [Warning, Info, Loss],
                 "A topic, type, unit or number is defined twice, differently. Each message is read by the definition before it. \
                  Values that fit neither are left out.",
                 "Check the topic that the text names. One recording should have one definition of each type.";
             TooMuchData, "too-much-data", [Loss, Warning],
-                "Rows, columns or attachments were left out: they need more memory or more columns than a log of this size may take.",
+                "Rows, columns, topics or attachments were left out: they need more memory, more columns or more topics than a log may \
+                 take.",
                 "Split the log, or leave out topics that you do not need when you record.";
             NotListed, "not-listed", [Info, Warning, Loss],
                 "There are more names, texts, changes or notices than are listed. The others are counted.",
@@ -161,12 +164,6 @@ catalogue! {
                 "The log does not define a type in full. A built-in definition, or one from the `--maps` folder, was used or completed \
                  it.",
                 "Nothing, if your software uses that definition. Otherwise put your own into the `--maps` folder.";
-            ClosedChunks, "closed-chunks", [Info],
-                "Chunks without a wanted topic were not decompressed. Their messages are counted from the verified index.",
-                "Nothing.";
-            OriginalUnreadable, "original-unreadable", [Warning],
-                "The metadata about the log that this file was recovered from cannot be read, or only in part.",
-                "Recover the original log again with this release.";
             Dropout, "dropout", [Warning],
                 "The logger could not keep up. The text gives the total and the longest dropout.",
                 "Use a faster storage card, or log fewer topics.";
@@ -181,43 +178,40 @@ catalogue! {
             ColumnRenamed, "column-renamed", [Info, Warning],
                 "Columns without a unique name were given one. Without a header row they are called `column_1`, `column_2` and so on.",
                 "Add a header row, or use the new names in your channel map.";
-            NoLineEnd, "no-line-end", [Warning],
-                "The last row has no line end. Its last value may be truncated and is not used.",
-                "Nothing. One value is missing.";
-            BadNumber, "bad-number", [Warning, Loss, Info],
-                "Cells of a column of numbers hold no number. Words for a missing value, such as N/A or nan, are info. Many other \
-                 cells are a loss.",
+            RejectedCell, "rejected-cell", [Warning, Loss, Info],
+                "Cells of a column of numbers hold no number, or the last value of a table may be truncated, because its row has no line \
+                 end. They are not used. Words for a missing value, such as N/A or nan, are info. Many other cells are a loss.",
                 "Look at the lines that the text names. Correct the export, or the decimal sign.";
-            HeaderChanged, "header-changed", [Info, Loss],
-                "Another header follows inside the table, or rows of another table. Later rows are read by the new order. Columns and \
-                 rows that do not belong to the first table are not read.",
-                "Split the file where the header changes.";
-            DoubtfulRows, "doubtful-rows", [Warning],
-                "Rows look like a header or like comments, or comments look like rows. The text says which were read.",
-                "Look at the lines that the text names.";
+            IrregularTable, "irregular-table", [Info, Warning, Loss],
+                "A text table holds lines that are not its rows, or may not be. Examples are another header, rows of another table, and \
+                 comments that look like rows. The text says what was read. Columns or rows that were not read are a loss. A line that \
+                 may be the header of another table, or a comment, is a warning.",
+                "Look at the lines that the text names. Split the file where another table begins.";
             UnknownWord, "unknown-word", [Warning],
                 "The log states a status or a remark that neither flightlag nor the channel map knows. What depends on it is unknown or \
                  not bound.",
                 "Look the word up in the manual of the device and add it to your channel map.";
         }
         "Time and clocks" {
-            Undated, "undated", [Info, Warning],
-                "The time of some messages is unknown: before the first known date or week, after damage, or where the receiver does \
-                 not state it. They are dated from their neighbours, or not used.",
-                "Nothing, unless most rows are affected: then log a message with date and time.";
+            Undated, "undated", [Info, Warning, Loss],
+                "The time of some messages is unknown: before the first known date or week, after damage, or after a restart of the \
+                 boot clock. Or the receiver does not state it. They are dated from their neighbours, or not used. It is a loss if rows \
+                 of a whole session are not used.",
+                "Nothing, unless most rows are affected. Then log a message with date and time, in each session if the clock restarts.";
             RejectedRow, "rejected-row", [Warning, Info, Loss],
-                "Rows are not used for a channel. The text gives the reason: no value, out of range, no fix, not finite, no position near \
-                 them, timestamps that do not rise, and others.",
-                "Look at the reason and at the first row. A row without a value is normal where a device logs several rates.";
+                "Rows are not used for a channel, or none is left of it. The text gives the reason: no value, out of range, no fix, not \
+                 finite, no position near them, timestamps that do not rise, and others.",
+                "Look at the reason and at the first row. A row without a value is normal where a device logs several rates. If no row is \
+                 left: was the receiver without a fix, or is the map wrong?";
             DuplicateStamp, "duplicate-stamp", [Warning, Loss],
-                "Rows have the timestamp of another row and were left out. It is a loss if a clock that is wrong caused many of them.",
-                "Log the time of measurement with each row.";
-            CoarseStamps, "coarse-stamps", [Warning],
-                "Rows have the same timestamp and different values. The timestamps are too coarse; a delay may be wrong by their step.",
-                "Log timestamps with more digits.";
-            BackJump, "back-jump", [Warning],
-                "Timestamps or the clock go back. The rows were sorted by timestamp.",
-                "Look for a clock that was set during the flight.";
+                "Rows have the timestamp of another row and are not used. If their values differ, the timestamps are too coarse, and a \
+                 delay may be wrong by their step. It is a loss if a clock that is wrong caused many of them.",
+                "Log the time of measurement with each row, with more digits if the timestamps are coarse.";
+            UnreliableStamps, "unreliable-stamps", [Warning, Loss],
+                "Timestamps go back or jump, or are outside of the years that are possible or can be written. A clock was not set or was \
+                 set during the log, or messages are out of order. Rows are sorted by timestamp, and a timestamp that cannot be written \
+                 is set to the limit. It is a loss where the time of frames had to be taken from their neighbours.",
+                "Look for a clock that was set during the flight. Set the clock of the logger or ground station before the flight.";
             StampKind, "stamp-kind", [Info, Warning],
                 "A kind of timestamp is missing in some rows, is known to be unreliable, or was computed from the receive times of other \
                  messages.",
@@ -225,62 +219,38 @@ catalogue! {
             StampWrap, "stamp-wrap", [Warning, Info],
                 "A counter wrapped around, and the timestamps continue. If the number of wraps is unclear, they were left unchanged.",
                 "Check that no device restarted at that time: it would look the same.";
-            GpsWeek, "gps-week", [Warning],
-                "The GPS week is wrong or ambiguous: a 10-bit counter, a date that is impossible for this receiver, or single rows a \
-                 week off. The nearest possible week is used.",
-                "Compare the date with the day of the flight. Update the firmware of an old receiver.";
             DateInferred, "date-inferred", [Info, Warning],
-                "Dates or zones are not stated in full and were inferred. Examples are the order of day and month, a missing zone read \
-                 as UTC, the date after midnight, and dates by a counter.",
-                "Check date and hour of the first row. State the format in your channel map.";
-            StampOutOfRange, "stamp-out-of-range", [Warning],
-                "Timestamps are outside of what can be written: after the year 2262, or before 1970 in a recovered log. They were set to \
-                 the limit.",
-                "Set the clock of the logger.";
+                "Dates, zones or GPS weeks are not stated in full, or are ambiguous or impossible, and were inferred. Examples are the \
+                 order of day and month, a missing zone read as UTC, the date after midnight, and dates by a counter. Of a GPS week of 10 \
+                 bits the nearest possible week is used.",
+                "Compare date and hour of the first row with the flight. State the format in your channel map. Update the firmware of an \
+                 old receiver.";
             ClockSuspect, "clock-suspect", [Warning],
-                "Two clocks differ by an amount that looks like an error. Examples are leap seconds, GPS time as UTC, TAI, hours of a \
-                 zone, and more than a day.",
-                "Check the time scale of both clocks. A delay between them may be wrong by that amount.";
-            ClockRestart, "clock-restart", [Warning],
-                "The boot clock restarts within the log. Each session is dated by itself, or follows the one before at a distance that the \
-                 text states.",
-                "Check that the sessions belong to one flight. If not, split the log.";
-            RestartUndated, "restart-undated", [Loss],
-                "The boot clock restarts within the log, and nothing dates some sessions. Their rows are not used.",
-                "Log a message with date and time in each session, or analyse one session at a time.";
-            ReceiveClock, "receive-clock", [Warning, Loss],
-                "The clock of the ground station was not set, was set back, or jumps. Receive times of these frames are unreliable.",
-                "Synchronise the ground station before the flight, or use the times of the vehicle.";
+                "Two clocks differ by an amount that looks like an error, or position and velocity have no time in common. Examples are \
+                 leap seconds, GPS time as UTC, TAI, hours of a zone, and more than a day.",
+                "Check the time scale of both clocks and the channel map: both channels must be of one flight. A delay between them may \
+                 be wrong by that amount.";
             LeapSeconds, "leap-seconds", [Warning],
                 "The flight is later than the leap seconds that this release knows.",
                 "Update flightlag. Without a new leap second nothing changes.";
-            NoCommonTime, "no-common-time", [Warning],
-                "Position and velocity have no time in common.",
-                "Check the clocks and the channel map: both channels must be of one flight.";
-            UtcTie, "utc-tie", [Info],
-                "The clock of the log is dated by the named messages.",
-                "Nothing.";
-            UtcOutlier, "utc-outlier", [Warning],
-                "Messages would date the clock of the log differently by more than a second. They are not used.",
-                "Check the time of the receiver if they are many.";
+            UtcTie, "utc-tie", [Info, Warning],
+                "The clock of the log is dated by the named messages. Messages that would date it differently by more than a second are \
+                 not used, which is a warning.",
+                "Nothing. If many messages are not used, check the time of the receiver.";
         }
         "Channels and binding" {
             BoundByGuess, "bound-by-guess", [Warning],
                 "No channel map fits. Columns were bound by name, unit and motion. This is also an amber alarm.",
                 "Check the binding with `flightlag inspect`. `flightlag maps --suggest` prints the map to correct and keep.";
-            Assumption, "assumption", [Warning],
-                "The channel map assumes something about the log that the log does not state.",
-                "Check that the assumption holds for your aircraft. If not, use your own channel map.";
+            Assumption, "assumption", [Warning, Info],
+                "The channel map or the rig file assumes something that the log does not state or show. The text says what. It is info \
+                 if a part of a channel is not logged as such and has a substitute. Examples are zero, another field, the height above \
+                 mean sea level, or a magnetic track.",
+                "Check that the assumption holds. If not, use your own channel map, or state it in the rig file: site, gravity, magnetic \
+                 field, zero or sign of the encoder.";
             HeldRows, "held-rows", [Info],
                 "The channel repeats held values. The repeats are not measurements and are not used.",
                 "Nothing.";
-            Substitute, "substitute", [Info],
-                "A part of a channel is not logged as such, and something else is used. The text says what: zero, another field, the \
-                 height above mean sea level, or a magnetic track.",
-                "Nothing, unless the substitute does not hold for your log.";
-            NoUsableRow, "no-usable-row", [Warning, Info],
-                "A channel has no usable row, or its rows do not form a time series. The reasons are listed.",
-                "Look at the reasons. Was the receiver without a fix, or is the map wrong?";
             UnitUnknown, "unit-unknown", [Warning],
                 "The table states a unit that flightlag does not know. The map's unit is used. This is also an amber alarm.",
                 "Write the unit as flightlag knows it (`m`, `m/s`, `deg`, `rad` and so on).";
@@ -290,7 +260,8 @@ catalogue! {
         }
         "Delay from flight" {
             RecordSplit, "record-split", [Warning],
-                "Gaps, clock jumps or resets: the record is split there, and each part has its own offset.",
+                "The record is split at gaps, clock jumps or resets, or where the bench was turned. Each part has its own offset, or is a \
+                 magnetometer swing at its own azimuth.",
                 "Nothing, if they are known. Many splits make the interval of the delay wider.";
             SamplesLeftOut, "samples-left-out", [Warning, Info],
                 "Samples take no part in the delay: jumps, spikes, fixes far away, stretches where the channels contradict each other, rest, \
@@ -333,22 +304,14 @@ catalogue! {
                 "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity, or delays that \
                  disagree without a clear majority. Then `bench` ends with exit code 3.",
                 "Make one card for each configuration.";
-            RigContradicted, "rig-contradicted", [Warning],
-                "The data of a bench record contradict its rig file, or its encoder slips or scatters, so its delays are measured \
-                 against a wrong motion. A card can also be in doubt because a delay changed over a record. `bench` ends with exit code 3.",
-                "Correct the rig file, or what makes the angle scatter, and measure again.";
-            CardRate, "card-rate", [Warning],
-                "Update rates differ: between the records of the bench, or between bench and flight.",
-                "Set the same rate on the bench and in flight.";
-            CardDayUnknown, "card-day-unknown", [Warning],
-                "The day of the bench records or of the flight is unknown, so the validity of the card is unknown.",
-                "Log a date, or check the validity by hand.";
-            CardNotValid, "card-not-valid", [Warning],
-                "The flight is before the first or after the last day of the card. The card is used.",
-                "Measure the sensor again, or use the card of that time.";
-            CardStampKind, "card-stamp-kind", [Warning],
-                "The flight uses another kind of timestamp than the bench.",
-                "Use the same kind of timestamp in both channel maps.";
+            CardConditions, "card-conditions", [Warning],
+                "Update rates differ: between the records of the bench, or between bench and flight. Or the day of the bench records or \
+                 of the flight is unknown, so the validity of the card is unknown.",
+                "Set the same rate on the bench and in flight. Log a date, or check the validity by hand.";
+            CardMismatch, "card-mismatch", [Warning],
+                "The flight is before the first or after the last day of the card, or uses another kind of timestamp than the bench. The \
+                 card is used.",
+                "Use the card of that time, or measure the sensor again. Use the same kind of timestamp in both channel maps.";
             CardRelative, "card-relative", [Warning],
                 "The delay on the card is relative to a channel that the bench took as on time, or holds the least transport latency.",
                 "Tie the clocks on the bench, for example by a pulse per second.";
@@ -357,49 +320,38 @@ catalogue! {
                 "Nothing, if the error is small enough: the text gives its size or its cause.";
         }
         "Bench" {
-            ClockNotTied, "clock-not-tied", [Warning],
-                "Nothing ties the clock of a channel to the encoder. The text says what is missing: a usable pulse, pairs of device time \
-                 and arrival, or the timestamps that the rig file asks for. The channel may be left out.",
-                "Check pulse, timestamps and the clock settings of the rig file.";
-            AlignmentAmbiguous, "alignment-ambiguous", [Warning],
-                "The swing is too regular to align the clocks with certainty.",
-                "Stop the bar once or twice during the record.";
-            ClockDrift, "clock-drift", [Warning],
-                "All channels drift against the encoder. The delays hold for the middle of the record.",
-                "Stamp encoder and sensor with one clock, or check which one is wrong.";
+            ClockTie, "clock-tie", [Warning],
+                "The tie between the clocks of a channel and of the encoder is missing, ambiguous, or drifts. The text says what is \
+                 missing: a usable pulse, pairs of device time and arrival, or the timestamps that the rig file asks for. The channel may \
+                 be left out. The tie is ambiguous if the swing is too regular. If all channels drift, the delays hold for the middle of \
+                 the record.",
+                "Check pulse, timestamps and the clock settings of the rig file. Stop the bar once or twice during the record. Against a \
+                 drift, stamp encoder and sensor with one clock.";
             NoReference, "no-reference", [Warning],
                 "A channel cannot be compared with the motion of the bar: its components are missing, or the azimuth of the swing is unknown.",
                 "State mount and azimuth in the rig file, and log all components.";
-            BenchTurned, "bench-turned", [Warning],
-                "The bench was turned during the record. Each part is a magnetometer swing at its own azimuth.",
-                "Nothing, if it was on purpose.";
-            RigDiffers, "rig-differs", [Warning],
-                "The record and the rig file disagree about a part that the text names: mount, side of the pivot, sign or counts of the \
-                 encoder. The rig file is used.",
-                "Correct the rig file and measure again.";
-            RigAssumed, "rig-assumed", [Warning],
-                "The rig file does not state something and the record does not show it: site, gravity, magnetic field, zero or sign of the \
-                 encoder. The text says what is assumed.",
-                "State it in the rig file.";
+            RigContradicted, "rig-contradicted", [Warning],
+                "The data of a bench record contradict its rig file on a part that the text names. The rig file is used. Or the encoder \
+                 slips or scatters, or a delay changed over the record. `bench` ends with exit code 3 if the channels of the card are \
+                 marked for it.",
+                "Correct the rig file, or what makes the angle scatter, and measure again.";
             EncoderRepaired, "encoder-repaired", [Warning, Info],
                 "The encoder wrapped and was unwrapped, or impossible single samples were left out, or its count slipped: then only the \
                  longest part without a slip is used.",
                 "Check the cable if there are many single samples.";
         }
         "Export and recover" {
-            FieldsLeftOut, "fields-left-out", [Warning],
-                "Fields have no column: variable-length arrays, or more than 64 elements.",
-                "Use `flightlag recover`: it copies the messages of MCAP files and ROS bags whole.";
-            CellsReplaced, "cells-replaced", [Info, Warning],
-                "Cells cannot be written as they are. A placeholder is written for a value that the log lacks, with `_given` false. In CSV, \
-                 U+2400 replaces zero bytes.",
-                "Use the `_given` fields to tell placeholders from values. Export as Parquet to keep zero bytes.";
-            LogTime, "log-time", [Info, Warning],
-                "The log has no log time for these rows. The text says which time is used, or that a neighbour's is.",
-                "Nothing. Use the timestamps in the fields where the order matters.";
-            NotWritten, "not-written", [Loss],
-                "Messages were found and could not be written.",
-                "Look at the topic that the place names, and report it.";
+            ValuesReplaced, "values-replaced", [Info, Warning],
+                "The log lacks a value or a log time that the written file must have, or a value cannot be written as it is. For a \
+                 missing value a placeholder is written, with `_given` false. For a missing log time, the text says which time is used, \
+                 or that a neighbour's is. In CSV, U+2400 replaces zero bytes.",
+                "Use the `_given` fields to tell placeholders from values. Use the timestamps in the fields where the order matters. \
+                 Export as Parquet to keep zero bytes.";
+            NotWritten, "not-written", [Loss, Warning],
+                "Something was read and not written. Fields that are variable-length arrays, or have more than 64 elements, have no \
+                 column: a warning. Messages that could not be written are a loss.",
+                "For fields, use `flightlag recover`: it copies the messages of MCAP files and ROS bags whole. For messages, look at the \
+                 topic that the place names, and report it.";
         }
     }
     alarms {

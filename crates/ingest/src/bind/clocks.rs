@@ -120,7 +120,7 @@ fn no_common_time(flight: &Flight, notices: &mut Notices) {
                     a.clock()
                 );
                 let place = format!("{}, {}", p.source.topic, v.source.topic);
-                notices.push(Code::NoCommonTime, place, p.series.len() as u64, text);
+                notices.push(Code::ClockSuspect, place, p.series.len() as u64, text);
             }
         }
     }

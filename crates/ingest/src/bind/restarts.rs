@@ -10,7 +10,7 @@ use crate::map::{TieRule, TimeSource};
 use crate::reader::{Log, Restart};
 use crate::table::Table;
 use crate::time::tie;
-use flight::{Clock, Code, NANOS_PER_SECOND, Notices, UtcTie};
+use flight::{Clock, Code, NANOS_PER_SECOND, Notices, Severity, UtcTie};
 use std::collections::BTreeMap;
 
 /// Dates of two sessions that differ by less are one, ns.
@@ -96,7 +96,7 @@ impl Joined {
         if let Some(source) = &self.axis.source {
             let text =
                 "the clock since boot began anew; each session is dated by itself and put on the clock of the first";
-            notices.push(Code::ClockRestart, source, sessions - 1, text);
+            notices.push(Code::SeveralSessions, source, sessions - 1, text);
         }
         // A session without a row has nothing to lose.
         let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, rows)| shift.is_none() && **rows > 0);
@@ -105,7 +105,7 @@ impl Joined {
                 "the clock since boot began anew, and nothing dates {} of {sessions} sessions: their rows are not used",
                 lost().count()
             );
-            notices.push(Code::RestartUndated, "", lost().map(|(_, rows)| rows).sum(), text);
+            notices.push(Code::Undated.at(Severity::Loss), "", lost().map(|(_, rows)| rows).sum(), text);
         }
     }
 }

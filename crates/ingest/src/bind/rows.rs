@@ -11,8 +11,8 @@ use crate::map_schema::HeightAbove;
 use crate::stamps::{StampStats, distribution};
 use crate::time::suspicion;
 use flight::{
-    Channel, ChannelHealth, ChannelSource, Code, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount, Series,
-    Severity, Stamp, StampHealth, StampKind, StampOffset, Timeline,
+    Channel, ChannelHealth, ChannelSource, Code, Graded, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount,
+    Series, Severity, Stamp, StampHealth, StampKind, StampOffset, Timeline,
 };
 use std::collections::HashMap;
 
@@ -178,7 +178,7 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
                     "channel {}: most rows have no {}; it is left out and counts as zero",
                     plan.rule.name, found.column.path
                 );
-                notices.push(Code::Substitute, &plan.table.topic.name, whole as u64, text);
+                notices.push(Code::Assumption.at(Severity::Info), &plan.table.topic.name, whole as u64, text);
             }
             (!thin).then_some(found)
         })
@@ -342,26 +342,27 @@ fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, n
 /// What the map takes for granted.
 fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut Notices) {
     let name = &plan.rule.name;
-    let mut say = |code: Code, text: &str| {
-        notices.push(code, &plan.table.topic.name, plan.table.rows as u64, format!("channel {name}: {text}"));
+    let mut say = |what: Graded, text: &str| {
+        notices.push(what, &plan.table.topic.name, plan.table.rows as u64, format!("channel {name}: {text}"));
     };
+    let substitute = Code::Assumption.at(Severity::Info);
     if let Some(note) = &plan.rule.note {
-        say(Code::Assumption, note);
+        say(Code::Assumption.into(), note);
     }
     for (found, column) in columns.iter().flatten().filter_map(|found| Some((found, found.passed_over?))) {
         let text = format!("{} is zero in every row, and {} is read in its place", column.path, found.column.path);
-        say(Code::Substitute, &text);
+        say(substitute, &text);
     }
     if columns.iter().flatten().any(|found| found.above == Some(HeightAbove::MeanSeaLevel)) {
-        say(Code::Substitute, "the height above mean sea level is taken as the height above the ellipsoid");
+        say(substitute, "the height above mean sea level is taken as the height above the ellipsoid");
     }
     if plan.rule.combine == Combine::MagneticPolar {
-        say(Code::Substitute, "the track is magnetic; true track = track + variation");
+        say(substitute, "the track is magnetic; true track = track + variation");
     }
     // A column that was left out has its own notice.
     if columns.iter().flatten().count() == plan.columns.iter().flatten().count() {
         for absent in absent(plan, columns) {
-            say(Code::Substitute, &format!("the log has no {absent}; it counts as zero"));
+            say(substitute, &format!("the log has no {absent}; it counts as zero"));
         }
     }
 }
@@ -534,7 +535,7 @@ fn channel_of(
         // The rows were sorted and checked above; should they ever not fit, say so.
         Err(error) => {
             let text = format!("channel {}: {error}", plan.rule.name);
-            notices.push(Code::NoUsableRow, &plan.table.topic.name, rows as u64, text);
+            notices.push(Code::RejectedRow, &plan.table.topic.name, rows as u64, text);
             None
         }
     }

@@ -114,7 +114,7 @@ pub(super) fn read_stamps(
         repairs.push(Repair { what: Code::DateInferred.into(), count: silent, text: NO_ZONE.into() });
     }
     if clock != source.clock() && source.clock() == Clock::Boot {
-        note(&mut repairs, Code::DateInferred, nanos.given().count() as u64, UNIX_STAMPS);
+        note_inferred(&mut repairs, nanos.given().count() as u64, UNIX_STAMPS);
     }
     Some(Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
 }
@@ -130,7 +130,7 @@ fn gps_time(
     let logged = written_at.and_then(|unix| Some(gps_of_unix(Stamp(unix))?.0 / (WEEK_S * NANOS_PER_SECOND)));
     let (mut stamps, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
     let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
-    note(repairs, Code::GpsWeek, ten_bit, rule);
+    note_inferred(repairs, ten_bit, rule);
     if let Some(nanos) = nanos.as_ref().and_then(|nanos| numbers(table, nanos)) {
         stamps.change(|stamps| add(nanos, stamps));
     }
@@ -170,9 +170,9 @@ const NEAREST_TO_LOG: &str =
 const NEAREST_TO_RELEASE: &str =
     "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to this release";
 
-fn note(repairs: &mut Vec<Repair>, code: Code, count: u64, text: &'static str) {
+fn note_inferred(repairs: &mut Vec<Repair>, count: u64, text: &'static str) {
     if count > 0 {
-        repairs.push(Repair { what: code.at(Severity::Warning), count, text: text.into() });
+        repairs.push(Repair { what: Code::DateInferred.at(Severity::Warning), count, text: text.into() });
     }
 }
 
@@ -200,12 +200,12 @@ fn is_wide(source: &TimeSource, table: &Table) -> bool {
 fn repair(source: &TimeSource, counts: &[Count], nanos: &mut Values<i64>, repairs: &mut Vec<Repair>) -> Option<Count> {
     let TimeSource::Number { clock, bits, .. } = source else {
         if matches!(source, TimeSource::GpsWeek { .. }) {
-            note(repairs, Code::GpsWeek, redate_weeks(nanos), WEEK_OFF);
+            note_inferred(repairs, redate_weeks(nanos), WEEK_OFF);
         }
         return None;
     };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
-        note(repairs, Code::GpsWeek, redate_weeks(nanos), WEEK_OFF);
+        note_inferred(repairs, redate_weeks(nanos), WEEK_OFF);
         return None;
     }
     let days = if *clock == Clock::Elapsed { 2 } else { 0 };

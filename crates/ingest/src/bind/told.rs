@@ -90,7 +90,7 @@ pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices
             which(&health.name, coarse.iter().filter(same).count()),
             count + health.used
         );
-        notices.push(Code::CoarseStamps, &health.source.topic, count, text);
+        notices.push(Code::DuplicateStamp, &health.source.topic, count, text);
     }
 }
 

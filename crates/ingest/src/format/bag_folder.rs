@@ -117,11 +117,11 @@ impl Metadata {
                 let text = "is not there by this name; what was read has every message that the recorder counted";
                 (Severity::Warning, format!("{name:.200} {text}"))
             };
-            log.notices.push(Code::MissingFile.at(severity), NAME, 1, text);
+            log.notices.push(Code::IncompleteRecording.at(severity), NAME, 1, text);
         }
         if fewer > 0 {
             let text = format!("messages are missing that the recorder counted; the first topic: {first}");
-            log.notices.push(Code::MissingMessages, NAME, fewer, text);
+            log.notices.push(Code::IndexDiffers.at(Severity::Loss), NAME, fewer, text);
         }
         if more > 0 {
             let text = format!("messages more than the recorder counted; the first topic: {first}");
@@ -160,7 +160,12 @@ pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
         for (number, name) in recording {
             if *number > expected {
                 let text = "files of this recording are not there, by the numbers in the names of the others";
-                notices.push(Code::MissingFile.at(severity), format!("before {name}"), *number - expected, text);
+                notices.push(
+                    Code::IncompleteRecording.at(severity),
+                    format!("before {name}"),
+                    *number - expected,
+                    text,
+                );
             }
             (severity, expected) = (Severity::Loss, number.saturating_add(1));
         }
@@ -318,7 +323,7 @@ mod tests {
             log.health.topics = vec![topic("/imu", messages), topic("/fix", 3)];
             metadata.compare(&[PathBuf::from("renamed.db3")], &mut log);
             let missing: Vec<Severity> =
-                log.notices.iter().filter(|n| n.code == "missing-file").map(|n| n.severity).collect();
+                log.notices.iter().filter(|n| n.code == "incomplete-recording").map(|n| n.severity).collect();
             assert_eq!(missing, [severity; 2], "{:?}", log.notices);
         }
     }

@@ -386,7 +386,7 @@ impl Reading<'_> {
         }
         if others > 0 {
             let text = "lines that are no NovAtel messages are not read";
-            self.books.notices.push(Code::ExtraBytes, open.name, others, text);
+            self.books.notices.push(Code::Skipped, open.name, others, text);
         }
         self.report(first, open.name);
         Ok(())

@@ -26,8 +26,8 @@ use self::wal::{Beside, Wal};
 use self::walk::{Leaf, Lost, Walk};
 use crate::decode::{Definition, Route, Tally, Topics};
 use crate::error::IngestError;
-use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
+use crate::format::{Reading, tell_broken, tell_unplaced};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
@@ -127,7 +127,7 @@ impl Source {
         if self.write_ahead && !is_there && !described {
             let text = "the recorder kept a write-ahead log (-wal), and none, or an empty one, stands beside the bag: unless the recorder closed \
                         it, its last messages are missing, which the file itself cannot show";
-            notices.push(Code::WriteAheadLog.at(Severity::Warning), self.file.name(), 1, text);
+            notices.push(Code::IncompleteRecording.at(Severity::Warning), self.file.name(), 1, text);
         }
     }
 
@@ -179,11 +179,11 @@ fn open(path: &Path, name: &str) -> Result<File, IngestError> {
 
 fn raise_wal(wal: &Wal, notices: &mut Notices) {
     let text = "the recorder did not close this bag: its newest pages were read from the write-ahead log beside it";
-    notices.push(Code::WriteAheadLog, wal.name.as_str(), 1, text);
+    notices.push(Code::IncompleteRecording.at(Severity::Info), wal.name.as_str(), 1, text);
     if wal.unfinished > 0 {
         let text = "pages at the end of the write-ahead log belong to a transaction that was never finished, or are \
                     damaged; they were not used";
-        notices.push(Code::WriteAheadLog.at(Severity::Loss), wal.name.as_str(), wal.unfinished, text);
+        notices.push(Code::IncompleteRecording.at(Severity::Loss), wal.name.as_str(), wal.unfinished, text);
     }
 }
 
@@ -197,7 +197,7 @@ fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
     });
     if hot {
         let text = "a journal beside the database shows that its last transaction did not end: it was read as it is";
-        notices.push(Code::WriteAheadLog.at(Severity::Warning), name, 1, text);
+        notices.push(Code::IncompleteRecording.at(Severity::Warning), name, 1, text);
     }
 }
 
@@ -345,40 +345,56 @@ struct Losses<'l> {
 
 impl Losses<'_> {
     fn report(&self, name: &str, notices: &mut Notices) {
-        let Losses { lost, unplaced, packed, .. } = self;
-        let mut raise = |code: Code, count: u64, text: &str| {
+        self.report_pages(name, notices);
+        tell_unplaced(self.unplaced, name, notices);
+        tell_broken(self.packed, name, notices);
+        self.report_repairs(name, notices);
+        if !self.has_messages {
+            let text = match self.write_ahead {
+                true => {
+                    "there is no table of messages: its recorder kept a write-ahead log (-wal), which belongs beside it"
+                }
+                false => "there is no table of messages: is this a ROS 2 bag?",
+            };
+            notices.push(Code::IncompleteRecording, name, 1, text);
+        }
+    }
+
+    /// What the pages of the database have lost.
+    fn report_pages(&self, name: &str, notices: &mut Notices) {
+        let lost = self.lost;
+        let mut raise = |count: u64, text: &str| {
             if count > 0 {
-                notices.push(code, name, count, text);
+                notices.push(Code::Corrupt, name, count, text);
             }
         };
         let text = "the file was cut: the database has more pages than there are in it";
-        raise(Code::Corrupt, lost.missing_pages, text);
+        raise(lost.missing_pages, text);
         let text =
             "the database leads to pages that are nowhere: what was on them is missing, unless it was found elsewhere";
-        raise(Code::Corrupt, if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
-        raise(Code::Corrupt, lost.bad_rows, "rows that cannot be read");
+        raise(if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
+        raise(lost.bad_rows, "rows that cannot be read");
         let text =
             "pages hold rows that belong elsewhere: what belongs there is missing, unless it was found on other pages";
-        raise(Code::Corrupt, lost.misplaced_pages, text);
-        let text = format!("messages that belong to no known topic; the first: {}", unplaced.first);
-        raise(Code::UnknownChannel, unplaced.count, &text);
-        let text = format!("messages whose compression is broken; the first: {}", packed.first);
-        raise(Code::Undecodable, packed.count, &text);
-        let text = "pages of messages that nothing leads to any more were found by their look, and read";
-        raise(Code::ReadLeniently, lost.found_pages, text);
-        let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
-        raise(Code::ReadLeniently, lost.copies, text);
-        let text = "rows whose numbers do not follow each other were read as they stand";
-        raise(Code::ReadLeniently, lost.misnumbered, text);
-        let text = "the database does not know which of its pages are unused; those in use were read";
-        raise(Code::ReadLeniently, self.contested.max(lost.spare_pages.into()), text);
-        let text = match self.write_ahead {
-            true => {
-                "there is no table of messages: its recorder kept a write-ahead log (-wal), which belongs beside it"
+        raise(lost.misplaced_pages, text);
+    }
+
+    /// What was read although the database does not say so.
+    fn report_repairs(&self, name: &str, notices: &mut Notices) {
+        let lost = self.lost;
+        let mut raise = |count: u64, text: &str| {
+            if count > 0 {
+                notices.push(Code::ReadLeniently, name, count, text);
             }
-            false => "there is no table of messages: is this a ROS 2 bag?",
         };
-        raise(Code::IncompleteFile, u64::from(!self.has_messages), text);
+        let text = "pages of messages that nothing leads to any more were found by their look, and read";
+        raise(lost.found_pages, text);
+        let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
+        raise(lost.copies, text);
+        let text = "rows whose numbers do not follow each other were read as they stand";
+        raise(lost.misnumbered, text);
+        let text = "the database does not know which of its pages are unused; those in use were read";
+        raise(self.contested.max(lost.spare_pages.into()), text);
     }
 }
 

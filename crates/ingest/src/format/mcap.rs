@@ -21,9 +21,9 @@ use self::visit::Visit;
 use crate::bytes::Bytes;
 use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics, Vouch};
 use crate::error::IngestError;
-use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
 use crate::format::inflate::{Inflater, is_packed};
+use crate::format::{Reading, compare_count, tell_broken, tell_unplaced};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
@@ -462,24 +462,16 @@ impl<'t, 'w> Channels<'t, 'w> {
         for id in ids {
             self.route(id);
         }
-        let mut raise = |code: Code, count, text: String| {
-            if count > 0 {
-                notices.push(code, file, count, text);
-            }
-        };
         let stated = summary.messages.filter(|_| summary.trust != Trust::Bad).unwrap_or(self.found);
-        let text = format!("messages are missing: the summary counts {stated}, {} were found", self.found);
-        raise(Code::MissingMessages, stated.saturating_sub(self.found), text);
-        let text = format!("messages more than the summary counts ({stated})");
-        raise(Code::IndexDiffers, self.found.saturating_sub(stated), text);
-        self.unplaced.tell(Code::UnknownChannel, file, "messages that belong to no known topic", notices);
-        self.broken.tell(Code::Undecodable, file, "messages whose compression is broken", notices);
+        compare_count("summary", stated, self.found, file, notices);
+        tell_unplaced(&self.unplaced, file, notices);
+        tell_broken(&self.broken, file, notices);
         let text = "definitions were replaced by others of the same number";
         self.redefined.tell(Code::Redefined, file, text, notices);
         self.too_long.tell(Code::TooMuchData, file, "attachments longer than a record may be were not taken", notices);
         if self.late_stamps > 0 {
             let text = "stamps beyond the year 2262 were set to the last instant before";
-            notices.push(Code::StampOutOfRange, file, self.late_stamps, text);
+            notices.push(Code::UnreliableStamps, file, self.late_stamps, text);
         }
     }
 }

@@ -35,7 +35,7 @@ pub use ulog::UlogReader;
 pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, UnpackingReader, members, named_text};
 
 use crate::bytes::is_zero;
-use crate::decode::Topics;
+use crate::decode::{Tally, Topics};
 use crate::error::IngestError;
 use crate::reader::{Limits, Log, ReadContext, Select};
 use flight::{Code, Notices, Severity};
@@ -46,7 +46,33 @@ use std::path::PathBuf;
 fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
     if logs > 1 {
         let text = "logs stand one behind another in this file; all were read";
-        notices.push(Code::SeveralLogs, file, logs, text);
+        notices.push(Code::SeveralSessions, file, logs, text);
+    }
+}
+
+/// Says how many messages belong to no topic that the log announces.
+fn tell_unplaced(unplaced: &Tally, file: &str, notices: &mut Notices) {
+    unplaced.tell(Code::Undecodable, file, "messages that belong to no known topic", notices);
+}
+
+/// Says how many messages, as the format calls them, are of more topics than are taken.
+fn tell_too_many_topics(unplaced: &Tally, what: &str, file: &str, notices: &mut Notices) {
+    unplaced.tell(Code::TooMuchData, file, &format!("{what} found no topic, for there are too many"), notices);
+}
+
+/// Says how many messages could not be decompressed.
+fn tell_broken(broken: &Tally, file: &str, notices: &mut Notices) {
+    broken.tell(Code::Undecodable, file, "messages whose compression is broken", notices);
+}
+
+/// Compares the number of messages with what `by`, such as an index, states.
+fn compare_count(by: &str, stated: u64, found: u64, file: &str, notices: &mut Notices) {
+    if stated > found {
+        let text = format!("messages are missing: the {by} counts {stated}, {found} were found");
+        notices.push(Code::IndexDiffers.at(Severity::Loss), file, stated - found, text);
+    } else if stated < found {
+        let text = format!("messages more than the {by} counts ({stated})");
+        notices.push(Code::IndexDiffers, file, found - stated, text);
     }
 }
 
@@ -74,7 +100,7 @@ fn is_foreign_part(
     if size > 0 {
         ledger.damaged(&file, 0, size, what);
     } else {
-        notices.push(Code::IncompleteFile, file, 1, "a part of this recording is empty");
+        notices.push(Code::IncompleteRecording, file, 1, "a part of this recording is empty");
     }
     Ok(true)
 }
@@ -139,13 +165,13 @@ fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c>
 
 fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(Code::ExtraBytes, file, bytes, "filling bytes after the last record");
+        notices.push(Code::Skipped, file, bytes, "filling bytes after the last record");
     }
 }
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(Code::ExtraBytes, "", bytes, "bytes of text stand before the first frame");
+        notices.push(Code::Skipped, "", bytes, "bytes of text stand before the first frame");
     }
 }
 

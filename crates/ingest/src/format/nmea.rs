@@ -354,12 +354,12 @@ impl Lines {
         say(Code::NoChecksum.into(), unchecked, "sentences have no checksum: nothing shows whether they are intact");
         say(Code::ReadLeniently.at(Severity::Info), headless, "sentences begin without `$`; their checksums are right");
         say(
-            Code::ExtraBytes.into(),
+            Code::Skipped.into(),
             prefixes,
             "sentences stand behind text that is no Unix time and no date with time and zone; it was not read",
         );
         say(
-            Code::ExtraBytes.into(),
+            Code::Skipped.into(),
             preamble,
             "bytes of text that is no sentence: comments, what stands before the first or behind one, and whole lines between",
         );

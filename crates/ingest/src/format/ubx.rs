@@ -32,6 +32,7 @@ use self::pulse::EarlyMarks;
 use self::receiver::{Receiver, Weeks};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
+use crate::format::tell_too_many_topics;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Code, Notices, Severity};
@@ -196,7 +197,7 @@ impl Frames {
 
     /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
     pub(super) fn finish(mut self, log: &mut Log, notices: &mut Notices) -> (Weeks, EarlyMarks) {
-        self.unplaced.tell(Code::UnknownChannel, "", "messages found no topic, for there are too many", notices);
+        tell_too_many_topics(&self.unplaced, "messages", "", notices);
         if !self.receiver.weeks.are_of(self.early_run) {
             self.untimed.extend(std::mem::take(&mut self.early));
         }
@@ -219,7 +220,7 @@ impl Frames {
         let untimed = &self.receiver.pulses.untimed;
         untimed.tell(Code::Undated.at(Severity::Warning), "", "pulses have no GPS time", notices);
         if let Some((text, dates)) = self.receiver.suspicion() {
-            notices.push(Code::GpsWeek, "", dates, text);
+            notices.push(Code::DateInferred.at(Severity::Warning), "", dates, text);
         }
         log.health.about.receivers = self.receiver.names;
         log.health.about.receiver_identities = self.receiver.identity.finish();

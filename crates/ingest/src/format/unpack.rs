@@ -412,7 +412,7 @@ impl<'c> Unpacking<'c> {
             let Some(entry) = member.entry.as_ref().filter(|_| is_wanted) else { continue };
             if !entry.listed {
                 let text = "the ZIP archive has no list of its files at its end: it was cut there, or is damaged";
-                self.notices.push(Code::IncompleteFile, file_name(path), 1, text);
+                self.notices.push(Code::IncompleteRecording, file_name(path), 1, text);
             }
             let target = self.target(&member.name)?;
             // What a recorder that was killed left beside its bag belongs to it.

@@ -205,7 +205,7 @@ fn assert_both_read(lab: &mut Lab, kind: &str, bytes: &[u8], expected: usize, ca
     let subject = lab.seed(&seeds(kind)[0], 0);
     let log = lab.read(&subject, bytes, case).unwrap();
     assert_eq!((rows(&log), log.health.bytes.damaged), (expected, 0), "{case}: {:?}", log.notices);
-    let told = log.notices.iter().find(|n| n.code == "several-logs").map(|n| n.count);
+    let told = log.notices.iter().find(|n| n.code == "several-sessions").map(|n| n.count);
     assert_eq!((told, log.notices.any_loss()), (Some(2), false), "{case}: {:?}", log.notices);
 }
 

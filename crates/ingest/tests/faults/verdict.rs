@@ -23,7 +23,7 @@ pub enum Verdict {
 
 /// Notices that are no losses and still tell of the damage: a last record that was cut, a topic that was wanted and has no usable definition, a last
 /// cell that may have lost digits, a file among several that is no table any more or has no rows.
-const TELLING: [&str; 4] = ["tail-cut", "not-decoded", "no-line-end", "no-rows"];
+const TELLING: [&str; 4] = ["tail-cut", "not-decoded", "rejected-cell", "no-rows"];
 
 /// Rows of all tables.
 pub fn rows(log: &Log) -> usize {

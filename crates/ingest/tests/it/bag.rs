@@ -39,7 +39,7 @@ fn a_bag_that_was_never_closed_reads_whole_and_says_so() {
     for codec in BagCodec::ALL {
         let log = OnDisk::new(&bag(&sent, codec, 9, true, false), true).read().unwrap();
         assert_received(&log, &sent, false);
-        assert!(notice(&log, "incomplete-file").text.contains("no index"));
+        assert!(notice(&log, "incomplete-recording").text.contains("no index"));
     }
 }
 

@@ -190,7 +190,7 @@ fn a_table_with_one_gyroscope_axis_is_an_angular_rate_of_that_axis() {
     assert_eq!(gyro.series.component(1), [180.0f64, 90.0, 0.0].map(f64::to_radians));
     assert_eq!(gyro.series.component(0), [0.0; 3]);
     let absent: Vec<&str> =
-        loaded.flight.notices.iter().filter(|n| n.code == "substitute").map(|n| n.text.as_str()).collect();
+        loaded.flight.notices.iter().filter(|n| n.code == "assumption").map(|n| n.text.as_str()).collect();
     assert!(absent[0].contains("no x") && absent[1].contains("no z"), "{absent:?}");
     let angle = &loaded.flight.channels["encoder.angle"].series;
     assert_eq!(angle.component(0), [90.0f64, 90.0, 45.0].map(f64::to_radians));

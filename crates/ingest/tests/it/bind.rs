@@ -75,8 +75,8 @@ fn rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept() {
     );
     assert_eq!(health(&loaded, "position.gps").stamps.as_ref().unwrap().back_jumps, 2);
     // Once for each of the two channels; of the jumps one notice speaks for both.
-    assert_eq!((count_of(&loaded, "back-jump"), count_of(&loaded, "duplicate-stamp")), (4, 2));
-    let back: Vec<&Notice> = loaded.flight.notices.iter().filter(|n| n.code == "back-jump").collect();
+    assert_eq!((count_of(&loaded, "unreliable-stamps"), count_of(&loaded, "duplicate-stamp")), (4, 2));
+    let back: Vec<&Notice> = loaded.flight.notices.iter().filter(|n| n.code == "unreliable-stamps").collect();
     let [notice] = back.as_slice() else { panic!("{back:?}") };
     assert!(notice.text.starts_with("2 channels, the first position.gps: stamps go back"), "{}", notice.text);
 }
@@ -146,9 +146,7 @@ fn a_channel_without_a_usable_row_is_absent_and_says_why() {
     let loaded = flysight("2024-05-10T17:27:02Z,47,8,1,1,2,3,0\n2024-05-10T17:27:03Z,47,8,1,1,2,3,0\n");
     assert!(loaded.flight.channels.is_empty());
     assert_eq!(health(&loaded, "position.gps").used, 0);
-    assert!(
-        loaded.flight.notices.iter().any(|n| n.code == "no-usable-row" && n.text.contains("gpsFix is below 3 (2)"))
-    );
+    assert!(loaded.flight.notices.iter().any(|n| n.code == "rejected-row" && n.text.contains("gpsFix is below 3 (2)")));
 }
 
 #[test]
@@ -435,7 +433,7 @@ fn an_imu_without_orientation_is_no_warning_and_changes_no_flight() {
     let warnings =
         |flight: &flight::Flight| flight.notices.iter().filter(|n| n.severity == flight::Severity::Warning).count();
     assert_eq!(warnings(&flight), warnings(&plain));
-    let absent = flight.notices.iter().find(|n| n.code == "no-usable-row").unwrap();
+    let absent = flight.notices.iter().find(|n| n.code == "rejected-row").unwrap();
     assert!(absent.text.contains("the orientation is zero or beyond measure (3)"), "{}", absent.text);
 }
 

@@ -231,8 +231,7 @@ fn check(format: &Format, case: &str, written: &[i128], truth: &[i128], outcome:
     let true_to = |of: &[i128]| samples.iter().all(|(stamp, row)| *stamp == down(of[*row]));
     let lost = ROWS - samples.len();
     // Loss of rows is counted, by reason, in notices.
-    let counted: u64 =
-        ["rejected-row", "duplicate-stamp", "coarse-stamps"].iter().map(|code| count_of(&loaded, code)).sum();
+    let counted: u64 = ["rejected-row", "duplicate-stamp"].iter().map(|code| count_of(&loaded, code)).sum();
     assert_eq!(counted, lost as u64, "{what}: {:?}", loaded.flight.notices);
     let orderly = samples.windows(2).filter(|w| w[1].1 < w[0].1).count() <= 1;
     match outcome {
@@ -317,7 +316,7 @@ fn a_clock_that_is_set_back_is_told_and_no_two_stretches_are_mixed() {
         let fits = |f: &Format| back < f.counter.begin && back >= f.counter.quantum;
         // Telemetry has the times of reception beside it, which know of no such step.
         let found = |f: &Format| f.kind == LogKind::Tlog && back > S;
-        each(&case, Outcome::Told("back-jump"), |f| fits(f) && !found(f), set_back);
+        each(&case, Outcome::Told("unreliable-stamps"), |f| fits(f) && !found(f), set_back);
         if FORMATS.iter().any(|f| fits(f) && found(f)) {
             each(&case, Outcome::Exact, |f| fits(f) && found(f), set_back);
         }
@@ -331,7 +330,7 @@ fn a_clock_that_is_set_back_is_told_and_no_two_stretches_are_mixed() {
     // UTC repeats the second in which a leap second is inserted.
     each(
         "leap second",
-        Outcome::Told("back-jump"),
+        Outcome::Told("unreliable-stamps"),
         |f| f.counter.clock == Clock::Unix,
         |row, stamp| {
             if row < MIDDLE { stamp } else { stamp - S }

@@ -256,7 +256,7 @@ fn a_decimal_comma_is_read_where_it_is_certain_and_the_layout_says_so() {
 fn assert_refused(text: &str, cell: &str, lines: &str) {
     let fields = vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }];
     let log = read_limited(text.as_bytes(), &Selection::Fields(fields), Limits::default()).unwrap();
-    let notice = log.notices.iter().find(|n| n.code == "bad-number").unwrap_or_else(|| panic!("{text}"));
+    let notice = log.notices.iter().find(|n| n.code == "rejected-cell").unwrap_or_else(|| panic!("{text}"));
     assert!(notice.text.contains("column x") && notice.text.contains(cell), "{}", notice.text);
     assert!(notice.text.ends_with(&format!("lines {lines}")), "{}", notice.text);
 }
@@ -303,7 +303,7 @@ fn a_column_that_was_wanted_as_a_number_says_where_it_is_none() {
     let text = b"t,x\n1,a\n2,2\n3,b\n4,nan\n5,N/A\n";
     let log = read_limited(text, &Selection::Fields(fields), Limits::default()).unwrap();
     assert_eq!(numbers(&log, "x"), [None, Some(2.0), None, None, None]);
-    let said = log.notices.iter().filter(|n| n.code == "bad-number").map(|n| (n.severity, n.count));
+    let said = log.notices.iter().filter(|n| n.code == "rejected-cell").map(|n| (n.severity, n.count));
     assert_eq!(said.collect::<Vec<_>>(), [(Severity::Loss, 2), (Severity::Info, 2)]);
 }
 
@@ -314,7 +314,7 @@ fn more_than_one_bad_cell_in_a_hundred_is_a_loss() {
         let field = FieldRequest { path: "v".to_owned(), kind: ValueKind::Number };
         let text = format!("t,v\n{cells}");
         let log = read_limited(text.as_bytes(), &Selection::Fields(vec![field]), Limits::default()).unwrap();
-        let notice = log.notices.iter().find(|n| n.code == "bad-number").unwrap();
+        let notice = log.notices.iter().find(|n| n.code == "rejected-cell").unwrap();
         assert_eq!((notice.severity, notice.count), (severity, 1));
     }
 }
@@ -357,7 +357,7 @@ fn a_row_cut_at_the_end_of_the_file_is_told_from_one_that_only_lacks_its_line_en
     let open = read("t,x\n1,2\n3,45");
     assert_eq!(numbers(&open, "t"), [Some(1.0), Some(3.0)]);
     assert_eq!(numbers(&open, "x"), [Some(2.0), None]);
-    assert!(!open.notices.any_loss() && open.notices.iter().any(|n| n.code == "no-line-end"));
+    assert!(!open.notices.any_loss() && open.notices.iter().any(|n| n.code == "rejected-cell"));
 }
 
 #[test]
@@ -556,7 +556,7 @@ fn real_garmin_file_that_ends_inside_a_row_loses_that_row_only() {
 fn a_header_that_stands_again_between_the_rows_is_no_row() {
     let log = read("t,x\n1,2\nt,x\n3,4\n\nt,x\n5,6\n");
     assert_eq!(numbers(&log, "t"), [Some(1.0), Some(3.0), Some(5.0)]);
-    let notice = log.notices.iter().find(|n| n.code == "header-changed").unwrap();
+    let notice = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
     assert_eq!((notice.count, log.health.messages), (2, 3));
 }
 
@@ -645,7 +645,7 @@ fn rows_below_another_header_are_read_by_its_order_of_columns() {
         assert_eq!((log.health.bytes.damaged, log.health.messages), (0, 4), "{below}");
         // What the first header does not have finds no column.
         let new = below.contains("new") || below.contains('z');
-        let told = log.notices.iter().filter(|n| n.code == "header-changed").map(|n| (n.severity, n.place.as_str()));
+        let told = log.notices.iter().filter(|n| n.code == "irregular-table").map(|n| (n.severity, n.place.as_str()));
         let lost = new.then_some((Severity::Loss, "t.csv, line 4"));
         let expected: Vec<_> = [(Severity::Info, "t.csv, line 4")].into_iter().chain(lost).collect();
         assert_eq!(told.collect::<Vec<_>>(), expected, "{below}");
@@ -666,7 +666,7 @@ fn rows_of_another_table_before_the_header_are_a_loss_and_remarks_are_none() {
     let rows = |columns: usize, rows: usize| format!("1{}\n", ",2".repeat(columns - 1)).repeat(rows);
     let log = read(&format!("t,x,y\n{}t,x,y,z\n{}", rows(3, 6), rows(4, 20)));
     assert_eq!(log.health.messages, 20);
-    let loss = log.notices.iter().find(|n| n.code == "header-changed").unwrap();
+    let loss = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
     assert_eq!((loss.severity, loss.count), (Severity::Loss, 6));
     assert!(loss.text.contains("from line 2 on"), "{}", loss.text);
     let remarks = "Logger,3.0\nSerial,77\nRate,10\nRange,4\nGain,1,2,a,b\n";
@@ -745,7 +745,7 @@ fn headers_without_end_in_changing_order_are_read_in_time_and_told_once() {
     let few = format!("t,x\n{}", "x,t\n1,2\nt,x\n2,1\n".repeat(1000));
     let log = read(&few);
     assert_eq!(numbers(&log, "t"), vec![Some(2.0); 2000]);
-    let told: Vec<u64> = log.notices.iter().filter(|n| n.code == "header-changed").map(|n| n.count).collect();
+    let told: Vec<u64> = log.notices.iter().filter(|n| n.code == "irregular-table").map(|n| n.count).collect();
     assert_eq!(told, [1000, 1000], "repeated, and in another order");
 }
 
@@ -832,7 +832,7 @@ fn rows_whose_first_cell_begins_as_a_remark_does_are_rows_where_that_column_has_
     // A row of numbers that somebody took out stays out, and is told.
     let log = read("t,b\n1,2\n#3,4\n# a remark, of words\n5,6\n");
     assert_eq!(log.tables[0].rows, 2);
-    assert!(log.notices.iter().any(|n| n.code == "doubtful-rows" && n.count == 1), "{:?}", log.notices);
+    assert!(log.notices.iter().any(|n| n.code == "irregular-table" && n.count == 1), "{:?}", log.notices);
     // Remarks of a spreadsheet, and rows that were taken out of a table that begins with words.
     for remark in ["# second part,,", "#second part,,", "# total,1,2", "#2024-01-01 12:00:20,777,9", "// note,1,2"] {
         let log = read(&format!("name,x,y\na,1,2\nb,3,4\n{remark}\nc,5,6\n"));
@@ -844,7 +844,7 @@ fn rows_whose_first_cell_begins_as_a_remark_does_are_rows_where_that_column_has_
 fn a_table_behind_another_of_as_many_columns_is_told() {
     let rows = "1,2,3\n4,5,6\n".repeat(20);
     let log = read(&format!("t,a,b\n{rows}\nx,y,z\n{rows}"));
-    let told = log.notices.iter().find(|n| n.code == "doubtful-rows").unwrap();
+    let told = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
     assert_eq!((told.severity, told.count, told.place.as_str()), (Severity::Warning, 1, "t.csv, line 43"));
 }
 

@@ -186,7 +186,7 @@ fn what_is_only_in_the_write_ahead_log_is_read_without_touching_the_bag() {
     let log = read_files(std::slice::from_ref(&bag)).unwrap();
     assert_received(&log, &sent, false);
     assert!(!lost(&log), "{:?}", log.notices);
-    assert_eq!(notice(&log, "write-ahead-log").severity, Severity::Info);
+    assert_eq!(notice(&log, "incomplete-recording").severity, Severity::Info);
     let wal = fs::metadata(folder.path().join("bag.db3-wal")).unwrap().len();
     assert_eq!(log.health.bytes.size, before.len() as u64 + wal);
     assert!(fs::read(&bag).unwrap() == before && !folder.path().join("bag.db3-shm").exists());
@@ -214,14 +214,14 @@ fn a_bag_whose_write_ahead_log_may_have_been_left_behind_says_so_unless_its_reco
     let bag = killed(folder.path(), &sent);
     fs::remove_file(folder.path().join("bag.db3-wal")).unwrap();
     let log = read_files(std::slice::from_ref(&bag)).unwrap();
-    assert_eq!(notice(&log, "write-ahead-log").severity, Severity::Warning);
+    assert_eq!(notice(&log, "incomplete-recording").severity, Severity::Warning);
     // One that is empty may have been cut.
     fs::write(folder.path().join("bag.db3-wal"), []).unwrap();
     let log = read_files(std::slice::from_ref(&bag)).unwrap();
-    assert_eq!(notice(&log, "write-ahead-log").severity, Severity::Warning);
+    assert_eq!(notice(&log, "incomplete-recording").severity, Severity::Warning);
     fs::remove_file(folder.path().join("bag.db3-wal")).unwrap();
     let metadata = folder.path().join("metadata.yaml");
-    for (counted, code) in [(messages_of(&log, FIX), None), (60, Some("missing-messages"))] {
+    for (counted, code) in [(messages_of(&log, FIX), None), (60, Some("index-differs"))] {
         let text = format!(
             "rosbag2_bagfile_information:\n  relative_file_paths: [bag.db3]\n  topics_with_message_count:\n  \
              - {{message_count: {counted}, topic_metadata: {{name: {FIX}}}}}\n"
@@ -251,7 +251,7 @@ fn a_write_ahead_log_that_is_cut_or_damaged_gives_its_whole_transactions_and_a_l
         let log = read_files(std::slice::from_ref(&bag)).unwrap();
         // As SQLite has it, the log ends with the frame before the damaged one.
         assert_eq!(assert_subset(&log, &sent, false), *seen.last().unwrap());
-        assert!(is_loss(&log, "write-ahead-log"), "{:?}", log.notices);
+        assert!(is_loss(&log, "incomplete-recording"), "{:?}", log.notices);
     }
     assert!(seen[0] >= 30 && seen[0] < seen[1] && seen[1] < seen[2] && seen[2] < 60, "{seen:?}");
     // Without its header it is of no use.
@@ -773,8 +773,8 @@ fn what_the_recorder_counted_is_compared_with_what_is_there() {
     let content = fs::read(&second).unwrap();
     fs::remove_file(&second).unwrap();
     let log = whole(&discovered(folder.path()));
-    assert!(notice(&log, "missing-file").text.contains("f_1.db3"));
-    let fewer = notice(&log, "missing-messages");
+    assert!(notice(&log, "incomplete-recording").text.contains("f_1.db3"));
+    let fewer = notice(&log, "index-differs");
     assert_eq!((fewer.severity, fewer.count + log.health.messages), (Severity::Loss, whole_count()));
     // Without what the recorder says, the numbers in the names tell the order.
     fs::write(&second, content).unwrap();
@@ -821,7 +821,7 @@ fn several_mcaps_of_one_recording_are_one_flight() {
     assert_eq!(unit.files.len(), 4);
     let log = read(&unit);
     assert_received(&log, &sent, true);
-    assert_eq!((notice(&log, "missing-messages").count, notice(&log, "missing-file").count), (1, 1));
+    assert_eq!((notice(&log, "index-differs").count, notice(&log, "incomplete-recording").count), (1, 1));
 }
 
 #[test]

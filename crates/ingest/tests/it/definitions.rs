@@ -80,7 +80,7 @@ fn without(definition: &str, type_name: &str) -> String {
 fn a_bag_whose_definitions_lack_the_header_reads_as_the_intact_one() {
     let intact = flight_with(&|_, value| value);
     assert!(intact.tables.len() >= 2);
-    assert!(intact.notices.iter().all(|notice| notice.code == "incomplete-file"), "{:?}", intact.notices);
+    assert!(intact.notices.iter().all(|notice| notice.code == "incomplete-recording"), "{:?}", intact.notices);
     let own_text = |text: &str| text.split(SEPARATOR).next().unwrap().to_owned();
     let lacking: [&dyn Fn(&str) -> String; 3] =
         [&|text| without(text, "std_msgs/Header"), &own_text, &|_| String::new()];

@@ -257,7 +257,7 @@ fn px4_in_ros_2_is_dated_by_its_receiver_whether_its_stamps_count_from_boot_or_a
 #[test]
 fn a_height_that_is_zero_in_every_row_stands_back_behind_the_one_above_mean_sea_level_and_both_are_told() {
     for (ellipsoid, expected, codes) in
-        [([0.0; 2], [550.0, 551.0], vec!["substitute", "substitute"]), ([600.0, 0.0], [600.0, 0.0], vec![])]
+        [([0.0; 2], [550.0, 551.0], vec!["assumption", "assumption"]), ([600.0, 0.0], [600.0, 0.0], vec![])]
     {
         let receiver = Topic::new("/fmu/out/vehicle_gps_position", "px4_msgs/msg/SensorGps", 2)
             .with("timestamp", ColumnData::I64(vec![1_000_000, 2_000_000]))
@@ -343,6 +343,6 @@ fn the_height_of_inspvax_is_above_mean_sea_level_and_that_of_inspva_above_the_el
         ]);
         let (flight, _) = bound([solution]);
         assert_eq!(flight.channels["position.ins"].series.component(2), [1077.0; 2]);
-        assert_eq!(flight.notices.iter().any(|n| n.code == "substitute"), is_told, "{type_name}");
+        assert_eq!(flight.notices.iter().any(|n| n.code == "assumption"), is_told, "{type_name}");
     }
 }

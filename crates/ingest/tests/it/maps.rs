@@ -232,7 +232,7 @@ fn flysight_tables_agree_with_themselves() {
         assert_agrees(&loaded, map, ("position.gps", "velocity.gps"), 0.01, 1.0);
         // wc -l less the lines before the rows.
         assert_eq!(loaded.flight.channels["position.gps"].series.len(), rows, "{path}");
-        assert!(!lossy(&loaded) && count_of(&loaded, "substitute") > 0, "{path}");
+        assert!(!lossy(&loaded) && count_of(&loaded, "assumption") > 0, "{path}");
     }
 }
 

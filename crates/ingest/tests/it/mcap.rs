@@ -301,9 +301,9 @@ fn damage_in_what_nobody_wants_is_found_where_no_chunk_may_stay_closed() {
         with_limits(limits, |context| McapReader::new(vec![disk.path()]).read(&want, context)).unwrap()
     };
     let (quick, whole) = (read(true), read(false));
-    assert!(notice(&quick, "closed-chunks").count > 10 && quick.health.bytes.damaged == 0 && !lost(&quick));
+    assert!(notice(&quick, "skipped").count > 10 && quick.health.bytes.damaged == 0 && !lost(&quick));
     assert!(whole.health.bytes.damaged > 0 && lost(&whole));
-    assert!(whole.notices.iter().all(|n| n.code != "closed-chunks"));
+    assert!(whole.notices.iter().all(|n| n.code != "skipped"));
     assert_eq!(quick.tables, whole.tables);
 }
 
@@ -313,11 +313,11 @@ fn chunks_without_a_wanted_topic_stay_closed_and_their_messages_are_counted_all_
     let closed = OnDisk::new(&with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD }), false);
     let log = closed.read().unwrap();
     assert_received(&log, &sent, true);
-    assert!(notice(&log, "closed-chunks").count > 10);
+    assert!(notice(&log, "skipped").count > 10);
     assert!(!lost(&log));
     let without_index = Layout { summary: false, ..Layout::ZSTD };
     let opened = OnDisk::new(&with_separate_chunks(&sent, without_index), false).read().unwrap();
-    assert!(opened.notices.iter().all(|n| n.code != "closed-chunks"));
+    assert!(opened.notices.iter().all(|n| n.code != "skipped"));
     assert_eq!(log.tables, opened.tables);
     for (a, b) in log.health.topics.iter().zip(&opened.health.topics) {
         assert_eq!((&a.name, a.messages, &a.stamps[0]), (&b.name, b.messages, &b.stamps[0]));
@@ -367,7 +367,7 @@ fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
     assert!(reason("/flat").starts_with("FlatBuffers are not read"));
     let bare = log.health.topics.iter().find(|t| t.name == "/bare").unwrap();
     assert_eq!(bare.stamps[0].first_ns, i64::MAX);
-    assert_eq!(notice(&log, "stamp-out-of-range").count, 3);
+    assert_eq!(notice(&log, "unreliable-stamps").count, 3);
     assert!(!lost(&log));
     // The channel record made unreadable takes its messages along.
     let unchunked = Layout { summary: false, data_crc: false, ..Layout::UNCHUNKED };
@@ -376,7 +376,7 @@ fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
     let disk = OnDisk::new(&content, false);
     disk.write_at(topic as u64, &[0xff]);
     let log = disk.read().unwrap();
-    assert_eq!((notice(&log, "unknown-channel").count, log.health.undecodable), (4, 4));
+    assert_eq!((notice(&log, "undecodable").count, log.health.undecodable), (4, 4));
 }
 
 #[test]
@@ -558,7 +558,7 @@ fn a_chunk_index_that_hides_a_channel_is_not_followed() {
     lying[footer + 16..footer + 20].copy_from_slice(&sum.to_le_bytes());
     let log = OnDisk::new(&lying, false).read().unwrap();
     assert_received(&log, &sent, true);
-    assert!(notice(&log, "closed-chunks").count > 10);
+    assert!(notice(&log, "skipped").count > 10);
 }
 
 #[test]
@@ -637,7 +637,7 @@ fn what_is_wrong_with_the_ends_of_a_file_is_said() {
     assert_eq!((junk.health.bytes.damaged, junk.health.damage[0].offset), (15, content.len() as u64));
     let no_magic = read(&content[..content.len() - 8]).unwrap();
     assert_received(&no_magic, &sent, true);
-    assert!(notice(&no_magic, "incomplete-file").text.contains("just behind its footer"));
+    assert!(notice(&no_magic, "incomplete-recording").text.contains("just behind its footer"));
     let bad_start = read(&[b"\x89MCXP0\r\n", &content[8..]].concat()).unwrap();
     assert_received(&bad_start, &sent, true);
     assert_eq!(bad_start.health.bytes.damaged, 8);
@@ -732,7 +732,7 @@ fn topics_beyond_the_limit_are_refused_and_their_messages_counted() {
     let disk = OnDisk::new(&mcap(&flight(5), Encoding::Ros1, Layout::UNCHUNKED), false);
     let limits = Limits { topics: 1, ..Limits::default() };
     let log = with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
-    let refused = notice(&log, "unknown-channel");
+    let refused = notice(&log, "undecodable");
     assert!(refused.text.contains("more than 1 topics"), "{}", refused.text);
     assert_eq!(log.health.messages + refused.count, 15);
     assert!(lost(&log));

@@ -266,7 +266,7 @@ fn a_unix_time_in_front_of_a_line_is_when_it_was_logged() {
     // Noon of that day is 1795262400.
     assert!((offsets[0].offset_s.median.abs() - 0.123).abs() < 1e-9, "{offsets:?}");
     let other = text(&[&format!("[12:00:01] {}", rmc(1)), &rmc(2)]);
-    assert!(codes(&other).contains(&"extra-bytes") && table(&other, "GPRMC").column("logged_ns").is_none());
+    assert!(codes(&other).contains(&"skipped") && table(&other, "GPRMC").column("logged_ns").is_none());
     assert_eq!((table(&other, "GPRMC").rows, other.health.bytes.damaged), (2, 0));
 }
 
@@ -296,7 +296,7 @@ fn a_line_of_text_between_sentences_is_no_damage_and_a_piece_of_one_is() {
     let logged = format!("12:00:01 | recv - {good}");
     let log = text(&[&logged, "12:00:02 | main - interrupted, leaving", &logged, "12:00:03 | recv - GPGLL,4807*38"]);
     assert_eq!((messages(&log, "GPGLL"), log.health.damage_count), (2, 1), "{:?}", log.health.damage);
-    assert!(log.notices.iter().any(|n| n.code == "extra-bytes" && n.count == 40));
+    assert!(log.notices.iter().any(|n| n.code == "skipped" && n.count == 40));
 }
 
 #[test]
@@ -741,7 +741,7 @@ fn a_differential_fix_is_a_fix() {
 #[test]
 fn heights_without_that_of_the_sea_are_read_and_said_to_be_above_it() {
     let height = |loaded: &ingest::Loaded| loaded.flight.channels["position.gps"].series.component(2)[0];
-    let above_sea = |loaded: &ingest::Loaded| count_saying(loaded, "substitute", "above mean sea level") > 0;
+    let above_sea = |loaded: &ingest::Loaded| count_saying(loaded, "assumption", "above mean sea level") > 0;
     let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "", "A")).collect::<Vec<_>>());
     assert_eq!((height(&loaded), above_sea(&loaded)), (545.4, true));
     // Where a sentence here and there lacks it, the others have the height above the ellipsoid.
@@ -883,13 +883,13 @@ fn what_frames_sentences_or_colours_them_on_a_screen_is_no_damage() {
     ] {
         let log = read_bytes(READER, &lines(&before, behind)).unwrap();
         assert_eq!((messages(&log, "GNGGA"), log.health.bytes.damaged), (20, 0), "{before:?}: {:?}", log.health.damage);
-        assert!(!codes(&log).contains(&"extra-bytes") && !log.notices.any_loss(), "{before:?}: {:?}", log.notices);
+        assert!(!codes(&log).contains(&"skipped") && !log.notices.any_loss(), "{before:?}: {:?}", log.notices);
         let logged = table(&log, "GNGGA").column("logged_ns").and_then(|column| column.integer(19));
         assert_eq!(logged, before.contains(time).then_some(1_795_262_400_000_000_000), "{before:?}");
     }
     // Other text is told, and what is none is damage.
     let log = read_bytes(READER, &lines("\x1b[32m[info] \x1b[0m", "\r\n")).unwrap();
-    assert_eq!((log.health.bytes.damaged, codes(&log).contains(&"extra-bytes")), (0, true));
+    assert_eq!((log.health.bytes.damaged, codes(&log).contains(&"skipped")), (0, true));
     for binary in ["\x07", "\0\x02", "\x02\x01"] {
         let log = read_bytes(READER, &lines(binary, "\r\n")).unwrap();
         let damaged = 20 * binary.len() as u64;

@@ -41,7 +41,7 @@ fn stamps(loaded: &Loaded) -> (Clock, Vec<i64>) {
 }
 
 fn codes(loaded: &Loaded) -> Vec<&str> {
-    loaded.flight.notices.iter().map(|n| n.code.as_str()).filter(|code| *code != "substitute").collect()
+    loaded.flight.notices.iter().map(|n| n.code.as_str()).filter(|code| *code != "assumption").collect()
 }
 
 fn truth(begin: i64) -> Vec<i64> {

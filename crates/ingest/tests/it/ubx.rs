@@ -658,7 +658,7 @@ fn text_before_the_first_frame_is_no_damage_and_a_piece_of_a_frame_or_sentence_i
     let damage = |front: &[u8]| {
         let log = read_bytes(READER, &[front, &frames].concat()).unwrap();
         assert_eq!(log.health.messages, whole);
-        (log.health.damage.first().map(|d| d.reason.clone()), log.notices.iter().any(|n| n.code == "extra-bytes"))
+        (log.health.damage.first().map(|d| d.reason.clone()), log.notices.iter().any(|n| n.code == "skipped"))
     };
     assert_eq!(damage(b"# receiver on the roof\n# begun at noon\n"), (None, true));
     let begins_inside = Some("bytes that are neither a frame nor a sentence".to_owned());

@@ -152,7 +152,7 @@ fn every_kind_of_message_is_read_and_every_field_lies_where_its_format_says() {
     let stamps = &log.health.topics.iter().find(|t| t.name == "pose").unwrap().stamps[0];
     assert_eq!((stamps.clock, stamps.kind, stamps.back_jumps), (Clock::Boot, StampKind::Logged, 1));
     assert_eq!(notice(&log, "dropout"), Some((Severity::Warning, 2)));
-    assert_eq!(notice(&log, "back-jump"), Some((Severity::Warning, 1)));
+    assert_eq!(notice(&log, "unreliable-stamps"), Some((Severity::Warning, 1)));
     assert!(!loses(&log));
     let about = &log.health.about;
     assert_eq!(about.system.as_deref(), Some("PX4"));
@@ -507,7 +507,7 @@ fn a_message_of_a_wrong_length_is_left_out_and_those_around_it_stay() {
     made.data(0, 8_000_000, &floats(&[8.0, 8.0]));
     let log = read(&made.0);
     assert_eq!(numbers(&log, "pose", "x"), [0.0, 1.0, 6.0, 8.0]);
-    assert_eq!(notice(&log, "unknown-channel"), Some((Severity::Loss, 1)));
+    assert_eq!(notice(&log, "undecodable"), Some((Severity::Loss, 1)));
     assert!(log.health.damage[0].reason.contains("length does not fit"), "{:?}", log.health.damage);
 }
 
@@ -820,7 +820,7 @@ fn a_log_behind_one_that_was_cut_anywhere_is_read_whole_and_so_is_what_stood_bef
             "cut at {cut}"
         );
         if messages > 1 {
-            assert_eq!(notice(&log, "several-logs").map(|(_, count)| count), Some(2), "cut at {cut}");
+            assert_eq!(notice(&log, "several-sessions").map(|(_, count)| count), Some(2), "cut at {cut}");
             let stamps = |topic| table(&log, topic).logged_ns.as_ref().unwrap().clone();
             assert!(stamps("esc")[0] > *stamps("data").last().unwrap(), "cut at {cut}");
         }
@@ -834,7 +834,7 @@ fn a_log_of_a_later_version_behind_another_is_found() {
     for both in [[small(4), later.clone()], [later, small(4)]] {
         let log = read(&both.concat());
         assert_eq!((table(&log, "esc").rows, log.health.bytes.damaged), (9, 0), "{:?}", log.notices);
-        assert_eq!(notice(&log, "several-logs").map(|(_, count)| count), Some(2));
+        assert_eq!(notice(&log, "several-sessions").map(|(_, count)| count), Some(2));
         assert!(notice(&log, "unknown-record").is_some(), "{:?}", log.notices);
     }
 }

@@ -237,7 +237,11 @@ fn only_the_checksum_wrong_costs_a_line_at_most_and_an_archive_without_its_list_
     let loaded = load_packed("jump.zip", &archive[..list]);
     assert_eq!((loaded.health.bytes.size, lossy(&loaded)), (table.len() as u64, true));
     assert!(
-        loaded.flight.notices.iter().any(|n| n.code == "incomplete-file" && n.text.contains("no list of its files"))
+        loaded
+            .flight
+            .notices
+            .iter()
+            .any(|n| n.code == "incomplete-recording" && n.text.contains("no list of its files"))
     );
 }
 

@@ -6,7 +6,8 @@
 
 use flight::{
     Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, Code, DamagedRange, Delay, Distribution, Gap, Geodetic,
-    Held, LogHealth, MapCandidate, Notices, Quantity, RejectCount, StampHealth, StampKind, StampOffset, TopicHealth,
+    Held, LogHealth, MapCandidate, Notices, Quantity, RejectCount, Severity, StampHealth, StampKind, StampOffset,
+    TopicHealth,
 };
 use record::{
     AxisCurves, BudgetTerm, CampaignRecord, CampaignTotals, CompensatorResult, CompensatorScore, Coverage, Curve,
@@ -571,7 +572,12 @@ fn binding() -> Binding {
 
 fn notices() -> Notices {
     let mut notices = Notices::new();
-    notices.push(Code::Substitute, "/mavros/position.gps", 1, "height stands for the ellipsoidal one");
+    notices.push(
+        Code::Assumption.at(Severity::Info),
+        "/mavros/position.gps",
+        1,
+        "height stands for the ellipsoidal one",
+    );
     notices.push(Code::DuplicateStamp, "/mavros/position.gps", 12, "12 rows repeat the stamp before");
     notices.push(
         Code::Corrupt,

@@ -181,7 +181,7 @@ fn a_card_without_a_day_has_no_validity_and_says_so() {
     let mut all = runs(&[400.0]);
     all[0].1.date = None;
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!((combined.card.valid_until, told_codes(&combined.notices)), (None, vec!["card-day-unknown"]));
+    assert_eq!((combined.card.valid_until, told_codes(&combined.notices)), (None, vec!["card-conditions"]));
 }
 
 fn told_codes(notices: &Notices) -> Vec<&str> {
@@ -208,7 +208,7 @@ fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
         check("azimuth by imu", true, None),
         check("scale of imu", false, Some(false)),
     ];
-    all[2].1.notices.push(Code::RigDiffers, SIGN, 1, "the other way round");
+    all[2].1.notices.push(Code::RigContradicted, SIGN, 1, "the other way round");
     let combined = combine(&all, &TERMS).unwrap();
     let position = &combined.card.channels[0];
     assert_eq!(position.contradicted, ["swing-02: lever arm z of imu", "swing-03: encoder sign"]);

@@ -2,6 +2,7 @@
 
 use super::record::Fields;
 use crate::decode::{Definition, MD5_OF_NOTHING, Route, Tally, Times, Topics};
+use crate::format::tell_unplaced;
 use crate::reader::Extra;
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
@@ -108,7 +109,7 @@ impl<'b, 't> Connections<'b, 't> {
     pub(super) fn end(&mut self, file: &str, notices: &mut Notices) -> u64 {
         let (unplaced, redefined) = (std::mem::take(&mut self.unplaced), std::mem::take(&mut self.redefined));
         (self.known, self.definition_bytes) = Default::default();
-        unplaced.tell(Code::UnknownChannel, file, "messages that belong to no known topic", notices);
+        tell_unplaced(&unplaced, file, notices);
         redefined.tell(Code::Redefined, file, "connections were replaced by others of the same number", notices);
         unplaced.count
     }

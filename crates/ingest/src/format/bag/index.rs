@@ -5,6 +5,7 @@ use super::connections::Connections;
 use super::record::{Kind, Record};
 use super::records::LONGEST;
 use crate::bytes::Bytes;
+use crate::format::compare_count;
 use crate::format::unpacker::MOST_PLACES;
 use flight::{Code, Notices, Severity};
 use logscan::{LogFile, ScanError};
@@ -78,24 +79,16 @@ impl Index {
         match self {
             Index::None => {
                 let text = "the bag has no index: its recorder was stopped before it could close it";
-                notices.push(Code::IncompleteFile, file, 1, text);
+                notices.push(Code::IncompleteRecording, file, 1, text);
             }
             Index::CutOff => {
-                notices.push(Code::IncompleteFile, file, 1, "the bag was cut before the end of its index");
+                notices.push(Code::IncompleteRecording, file, 1, "the bag was cut before the end of its index");
             }
             Index::Unreadable => {
                 let text = "the index cannot be read, so nothing says whether messages are missing";
                 notices.push(Code::IndexDiffers.at(Severity::Loss), file, 1, text);
             }
-            Index::Counts(stated) if *stated > found => {
-                let text = format!("messages are missing: the index counts {stated}, {found} were found");
-                notices.push(Code::MissingMessages, file, stated - found, text);
-            }
-            Index::Counts(stated) if *stated < found => {
-                let text = format!("messages more than the index counts ({stated})");
-                notices.push(Code::IndexDiffers, file, found - stated, text);
-            }
-            Index::Counts(_) => {}
+            Index::Counts(stated) => compare_count("index", *stated, found, file, notices),
         }
     }
 }

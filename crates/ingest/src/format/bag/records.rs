@@ -99,7 +99,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         }
         self.bags += 1;
         if bag.padding > 0 {
-            self.notices.push(Code::ExtraBytes, self.name, bag.padding, "zero bytes between records");
+            self.notices.push(Code::Skipped, self.name, bag.padding, "zero bytes between records");
         }
         bag.index.conclude(self.name, bag.messages, self.notices);
         self.undecodable += self.connections.end(self.name, self.notices);

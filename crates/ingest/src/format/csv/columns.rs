@@ -300,7 +300,7 @@ impl Topic {
         self.drop_numbers_that_are_text();
         if let Some(line) = self.unended {
             let text = "the last row has no line end: its last value may be cut and is not used";
-            notices.push(Code::NoLineEnd, format!("{file}, line {line}"), 1, text);
+            notices.push(Code::RejectedCell, format!("{file}, line {line}"), 1, text);
         }
         for column in &self.columns {
             column.report(file, listed, notices);
@@ -592,14 +592,14 @@ impl Building {
             let numbers = self.filled > 0 || has_separators(&self.bad_example);
             let lost = numbers && self.bad * TOLERATED > self.rows as u64;
             let severity = if lost { Severity::Loss } else { Severity::Warning };
-            notices.push(Code::BadNumber.at(severity), place(self.bad_lines.first()), self.bad, text);
+            notices.push(Code::RejectedCell.at(severity), place(self.bad_lines.first()), self.bad, text);
         }
         if self.not_finite > 0 {
             let text = format!(
                 "column {}: cells are nan, infinite or words for nothing, as N/A, and count as missing",
                 self.path
             );
-            notices.push(Code::BadNumber.at(Severity::Info), place(None), self.not_finite, text);
+            notices.push(Code::RejectedCell.at(Severity::Info), place(None), self.not_finite, text);
         }
     }
 

@@ -89,7 +89,7 @@ impl Changes {
     pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
         let mut warn = |(count, line): (u64, u64), text: &str| {
             if count > 0 {
-                notices.push(Code::DoubtfulRows, format!("{file}, line {line}"), count, text);
+                notices.push(Code::IrregularTable.at(Severity::Warning), format!("{file}, line {line}"), count, text);
             }
         };
         let text = "a row has words where the others have numbers, as the header of another table would: it and what is below \
@@ -104,12 +104,12 @@ impl Changes {
         }
         let place = format!("{file}, line {}", self.first_line);
         let text = "another header stands between the rows: those below it are read by its order of columns";
-        notices.push(Code::HeaderChanged, place.as_str(), self.count, text);
+        notices.push(Code::IrregularTable, place.as_str(), self.count, text);
         if self.all_new > 0 {
             let more = if self.all_new > self.new.len() as u64 { ", ..." } else { "" };
             let names = self.new.join(", ");
             let text = format!("columns that the first header does not have are not read: {names}{more}");
-            notices.push(Code::HeaderChanged.at(Severity::Loss), place, self.all_new, text);
+            notices.push(Code::IrregularTable.at(Severity::Loss), place, self.all_new, text);
         }
     }
 }

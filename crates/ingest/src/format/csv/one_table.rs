@@ -80,18 +80,18 @@ impl<'t> OneTable<'t> {
         self.changes.tell(file, notices);
         if let Some((first, rows)) = self.layout.other_rows {
             let text = format!("rows of another table stand before this one, from line {first} on: they are not read");
-            notices.push(Code::HeaderChanged.at(Severity::Loss), file, rows, text);
+            notices.push(Code::IrregularTable.at(Severity::Loss), file, rows, text);
         }
         if self.topic.rows == 0 && self.layout.header_line.is_some() {
             notices.push(Code::NoRows, file, 1, "a header without a row below it");
         }
         if self.repeated > 0 {
             let text = "the header stands again between the rows";
-            notices.push(Code::HeaderChanged, file, self.repeated, text);
+            notices.push(Code::IrregularTable, file, self.repeated, text);
         }
         if self.preamble > 0 {
             let text = "lines before the header are not read";
-            notices.push(Code::ExtraBytes, file, self.preamble, text);
+            notices.push(Code::Skipped, file, self.preamble, text);
         }
     }
 

@@ -4,6 +4,7 @@ use super::record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField};
 use super::units::Units;
 use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
+use crate::format::tell_too_many_topics;
 use crate::reader::{Log, Restart};
 use crate::table::TopicInfo;
 use flight::{Code, NANOS_PER_SECOND, Notices, Severity};
@@ -440,15 +441,15 @@ impl<'t, 'w> Book<'t, 'w> {
         let text = "types were defined again and otherwise, and there is no record of the old or the new one";
         unused.tell(Code::Redefined.at(Severity::Info), file, text, notices);
         self.misfits.tell(Code::Undecodable, file, "records are not as long as their definition says", notices);
-        self.unplaced.tell(Code::UnknownChannel, file, "records found no topic, for there are too many", notices);
+        tell_too_many_topics(&self.unplaced, "records", file, notices);
         let text = "the field that tells instances apart was named after the first records, which are in one topic";
         self.late_instances.tell(Code::Redefined, file, text, notices);
         let text = "units and instances of a type are stated twice and otherwise, of which the first holds, or for another number \
                     of fields: they may be of another type";
         self.other_units.tell(Code::Redefined, file, text, notices);
         let text = "the clock restarts within the file; what follows is stamped as if it came ten seconds later";
-        self.clock.moved.tell(Code::ClockRestart, file, text, notices);
-        self.clock.back.tell(Code::BackJump, file, "the clock steps back by more than a second", notices);
+        self.clock.moved.tell(Code::SeveralSessions, file, text, notices);
+        self.clock.back.tell(Code::UnreliableStamps, file, "the clock steps back by more than a second", notices);
         log.health.undecodable += self.misfits.count;
         log.health.messages += self.misfits.count;
         log.restarts = self.clock.begun;

@@ -53,11 +53,11 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         }
         if self.preamble > 0 {
             let text = "bytes of text in front of the first record";
-            self.notices.push(Code::ExtraBytes, self.name.as_str(), self.preamble, text);
+            self.notices.push(Code::Skipped, self.name.as_str(), self.preamble, text);
         }
         if self.headless {
             let text = "the log does not begin with the definition of FMT itself: its first lines may be lost";
-            self.notices.push(Code::IncompleteFile, self.name.as_str(), 1, text);
+            self.notices.push(Code::IncompleteRecording, self.name.as_str(), 1, text);
         }
         Ok(())
     }

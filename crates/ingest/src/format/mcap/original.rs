@@ -186,7 +186,7 @@ impl Originals {
         }
         if self.unreadable > 0 {
             let text = "what the file says of the log that it was recovered from cannot be read";
-            log.notices.push(Code::OriginalUnreadable, "", self.unreadable, text);
+            log.notices.push(Code::IndexDiffers, "", self.unreadable, text);
         }
         self.logs.into_iter().for_each(|original| original.put(log));
     }
@@ -235,7 +235,7 @@ impl OriginalLog {
         }
         if more > 0 {
             let text = "the file says more of the log that it was recovered from than a log has to say: not all of it is taken";
-            log.notices.push(Code::OriginalUnreadable, "", more, text);
+            log.notices.push(Code::IndexDiffers, "", more, text);
         }
     }
 }

@@ -519,12 +519,12 @@ impl State {
     fn conclude(&self, file: &str, notices: &mut Notices) {
         if !self.footer_seen {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
-            notices.push(Code::IncompleteFile, file, 1, text);
+            notices.push(Code::IncompleteRecording, file, 1, text);
         } else if !self.data_ended && !self.damaged {
             let text = "the record that ends the data is missing: it was swallowed by another, or never written";
-            notices.push(Code::IncompleteFile.at(Severity::Warning), file, 1, text);
+            notices.push(Code::IncompleteRecording.at(Severity::Warning), file, 1, text);
         } else if self.end.is_none() && !self.damaged {
-            notices.push(Code::IncompleteFile, file, 1, "the file was cut just behind its footer");
+            notices.push(Code::IncompleteRecording, file, 1, "the file was cut just behind its footer");
         }
         if self.summary.trust == summary::Trust::Bad {
             let text = "the summary at the end does not have the checksum that it states; it was not used";
@@ -540,7 +540,7 @@ impl State {
         let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
                     which knows neither their size nor when they were published";
         if self.not_opened > 0 {
-            notices.push(Code::ClosedChunks, file, self.not_opened, text);
+            notices.push(Code::Skipped, file, self.not_opened, text);
         }
     }
 }

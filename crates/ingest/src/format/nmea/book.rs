@@ -7,6 +7,7 @@ use super::talkers;
 use crate::civil::calendar_to_unix_ns;
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::format::identity::of_version;
+use crate::format::tell_too_many_topics;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
 use crate::time::{SaidDates, Since};
@@ -184,10 +185,9 @@ impl Book {
         self.broken.tell(Code::Undated.at(Severity::Warning), "", text, notices);
         let text = "sentences lack the time that their type has: nothing dates them";
         self.timeless.tell(Code::Undecodable, "", text, notices);
-        let text = "sentences found no topic, for there are too many";
-        self.unplaced.tell(Code::UnknownChannel, "", text, notices);
+        tell_too_many_topics(&self.unplaced, "sentences", "", notices);
         if let Some((text, dates)) = self.age.suspicion() {
-            notices.push(Code::GpsWeek, "", dates, text);
+            notices.push(Code::DateInferred.at(Severity::Warning), "", dates, text);
         }
         if log.health.about.receiver_identities.is_empty() {
             log.health.about.receiver_identities = of_version(&self.texts, "TXT", "NMEA").into_iter().collect();

@@ -8,6 +8,7 @@ use super::framing::{Framing, next_time, time_us};
 use super::vehicle::Vehicle;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
+use crate::format::tell_too_many_topics;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Clock, Code, Notices, Severity};
@@ -208,15 +209,14 @@ impl<'b, 't> Book<'b, 't> {
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let text = format!("frames have {FLAGGED}: they are intact and were not read, as MAVLink asks");
         self.flagged.tell(Code::UnknownRecord.at(Severity::Loss), "", &text, notices);
-        let text = "messages found no topic, for there are too many";
-        self.unplaced.tell(Code::UnknownChannel, "", text, notices);
+        tell_too_many_topics(&self.unplaced, "messages", "", notices);
         let text = "the times in front of frames leap away from those of their neighbours and back; the frames have a time \
                     between";
-        self.receive.out_of_line.tell(Code::ReceiveClock.at(Severity::Loss), "", text, notices);
+        self.receive.out_of_line.tell(Code::UnreliableStamps.at(Severity::Loss), "", text, notices);
         let text = "frames were received before 2000 or after 2100 by a clock that was not set";
-        self.receive.unset.tell(Code::ReceiveClock, "", text, notices);
+        self.receive.unset.tell(Code::UnreliableStamps, "", text, notices);
         let text = "the clock by which frames were received was set back";
-        self.receive.set_back.tell(Code::ReceiveClock, "", text, notices);
+        self.receive.set_back.tell(Code::UnreliableStamps, "", text, notices);
         let frames = self.undefined.values().sum();
         if frames > 0 {
             let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));
@@ -234,7 +234,7 @@ impl<'b, 't> Book<'b, 't> {
             let text = "messages are of a later run of the vehicle: its clock since boot restarts, and without times of \
                         reception nobody knows how far apart the runs are. Channels are made of the first run alone; the \
                         topics of the others have the number of the run, as ATTITUDE#2";
-            notices.push(Code::RestartUndated, "", self.later_runs, text);
+            notices.push(Code::Undated.at(Severity::Loss), "", self.later_runs, text);
         }
         log.health.about = self.vehicle.finish();
     }

@@ -9,6 +9,7 @@ use crate::bytes::Bytes;
 use crate::decode::packed::float_of;
 use crate::decode::schema::Number;
 use crate::decode::{Route, Tally, Times, Topics};
+use crate::format::tell_unplaced;
 use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
 use logscan::Fate;
@@ -369,7 +370,7 @@ impl<'t, 'w> Session<'t, 'w> {
             );
             notices.push(Code::Dropout, file, count, text);
         }
-        self.unplaced.tell(Code::UnknownChannel, file, "messages that belong to no known topic", notices);
+        tell_unplaced(&self.unplaced, file, notices);
         self.odd.bad_formats.tell(Code::Undecodable, file, "messages whose format cannot be used", notices);
         let what = Code::UnknownRecord.at(Severity::Loss);
         self.unknown.tell(what, file, "messages of a type that is not known", notices);
@@ -387,7 +388,7 @@ impl<'t, 'w> Session<'t, 'w> {
             notices.push(Code::Redefined, file, self.formats.replaced, text);
         }
         let text = "messages whose stamp lies before that of the message before";
-        self.back_jumps.tell(Code::BackJump, file, text, notices);
+        self.back_jumps.tell(Code::UnreliableStamps, file, text, notices);
         if let Some(rarer) = self.odd.rarer() {
             let text =
                 "messages that are padded otherwise than all others: their format may not be what they were written by";
