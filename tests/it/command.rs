@@ -421,6 +421,19 @@ fn one_flight(folder: &Path) -> PathBuf {
     fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap()
 }
 
+/// Names of flights from two paths do not stand side by side in their order.
+#[test]
+fn a_flight_that_two_paths_give_is_measured_once() {
+    let folder = tempfile::tempdir().unwrap();
+    simulate::write_campaign(folder.path(), 2, 20.0, 1).unwrap();
+    let log =
+        fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap();
+    let paths = [log.as_os_str(), folder.path().as_os_str()];
+    let answer = text(&run([&["delay".as_ref(), "--json".as_ref()], paths.as_slice()].concat(), 0).stdout);
+    let report: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    assert_eq!(report["flights"].as_array().unwrap().len(), 2, "{answer}");
+}
+
 #[test]
 fn what_is_good_of_a_cut_log_is_recovered_and_the_cut_ends_with_3() {
     let folder = tempfile::tempdir().unwrap();

@@ -25,7 +25,7 @@ use record::{
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 /// Logs are kept in memory between measuring and judging up to this size; larger ones are read again where a reference
@@ -224,7 +224,9 @@ fn units_of(
         units.extend(found.units.into_iter().map(|unit| (name(&unit), unit)));
     }
     units.sort_by(|a, b| a.0.cmp(&b.0));
-    units.dedup_by(|a, b| a.1.files == b.1.files);
+    // A flight may be given by its folder and by its file, under two names.
+    let mut known = BTreeSet::new();
+    units.retain(|(_, unit)| known.insert(unit.files.clone()));
     let (names, units): (Vec<String>, Vec<FlightUnit>) = units.into_iter().unzip();
     let name_of: BTreeMap<Vec<PathBuf>, String> = units.iter().map(|u| u.files.clone()).zip(names).collect();
     let cases = with_references(units, order.pipeline.reference_file(), library)?;

@@ -48,6 +48,7 @@ fn notice(code: Code) -> String {
         severities if severities.contains(&Severity::Loss) => {
             "exit code 3 for a loss; `delay`, `campaign` and `bench`: 0 if all losses are minor"
         }
+        _ if entry.happened.contains("exit code") => "exit code: see below",
         _ => "exit code 0",
     };
     let head = format!("{code}: {} ({exit})\n{}", severities(code), entry.section);
@@ -95,6 +96,10 @@ mod tests {
         assert!(
             damaged.starts_with("damaged: loss (exit code 3; delay, campaign and bench: 0 if all losses are minor)\n"),
             "{damaged}"
+        );
+        // Of a warning that marks a card the text says when.
+        assert!(
+            explained("rig-contradicted").unwrap().starts_with("rig-contradicted: warning (exit code: see below)\n")
         );
         assert!(explained("delay-steps").unwrap().starts_with("delay-steps: red alarm\nAlarms of a delay\n\n"));
     }
