@@ -236,7 +236,26 @@ fn a_velocity_with_swapped_axes_is_no_measurement_however_short_the_flight() {
         let swapped = changed(&flight.channels["velocity.gps"], |_, t, v| Some((t, [v[1], v[0], v[2]])));
         flight.channels.insert("velocity.gps".into(), swapped);
         let (pair, _) = only(&flight, &quick());
-        assert!(matches!(&pair.delay, Finding::CannotTell(reason) if reason.contains("axes")), "{:?}", pair.delay);
+        let (why, words) = (reason(&pair), "if north and east of velocity.gps were exchanged:");
+        assert!(why.starts_with("position.gps does not move as velocity.gps says: ") && why.contains(words), "{why}");
+    }
+}
+
+#[test]
+fn channels_in_other_units_are_told_the_factor_and_the_unit() {
+    let flight = flown(&receiver(3));
+    for (channel, factor, words) in [
+        ("velocity.gps", 3.6, "velocity.gps were divided by 3.60, as if velocity.gps were in km/h and read as m/s:"),
+        ("velocity.gps", 1000.0, ", as if velocity.gps were in millimetres and read as metres:"),
+        ("velocity.gps", 0.3048, ", as if position.gps were in feet and read as metres:"),
+        ("position.gps", 100.0, ", as if position.gps were in centimetres and read as metres:"),
+    ] {
+        let mut other = flight.clone();
+        let scaled = changed(&flight.channels[channel], |_, t, v| Some((t, v.map(|v| factor * v))));
+        other.channels.insert(channel.into(), scaled);
+        let pair = only(&other, &quick()).0;
+        assert!(reason(&pair).contains(words), "{}", reason(&pair));
+        assert!(pair.varies.is_none(), "the delay of what does not move alike neither scatters nor drifts");
     }
 }
 
