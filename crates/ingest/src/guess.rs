@@ -13,7 +13,9 @@ mod write;
 
 pub(crate) use self::ways::ways;
 
-use self::decide::{Motion, Of, Place, Vertical, decide, plausible_height, side, units_of_place, without_unit};
+use self::decide::{
+    Motion, Of, Place, Vertical, decide, is_contradiction, plausible_height, side, units_of_place, without_unit,
+};
 use self::names::{Named, Role};
 use self::sets::{Position, Source, Velocity, has_body, may_hold, says_axes, sources};
 use self::times::Timing;
@@ -346,14 +348,14 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
                 });
                 pairs.extend(Some(pair).filter(|_| agrees));
             }
-            Err(why) => {
-                let is_known = position.is_geodetic && !velocity.is_polar && !says_axes(&velocity.first);
-                contradicts |= is_known && std::ptr::eq(source, of) && pairs.is_empty();
-                why_not = if pairs.is_empty() { why } else { why_not };
+            Err(why) if pairs.is_empty() => {
+                contradicts |= position.is_geodetic && is_contradiction(&why);
+                why_not = why;
             }
+            Err(_) => {}
         }
     }
-    // Axes that agree with a position of axes as unknown, and not with a latitude and longitude, may go anywhere.
+    // Axes that agree with a position of unnamed axes, and not with a latitude and longitude, may go anywhere.
     let only_local = pairs.iter().all(|(place, _)| !place.what.set.is_geodetic && !says_axes(&place.what.set.first));
     if pairs.is_empty() || contradicts && only_local { Err(why_not) } else { Ok(pairs) }
 }

@@ -241,6 +241,14 @@ pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Resul
     }
 }
 
+/// How what two columns have in common is told where it is too little.
+const AGREEMENT: &str = "(agreement ";
+
+/// Whether a reason of [`decide`] is that position and velocity move, and not alike.
+pub(super) fn is_contradiction(why: &str) -> bool {
+    why.contains(AGREEMENT)
+}
+
 /// Units in which a track may be; one `None` for a velocity along axes.
 fn tracks(table: &Table, set: &Velocity) -> Vec<Option<Unit>> {
     if !set.is_polar {
@@ -322,7 +330,7 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
     let (a, b) = (&motion.first.path, &motion.second.path);
     if best.agreement < LEAST_AGREEMENT {
         let agreement = best.agreement;
-        return Err(format!("{a} and {b} do not say how {} moves (agreement {agreement:.2})", place.first.path));
+        return Err(format!("{a} and {b} do not say how {} moves {AGREEMENT}{agreement:.2})", place.first.path));
     }
     let named = motion.is_polar
         || says_axes(&motion.first) == says_axes(&place.first)
@@ -337,7 +345,7 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
     }
     if same_names {
         return Err(format!(
-            "the names say that {a} goes with {} and {b} with {}, and the motion says otherwise (agreement {:.2}, where {} gives {:.2})",
+            "the names say that {a} goes with {} and {b} with {}, and the motion says otherwise {AGREEMENT}{:.2}, where {} gives {:.2})",
             place.first.path,
             place.second.path,
             plain.agreement,

@@ -362,12 +362,33 @@ fn the_axes_of_a_local_position_are_those_that_latitude_and_longitude_show() {
 /// X-Plane's axes: x east, y up, z south.
 #[test]
 fn axes_that_contradict_latitude_and_longitude_are_not_called_north_and_east() {
+    // A track that is that of x and y.
+    let text = table("time,lat,lon,x,y,speed,track", |t, [a, b, _], [n, e, _]| {
+        let ([north, east, _], _) = truth(t - LATE_S);
+        let track = deg(n.atan2(e)).rem_euclid(360.0);
+        format!("{t},{},{},{east},{north},{},{track}", deg(a), deg(b), n.hypot(e))
+    });
+    let error = load_text(&text).binding.unwrap_err();
+    assert!(error.contains("that speed goes with lat") && error.contains("exchanged axes"), "{error}");
     let text = table("time,lat,lon,x,y,z,vx,vy,vz", |t, [a, b, _], [n, e, u]| {
         let ([north, east, up], _) = truth(t - LATE_S);
         format!("{t},{},{},{east},{up},{},{e},{u},{}", deg(a), deg(b), -north, -n)
     });
     let error = load_text(&text).binding.unwrap_err();
     assert!(error.contains("vx and vy do not say how lat moves"), "{error}");
+}
+
+#[test]
+fn a_receiver_without_a_fix_contradicts_nothing() {
+    let text = table("time,lat,lon,x,y,vx,vy", |t, _, [n, e, _]| {
+        let ([north, east, _], _) = truth(t - LATE_S);
+        format!("{t},0,0,{north},{east},{n},{e}")
+    });
+    let said = said(&load_text(&text));
+    assert!(
+        said.contains("north = x [m], east = y [m]") && said.contains("north = vx [m/s], east = vy [m/s]"),
+        "{said}"
+    );
 }
 
 #[test]
