@@ -89,8 +89,8 @@ impl BenchVerdict {
     #[must_use]
     pub fn exit(&self) -> Exit {
         let whole = |row: &BenchRow| row.outcome == BenchOutcome::Measured && !row.lossy;
-        let no_doubt = self.channels().iter().all(|c| c.contradicted.is_empty());
-        let records_agree = !self.notices.iter().any(|n| n.code == Code::NotComparable && n.place.is_empty());
+        let no_doubt = !self.channels().iter().any(CardChannel::is_in_doubt);
+        let records_agree = output::without_mean(&self.notices).next().is_none();
         if self.card.is_some() && no_doubt && records_agree && self.rows.iter().all(whole) {
             Exit::Well
         } else {

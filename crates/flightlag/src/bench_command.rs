@@ -144,15 +144,19 @@ fn verdict_word(verdict: Verdict) -> &'static str {
 
 /// The numbers of a lag: the delay in the table is only the one that fits the bench's swing best.
 fn lag(channel: &CardChannel) -> Option<String> {
-    let number = |(i, lag_s): (usize, &f64)| {
-        let u_ms = channel.lags_standard_uncertainty_s.get(i).map(|u| COVERAGE * u * 1e3);
+    let number = |value_s: f64, u_s: Option<f64>| {
+        let u_ms = u_s.map(|u| COVERAGE * u * 1e3);
         let digits = digits(u_ms.unwrap_or(1.0));
-        let value = format!("{:.digits$}", lag_s * 1e3);
+        let value = format!("{:.digits$}", value_s * 1e3);
         u_ms.map_or_else(|| format!("{value} ms"), |u| format!("{value} ± {u:.digits$} ms"))
     };
-    let lags: Vec<String> = channel.lags_s.iter().enumerate().map(number).collect();
-    let slow = channel.slow_motion_delay_s.map(|s| format!(" and slow motion {:.1} ms late", s * 1e3));
-    (!lags.is_empty()).then(|| {
+    let uncertainties = channel.lags_standard_uncertainty_s.iter().copied().map(Some).chain(std::iter::repeat(None));
+    let lags: Vec<String> = channel.lags_s.iter().zip(uncertainties).map(|(lag_s, u_s)| number(*lag_s, u_s)).collect();
+    let slow = channel.slow_motion_delay_s.map(|slow_s| {
+        format!(", so that slow motion is {} late", number(slow_s, channel.slow_motion_standard_uncertainty_s))
+    });
+    // A delay that changes passes for a lag.
+    (!lags.is_empty() && !channel.delay_changes()).then(|| {
         format!(
             "{}: {} of {}{}; {:.1} ms is only the pure delay that fits this swing best",
             channel.name,

@@ -592,6 +592,16 @@ pub struct Stationarity {
     pub text: String,
 }
 
+impl ChannelDynamics {
+    /// Least and greatest delay of the windows, s, where the delay surely changes over the record: it is not one number.
+    #[must_use]
+    pub fn changing_delay_s(&self) -> Option<[f64; 2]> {
+        let found = self.stationarity.found().filter(|s| s.changes)?;
+        let bound = |f: fn(f64, f64) -> f64, from: f64| found.delay_s.iter().map(|d| d.value).fold(from, f);
+        Some([bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY)])
+    }
+}
+
 /// Arrival less device time, where both are logged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]

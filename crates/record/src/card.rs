@@ -89,6 +89,23 @@ pub struct CardChannel {
     pub contradicted: Vec<String>,
 }
 
+/// How what puts a delay in doubt begins, after the name of the record, where the delay is not one number.
+pub const DELAY_CHANGES: &str = "the delay changes over the record";
+
+impl CardChannel {
+    /// Whether something puts the delay in doubt.
+    #[must_use]
+    pub fn is_in_doubt(&self) -> bool {
+        !self.contradicted.is_empty()
+    }
+
+    /// Whether the delay changes over a record, which no model of a lag describes.
+    #[must_use]
+    pub fn delay_changes(&self) -> bool {
+        self.contradicted.iter().any(|what| what.contains(DELAY_CHANGES))
+    }
+}
+
 /// Hard and soft iron of a magnetometer: `read = soft_iron · field + hard_iron`, in body axes forward, right, down.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]

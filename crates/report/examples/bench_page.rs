@@ -25,7 +25,13 @@ fn main() -> std::io::Result<()> {
     let records: Vec<CardRecord> = names.iter().map(String::as_str).zip(&records).map(of).collect();
     write(
         &folder.join("card"),
-        &card_site(&CardPage { card: &card, card_file: Some("mti-g.card.toml"), records: &records, command: COMMAND }),
+        &card_site(&CardPage {
+            card: &card,
+            card_file: Some("mti-g.card.toml"),
+            records: &records,
+            without_mean: &[],
+            command: COMMAND,
+        }),
     )?;
     write(&folder.join("study"), &monte_carlo_site(&fixture::study()))
 }

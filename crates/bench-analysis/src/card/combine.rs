@@ -9,8 +9,8 @@ use flight::{Code, Notices, Quantity, StampKind, with_minus};
 use jiff::ToSpan;
 use jiff::civil::Date;
 use record::{
-    BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DelayFinding, Estimate,
-    SensorCard, SensorIdentity, TimeBasis, Verdict,
+    BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DELAY_CHANGES, DelayFinding,
+    Estimate, SensorCard, SensorIdentity, TimeBasis, Verdict,
 };
 use signal::{Mean, Reading, mean_of, outliers};
 use std::collections::BTreeSet;
@@ -214,10 +214,8 @@ fn scattering_encoder(record: &BenchRecord) -> Option<&str> {
 
 /// That the delay of a channel is not one number, with how far it goes.
 fn change(channel: &ChannelDynamics) -> Option<String> {
-    let found = channel.stationarity.found().filter(|s| s.changes)?;
-    let bound = |f: fn(f64, f64) -> f64, from: f64| 1e3 * found.delay_s.iter().map(|d| d.value).fold(from, f);
-    let (least, most) = (bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY));
-    Some(with_minus(&format!("the delay changes over the record, from {least:.1} to {most:.1} ms in windows")))
+    let [least, most] = channel.changing_delay_s()?.map(|delay_s| 1e3 * delay_s);
+    Some(with_minus(&format!("{DELAY_CHANGES}, from {least:.1} to {most:.1} ms in windows")))
 }
 
 /// Of each record the channels whose delay changes.

@@ -10,7 +10,7 @@ use crate::slug::slugs;
 use crate::store::{Keep, Store};
 use crate::task::caught;
 use bench_analysis::{card_text, sensor_name};
-use flight::{Notices, Severity};
+use flight::{Code, Notice, Notices, Severity};
 use record::{BenchOutcome, CARD_VERSION, SensorCard};
 use report::{BenchPage, CardPage, CardRecord, Site, bench_site, card_site};
 use serde::Serialize;
@@ -32,7 +32,7 @@ pub(super) fn write(
         writer.record(one, &order.command)?;
     }
     let card_file = card.map(|card| writer.card(card, notices, order.card.as_deref())).transpose()?;
-    writer.index(measured, card, &order.command)?;
+    writer.index(measured, card, notices, &order.command)?;
     writer.remove_others()?;
     Ok(card_file)
 }
@@ -81,7 +81,13 @@ impl Writer<'_> {
         Ok(self.store.root().join(name))
     }
 
-    fn index(&mut self, measured: &[Measured], card: Option<&SensorCard>, command: &str) -> Result<(), CampaignError> {
+    fn index(
+        &mut self,
+        measured: &[Measured],
+        card: Option<&SensorCard>,
+        notices: &Notices,
+        command: &str,
+    ) -> Result<(), CampaignError> {
         let hrefs: Vec<String> = measured.iter().map(|m| format!("records/{}/index.html", m.slug)).collect();
         let is_on_card = |m: &Measured| m.record.outcome == BenchOutcome::Measured;
         // Those behind the card come first, as on the card.
@@ -91,8 +97,14 @@ impl Writer<'_> {
         records.extend(all().filter(|(m, _)| !is_on_card(m)).map(|(m, href)| record_row(m, href)));
         let empty = empty_card(measured);
         let card_file = card.map(card_name);
-        let page =
-            CardPage { card: card.unwrap_or(&empty), card_file: card_file.as_deref(), records: &records, command };
+        let without_mean: Vec<String> = without_mean(notices).map(|notice| notice.text.clone()).collect();
+        let page = CardPage {
+            card: card.unwrap_or(&empty),
+            card_file: card_file.as_deref(),
+            records: &records,
+            without_mean: &without_mean,
+            command,
+        };
         let site = caught(|| card_site(&page)).map_err(|what| defect("index.html", &what))?;
         self.site("", &site)
     }
@@ -110,6 +122,11 @@ impl Writer<'_> {
         }
         Ok(())
     }
+}
+
+/// What is said of channels on whose delay the records do not agree.
+pub(super) fn without_mean(notices: &Notices) -> impl Iterator<Item = &Notice> {
+    notices.iter().filter(|notice| notice.code == Code::NotComparable && notice.place.is_empty())
 }
 
 fn record_row<'a>(measured: &'a Measured, href: &'a str) -> CardRecord<'a> {

@@ -21,7 +21,8 @@ use crate::verdict;
 use flight::Quantity;
 use maud::{Markup, PreEscaped, html};
 use record::{
-    BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, ModelFinding, TimeBasis, Verdict,
+    BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, GateCheck, ModelFinding,
+    TimeBasis, Verdict,
 };
 
 /// What the page of a bench record needs besides the record.
@@ -212,7 +213,7 @@ fn first_words(record: &BenchRecord) -> Markup {
 /// What was asked, answered channel by channel: the displaced ones first, each in a sentence.
 fn answer(findings: &BenchFindings) -> Markup {
     let of = |verdict| findings.channels.iter().filter(move |c| c.verdict == verdict);
-    let failed = findings.gate.checks.iter().filter(|c| !c.passed).count() as u64;
+    let failed: Vec<&GateCheck> = findings.gate.checks.iter().filter(|c| !c.passed).collect();
     html! {
         @for channel in of(Verdict::Delayed).chain(of(Verdict::Early)) { (displaced(channel)) }
         (group("On time, each within its margin: ", of(Verdict::EquivalentToZero).collect(), on_time))
@@ -220,9 +221,9 @@ fn answer(findings: &BenchFindings) -> Markup {
         (group("Not measurable: ", of(Verdict::NotMeasurable).collect(), |c| html! { " (" (shown(c.reason.trim_end_matches('.'))) ")" }))
         @if findings.channels.is_empty() { p.answer { "No channel could be measured." } }
         p.answer { (shown(&findings.clocks.statement)) }
-        @if failed > 0 {
+        @for check in failed {
             p.answer {
-                (badge("unsure", "!", "Quality gate")) " " (number::counted(failed, "check", "checks")) " not passed: see " a href="#gate" { "Quality gate" } "."
+                (badge("unsure", "!", "Quality gate")) " " (shown(&check.name)) ": " (shown(&check.text)) ". See " a href="#gate" { "Quality gate" } "."
             }
         }
     }
@@ -239,7 +240,10 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
                     (number::interval(found.interval_95_s.map(|s| s * 1e3), found.standard_uncertainty_s * 1e3)) " ms"
                     @if let TimeBasis::Anchor { channel } = &channel.basis { ", relative to " code { (shown(channel)) } }
                     "."
-                    @if let Some(model) = lagging(channel) {
+                    @if let Some([least, most]) = channel.changing_delay_s() {
+                        " " (badge("bad", "✗", "in doubt")) " The delay changes over the record, from " (number::fixed(1e3 * least, 1)) " to "
+                        (number::fixed(1e3 * most, 1)) " ms in windows. One number does not describe it."
+                    } @else if let Some(model) = lagging(channel) {
                         " That is the pure delay that fits this swing best. The channel has a lag (" (shown(&model.text))
                         "): slow motion is " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } " late."
                     }

@@ -30,6 +30,8 @@ pub struct CardPage<'a> {
     pub card_file: Option<&'a str>,
     /// The records behind it, in the order of [`SensorCard::records`].
     pub records: &'a [CardRecord<'a>],
+    /// Why channels that records hold have no common delay on the card, each in a sentence.
+    pub without_mean: &'a [String],
     /// Command that makes this page again.
     pub command: &'a str,
 }
@@ -173,14 +175,14 @@ fn body(page: &CardPage, channels: &[Channel], [forest, paper]: [Option<&Figure>
         (contents(&[("channels", "Channels"), ("use", "Use it"), ("records", "Records"), ("magnetometer", "Magnetometer"), ("method", "Method"), ("provenance", "Provenance")]))
         main {
             h1 { "Sensor card: " (shown(&sensor_name(&card.sensor))) }
-            (answer(card, channels))
+            (answer(page, channels))
             h2 id="channels" { "Channels" }
             @match forest {
                 Some(forest) => { (figure(forest)) }
                 None => { p { (no_number("no record at hand holds a delay")) } }
             }
             (channel_table(channels))
-            @for channel in channels { (contradicted(channel.card)) }
+            (doubts(channels))
             (snippet(page, channels))
             h2 id="records" { "Records" }
             (records(page, channels))
@@ -202,10 +204,13 @@ fn body(page: &CardPage, channels: &[Channel], [forest, paper]: [Option<&Figure>
 }
 
 /// What was asked: how late each channel is and against what, the worst first; then how long that holds.
-fn answer(card: &SensorCard, channels: &[Channel]) -> Markup {
+fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
     let is_displaced = |c: &&Channel| matches!(c.card.verdict, Verdict::Delayed | Verdict::Early);
     let others = [Verdict::EquivalentToZero, Verdict::Inconclusive, Verdict::NotMeasurable];
     html! {
+        @for why in page.without_mean {
+            p.answer { (badge("bad", "✗", "no common delay")) " " (shown(why)) "." }
+        }
         @for channel in channels.iter().filter(is_displaced) { (displaced(channel.card)) }
         @for verdict in others {
             @let of: Vec<&Channel> = channels.iter().filter(|c| c.card.verdict == verdict).collect();
@@ -216,13 +221,14 @@ fn answer(card: &SensorCard, channels: &[Channel]) -> Markup {
                         @if i > 0 { "; " }
                         code { (shown(&channel.card.name)) } " " (estimate(&delay_ms(channel.card))) "\u{a0}ms"
                         @if verdict == Verdict::EquivalentToZero { ", margin ±" (number::exact(channel.margin_s * 1e3)) "\u{a0}ms" }
+                        @if channel.card.is_in_doubt() { ", " (badge("bad", "✗", "in doubt")) }
                     }
                     ". " (against(channels.iter().filter(|c| c.card.verdict == verdict)))
                 }
             }
         }
         @if channels.is_empty() { p.answer { "The card holds no channel." } }
-        p.answer { "Validity: " (validity(card)) }
+        p.answer { "Validity: " (validity(page.card)) }
     }
 }
 
@@ -230,12 +236,13 @@ fn displaced(channel: &CardChannel) -> Markup {
     let (word, sign) = if channel.verdict == Verdict::Early { ("early", -1.0) } else { ("late", 1.0) };
     html! {
         p.answer {
+            @if channel.is_in_doubt() { (badge("bad", "✗", "in doubt")) " " }
             b {
                 code { (shown(&channel.name)) } " is " (word) " by " (estimate(&number::scaled(&delay_ms(channel), sign)))
                 "\u{a0}ms, " (time_base(&channel.basis))
             }
             " (k = 2)"
-            @if let Some(slow) = channel.slow_motion_delay_s {
+            @if let Some(slow) = channel.slow_motion_delay_s.filter(|_| !channel.delay_changes()) {
                 ", as the pure delay that fits the bench's swing best. It is a lag (" (shown(&channel.model)) "): slow motion is "
                 b { (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) " ms" } " late"
             }
@@ -244,7 +251,17 @@ fn displaced(channel: &CardChannel) -> Markup {
                 ", " (number::counted(channel.outliers.len() as u64, "record", "records")) " left out"
             }
             "."
+            @if channel.is_in_doubt() { " " (reasons(channel)) "." }
         }
+    }
+}
+
+/// What puts the delay in doubt.
+fn reasons(channel: &CardChannel) -> Markup {
+    const MOST: usize = 20;
+    html! {
+        @for (i, what) in channel.contradicted.iter().take(MOST).enumerate() { @if i > 0 { ", " } (shown(what)) }
+        @if channel.contradicted.len() > MOST { " and " (channel.contradicted.len() - MOST) " more" }
     }
 }
 
@@ -353,8 +370,8 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
         tr {
             th scope="row" { (shown(&channel.name)) }
             td {
-                (verdict_badge(channel.verdict))
-                @if !channel.contradicted.is_empty() { " " (badge("bad", "✗", "in doubt")) }
+                @if channel.is_in_doubt() { (verdict::word(channel.verdict)) ", " (badge("bad", "✗", "in doubt")) }
+                @else { (verdict_badge(channel.verdict)) }
             }
             td.n { (estimate(&delay_ms(channel))) }
             td.n { "±" (number::exact(margin_s * 1e3)) }
@@ -385,15 +402,22 @@ fn in_ms(value_s: f64, standard_uncertainty_s: Option<f64>) -> Markup {
     estimate(&verdict::in_millis(&Estimate { value: value_s, standard_uncertainty: standard_uncertainty_s }))
 }
 
-fn contradicted(channel: &CardChannel) -> Markup {
+/// What puts delays in doubt: channels of the same reasons together.
+fn doubts(channels: &[Channel]) -> Markup {
+    let mut groups: Vec<Vec<&CardChannel>> = vec![];
+    for channel in channels.iter().map(|c| c.card).filter(|c| c.is_in_doubt()) {
+        match groups.iter_mut().find(|group| group[0].contradicted == channel.contradicted) {
+            Some(group) => group.push(channel),
+            None => groups.push(vec![channel]),
+        }
+    }
     html! {
-        @if !channel.contradicted.is_empty() {
+        @for group in groups {
             p {
-                (badge("bad", "✗", "in doubt")) " The data contradict the rig file or the encoder, or the delay of "
-                code { (shown(&channel.name)) } " is not constant: "
-                @for (i, what) in channel.contradicted.iter().take(20).enumerate() { @if i > 0 { ", " } (shown(what)) }
-                @if channel.contradicted.len() > 20 { " and " (channel.contradicted.len() - 20) " more" }
-                ". Correct what is named and measure again. Until then do not rely on the number."
+                (badge("bad", "✗", "in doubt")) " "
+                @for (i, channel) in group.iter().enumerate() { @if i > 0 { ", " } code { (shown(&channel.name)) } }
+                ": " (reasons(group[0])) ". The reference may be wrong, or the delay is not one number. Correct what is named and \
+                 measure again. Until then do not rely on the delay."
             }
         }
     }
@@ -412,7 +436,13 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
             (Some(position), None) => {
                 pre tabindex="0" { code { (shown_block(&fixed_delay(position, page.card))) } }
             }
-            (None, _) => { p { (no_number("the card holds no position, so there is no delay to remove")) } }
+            (None, _) if page.without_mean.is_empty() => {
+                p { (no_number("the card holds no position, so there is no delay to remove")) }
+            }
+            (None, _) => { p { (no_number("the card holds no position on which the records agree, so there is no delay to remove")) } }
+        }
+        @if position.is_some_and(CardChannel::is_in_doubt) {
+            p { (badge("bad", "✗", "in doubt")) " Measure again before you use this delay." }
         }
         @if let Some(TimeBasis::Anchor { channel }) = position.map(|p| &p.basis) {
             p { "This delay is relative: it is right where " code { (shown(channel)) } " of the flight is on time." }

@@ -2,7 +2,7 @@
 
 use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
 use crate::html::{Tag, points, read, shows};
-use record::{BenchRecord, Estimate, Finding, SensorCard, Verdict};
+use record::{BenchRecord, ChannelDynamics, DELAY_CHANGES, Estimate, Finding, SensorCard, Verdict};
 use report::{BenchPage, CardPage, CardRecord, IndexedCard, Site, bench_site, card_site, cards_site, monte_carlo_site};
 
 fn site(record: &BenchRecord) -> Site {
@@ -27,7 +27,13 @@ fn card_of(card: &SensorCard, records: &[BenchRecord]) -> Site {
     let names = ["swing-07", "swing-08", "swing-09", "swing-10"];
     let of = |(name, record)| CardRecord { name, record, href: Some("../swing/index.html") };
     let records: Vec<CardRecord> = names.into_iter().zip(records).map(of).collect();
-    card_site(&CardPage { card, card_file: None, records: &records, command: "flightlag bench records" })
+    card_site(&CardPage {
+        card,
+        card_file: None,
+        records: &records,
+        without_mean: &[],
+        command: "flightlag bench records",
+    })
 }
 
 fn all_sites() -> Vec<Site> {
@@ -334,8 +340,63 @@ fn what_was_read_and_with_which_rig_stands_under_provenance() {
 #[test]
 fn a_channel_whose_rig_the_data_contradict_is_marked_with_what_they_contradict() {
     let html = text(&the_card(), "index.html");
-    assert_eq!(html.matches("in doubt").count(), 2, "one row and one paragraph");
+    assert_eq!(html.matches("in doubt").count(), 3, "the answer, one row and one paragraph");
     assert!(html.contains("swing-07: azimuth by &lt;imu&gt;") && html.contains("; slow motion "));
+}
+
+/// The number is never without what puts it in doubt, and a lag does not explain a delay that changes.
+#[test]
+fn a_delay_in_doubt_is_so_in_the_first_sentence_and_where_it_is_used() {
+    let (mut card, records) = card();
+    let changes = format!("swing-07: {DELAY_CHANGES}, from 350.0 to 450.0 ms in windows");
+    for channel in card.channels.iter_mut().filter(|c| c.name.starts_with("position")) {
+        channel.contradicted = vec![changes.clone()];
+        channel.verdict = Verdict::Delayed;
+        channel.slow_motion_delay_s = Some(0.5);
+    }
+    let html = words(&text(&card_of(&card, &records), "index.html")).replace('\u{a0}', " ");
+    let (answer, rest) = html.split_once("Validity: ").unwrap();
+    assert!(answer.contains("✗ in doubt position.gps is late by") && answer.contains(&changes), "{answer}");
+    assert!(!answer.contains("slow motion is"), "{answer}");
+    let of_use = rest.split_once("Use it in a pipeline").unwrap().1;
+    assert!(of_use.contains("✗ in doubt Measure again before you use this delay."), "{of_use}");
+}
+
+#[test]
+fn records_that_disagree_are_in_the_answer() {
+    let (card, records) = card();
+    let why = "position.gps: the records disagree: a 400.7 ± 2.2 ms against b 600.0 ± 1.8 ms".to_owned();
+    let record = CardRecord { name: "swing-07", record: &records[0], href: None };
+    let page = CardPage {
+        card: &SensorCard { channels: vec![], ..card },
+        card_file: None,
+        records: &[record],
+        without_mean: &[why.clone()],
+        command: "flightlag bench records",
+    };
+    let html = words(&text(&card_site(&page), "index.html"));
+    let answer = html.split_once("Validity: ").unwrap().0;
+    assert!(answer.contains(&format!("✗ no common delay {why}.")), "{answer}");
+    assert!(html.contains("no position on which the records agree"), "{html}");
+}
+
+#[test]
+fn a_record_says_first_that_its_delay_changes_or_its_encoder_slipped() {
+    let mut record = bench_record();
+    let findings = record.findings.as_mut().unwrap();
+    let has_windows = |c: &&mut ChannelDynamics| c.verdict == Verdict::Delayed && c.stationarity.found().is_some();
+    let channel = findings.channels.iter_mut().find(has_windows).unwrap();
+    let Finding::Found(windows) = &mut channel.stationarity else { panic!("windows") };
+    windows.changes = true;
+    let bound = |f: fn(f64, f64) -> f64, from: f64| 1e3 * windows.delay_s.iter().map(|d| d.value).fold(from, f);
+    let (least, most) = (bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY));
+    findings.gate.checks[0].passed = false;
+    let check = findings.gate.checks[0].clone();
+    let html = words(&page(&record)).replace('\u{a0}', " ");
+    let answer = html.split_once("All channels;").unwrap().0;
+    let changes = format!("✗ in doubt The delay changes over the record, from {least:.1} to {most:.1} ms in windows.");
+    assert!(answer.replace('\u{202f}', "").contains(&changes), "{answer}");
+    assert!(answer.contains(&format!("Quality gate {}: ", check.name)), "{answer}");
 }
 
 #[test]
