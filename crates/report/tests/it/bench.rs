@@ -371,7 +371,7 @@ fn records_that_disagree_are_in_the_answer() {
         card: &SensorCard { channels: vec![], ..card },
         card_file: None,
         records: &[record],
-        without_mean: &[why.clone()],
+        without_mean: std::slice::from_ref(&why),
         command: "flightlag bench records",
     };
     let html = words(&text(&card_site(&page), "index.html"));
