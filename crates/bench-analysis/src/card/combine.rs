@@ -25,6 +25,10 @@ const RATE_TOLERANCE: f64 = 0.2;
 
 /// More than two thirds of the records must agree, or nobody can say which ones are off.
 const MAJORITY: [usize; 2] = [2, 3];
+/// Delays of two records that are this many standard uncertainties apart differ, for any number of records.
+const SURELY_APART: f64 = 6.0;
+/// A smaller spread between records is in the uncertainty of the card, s.
+const APART_S: f64 = 0.020;
 
 /// What a card needs besides the records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -369,8 +373,13 @@ impl<'a> Several<'a> {
             let own = channels(found).iter().find(|c| c.name == name).and_then(change);
             contradictions(found).into_iter().chain(own)
         };
-        let contradicted =
-            behind.flat_map(|(record, found)| doubts(found).map(move |what| format!("{record}: {what}"))).collect();
+        let differs = difference(&kept);
+        if let Some(what) = &differs {
+            let why = format!("{what}. One number does not describe it: find what differs between the records");
+            left_out.push(LeftOut { code: Code::FlightDelayChanges, record: "", channel: name, why });
+        }
+        let of_records = behind.flat_map(|(record, found)| doubts(found).map(move |what| format!("{record}: {what}")));
+        let contradicted = of_records.chain(differs).collect();
         (!kept.is_empty()).then_some(Several { name, runs: kept, outliers, contradicted })
     }
 
@@ -473,6 +482,21 @@ impl<'a> Several<'a> {
         }
         Some(middle)
     }
+}
+
+/// That the delay is another one from record to record, by more than their uncertainties and by more than a flight would bear.
+fn difference(runs: &[Run<'_>]) -> Option<String> {
+    let by_delay = |a: &&Run<'_>, b: &&Run<'_>| a.delay.delay.seconds().total_cmp(&b.delay.delay.seconds());
+    let (least, most) = (runs.iter().min_by(by_delay)?, runs.iter().max_by(by_delay)?);
+    let [from_s, to_s] = [least, most].map(|run| run.delay.delay.seconds());
+    let u_s = least.delay.standard_uncertainty_s.hypot(most.delay.standard_uncertainty_s);
+    (to_s - from_s > (SURELY_APART * u_s).max(APART_S)).then(|| {
+        with_minus(&format!(
+            "the delay differs from record to record, from {:.1} to {:.1} ms",
+            1e3 * from_s,
+            1e3 * to_s
+        ))
+    })
 }
 
 /// Both groups of records, where neither is a clear majority: apart at the widest gap between their delays.

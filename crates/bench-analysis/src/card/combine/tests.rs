@@ -257,6 +257,22 @@ fn records_without_a_clear_majority_make_no_common_delay() {
     assert_eq!(five.card.channels[0].outliers, ["swing-05"]);
 }
 
+/// Too few, or too scattered, for outliers: the mean of 470 ± 290 ms had no word of doubt.
+#[test]
+fn a_delay_that_differs_from_record_to_record_is_in_doubt() {
+    let what = |last: &str| format!("the delay differs from record to record, from 398.0 to {last} ms");
+    for (delays, last) in
+        [(&[398.0, 402.0, 600.0][..], "600.0"), (&[398.0, 600.0][..], "600.0"), (&[402.0, 398.0, 430.0][..], "430.0")]
+    {
+        let combined = combine(&runs(delays), &TERMS).unwrap();
+        assert_eq!(combined.card.channels[0].contradicted, [what(last)]);
+        assert_eq!(told(&combined), [("flight-delay-changes", "")]);
+    }
+    // Within 20 ms the uncertainty of the card holds the spread.
+    let close = combine(&runs(&[398.0, 402.0, 415.0]), &TERMS).unwrap();
+    assert!(close.card.channels[0].contradicted.is_empty());
+}
+
 #[test]
 fn a_delay_that_changes_puts_its_channel_in_doubt() {
     let mut all = runs(&[400.0, 401.0, 399.0]);
