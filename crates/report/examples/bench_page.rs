@@ -30,6 +30,7 @@ fn main() -> std::io::Result<()> {
             card_file: Some("mti-g.card.toml"),
             records: &records,
             without_mean: &[],
+            remarks: &[],
             command: COMMAND,
         }),
     )?;

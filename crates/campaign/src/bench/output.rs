@@ -98,11 +98,18 @@ impl Writer<'_> {
         let empty = empty_card(measured);
         let card_file = card.map(card_name);
         let without_mean: Vec<String> = without_mean(notices).map(|notice| notice.text.clone()).collect();
+        let said = |notice: &Notice| match notice.place.as_str() {
+            "" => notice.text.clone(),
+            place => format!("{place}: {}", notice.text),
+        };
+        let is_remark = |notice: &&Notice| notice.severity != Severity::Info && !is_without_mean(notice);
+        let remarks: Vec<String> = notices.iter().filter(is_remark).map(said).collect();
         let page = CardPage {
             card: card.unwrap_or(&empty),
             card_file: card_file.as_deref(),
             records: &records,
             without_mean: &without_mean,
+            remarks: &remarks,
             command,
         };
         let site = caught(|| card_site(&page)).map_err(|what| defect("index.html", &what))?;
@@ -126,7 +133,11 @@ impl Writer<'_> {
 
 /// What is said of channels on whose delay the records do not agree.
 pub(super) fn without_mean(notices: &Notices) -> impl Iterator<Item = &Notice> {
-    notices.iter().filter(|notice| notice.code == Code::NotComparable && notice.place.is_empty())
+    notices.iter().filter(|notice| is_without_mean(notice))
+}
+
+fn is_without_mean(notice: &Notice) -> bool {
+    notice.code == Code::NotComparable && notice.place.is_empty()
 }
 
 fn record_row<'a>(measured: &'a Measured, href: &'a str) -> CardRecord<'a> {

@@ -32,6 +32,8 @@ pub struct CardPage<'a> {
     pub records: &'a [CardRecord<'a>],
     /// Why channels that records hold have no common delay on the card, each in a sentence.
     pub without_mean: &'a [String],
+    /// What else is to be known of the records, as a channel that none of them could measure.
+    pub remarks: &'a [String],
     /// Command that makes this page again.
     pub command: &'a str,
 }
@@ -228,6 +230,7 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
             }
         }
         @if channels.is_empty() { p.answer { "The card holds no channel." } }
+        @for remark in page.remarks { p.answer { (badge("unsure", "!", "Records")) " " (shown(remark)) "." } }
         p.answer { "Validity: " (validity(page.card)) }
     }
 }

@@ -32,6 +32,7 @@ fn card_of(card: &SensorCard, records: &[BenchRecord]) -> Site {
         card_file: None,
         records: &records,
         without_mean: &[],
+        remarks: &[],
         command: "flightlag bench records",
     })
 }
@@ -372,11 +373,13 @@ fn records_that_disagree_are_in_the_answer() {
         card_file: None,
         records: &[record],
         without_mean: std::slice::from_ref(&why),
+        remarks: &["swing-07: position.ins: cannot tell: widen analysis.search_s".to_owned()],
         command: "flightlag bench records",
     };
     let html = words(&text(&card_site(&page), "index.html"));
     let answer = html.split_once("Validity: ").unwrap().0;
     assert!(answer.contains(&format!("✗ no common delay {why}.")), "{answer}");
+    assert!(answer.contains("! Records swing-07: position.ins: cannot tell: widen analysis.search_s."), "{answer}");
     assert!(html.contains("no position on which the records agree"), "{html}");
 }
 

@@ -116,7 +116,14 @@ fn bench(record: &BenchRecord, text: &str) -> Site {
 fn card_page(card: &SensorCard, records: &[BenchRecord], text: &str) -> Site {
     let records: Vec<CardRecord> =
         records.iter().map(|record| CardRecord { name: text, record, href: Some(text) }).collect();
-    card_site(&CardPage { card, card_file: Some(text), records: &records, without_mean: &[], command: text })
+    card_site(&CardPage {
+        card,
+        card_file: Some(text),
+        records: &records,
+        without_mean: &[],
+        remarks: &[],
+        command: text,
+    })
 }
 
 fn is_harmless(site: &Site, payload: &str) {
