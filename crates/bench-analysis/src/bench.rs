@@ -8,7 +8,7 @@ use crate::curves::{curve, liveliest};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 use crate::flexibility::{flexibility, weighted_mean};
 use crate::gap::Hidden;
-use crate::gate::{Gate, gate};
+use crate::gate::{Gate, Spectra, gap_check, gate, spectra};
 use crate::magnetometer::magnetic_swings;
 use crate::motion::Motion;
 use crate::mount::mount_finding;
@@ -102,14 +102,22 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
         return Err(BenchRefusal::NoChannel(held.join(", ")));
     }
     let arm = accelerometer_arm(sensor, rig);
-    let Gate { quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
+    let Gate { mut quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
     let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
-    tell_of_gaps(&motion, &channels, &mut notices);
+    if let Some(check) = gap_check(&motion, hidden_samples(&channels)) {
+        notices.push(
+            Code::SamplesLeftOut.at(flight::Severity::Info),
+            encoder_name,
+            motion.gaps().len() as u64,
+            check.text.clone(),
+        );
+        quality.checks.push(check);
+    }
     tell_of_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
     let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);
     notices.extend(turn_notices);
-    let (mount, mount_notices) = mount_finding(rig, &around, &alignment, &swings);
+    let (mount, mount_notices) = mount_finding(rig, &around, &alignment, &swings, &channels);
     notices.extend(mount_notices);
     let findings = BenchFindings {
         origin_ns: motion.origin().0,
@@ -303,7 +311,7 @@ fn channels(
         inject_gain: rig.analysis.inject_gain,
         t: &t,
         rate: &rate,
-        zoom: liveliest(&t, &rate),
+        zoom: liveliest(&t, &rate, motion.gaps()),
         period_s: Some(rms_frequencies(motion).0).filter(|hz| *hz > 0.0).map_or(0.0, |hz| 1.0 / hz),
         still_rate: STILL_COUNTS_PER_S * lsb,
         errors: &ReferenceErrors::of(motion),
@@ -320,19 +328,9 @@ fn channels(
     references.channels.iter().filter_map(of).collect()
 }
 
-/// The gaps of the encoder, and how many samples were left out for them.
-fn tell_of_gaps(motion: &Motion, channels: &[ChannelDynamics], notices: &mut Notices) {
-    let gaps = motion.gaps();
-    let Some((start, end)) = gaps.iter().copied().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0))) else { return };
-    let total_s: f64 = gaps.iter().map(|(from, to)| to - from).sum();
-    let rejected = channels.iter().flat_map(|c| &c.rejected).filter(|r| r.reason == SILENT);
-    let rows: u64 = rejected.map(|r| r.count).sum();
-    let text = format!(
-        "gaps of the encoder, each a quarter of a swing or longer: {}, {total_s:.2} s in total, the longest from {start:.2} to \
-         {end:.2} s. The motion there is unknown: {rows} samples of the channels are left out",
-        gaps.len()
-    );
-    notices.push(Code::SamplesLeftOut, &motion.encoder().channel, rows, text);
+/// Samples of the channels that show an instant within a gap of the encoder.
+fn hidden_samples(channels: &[ChannelDynamics]) -> u64 {
+    channels.iter().flat_map(|c| &c.rejected).filter(|r| r.reason == SILENT).map(|r| r.count).sum()
 }
 
 /// Share of samples that a channel may hold back as outliers without a word.
@@ -394,10 +392,8 @@ fn bending(
 
 /// Rms frequency of the bar's angle and of its rate, Hz.
 fn rms_frequencies(motion: &Motion) -> (f64, f64) {
-    const GRID_HZ: f64 = 50.0;
-    let states: Vec<_> = motion.grid(GRID_HZ).iter().filter_map(|&t| motion.at(t)).collect();
-    let of = |y: Vec<f64>| signal::power_spectrum(&y, GRID_HZ).rms_frequency_hz().unwrap_or(0.0);
-    (of(states.iter().map(|s| s.angle).collect()), of(states.iter().map(|s| s.rate).collect()))
+    let Spectra { angle, rate } = spectra(motion);
+    (angle.rms_frequency_hz().unwrap_or(0.0), rate.rms_frequency_hz().unwrap_or(0.0))
 }
 
 /// Where the channels of the record are measured.

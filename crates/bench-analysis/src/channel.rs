@@ -117,7 +117,7 @@ fn undetermined(
     component: &SensedComponent<'_>,
     bench: &Circumstances<'_>,
 ) -> ComponentDynamics {
-    let (curves, zoom) = component_curves(&channel.t, component, None, bench.zoom);
+    let (curves, zoom) = component_curves(channel, component, None, bench.zoom);
     ComponentDynamics {
         name: component.name.to_owned(),
         unit: component.unit.to_owned(),
@@ -291,7 +291,7 @@ fn unused(updates: &Updates, fit: &DelayFit) -> Vec<RejectCount> {
     let first = fit.components.first().and_then(|c| (0..).find(|row| !c.used_rows.contains(row))).unwrap_or(0);
     (outside > 0)
         .then(|| RejectCount {
-            reason: "its true instant lies outside the encoder's record".to_owned(),
+            reason: "its true instant lies outside the part of the encoder's record that is used".to_owned(),
             count: outside as u64,
             first: format!("update {first}"),
         })
@@ -313,7 +313,7 @@ fn components(
         .map(|(k, component)| {
             let place = updates.excited.iter().position(|&e| e == k);
             let fitted = place.and_then(|place| fit.components.get(place));
-            let (curves, zoom) = component_curves(&channel.t, component, fitted.map(|f| (fit, f)), bench.zoom);
+            let (curves, zoom) = component_curves(channel, component, fitted.map(|f| (fit, f)), bench.zoom);
             let alone = place.filter(|_| updates.excited.len() > 1).and_then(|_| {
                 fit_delay(&[measurement(component, &updates.t, &updates.values[k])], &bench.settings()).ok()
             });

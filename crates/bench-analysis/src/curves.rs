@@ -1,6 +1,7 @@
 //! Curves of a component for the figures: reference, reference delayed as found, measured.
 
-use crate::sensed::SensedComponent;
+use crate::gap;
+use crate::sensed::{SensedChannel, SensedComponent};
 use record::Curve;
 use signal::{ComponentFit, DelayFit, Reference, min_max};
 
@@ -18,14 +19,14 @@ const ZOOM_STEP_S: f64 = 0.5;
 /// Reference at the true time, reference as delayed and scaled by the fit, measured: over the whole record, and over
 /// the stretch `zoom`.
 pub(crate) fn component_curves(
-    t: &[f64],
+    channel: &SensedChannel<'_>,
     component: &SensedComponent<'_>,
     fit: Option<(&DelayFit, &ComponentFit)>,
     zoom: (f64, f64),
 ) -> (Vec<Curve>, Vec<Curve>) {
     let (from, to) = component.reference.span();
-    let whole = curves(t, component, fit, (from, to), (to - from) / REFERENCE_POINTS as f64);
-    let zoom = curves(t, component, fit, zoom, 1.0 / ZOOM_RATE_HZ);
+    let whole = curves(channel, component, fit, (from, to), (to - from) / REFERENCE_POINTS as f64);
+    let zoom = curves(channel, component, fit, zoom, 1.0 / ZOOM_RATE_HZ);
     (whole, zoom)
 }
 
@@ -35,25 +36,30 @@ pub(crate) fn residual_curve(fit: &ComponentFit) -> Curve {
 }
 
 fn curves(
-    t: &[f64],
+    channel: &SensedChannel<'_>,
     component: &SensedComponent<'_>,
     fit: Option<(&DelayFit, &ComponentFit)>,
     (start, end): (f64, f64),
     step: f64,
 ) -> Vec<Curve> {
     let (from, to) = component.reference.span();
+    let gaps = channel.hidden.gaps;
+    // Nobody measured the motion in a gap: nothing is drawn there.
+    let is_known = |t: &f64| (from..=to).contains(t) && !gap::contains(gaps, *t);
     let steps = ((end - start) / step).floor().max(0.0) as usize;
-    let grid: Vec<f64> = (0..=steps).map(|k| start + k as f64 * step).filter(|t| (from..=to).contains(t)).collect();
+    let all: Vec<f64> = (0..=steps).map(|k| start + k as f64 * step).collect();
+    let grid: Vec<f64> = all.iter().copied().filter(is_known).collect();
     let reference: Vec<f64> = grid.iter().map(|&t| component.reference.value_and_rate(t).0).collect();
     let mut curves = vec![curve("reference", &grid, &reference)];
     if let Some((fit, component_fit)) = fit {
-        let (late_t, late): (Vec<f64>, Vec<f64>) = grid
+        let (late_t, late): (Vec<f64>, Vec<f64>) = all
             .iter()
-            .filter(|&&t| (from..=to).contains(&(t - fit.delay_s)))
+            .filter(|&&t| (from..=to).contains(&t) && is_known(&(t - fit.delay_s)))
             .map(|&t| (t, fitted(t, component.reference, fit, component_fit)))
             .unzip();
         curves.push(curve("reference, delayed and scaled as found", &late_t, &late));
     }
+    let t = &channel.t;
     let rows = t.partition_point(|&x| x < start)..t.partition_point(|&x| x <= end);
     curves.push(curve("measured", &t[rows.clone()], &component.values[rows]));
     curves
@@ -64,8 +70,9 @@ fn fitted(t: f64, reference: &dyn Reference, fit: &DelayFit, component: &Compone
     component.gain.value * reference.value_and_rate(t - fit.delay_s).0 + component.offset.value + drift
 }
 
-/// The stretch in which the bar moves most: one for all channels, so that they can be compared.
-pub(crate) fn liveliest(t: &[f64], rate: &[f64]) -> (f64, f64) {
+/// The stretch in which the bar moves most, away from gaps where there is such a one: one for all channels, so that they can be
+/// compared.
+pub(crate) fn liveliest(t: &[f64], rate: &[f64], gaps: &[(f64, f64)]) -> (f64, f64) {
     let (Some(&from), Some(&to)) = (t.first(), t.last()) else { return (0.0, 0.0) };
     let square: Vec<f64> = rate.iter().map(|r| r * r).collect();
     let energy = signal::CumulativeIntegral::new(t, &square);
@@ -73,7 +80,9 @@ pub(crate) fn liveliest(t: &[f64], rate: &[f64]) -> (f64, f64) {
     let steps = ((last - from) / ZOOM_STEP_S) as usize;
     let starts = (0..=steps).map(|k| from + k as f64 * ZOOM_STEP_S);
     let of = |start: &f64| energy.between(*start, (start + ZOOM_S).min(to));
-    let start = starts.max_by(|a, b| of(a).total_cmp(&of(b))).unwrap_or(from);
+    let has_gap = |start: &f64| gaps.iter().any(|(before, after)| *before < start + ZOOM_S && *after > *start);
+    let best = |all: &mut dyn Iterator<Item = f64>| all.max_by(|a, b| of(a).total_cmp(&of(b)));
+    let start = best(&mut starts.clone().filter(|s| !has_gap(s))).or_else(|| best(&mut starts.clone())).unwrap_or(from);
     (start, (start + ZOOM_S).min(to))
 }
 

@@ -43,7 +43,12 @@ impl<'a> Hidden<'a> {
     }
 }
 
+/// Whether an instant lies within a gap.
+pub(crate) fn contains(gaps: &[(f64, f64)], t: f64) -> bool {
+    gaps.iter().any(|(before, after)| t > *before && t < *after)
+}
+
 /// A state, unless it lies within a gap.
 pub(crate) fn outside(gaps: &[(f64, f64)], t: f64, state: Option<BarState>) -> Option<BarState> {
-    state.filter(|_| !gaps.iter().any(|(before, after)| t > *before && t < *after))
+    state.filter(|_| !contains(gaps, t))
 }

@@ -4,8 +4,8 @@ use crate::kinematics::{BarState, specific_force};
 use crate::motion::Motion;
 use flight::with_minus;
 use flight::{Channel, Flight, Quantity};
-use record::{GateCheck, QualityGate};
-use signal::power_spectrum;
+use record::{COUNTS_OR_STAMPS_WRONG, ENCODER_RESIDUAL, ENCODER_SLIP, GateCheck, QualityGate};
+use signal::{Spectrum, power_spectrum};
 
 /// Below this amplitude nothing moves enough, rad.
 const LEAST_AMPLITUDE: f64 = 2.0 * std::f64::consts::PI / 180.0;
@@ -33,18 +33,15 @@ pub(crate) struct Gate {
 
 /// Judges motion and channels. `arm_m` is the accelerometer's lever arm.
 pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f64) -> Gate {
-    let grid = motion.grid(SPECTRUM_RATE_HZ);
-    let states: Vec<BarState> = grid.iter().filter_map(|&t| motion.at(t)).collect();
-    let (first, last) = motion.span();
-    let rate_hz = (grid.len().saturating_sub(1)) as f64 / (last - first);
-    let angles: Vec<f64> = states.iter().map(|s| s.angle).collect();
-    let rates: Vec<f64> = states.iter().map(|s| s.rate).collect();
-    let spectrum = power_spectrum(&angles, rate_hz);
-    let band = power_spectrum(&rates, rate_hz).band(0.9).unwrap_or([0.0; 2]);
+    let parts: Vec<Vec<BarState>> = motion.parts().into_iter().map(|part| states_of(motion, part)).collect();
+    let states: Vec<BarState> = parts.iter().flatten().copied().collect();
+    let Spectra { angle: spectrum, rate } = spectra(motion);
+    let band = rate.band(0.9).unwrap_or([0.0; 2]);
     let rms_frequency_hz = spectrum.rms_frequency_hz().unwrap_or(0.0);
     let [low, high] = motion.angle_range();
     let amplitude = 0.5 * (high - low);
-    let swings = swings(&angles, amplitude);
+    let angles = |part: &Vec<BarState>| part.iter().map(|s| s.angle).collect::<Vec<f64>>();
+    let swings = parts.iter().map(|part| swings(&angles(part), amplitude)).sum();
     let mut checks = vec![
         amplitude_check(amplitude, low, high),
         swings_check(swings, band),
@@ -67,6 +64,42 @@ pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f
     let quality =
         QualityGate { checks, excited_band_hz: band, rms_frequency_hz, swings, not_observable: not_observable() };
     Gate { quality, closed }
+}
+
+/// The bar over a part of the record, evenly spaced.
+fn states_of(motion: &Motion, part: (f64, f64)) -> Vec<BarState> {
+    motion.grid(part, SPECTRUM_RATE_HZ).iter().filter_map(|&t| motion.at(t)).collect()
+}
+
+/// Where the power of the bar's angle and of its rate lies, over the longest part without a gap.
+pub(crate) struct Spectra {
+    pub(crate) angle: Spectrum,
+    pub(crate) rate: Spectrum,
+}
+
+pub(crate) fn spectra(motion: &Motion) -> Spectra {
+    let (first, last) = motion.longest_part();
+    let states = states_of(motion, (first, last));
+    let rate_hz = states.len().saturating_sub(1) as f64 / (last - first);
+    let of = |f: fn(&BarState) -> f64| power_spectrum(&states.iter().map(f).collect::<Vec<f64>>(), rate_hz);
+    Spectra { angle: of(|s| s.angle), rate: of(|s| s.rate) }
+}
+
+/// The gaps of the encoder, and how many samples of the channels were left out for them; `None` without a gap.
+pub(crate) fn gap_check(motion: &Motion, left_out: u64) -> Option<GateCheck> {
+    let gaps = motion.gaps();
+    let (start, end) = gaps.iter().copied().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)))?;
+    let text = match gaps.len() {
+        1 => format!("the encoder was silent from {start:.2} to {end:.2} s"),
+        n => {
+            let total_s: f64 = gaps.iter().map(|(from, to)| to - from).sum();
+            format!(
+                "the encoder was silent {n} times, {total_s:.2} s in total, the longest from {start:.2} to {end:.2} s"
+            )
+        }
+    };
+    let text = format!("{text}. The motion there is unknown: {left_out} samples of the channels are not used");
+    Some(check("encoder gaps", false, text))
 }
 
 /// Why a record with so few reversals is refused. `turned` is the angle from its first to its last sample, rad.
@@ -110,9 +143,6 @@ fn encoder_check(motion: &Motion, rms_frequency_hz: f64) -> GateCheck {
     check("encoder rate", per_swing >= GOOD_SAMPLES_PER_SWING, text)
 }
 
-/// Said of an encoder whose angle scatters: the reference motion is wrong.
-pub(crate) const COUNTS_OR_STAMPS_WRONG: &str = "counts are lost or stamps jitter";
-
 fn residual_check(motion: &Motion) -> GateCheck {
     let counts = motion.residual_rms_counts();
     let [low, high] = GOOD_RESIDUAL_COUNTS;
@@ -126,17 +156,14 @@ fn residual_check(motion: &Motion) -> GateCheck {
         ),
         c => format!("{c:.2} counts rms about the smoothed motion, as a quantiser leaves (0.29)"),
     };
-    check("encoder residual", (low..=high).contains(&counts), text)
+    check(ENCODER_RESIDUAL, (low..=high).contains(&counts), text)
 }
-
-/// Said of an encoder that lost counts: what it says of the rest of the record is not sure either.
-pub(crate) const SLIPPED: &str = "encoder slip";
 
 fn slip_check(motion: &Motion) -> Option<GateCheck> {
     let encoder = motion.encoder();
     (!encoder.slips.is_empty()).then(|| {
-        let text = format!("{}: counts were lost, or the encoder turned on its shaft", encoder.slips_in_words());
-        check(SLIPPED, false, text)
+        let text = format!("{} (counts were lost, or the encoder turned on its shaft)", encoder.slips_in_words());
+        check(ENCODER_SLIP, false, text)
     })
 }
 

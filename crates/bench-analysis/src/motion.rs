@@ -98,6 +98,21 @@ impl Motion {
         &self.gaps
     }
 
+    /// Stretches between the gaps: first and last instant of each, s.
+    #[must_use]
+    pub fn parts(&self) -> Vec<(f64, f64)> {
+        let (first, last) = self.span();
+        let starts = std::iter::once(first).chain(self.gaps.iter().map(|gap| gap.1));
+        starts.zip(self.gaps.iter().map(|gap| gap.0).chain([last])).collect()
+    }
+
+    /// The longest of them.
+    #[must_use]
+    pub fn longest_part(&self) -> (f64, f64) {
+        let parts = self.parts().into_iter();
+        parts.max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0))).unwrap_or_else(|| self.span())
+    }
+
     /// Covariance of angle, rate, acceleration and jerk at `t`, upper triangle; `None` outside the record.
     #[must_use]
     pub fn covariance_at(&self, t: f64) -> Option<[f64; 10]> {
@@ -132,10 +147,9 @@ impl Motion {
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (_, s)| [low.min(s.angle), high.max(s.angle)])
     }
 
-    /// Stamps spread evenly over the record at `rate_hz`, its last instant included.
+    /// Stamps spread evenly over a part of the record at `rate_hz`, its last instant included.
     #[must_use]
-    pub fn grid(&self, rate_hz: f64) -> Vec<f64> {
-        let (first, last) = self.span();
+    pub fn grid(&self, (first, last): (f64, f64), rate_hz: f64) -> Vec<f64> {
         let steps = ((last - first) * rate_hz).ceil().max(1.0) as usize;
         (0..=steps).map(|k| (first + (last - first) * k as f64 / steps as f64).min(last)).collect()
     }
@@ -165,11 +179,11 @@ impl Motion {
         &self.smoothed
     }
 
-    /// Samples of the encoder per second.
+    /// Samples of the encoder per second, outside its gaps.
     #[must_use]
     pub fn rate_hz(&self) -> f64 {
-        let (first, last) = self.span();
-        (self.encoder.t_s.len() - 1) as f64 / (last - first)
+        let seen_s: f64 = self.parts().iter().map(|(from, to)| to - from).sum();
+        (self.encoder.t_s.len() - 1 - self.gaps.len()) as f64 / seen_s
     }
 
     /// Park & Lee's angular acceleration: the second central difference of the raw angle, rad/s², at inner samples.

@@ -7,10 +7,10 @@ mod gyro;
 use crate::alignment::{Alignment, Clue, estimate};
 use crate::kinematics::wrapped;
 use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
-use crate::rig::{Rig, SIDE};
+use crate::rig::Rig;
 use crate::surroundings::Surroundings;
 use flight::{Code, Notices, Quantity};
-use record::{Estimate, Finding, MountCheck, MountFinding};
+use record::{ChannelDynamics, Estimate, Finding, MountCheck, MountFinding, SIDE_OF_PIVOT};
 
 /// Angles of zero and azimuth agree within this on top of their uncertainties (1°).
 const ANGLE_TOLERANCE_RAD: f64 = 0.0175;
@@ -36,13 +36,15 @@ struct Look<'a> {
     alignment: &'a Alignment,
 }
 
-/// Compares mount, lever arms, biases and scales with the rig, and calibrates the magnetometer on its `swings`.
+/// Compares mount, lever arms, biases and scales with the rig, and calibrates the magnetometer on its `swings`. `channels` say which
+/// of them are slow of themselves.
 #[must_use]
 pub fn mount_finding(
     rig: &Rig,
     around: &Surroundings,
     alignment: &Alignment,
     swings: &[MagneticSwing],
+    channels: &[ChannelDynamics],
 ) -> (MountFinding, Notices) {
     let look = Look { bends: rig.bar.first_mode_hz.is_some(), around, alignment };
     let detected = detected(&look);
@@ -51,6 +53,10 @@ pub fn mount_finding(
         checks.extend(look.checks(clue));
     }
     ask_for_witnesses(&mut checks);
+    let own: Vec<&str> = channels.iter().filter(|c| explains_itself(c)).map(|c| c.name.as_str()).collect();
+    for check in checks.iter_mut().filter(|check| own.iter().any(|name| check.name.ends_with(name))) {
+        check.of_rig = false;
+    }
     let finding = MountFinding {
         detected: detected.map_or_else(
             || {
@@ -65,6 +71,11 @@ pub fn mount_finding(
     };
     let notices = warnings(&finding, detected, rig);
     (finding, notices)
+}
+
+/// Whether what a channel shows of the rig is its own doing: it could not be measured, or it lags, which makes its swing smaller.
+fn explains_itself(channel: &ChannelDynamics) -> bool {
+    channel.delay.is_none() || channel.lags().is_some()
 }
 
 impl Look<'_> {
@@ -120,7 +131,7 @@ fn detected(look: &Look<'_>) -> Option<Side> {
 /// A bar on the other side of the pivot than its lever arm says makes every gain negative.
 fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notices {
     let mut notices = Notices::new();
-    let wrong = finding.checks.iter().filter(|c| c.agrees == Some(false));
+    let wrong = finding.checks.iter().filter(|c| c.contradicts_rig());
     let names: Vec<&str> = wrong.map(|c| c.name.as_str()).collect();
     if !names.is_empty() {
         let text = format!("record and rig file do not agree on {}", names.join(", "));
@@ -130,7 +141,7 @@ fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notice
     let hangs = rig.bar.mount == crate::rig::MountKind::Hanging;
     if let Some(side) = upright_side.filter(|s| rig.bar.mount != crate::rig::MountKind::Custom && s.below != hangs) {
         let text = format!("the record shows a bar that is {}, the rig says {}", side.in_words(), rig.bar.mount);
-        notices.push(Code::RigContradicted, SIDE, 1, text);
+        notices.push(Code::RigContradicted, SIDE_OF_PIVOT, 1, text);
     }
     notices
 }
@@ -157,14 +168,21 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
     let value = Estimate { value: used.value + difference, ..found };
     let agrees =
         difference.abs() <= 3.0 * u(&found).hypot(used.standard_uncertainty.unwrap_or(0.0)) + ANGLE_TOLERANCE_RAD;
+    let of_rig = source == STATED;
+    // The surest channel is not compared with itself.
+    let is_in_use = !of_rig && found.value == used.value;
+    let text = match is_in_use {
+        true => format!("in use: {source}"),
+        false => format!("{}° away from the one in use ({source})", flight::fixed(difference.to_degrees(), 2)),
+    };
     MountCheck {
         name,
         unit: "rad".to_owned(),
-        text: format!("{}° away from the one in use ({source})", flight::fixed(difference.to_degrees(), 2)),
+        text,
         fitted: Finding::Found(value),
-        stated: Some(used.value),
-        agrees: Some(agrees),
-        of_rig: source == STATED,
+        stated: Some(used.value).filter(|_| !is_in_use),
+        agrees: Some(agrees).filter(|_| !is_in_use),
+        of_rig,
     }
 }
 

@@ -100,7 +100,7 @@ struct Curve {
 
 impl<'a> Maker<'a> {
     fn new(motion: &'a Motion, rig: &'a Rig, around: &'a Surroundings, alignment: &'a Alignment) -> Maker<'a> {
-        let grid = motion.grid(motion.rate_hz().clamp(GRID_HZ.0, GRID_HZ.1));
+        let grid = motion.grid(motion.span(), motion.rate_hz().clamp(GRID_HZ.0, GRID_HZ.1));
         Maker { motion, rig, around, alignment, grid }
     }
 

@@ -14,11 +14,6 @@ use settings::{Refused, SettingsFile};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
-/// Place of the notice that the record shows another sign of the encoder than the rig file.
-pub(crate) const SIGN: &str = "encoder sign";
-/// Place of the notice that the record shows the sensor on another side of the pivot than the rig file.
-pub(crate) const SIDE: &str = "side of the pivot";
-
 /// The rig that is used when none is given: `pipelines/bench.rig.toml`, compiled in.
 pub const DEFAULT_RIG: &str = pipelines::DEFAULT_RIG;
 

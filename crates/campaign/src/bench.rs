@@ -23,7 +23,7 @@ use crate::store::{Keep, Store};
 use crate::task::caught;
 use crate::work::Workers;
 use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combine, identity_conflict};
-use flight::{Code, Notices};
+use flight::{Code, Notices, Quantity};
 use logs::ReadLog;
 use pair::Swing;
 use record::{BenchOutcome, BenchRecord, CardChannel, SensorCard};
@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
-pub const BENCH_ANALYSIS_VERSION: u32 = 13;
+pub const BENCH_ANALYSIS_VERSION: u32 = 14;
 
 /// What is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,6 +77,8 @@ pub struct BenchVerdict {
     pub card: Option<SensorCard>,
     /// Its file, below the output folder.
     pub card_file: Option<PathBuf>,
+    /// Records hold a position that is not on the card.
+    pub lacks_position: bool,
     /// What must be said of the records behind the card.
     pub notices: Notices,
     /// The page to open.
@@ -84,14 +86,14 @@ pub struct BenchVerdict {
 }
 
 impl BenchVerdict {
-    /// 0 if every record was read whole and measured, 3 if some failed or lost data, if records disagree, or if
-    /// something puts a channel of the card in doubt: data that contradict the rig file, a slipping encoder, a changing delay.
+    /// 0 if every record was read whole and measured, 3 if some failed or lost data, if records disagree, if a position of
+    /// theirs could not be measured, or if something puts a channel of the card in doubt: data that contradict the rig file, a slipping encoder, a changing delay.
     #[must_use]
     pub fn exit(&self) -> Exit {
         let whole = |row: &BenchRow| row.outcome == BenchOutcome::Measured && !row.lossy;
         let no_doubt = !self.channels().iter().any(CardChannel::is_in_doubt);
         let records_agree = output::without_mean(&self.notices).next().is_none();
-        if self.card.is_some() && no_doubt && records_agree && self.rows.iter().all(whole) {
+        if self.card.is_some() && no_doubt && records_agree && !self.lacks_position && self.rows.iter().all(whole) {
             Exit::Well
         } else {
             Exit::Incomplete
@@ -273,7 +275,16 @@ fn carded(
         lossy: m.record.notices.any_loss(),
     };
     let page = store.root().join("index.html");
-    Ok(BenchVerdict { rows: measured.iter().map(row).collect(), card, card_file, notices, page })
+    let lacks_position = lacks_position(&named, card.as_ref());
+    Ok(BenchVerdict { rows: measured.iter().map(row).collect(), card, card_file, lacks_position, notices, page })
+}
+
+/// Whether records hold a position that is not on the card: it is what a bench is for.
+fn lacks_position(records: &[(String, BenchRecord)], card: Option<&SensorCard>) -> bool {
+    let held = records.iter().flat_map(|(_, r)| &r.findings).flat_map(|f| &f.channels);
+    let mut positions =
+        held.filter(|c| matches!(c.quantity, Quantity::PositionGeodetic | Quantity::PositionNed)).map(|c| &c.name);
+    positions.any(|name| !card.is_some_and(|card| card.channels.iter().any(|c| c.name == *name)))
 }
 
 #[cfg(test)]

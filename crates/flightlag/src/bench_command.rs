@@ -94,15 +94,20 @@ fn summary(verdict: &BenchVerdict) -> String {
 fn cells(channel: &CardChannel) -> Vec<String> {
     let (u_ms, u_gain) =
         (COVERAGE * channel.delay_standard_uncertainty_s * 1e3, COVERAGE * channel.gain_standard_uncertainty);
-    let (digits, gain_digits) = (digits(u_ms), digits(u_gain));
+    let digits_of_gain = digits(u_gain);
+    let of_gain = |value: f64| match channel.has_lag() {
+        true => "-".to_owned(),
+        false => format!("{value:.digits_of_gain$}"),
+    };
+    let digits = digits(u_ms);
     vec![
         channel.name.clone(),
-        verdict_word(channel.verdict).to_owned() + if channel.contradicted.is_empty() { "" } else { ", in doubt" },
+        verdict_word(channel.verdict).to_owned() + if channel.is_in_doubt() { ", in doubt" } else { "" },
         format!("{:.digits$}", channel.delay_s * 1e3),
         format!("{u_ms:.digits$}"),
         channel.as_seen_delay_s.map_or_else(|| "-".to_owned(), |s| format!("{:.digits$}", s * 1e3)),
-        format!("{:.gain_digits$}", channel.gain),
-        format!("{u_gain:.gain_digits$}"),
+        of_gain(channel.gain),
+        of_gain(u_gain),
         channel.records.to_string(),
     ]
 }
@@ -118,7 +123,7 @@ fn iron(magnetometer: &CardMagnetometer) -> String {
     let name = &magnetometer.channel;
     let found = match &magnetometer.iron {
         Finding::Found(found) => found,
-        Finding::CannotTell(why) => return format!("hard and soft iron of {name} cannot be told: {why}"),
+        Finding::CannotTell(why) => return format!("hard and soft iron of {name} are unknown: {why}"),
     };
     let (factor, unit) = if magnetometer.unit == "T" { (1e6, " µT") } else { (1.0, "") };
     let axis = |(value, u): (&f64, &f64)| {
@@ -155,10 +160,9 @@ fn lag(channel: &CardChannel) -> Option<String> {
     let slow = channel.slow_motion_delay_s.map(|slow_s| {
         format!(", so that slow motion is {} late", number(slow_s, channel.slow_motion_standard_uncertainty_s))
     });
-    // A delay that changes passes for a lag.
-    (!lags.is_empty() && !channel.delay_changes()).then(|| {
+    channel.has_lag().then(|| {
         format!(
-            "{}: {} of {}{}; {:.1} ms is only the pure delay that fits this swing best",
+            "{}: {} of {}{}; {:.1} ms is only the pure delay that fits this swing best, and the gain depends on the frequency",
             channel.name,
             channel.model,
             lags.join(" and "),

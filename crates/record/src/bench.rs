@@ -275,7 +275,7 @@ pub struct HullFinding {
     pub arrival: Clock,
     /// Arrival less device time at the middle of the record, on the hull, s. It holds the least transport latency.
     pub offset_s: f64,
-    /// Skew of the device clock, s/s.
+    /// Slope of arrival less device time, s/s: negative where the device's clock gains.
     pub skew: f64,
     /// Arrival above the hull: how much later than the fastest.
     pub latency_s: flight::Distribution,
@@ -590,16 +590,6 @@ pub struct Stationarity {
     pub slope: Estimate,
     /// In words.
     pub text: String,
-}
-
-impl ChannelDynamics {
-    /// Least and greatest delay of the windows, s, where the delay surely changes over the record: it is not one number.
-    #[must_use]
-    pub fn changing_delay_s(&self) -> Option<[f64; 2]> {
-        let found = self.stationarity.found().filter(|s| s.changes)?;
-        let bound = |f: fn(f64, f64) -> f64, from: f64| found.delay_s.iter().map(|d| d.value).fold(from, f);
-        Some([bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY)])
-    }
 }
 
 /// Arrival less device time, where both are logged.

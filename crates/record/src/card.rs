@@ -89,9 +89,6 @@ pub struct CardChannel {
     pub contradicted: Vec<String>,
 }
 
-/// How what puts a delay in doubt begins, after the name of the record, where the delay is not one number.
-pub const DELAY_CHANGES: &str = "the delay changes over the record";
-
 impl CardChannel {
     /// Whether something puts the delay in doubt.
     #[must_use]
@@ -99,10 +96,11 @@ impl CardChannel {
         !self.contradicted.is_empty()
     }
 
-    /// Whether the delay changes over a record, which no model of a lag describes.
+    /// Whether it is a lag: its delay and its gain depend on the frequency. A delay that changes over a record passes for one, and
+    /// is none.
     #[must_use]
-    pub fn delay_changes(&self) -> bool {
-        self.contradicted.iter().any(|what| what.contains(DELAY_CHANGES))
+    pub fn has_lag(&self) -> bool {
+        !self.lags_s.is_empty() && !self.contradicted.iter().any(|what| what.contains(crate::DELAY_CHANGES))
     }
 }
 

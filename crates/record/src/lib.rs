@@ -20,6 +20,7 @@ mod changes;
 mod criteria;
 mod delay_network;
 mod delay_over_time;
+mod doubt;
 mod ekf;
 mod explorer;
 mod flight;
@@ -44,8 +45,7 @@ pub use crate::bench::{
 };
 pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
 pub use crate::card::{
-    CARD_VERSION, CardChannel, CardMagnetometer, CardSource, CardUse, DELAY_CHANGES, IronCalibration, SensorCard,
-    SensorIdentity,
+    CARD_VERSION, CardChannel, CardMagnetometer, CardSource, CardUse, IronCalibration, SensorCard, SensorIdentity,
 };
 pub use crate::changes::{CampaignChanges, MadeWith, MovedDelay, RerunFlight, TroubleChange};
 pub use crate::criteria::{
@@ -59,6 +59,9 @@ pub use crate::delay_network::{
 };
 pub use crate::delay_over_time::{
     Burst, Constancy, CurvePoint, DelayJitter, DelayKind, DelayOverTime, DelayTerm, DelayTermKind, DeviceTime, LateFix,
+};
+pub use crate::doubt::{
+    COUNTS_OR_STAMPS_WRONG, DELAY_CHANGES, ENCODER_RESIDUAL, ENCODER_SIGN, ENCODER_SLIP, SIDE_OF_PIVOT,
 };
 pub use crate::ekf::{EkfChannel, EkfValue, EkfValueKind, EkfValues};
 pub use crate::explorer::{ExplorerColumn, ExplorerRows};

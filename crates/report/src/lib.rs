@@ -41,8 +41,8 @@ mod verdict;
 pub use criterion::criterion_sentence;
 pub use page::{
     BenchPage, CardPage, CardRecord, FlightPage, IndexedCard, REPORTS_TITLE, ReportEntry, TABLE_FOLDER, TrackExcerpt,
-    bench_site, campaign_site, card_site, cards_site, changes_site, diff_site, excerpt_flights, flight_site,
-    monte_carlo_site, night_site, reports_page, trend_site,
+    WithoutMean, bench_site, campaign_site, card_site, cards_site, changes_site, diff_site, excerpt_flights,
+    flight_site, monte_carlo_site, night_site, reports_page, trend_site,
 };
 pub use site::Site;
 

@@ -27,7 +27,7 @@ mod trend;
 
 pub use bench::{BenchPage, bench_site};
 pub use campaign::{TABLE_FOLDER, TrackExcerpt, campaign_site, excerpt_flights};
-pub use card::{CardPage, CardRecord, card_site};
+pub use card::{CardPage, CardRecord, WithoutMean, card_site};
 pub use cards::{IndexedCard, cards_site};
 pub use changes::changes_site;
 pub use diff::diff_site;
@@ -126,6 +126,17 @@ fn verdict_badge(verdict: Verdict) -> Markup {
         Verdict::NotMeasurable => ("off", "○"),
     };
     badge(class, icon, verdict::word(verdict))
+}
+
+/// The same of a delay that something puts in doubt: no colour of trust.
+fn verdict_or_doubt(verdict: Verdict, is_in_doubt: bool) -> Markup {
+    html! {
+        @if is_in_doubt { (verdict::word(verdict)) ", " (in_doubt()) } @else { (verdict_badge(verdict)) }
+    }
+}
+
+fn in_doubt() -> Markup {
+    badge("bad", "✗", "in doubt")
 }
 
 /// Whether a check or a goal is met.

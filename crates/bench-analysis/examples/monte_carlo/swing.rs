@@ -37,7 +37,7 @@ fn swing(seed: u64) -> TrueSwing {
     let rig = rig(&bench);
     let (name, channel) = encoder_channel(&flight, &rig).unwrap();
     let motion = Motion::of(EncoderSeries::of(name, channel, &rig).unwrap()).unwrap();
-    let grid = motion.grid(100.0);
+    let grid = motion.grid(motion.span(), 100.0);
     let arm = settings.lever_arm_m(BenchChannel::PositionIns);
     let azimuth = settings.bar.azimuth_rad;
     let north: Vec<f64> = grid.iter().map(|&t| position(&motion.at(t).unwrap(), azimuth, arm).value[0]).collect();

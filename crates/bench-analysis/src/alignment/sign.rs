@@ -2,8 +2,9 @@
 
 use super::clue::Clue;
 use super::force::ForceFit;
-use crate::rig::{Rig, SIGN};
+use crate::rig::Rig;
 use flight::{Code, Notices, Quantity};
+use record::ENCODER_SIGN;
 
 /// A coefficient must be this many standard uncertainties away from zero to have a sign.
 const CLEAR: f64 = 5.0;
@@ -20,7 +21,7 @@ pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, St
     if let Some(stated) = rig.encoder.sign {
         if let Some((found, how)) = seen.filter(|(s, _)| *s != stated) {
             let text = format!("the rig says encoder.sign = {stated}, but {how} says {found}; the rig's is used");
-            notices.push(Code::RigContradicted, SIGN, 1, text);
+            notices.push(Code::RigContradicted, ENCODER_SIGN, 1, text);
         }
         return (stated, "rig file".to_owned());
     }

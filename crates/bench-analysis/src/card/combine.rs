@@ -2,15 +2,13 @@
 
 use super::identity::identity_conflict;
 use super::{CardError, sensor_name};
-use crate::gate::{COUNTS_OR_STAMPS_WRONG, SLIPPED};
-use crate::rig::{SIDE, SIGN};
 use crate::verdict::Evidence;
-use flight::{Code, Notices, Quantity, StampKind, with_minus};
+use flight::{Code, Notices, Quantity, StampKind, fixed};
 use jiff::ToSpan;
 use jiff::civil::Date;
 use record::{
-    BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DELAY_CHANGES, DelayFinding,
-    Estimate, SensorCard, SensorIdentity, TimeBasis, Verdict,
+    BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DelayFinding, ENCODER_SLIP,
+    Estimate, GateCheck, SensorCard, SensorIdentity, TimeBasis, Verdict,
 };
 use signal::{Mean, Reading, mean_of, outliers};
 use std::collections::BTreeSet;
@@ -69,8 +67,8 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     let several: Vec<Several<'_>> =
         names.into_iter().filter_map(|name| Several::of(name, &usable, &mut left_out)).collect();
     tell(&left_out, &mut notices);
-    tell_of_rigs(&usable, &mut notices);
-    tell_of_changes(&usable, &mut notices);
+    tell_of_doubts(&usable, &mut notices);
+    tell_of_gates(&usable, &mut notices);
     let channels: Vec<CardChannel> = several.iter().filter_map(|s| s.card(&mut notices)).collect();
     if channels.is_empty() {
         let disagree: Vec<&str> = left_out.iter().filter(|l| l.record.is_empty()).map(|l| l.why.as_str()).collect();
@@ -188,45 +186,21 @@ fn tell(left_out: &[LeftOut<'_>], notices: &mut Notices) {
     }
 }
 
-/// On what the data of a record contradict its rig file. Every reference is made with the rig, so that no channel of such a
-/// record can be trusted.
-fn contradictions(record: &BenchRecord) -> Vec<String> {
-    let differs = |part: &str| {
-        record.notices.iter().any(|n| n.code == Code::RigContradicted && n.place == part).then(|| part.to_owned())
-    };
-    let checks = record.findings.iter().flat_map(|f| &f.mount.checks);
-    let wrong = checks.filter(|c| c.of_rig && c.agrees == Some(false)).map(|c| c.name.clone());
-    let sign = differs(SIGN);
-    let side = differs(SIDE);
-    let encoder = scattering_encoder(record).map(|_| "encoder residual".to_owned());
-    let slip = slipped_encoder(record).map(|_| SLIPPED.to_owned());
-    sign.into_iter().chain(side).chain(wrong).chain(encoder).chain(slip).collect()
-}
-
-/// What the gate says of an encoder that lost counts.
-fn slipped_encoder(record: &BenchRecord) -> Option<&str> {
-    let mut checks = record.findings.iter().flat_map(|f| &f.gate.checks);
-    checks.find(|c| !c.passed && c.name == SLIPPED).map(|c| c.text.as_str())
-}
-
-/// What the gate says of an encoder whose angle scatters more than counts do.
-fn scattering_encoder(record: &BenchRecord) -> Option<&str> {
-    let checks = record.findings.iter().flat_map(|f| &f.gate.checks);
-    let failed = checks.filter(|c| !c.passed).map(|c| c.text.as_str());
-    failed.into_iter().find(|text| text.ends_with(COUNTS_OR_STAMPS_WRONG))
-}
-
-/// That the delay of a channel is not one number, with how far it goes.
-fn change(channel: &ChannelDynamics) -> Option<String> {
-    let [least, most] = channel.changing_delay_s()?.map(|delay_s| 1e3 * delay_s);
-    Some(with_minus(&format!("{DELAY_CHANGES}, from {least:.1} to {most:.1} ms in windows")))
-}
-
-/// Of each record the channels whose delay changes.
-fn tell_of_changes(records: &[&(String, BenchRecord)], notices: &mut Notices) {
+/// Of each record what puts all its channels in doubt, then the channels whose delay changes.
+fn tell_of_doubts(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     for (name, record) in records {
+        let doubts = record.doubts();
+        if !doubts.is_empty() {
+            let slipped = failed_checks(record).any(|c| c.name == ENCODER_SLIP);
+            let part = if slipped { "The delays are from the longest part without a slip. " } else { "" };
+            let text = format!(
+                "{}. {part}Every delay of the record is in doubt: correct what is named and measure again",
+                doubts.join("; ")
+            );
+            notices.push(Code::RigContradicted, name, doubts.len() as u64, text);
+        }
         let words: Vec<String> =
-            channels(record).iter().filter_map(|c| Some(format!("{}: {}", c.name, change(c)?))).collect();
+            channels(record).iter().filter_map(|c| Some(format!("{}: {}", c.name, c.doubt()?))).collect();
         if !words.is_empty() {
             let text = format!("{}. One number does not describe it: look for its cause", words.join("; "));
             notices.push(Code::FlightDelayChanges, name, words.len() as u64, text);
@@ -234,26 +208,15 @@ fn tell_of_changes(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     }
 }
 
-fn tell_of_rigs(records: &[&(String, BenchRecord)], notices: &mut Notices) {
+fn failed_checks(record: &BenchRecord) -> impl Iterator<Item = &GateCheck> {
+    record.findings.iter().flat_map(|f| &f.gate.checks).filter(|c| !c.passed)
+}
+
+/// Checks of the gate that a record failed, as far as they put nothing in doubt.
+fn tell_of_gates(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     for (name, record) in records {
-        let wrong = contradictions(record);
-        if !wrong.is_empty() {
-            let text = match (slipped_encoder(record), scattering_encoder(record), wrong.len()) {
-                (Some(what), None, 1) => format!(
-                    "the encoder slipped: {what}. The delays are from the longest part without a slip, and the channels are marked \
-                     on the card; find the cause and measure again"
-                ),
-                (None, Some(why), 1) => format!(
-                    "the angle of the encoder scatters, {why}: the delays may be against a wrong motion, and the channels are \
-                     marked on the card; find the cause and measure again"
-                ),
-                _ => format!(
-                    "the data contradict the rig file on {}: its channels are marked on the card; put the rig file right and \
-                     measure again",
-                    wrong.join(", ")
-                ),
-            };
-            notices.push(Code::RigContradicted, name, wrong.len() as u64, text);
+        for check in failed_checks(record).filter(|c| !c.is_of_wrong_motion()) {
+            notices.push(Code::CardConditions, name, 1, format!("{}: {}", check.name, check.text));
         }
     }
 }
@@ -370,8 +333,8 @@ impl<'a> Several<'a> {
         let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();
         let behind = records.iter().filter(|(record, _)| kept.iter().any(|run| run.record == record));
         let doubts = |found: &BenchRecord| {
-            let own = channels(found).iter().find(|c| c.name == name).and_then(change);
-            contradictions(found).into_iter().chain(own)
+            let own = channels(found).iter().find(|c| c.name == name).and_then(ChannelDynamics::doubt);
+            found.doubts().into_iter().chain(own)
         };
         let differs = difference(&kept);
         if let Some(what) = &differs {
@@ -491,11 +454,8 @@ fn difference(runs: &[Run<'_>]) -> Option<String> {
     let [from_s, to_s] = [least, most].map(|run| run.delay.delay.seconds());
     let u_s = least.delay.standard_uncertainty_s.hypot(most.delay.standard_uncertainty_s);
     (to_s - from_s > (SURELY_APART * u_s).max(APART_S)).then(|| {
-        with_minus(&format!(
-            "the delay differs from record to record, from {:.1} to {:.1} ms",
-            1e3 * from_s,
-            1e3 * to_s
-        ))
+        let [from, to] = [from_s, to_s].map(|delay_s| fixed(1e3 * delay_s, 1));
+        format!("the delay differs from record to record, from {from} to {to} ms")
     })
 }
 
@@ -507,8 +467,8 @@ fn disagreement(mut runs: Vec<Run<'_>>) -> String {
     let split = (1..runs.len()).max_by(|a, b| gap(a).total_cmp(&gap(b))).unwrap_or(0);
     let group = |runs: &[Run<'_>]| {
         let one = |r: &Run<'_>| {
-            let [delay_ms, u_ms] = [delay_s(r), 2.0 * r.delay.standard_uncertainty_s].map(|s| 1e3 * s);
-            with_minus(&format!("{} {delay_ms:.1} ± {u_ms:.1} ms", r.record))
+            let [delay, u] = [delay_s(r), 2.0 * r.delay.standard_uncertainty_s].map(|s| fixed(1e3 * s, 1));
+            format!("{} {delay} ± {u} ms", r.record)
         };
         runs.iter().map(one).collect::<Vec<_>>().join(", ")
     };

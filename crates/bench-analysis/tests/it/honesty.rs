@@ -81,7 +81,13 @@ fn a_delay_outside_of_the_search_is_no_number() {
         let words = ["cannot tell", "search window of −1 to 1.5 s", "widen analysis.search_s"];
         assert!(words.iter().all(|w| late.reason.contains(w)), "{}", late.reason);
         assert!(channel_of(&found, "angular-rate.imu").delay.is_some());
+        // What an unmeasured channel shows of the rig is its own lateness.
+        assert!(found.notices.iter().all(|n| n.code != "rig-contradicted"), "{:?}", found.notices);
     }
+}
+
+fn gyro_of(swing: &Swing, sensor: &Sensor) -> Channel {
+    sensed(swing, sensor, Quantity::AngularRate, 50.0, 0.005, 0.005)
 }
 
 /// A gap of 3 s was bridged with motion that never was: 6 ms of error, stated ± 11 ms.
@@ -94,7 +100,7 @@ fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
         let t: Vec<f64> = kept.iter().map(|k| *k as f64 / 100.0).collect();
         let counts = kept.iter().map(|&k| whole.series.component(0)[k]).collect();
         let encoder = crate::support::channel(Quantity::EncoderCount, &t, vec![counts]);
-        let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 50.0, 0.005, 0.005);
+        let gyro = gyro_of(&swing, &sensor);
         let attitude = sensed(&swing, &sensor, Quantity::Attitude, 50.0, 0.03, 0.003);
         let found = measured(encoder, vec![("angular-rate.imu", gyro), ("attitude.ins", attitude)]);
         for (name, truth) in [("angular-rate.imu", 0.005), ("attitude.ins", 0.03)] {
@@ -106,7 +112,19 @@ fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
             let error = delay.delay.seconds() - truth;
             assert!(error.abs() < 4.0 * delay.standard_uncertainty_s, "{error} {delay:?}");
             assert!(delay.standard_uncertainty_s < 1e-4, "{delay:?}");
+            // Nothing is drawn where nobody measured the motion.
+            let curves = channel.components.iter().flat_map(|c| [&c.curves[0], &c.zoom[0]]);
+            assert!(curves.flat_map(|c| &c.t_s).all(|t| *t < 22.0 || *t > 24.99));
         }
+        let gate = &found.findings.gate;
+        let check = gate.checks.iter().find(|c| c.name == "encoder gaps").unwrap();
+        let rejected = found.findings.channels.iter().flat_map(|c| &c.rejected);
+        let samples: u64 = rejected.filter(|r| r.reason.contains("silent")).map(|r| r.count).sum();
+        assert!(!check.passed && check.text.contains(&format!("{samples} samples of the channels")), "{check:?}");
+        let unbroken = measured(whole, vec![("angular-rate.imu", gyro_of(&swing, &sensor))]).findings;
+        let ratio = gate.rms_frequency_hz / unbroken.gate.rms_frequency_hz;
+        assert!((ratio - 1.0).abs() < 0.15, "{ratio}");
+        assert!((found.findings.reference.rate_hz - 100.0).abs() < 0.1, "{}", found.findings.reference.rate_hz);
         assert!(
             found.notices.iter().any(|n| n.code == "samples-left-out" && n.text.contains("22.00 to 25.00")
                 || n.text.contains("21.99 to 25.00")),

@@ -10,7 +10,7 @@ fn found(swing: &Swing, sensor: &Flight, rig: &Rig) -> (MountFinding, Notices) {
     let raw = motion(&encoder_channel(swing, 100.0, 2000.0, 1.0, 0.3), rig);
     let (around, _) = Surroundings::of(rig, None, None);
     let alignment = align(&raw, sensor, rig, &around);
-    mount_finding(rig, &around, &alignment, &[])
+    mount_finding(rig, &around, &alignment, &[], &[])
 }
 
 fn check<'a>(finding: &'a MountFinding, name: &str) -> &'a MountCheck {

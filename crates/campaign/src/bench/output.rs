@@ -12,7 +12,7 @@ use crate::task::caught;
 use bench_analysis::{card_text, sensor_name};
 use flight::{Code, Notice, Notices, Severity};
 use record::{BenchOutcome, CARD_VERSION, SensorCard};
-use report::{BenchPage, CardPage, CardRecord, Site, bench_site, card_site};
+use report::{BenchPage, CardPage, CardRecord, Site, WithoutMean, bench_site, card_site};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -97,12 +97,21 @@ impl Writer<'_> {
         records.extend(all().filter(|(m, _)| !is_on_card(m)).map(|(m, href)| record_row(m, href)));
         let empty = empty_card(measured);
         let card_file = card.map(card_name);
-        let without_mean: Vec<String> = without_mean(notices).map(|notice| notice.text.clone()).collect();
+        let without_mean: Vec<WithoutMean<'_>> = without_mean(notices)
+            .filter_map(|notice| notice.text.split_once(": "))
+            .map(|(channel, why)| WithoutMean { channel, why })
+            .collect();
         let said = |notice: &Notice| match notice.place.as_str() {
             "" => notice.text.clone(),
             place => format!("{place}: {}", notice.text),
         };
-        let is_remark = |notice: &&Notice| notice.severity != Severity::Info && !is_without_mean(notice);
+        // The card itself says what puts its channels in doubt.
+        let of_card = [Code::RigContradicted, Code::FlightDelayChanges];
+        let is_remark = |notice: &&Notice| {
+            notice.severity != Severity::Info
+                && !is_without_mean(notice)
+                && !of_card.iter().any(|code| notice.code == *code)
+        };
         let remarks: Vec<String> = notices.iter().filter(is_remark).map(said).collect();
         let page = CardPage {
             card: card.unwrap_or(&empty),

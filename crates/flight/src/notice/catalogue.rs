@@ -306,8 +306,10 @@ catalogue! {
                 "Make one card for each configuration.";
             CardConditions, "card-conditions", [Warning],
                 "Update rates differ: between the records of the bench, or between bench and flight. Or the day of the bench records or \
-                 of the flight is unknown, so the validity of the card is unknown.",
-                "Set the same rate on the bench and in flight. Log a date, or check the validity by hand.";
+                 of the flight is unknown, so the validity of the card is unknown. Or a record failed a check of its quality gate, as a gap \
+                 of the encoder or a swing that is too small.",
+                "Set the same rate on the bench and in flight. Log a date, or check the validity by hand. Look at the quality gate on \
+                 the page of the record.";
             CardMismatch, "card-mismatch", [Warning],
                 "The flight is before the first or after the last day of the card, or uses another kind of timestamp than the bench. The \
                  card is used.",

@@ -12,7 +12,7 @@ mod reference;
 
 pub(super) use mount::soft_iron;
 
-use super::{Needs, badge, contents, document, estimate, health, sensor_name, verdict_badge};
+use super::{Needs, badge, contents, document, estimate, health, in_doubt, sensor_name, verdict_badge};
 use crate::figure::{BenchFigures, place_in_paper};
 use crate::number;
 use crate::site::Site;
@@ -21,8 +21,7 @@ use crate::verdict;
 use flight::Quantity;
 use maud::{Markup, PreEscaped, html};
 use record::{
-    BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, GateCheck, ModelFinding,
-    TimeBasis, Verdict,
+    BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, GateCheck, TimeBasis, Verdict,
 };
 
 /// What the page of a bench record needs besides the record.
@@ -116,6 +115,7 @@ fn in_microtesla(findings: &mut BenchFindings) {
 
 fn body(page: &BenchPage, figures: &BenchFigures, shift: Option<&Markup>) -> Markup {
     let record = page.record;
+    let doubts = record.doubts();
     html! {
         @if let Some(index) = page.index_href {
             nav aria-label="Above this page" { a href=(href(index)) { "← All records" } }
@@ -127,9 +127,9 @@ fn body(page: &BenchPage, figures: &BenchFigures, shift: Option<&Markup>) -> Mar
                 (shown(&sensor_name(&record.sensor))) " on the rig “" (shown(&record.rig.title)) "”"
                 @if let Some(date) = &record.date { ", " (shown(date)) } "."
             }
-            (strip(record))
-            (first_words(record))
-            @if let Some(findings) = &record.findings { (found(findings, figures, shift)) }
+            (strip(record, &doubts))
+            (first_words(record, &doubts))
+            @if let Some(findings) = &record.findings { (found(findings, figures, shift, &doubts)) }
             (logs(record))
             (health::notices_section(&record.notices))
             @if let Some(findings) = &record.findings { (method::section(findings)) }
@@ -155,31 +155,40 @@ fn parts(record: &BenchRecord) -> &'static [(&'static str, &'static str)] {
     if record.findings.is_some() { &ALL } else { &ALL[8..] }
 }
 
-fn found(findings: &BenchFindings, figures: &BenchFigures, shift: Option<&Markup>) -> Markup {
+fn found(findings: &BenchFindings, figures: &BenchFigures, shift: Option<&Markup>, doubts: &[String]) -> Markup {
     html! {
-        (overview::section(findings, figures, shift))
+        (overview::section(findings, figures, shift, doubts))
         (overview::gate(&findings.gate))
         (geometry::section(findings, figures))
-        (channel::section(&findings.channels, &figures.channels))
+        (channel::section(&findings.channels, &figures.channels, doubts))
         (clocks::section(&findings.clocks))
         (reference::section(findings, figures))
         (mount::section(&findings.mount, &findings.flexibility, is_tesla(findings)))
     }
 }
 
+/// Whether something puts the delay of a channel in doubt: what is wrong with the record (`doubts`), or its own change.
+fn is_in_doubt(channel: &ChannelDynamics, doubts: &[String]) -> bool {
+    channel.delay.is_some() && (!doubts.is_empty() || channel.changing_delay_s().is_some())
+}
+
 /// How often each verdict was given, and what happened to the data.
-fn strip(record: &BenchRecord) -> Markup {
+fn strip(record: &BenchRecord, doubts: &[String]) -> Markup {
     const ALL: [Verdict; 5] =
         [Verdict::Delayed, Verdict::Early, Verdict::Inconclusive, Verdict::EquivalentToZero, Verdict::NotMeasurable];
     let channels = record.findings.iter().flat_map(|f| &f.channels);
-    let count = |verdict| channels.clone().filter(|c| c.verdict == verdict).count() as u64;
+    let sure = channels.clone().filter(|c| !is_in_doubt(c, doubts));
+    let count = |verdict| sure.clone().filter(|c| c.verdict == verdict).count() as u64;
+    let doubtful = channels.filter(|c| is_in_doubt(c, doubts)).count() as u64;
     html! {
         div.strip role="status" {
             @match &record.outcome {
+                BenchOutcome::Measured if doubtful > 0 => { (badge("unsure", "!", "Measured")) }
                 BenchOutcome::Measured => { (badge("ok", "✓", "Measured")) }
                 BenchOutcome::NotMeasurable { .. } => { (badge("unsure", "○", "Not measurable")) }
                 BenchOutcome::Failed { .. } => { (badge("bad", "✗", "Failed")) }
             }
+            @if doubtful > 0 { span { (in_doubt()) " " (number::counted(doubtful, "channel", "channels")) } }
             @for verdict in ALL {
                 @if count(verdict) > 0 { span { (verdict_badge(verdict)) " " (number::counted(count(verdict), "channel", "channels")) } }
             }
@@ -189,7 +198,7 @@ fn strip(record: &BenchRecord) -> Markup {
 }
 
 /// The reason if there is no result, else the answer.
-fn first_words(record: &BenchRecord) -> Markup {
+fn first_words(record: &BenchRecord, doubts: &[String]) -> Markup {
     html! {
         @match &record.outcome {
             BenchOutcome::Measured => {}
@@ -197,7 +206,7 @@ fn first_words(record: &BenchRecord) -> Markup {
             BenchOutcome::Failed { reason } => { p.why { (shown_block(reason)) } }
         }
         @match &record.findings {
-            Some(findings) => { (answer(findings)) }
+            Some(findings) => { (answer(findings, doubts)) }
             None if record.outcome == BenchOutcome::Measured => {
                 p.why { "The record says measured, but holds no findings." }
             }
@@ -211,10 +220,17 @@ fn first_words(record: &BenchRecord) -> Markup {
 }
 
 /// What was asked, answered channel by channel: the displaced ones first, each in a sentence.
-fn answer(findings: &BenchFindings) -> Markup {
+fn answer(findings: &BenchFindings, doubts: &[String]) -> Markup {
     let of = |verdict| findings.channels.iter().filter(move |c| c.verdict == verdict);
-    let failed: Vec<&GateCheck> = findings.gate.checks.iter().filter(|c| !c.passed).collect();
+    let failed: Vec<&GateCheck> =
+        findings.gate.checks.iter().filter(|c| !c.passed && !c.is_of_wrong_motion()).collect();
     html! {
+        @if !doubts.is_empty() {
+            p.answer {
+                (in_doubt()) " " @for what in doubts { (shown(what)) ". " }
+                "Every delay below is in doubt. Correct what is named and measure again."
+            }
+        }
         @for channel in of(Verdict::Delayed).chain(of(Verdict::Early)) { (displaced(channel)) }
         (group("On time, each within its margin: ", of(Verdict::EquivalentToZero).collect(), on_time))
         (group("Not decided: ", of(Verdict::Inconclusive).collect(), undecided))
@@ -241,9 +257,9 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
                     @if let TimeBasis::Anchor { channel } = &channel.basis { ", relative to " code { (shown(channel)) } }
                     "."
                     @if let Some([least, most]) = channel.changing_delay_s() {
-                        " " (badge("bad", "✗", "in doubt")) " The delay changes over the record, from " (number::fixed(1e3 * least, 1)) " to "
+                        " " (in_doubt()) " The delay changes over the record, from " (number::fixed(1e3 * least, 1)) " to "
                         (number::fixed(1e3 * most, 1)) " ms in windows. One number does not describe it."
-                    } @else if let Some(model) = lagging(channel) {
+                    } @else if let Some((model, _)) = channel.lags() {
                         " That is the pure delay that fits this swing best. The channel has a lag (" (shown(&model.text))
                         "): slow motion is " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } " late."
                     }
@@ -255,13 +271,6 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
             }
         }
     }
-}
-
-/// The model of the channel, if it was chosen and has a lag.
-fn lagging(channel: &ChannelDynamics) -> Option<&ModelFinding> {
-    let model = channel.model.found()?;
-    let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
-    (!chosen.lags_s.is_empty()).then_some(model)
 }
 
 fn size(found: &DelayFinding, sign: f64) -> Markup {

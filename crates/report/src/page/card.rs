@@ -3,13 +3,13 @@
 use super::Head::{self, Number, Text};
 use super::bench::{for_people, soft_iron};
 use super::{
-    Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, maybe, no_number, or_why,
-    plain, provenance, rows, sensor_name, table, verdict_badge,
+    Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, in_doubt, maybe,
+    no_number, or_why, plain, provenance, rows, sensor_name, table, verdict_or_doubt,
 };
 use crate::figure::{BenchFigures, Figure, Forest, ForestRow, LeftOut, card_forest, place_in_paper};
 use crate::number;
 use crate::site::Site;
-use crate::text::{href, shown, shown_block};
+use crate::text::{href, label, shown, shown_block};
 use crate::verdict;
 use maud::{Markup, Render, html};
 use record::{
@@ -30,12 +30,21 @@ pub struct CardPage<'a> {
     pub card_file: Option<&'a str>,
     /// The records behind it, in the order of [`SensorCard::records`].
     pub records: &'a [CardRecord<'a>],
-    /// Why channels that records hold have no common delay on the card, each in a sentence.
-    pub without_mean: &'a [String],
+    /// Channels that records hold but that have no common delay on the card.
+    pub without_mean: &'a [WithoutMean<'a>],
     /// What else is to be known of the records, as a channel that none of them could measure.
     pub remarks: &'a [String],
     /// Command that makes this page again.
     pub command: &'a str,
+}
+
+/// A channel on whose delay the records do not agree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WithoutMean<'a> {
+    /// Its name.
+    pub channel: &'a str,
+    /// How they disagree, in a sentence.
+    pub why: &'a str,
 }
 
 /// One record behind a card.
@@ -65,7 +74,9 @@ pub fn card_site(page: &CardPage) -> Site {
     let rows: Vec<ForestRow> = channels.iter().map(|c| (c.card, c.margin_s, c.records.as_slice())).collect();
     let forest = card_forest(&rows).map(|figure| Figure { number: 1, ..figure });
     let best = best_record(&channels, page.records);
-    let paper = best.and_then(|number| of_record(number, &page.records[number - 1], u32::from(forest.is_some()) + 1));
+    let paper = best.and_then(|(number, channel)| {
+        of_record(number, channel, &page.records[number - 1], u32::from(forest.is_some()) + 1)
+    });
     let mut site = Site::default();
     for figure in [&forest, &paper].into_iter().flatten() {
         site.add_figure(figure);
@@ -154,21 +165,22 @@ fn files_of(record: &BenchRecord) -> impl Iterator<Item = &InputFile> {
     record.logs.iter().flat_map(|log| &log.inputs)
 }
 
-/// Number of the record that knows the first channel best.
-fn best_record(channels: &[Channel], records: &[CardRecord]) -> Option<usize> {
+/// Number of the record that knows the first channel best, and that channel's name.
+fn best_record<'a>(channels: &[Channel<'a>], records: &[CardRecord]) -> Option<(usize, &'a str)> {
     let known = |r: &&Forest| r.left_out.is_none() && r.delay_s.is_some();
     let uncertainty = |r: &Forest| r.delay_s.and_then(|d| d.standard_uncertainty).unwrap_or(f64::INFINITY);
     let of_first = channels.iter().take(1).flat_map(|c| &c.records).filter(known);
     let best = of_first.min_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b)))?;
-    (best.number <= records.len()).then_some(best.number)
+    (best.number <= records.len()).then_some((best.number, channels[0].card.name.as_str()))
 }
 
 /// Fig. 4 of the paper for one record.
-fn of_record(number: usize, record: &CardRecord, figure_number: u32) -> Option<Figure> {
-    let record = for_people(record.record);
+fn of_record(number: usize, channel: &str, record: &CardRecord, figure_number: u32) -> Option<Figure> {
+    let (name, record) = (record.name, for_people(record.record));
     let figure = BenchFigures::zoom_of(record.findings.as_ref()?)?;
-    let caption = format!("Record {number}, which knows the first channel best. {}", figure.caption);
-    Some(Figure { number: figure_number, caption, ..figure })
+    let caption = format!("Record {number} alone, which knows {} best. {}", label(channel), figure.caption);
+    let title = format!("{}: {}", label(name), figure.title);
+    Some(Figure { number: figure_number, title, caption, ..figure })
 }
 
 fn body(page: &CardPage, channels: &[Channel], [forest, paper]: [Option<&Figure>; 2]) -> Markup {
@@ -184,7 +196,6 @@ fn body(page: &CardPage, channels: &[Channel], [forest, paper]: [Option<&Figure>
                 None => { p { (no_number("no record at hand holds a delay")) } }
             }
             (channel_table(channels))
-            (doubts(channels))
             (snippet(page, channels))
             h2 id="records" { "Records" }
             (records(page, channels))
@@ -210,9 +221,10 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
     let is_displaced = |c: &&Channel| matches!(c.card.verdict, Verdict::Delayed | Verdict::Early);
     let others = [Verdict::EquivalentToZero, Verdict::Inconclusive, Verdict::NotMeasurable];
     html! {
-        @for why in page.without_mean {
-            p.answer { (badge("bad", "✗", "no common delay")) " " (shown(why)) "." }
+        @for what in page.without_mean {
+            p.answer { (badge("bad", "✗", "no common delay")) " " code { (shown(what.channel)) } ": " (shown(&what.why)) "." }
         }
+        (doubts(channels))
         @for channel in channels.iter().filter(is_displaced) { (displaced(channel.card)) }
         @for verdict in others {
             @let of: Vec<&Channel> = channels.iter().filter(|c| c.card.verdict == verdict).collect();
@@ -223,7 +235,7 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
                         @if i > 0 { "; " }
                         code { (shown(&channel.card.name)) } " " (estimate(&delay_ms(channel.card))) "\u{a0}ms"
                         @if verdict == Verdict::EquivalentToZero { ", margin ±" (number::exact(channel.margin_s * 1e3)) "\u{a0}ms" }
-                        @if channel.card.is_in_doubt() { ", " (badge("bad", "✗", "in doubt")) }
+                        @if channel.card.is_in_doubt() { ", " (in_doubt()) }
                     }
                     ". " (against(channels.iter().filter(|c| c.card.verdict == verdict)))
                 }
@@ -239,13 +251,13 @@ fn displaced(channel: &CardChannel) -> Markup {
     let (word, sign) = if channel.verdict == Verdict::Early { ("early", -1.0) } else { ("late", 1.0) };
     html! {
         p.answer {
-            @if channel.is_in_doubt() { (badge("bad", "✗", "in doubt")) " " }
+            @if channel.is_in_doubt() { (in_doubt()) " " }
             b {
                 code { (shown(&channel.name)) } " is " (word) " by " (estimate(&number::scaled(&delay_ms(channel), sign)))
                 "\u{a0}ms, " (time_base(&channel.basis))
             }
             " (k = 2)"
-            @if let Some(slow) = channel.slow_motion_delay_s.filter(|_| !channel.delay_changes()) {
+            @if let Some(slow) = channel.slow_motion_delay_s.filter(|_| channel.has_lag()) {
                 ", as the pure delay that fits the bench's swing best. It is a lag (" (shown(&channel.model)) "): slow motion is "
                 b { (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) " ms" } " late"
             }
@@ -254,7 +266,6 @@ fn displaced(channel: &CardChannel) -> Markup {
                 ", " (number::counted(channel.outliers.len() as u64, "record", "records")) " left out"
             }
             "."
-            @if channel.is_in_doubt() { " " (reasons(channel)) "." }
         }
     }
 }
@@ -263,7 +274,7 @@ fn displaced(channel: &CardChannel) -> Markup {
 fn reasons(channel: &CardChannel) -> Markup {
     const MOST: usize = 20;
     html! {
-        @for (i, what) in channel.contradicted.iter().take(MOST).enumerate() { @if i > 0 { ", " } (shown(what)) }
+        @for (i, what) in channel.contradicted.iter().take(MOST).enumerate() { @if i > 0 { "; " } (shown(what)) }
         @if channel.contradicted.len() > MOST { " and " (channel.contradicted.len() - MOST) " more" }
     }
 }
@@ -274,7 +285,7 @@ pub(super) fn time_base(basis: &TimeBasis) -> Markup {
         @match basis {
             TimeBasis::OneClock => { "absolute (one clock)" }
             TimeBasis::Pps => { "absolute (pulse per second)" }
-            TimeBasis::FastestArrivals => { "longer by the least transport latency (fastest arrivals)" }
+            TimeBasis::FastestArrivals => { "the least transport latency included (fastest arrivals)" }
             TimeBasis::Anchor { channel } => { "relative to " code { (shown(channel)) } }
         }
     }
@@ -372,10 +383,7 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
     html! {
         tr {
             th scope="row" { (shown(&channel.name)) }
-            td {
-                @if channel.is_in_doubt() { (verdict::word(channel.verdict)) ", " (badge("bad", "✗", "in doubt")) }
-                @else { (verdict_badge(channel.verdict)) }
-            }
+            td { (verdict_or_doubt(channel.verdict, channel.is_in_doubt())) }
             td.n { (estimate(&delay_ms(channel))) }
             td.n { "±" (number::exact(margin_s * 1e3)) }
             // The age of what is held follows from the timestamps: it adds nothing to the uncertainty of the delay.
@@ -391,7 +399,10 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
                     "; slow motion " (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) " ms"
                 }
             }
-            td.n { (estimate(&gain)) }
+            td.n {
+                @if channel.has_lag() { (no_number("a lag's gain depends on the frequency")) }
+                @else { (estimate(&gain)) }
+            }
             td.n { (or_why(channel.update_rate_hz, "not known", |hz| plain(hz, 4))) }
             @if columns.clock { td.any { (basis(&channel.basis)) ", " (channel.stamp_kind) } }
             td.n { (number::count(channel.records)) }
@@ -416,11 +427,11 @@ fn doubts(channels: &[Channel]) -> Markup {
     }
     html! {
         @for group in groups {
-            p {
-                (badge("bad", "✗", "in doubt")) " "
-                @for (i, channel) in group.iter().enumerate() { @if i > 0 { ", " } code { (shown(&channel.name)) } }
-                ": " (reasons(group[0])) ". The reference may be wrong, or the delay is not one number. Correct what is named and \
-                 measure again. Until then do not rely on the delay."
+            p.answer {
+                (in_doubt()) " "
+                @if group.len() == channels.len() && group.len() > 1 { "All channels" }
+                @else { @for (i, channel) in group.iter().enumerate() { @if i > 0 { ", " } code { (shown(&channel.name)) } } }
+                ": " (reasons(group[0])) ". Correct what is named and measure again. Until then do not rely on the delay."
             }
         }
     }
@@ -431,6 +442,16 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
     let position = channels.iter().map(|c| c.card).find(|c| is_position(c));
     html! {
         h2 id="use" { "Use it in a pipeline" }
+        @if position.is_some_and(CardChannel::is_in_doubt) {
+            p { (in_doubt()) " Measure again before you use this delay." }
+        }
+        @if let Some((position, slow)) = position.filter(|p| p.has_lag()).and_then(|p| Some((p, p.slow_motion_delay_s?))) {
+            p {
+                (badge("unsure", "!", "A lag")) " A pipeline removes the pure delay, " (estimate(&delay_ms(position))) " ms. "
+                code { (shown(&position.name)) } " is a lag: slow motion is "
+                (in_ms(slow, position.slow_motion_standard_uncertainty_s)) " ms late, so a part of its lateness is left."
+            }
+        }
         @match (position, page.card_file) {
             (Some(_), Some(file)) => {
                 pre tabindex="0" { code { (shown_block(&format!("[delay]\nfrom = \"card\"\ncard = {}\n", toml_text(file)))) } }
@@ -443,9 +464,6 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
                 p { (no_number("the card holds no position, so there is no delay to remove")) }
             }
             (None, _) => { p { (no_number("the card holds no position on which the records agree, so there is no delay to remove")) } }
-        }
-        @if position.is_some_and(CardChannel::is_in_doubt) {
-            p { (badge("bad", "✗", "in doubt")) " Measure again before you use this delay." }
         }
         @if let Some(TimeBasis::Anchor { channel }) = position.map(|p| &p.basis) {
             p { "This delay is relative: it is right where " code { (shown(channel)) } " of the flight is on time." }
@@ -509,12 +527,13 @@ fn calibration(iron: &IronCalibration, unit: &str) -> Markup {
 /// Records with what each says of each channel, then what was left out and why.
 fn records(page: &CardPage, channels: &[Channel]) -> Markup {
     let numbered: Vec<(usize, &CardRecord)> = (1..).zip(page.records).collect();
-    let columns = &channels[..channels.len().min(MOST_COLUMNS)];
-    let row = |(number, record): &(usize, &CardRecord)| record_row(*number, record, columns);
+    let columns = columns(page, channels);
+    let all = channels.len() + page.without_mean.len();
+    let row = |(number, record): &(usize, &CardRecord)| record_row(*number, record, &columns);
     let head = html! {
         tr {
             @for column in [Number("No."), Text("Record, date (UTC)"), Text("Outcome")] { (Head::render(&column)) }
-            @for channel in columns { th.n scope="col" { (shown(&channel.card.name)) " (ms)" } }
+            @for column in &columns { th.n scope="col" { (shown(column.name)) " (ms)" @if column.records.is_none() { ", no common delay" } } }
         }
     };
     html! {
@@ -524,15 +543,33 @@ fn records(page: &CardPage, channels: &[Channel]) -> Markup {
                 (super::table_of("Repeatability: delay in each record; ± is U with k = 2; ✗ is left out", head,
                     rows(&numbered, 200, 3 + columns.len(), row)))
             }
-            @if channels.len() > columns.len() {
-                p.note { (number::counted((channels.len() - columns.len()) as u64, "channel", "channels")) " more: see the pages of the records." }
+            @if all > columns.len() {
+                p.note { (number::counted((all - columns.len()) as u64, "channel", "channels")) " more: see the pages of the records." }
             }
             (left_out(page, channels))
         }
     }
 }
 
-fn record_row(number: usize, record: &CardRecord, columns: &[Channel]) -> Markup {
+/// A column of the table of records.
+struct Column<'a> {
+    name: &'a str,
+    /// What each record says of a channel of the card; `None` for one on whose delay the records do not agree.
+    records: Option<&'a [Forest]>,
+}
+
+/// Channels without a common delay first, then those of the card.
+fn columns<'a>(page: &CardPage<'a>, channels: &'a [Channel<'a>]) -> Vec<Column<'a>> {
+    let apart = page.without_mean.iter().map(|what| Column { name: what.channel, records: None });
+    let of_card = channels.iter().map(|c| Column { name: &c.card.name, records: Some(&c.records) });
+    apart.chain(of_card).take(MOST_COLUMNS).collect()
+}
+
+fn record_row(number: usize, record: &CardRecord, columns: &[Column]) -> Markup {
+    let own = |name: &str| {
+        let all = record.record.findings.iter().flat_map(|f| &f.channels);
+        all.filter(|c| c.name == name).find_map(|c| c.delay.as_ref()).map(verdict::delay)
+    };
     html! {
         tr {
             td.n { (number) }
@@ -550,14 +587,12 @@ fn record_row(number: usize, record: &CardRecord, columns: &[Channel]) -> Markup
                     BenchOutcome::Failed { reason } => { (badge("bad", "✗", "Failed")) ": " (shown(reason)) }
                 }
             }
-            @for channel in columns {
+            @for column in columns {
                 td.n {
-                    @let found = channel.records.get(number - 1);
-                    @match found.and_then(|f| f.delay_s.as_ref()) {
-                        Some(delay) => { (estimate(&verdict::in_millis(delay))) }
-                        None => { (no_number("none")) }
-                    }
-                    @if found.is_some_and(|f| f.left_out.is_some()) { " ✗" }
+                    @let found = column.records.map(|records| records.get(number - 1));
+                    @let delay = found.map_or_else(|| own(column.name), |of_card| of_card.and_then(|f| f.delay_s));
+                    (or_why(delay.as_ref(), "none", |delay| estimate(&verdict::in_millis(delay))))
+                    @if found.flatten().is_some_and(|f| f.left_out.is_some()) { " ✗" }
                 }
             }
         }

@@ -2,8 +2,13 @@
 
 use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
 use crate::html::{Tag, points, read, shows};
-use record::{BenchRecord, ChannelDynamics, DELAY_CHANGES, Estimate, Finding, SensorCard, Verdict};
-use report::{BenchPage, CardPage, CardRecord, IndexedCard, Site, bench_site, card_site, cards_site, monte_carlo_site};
+use record::{
+    BenchRecord, ChannelDynamics, DELAY_CHANGES, ENCODER_SLIP, Estimate, Finding, GateCheck, SensorCard, Verdict,
+};
+use report::{
+    BenchPage, CardPage, CardRecord, IndexedCard, Site, WithoutMean, bench_site, card_site, cards_site,
+    monte_carlo_site,
+};
 
 fn site(record: &BenchRecord) -> Site {
     let command = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig bench.rig.toml";
@@ -341,7 +346,7 @@ fn what_was_read_and_with_which_rig_stands_under_provenance() {
 #[test]
 fn a_channel_whose_rig_the_data_contradict_is_marked_with_what_they_contradict() {
     let html = text(&the_card(), "index.html");
-    assert_eq!(html.matches("in doubt").count(), 3, "the answer, one row and one paragraph");
+    assert_eq!(html.matches("in doubt").count(), 3, "the reason, the answer and one row");
     assert!(html.contains("swing-07: azimuth by &lt;imu&gt;") && html.contains("; slow motion "));
 }
 
@@ -366,19 +371,20 @@ fn a_delay_in_doubt_is_so_in_the_first_sentence_and_where_it_is_used() {
 #[test]
 fn records_that_disagree_are_in_the_answer() {
     let (card, records) = card();
-    let why = "position.gps: the records disagree: a 400.7 ± 2.2 ms against b 600.0 ± 1.8 ms".to_owned();
+    let why = "the records disagree: a 400.7 ± 2.2 ms against b 600.0 ± 1.8 ms";
     let record = CardRecord { name: "swing-07", record: &records[0], href: None };
     let page = CardPage {
         card: &SensorCard { channels: vec![], ..card },
         card_file: None,
         records: &[record],
-        without_mean: std::slice::from_ref(&why),
+        without_mean: &[WithoutMean { channel: "position.gps", why }],
         remarks: &["swing-07: position.ins: cannot tell: widen analysis.search_s".to_owned()],
         command: "flightlag bench records",
     };
     let html = words(&text(&card_site(&page), "index.html"));
     let answer = html.split_once("Validity: ").unwrap().0;
-    assert!(answer.contains(&format!("✗ no common delay {why}.")), "{answer}");
+    assert!(answer.contains(&format!("✗ no common delay position.gps: {why}.")), "{answer}");
+    assert!(html.contains("position.gps (ms), no common delay"), "{html}");
     assert!(answer.contains("! Records swing-07: position.ins: cannot tell: widen analysis.search_s."), "{answer}");
     assert!(html.contains("no position on which the records agree"), "{html}");
 }
@@ -395,11 +401,25 @@ fn a_record_says_first_that_its_delay_changes_or_its_encoder_slipped() {
     let (least, most) = (bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY));
     findings.gate.checks[0].passed = false;
     let check = findings.gate.checks[0].clone();
+    let doubtful = channels_of(&record).iter().filter(|c| c.changing_delay_s().is_some()).count();
     let html = words(&page(&record)).replace('\u{a0}', " ");
     let answer = html.split_once("All channels;").unwrap().0;
     let changes = format!("✗ in doubt The delay changes over the record, from {least:.1} to {most:.1} ms in windows.");
     assert!(answer.replace('\u{202f}', "").contains(&changes), "{answer}");
     assert!(answer.contains(&format!("Quality gate {}: ", check.name)), "{answer}");
+    assert!(html.contains(&format!("✗ in doubt {doubtful} channel")), "{html}");
+
+    let text = "+49.8 counts (+8.96°) at 30.00 s".to_owned();
+    let findings = record.findings.as_mut().unwrap();
+    findings.gate.checks.push(GateCheck { name: ENCODER_SLIP.to_owned(), passed: false, text: text.clone() });
+    let html = words(&page(&record)).replace('\u{a0}', " ");
+    let answer = html.split_once(" is late by ").unwrap().0;
+    assert!(answer.contains(&format!("✗ in doubt encoder slip: {text}. Every delay below is in doubt.")), "{answer}");
+    assert!(!html.contains("✓ On time") && !html.contains("▶ Late") && !html.contains("✓ Measured"), "{html}");
+}
+
+fn channels_of(record: &BenchRecord) -> &[ChannelDynamics] {
+    &record.findings.as_ref().unwrap().channels
 }
 
 #[test]

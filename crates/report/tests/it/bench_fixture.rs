@@ -467,7 +467,7 @@ fn clocks() -> ClockFinding {
             device: Clock::Boot,
             arrival: Clock::Unix,
             offset_s: 1_288_000_123.456,
-            skew: 21.9e-6,
+            skew: -21.9e-6,
             latency_s: Distribution { min: 0.0, p01: 0.000_04, median: 0.0028, p99: 0.0181, max: 0.041 },
             remark: "Holds the least transport latency.".into(),
         }),

@@ -194,8 +194,8 @@ fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
     let check = |name: &str, of_rig: bool, agrees: Option<bool>| record::MountCheck {
         name: name.into(),
         unit: "m".into(),
-        fitted: record::Finding::CannotTell(String::new()),
-        stated: None,
+        fitted: record::Finding::Found(Estimate { value: 1.201, standard_uncertainty: Some(0.002) }),
+        stated: Some(1.3),
         agrees,
         of_rig,
         text: String::new(),
@@ -208,10 +208,11 @@ fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
         check("azimuth by imu", true, None),
         check("scale of imu", false, Some(false)),
     ];
-    all[2].1.notices.push(Code::RigContradicted, SIGN, 1, "the other way round");
+    all[2].1.notices.push(Code::RigContradicted, record::ENCODER_SIGN, 1, "the other way round");
     let combined = combine(&all, &TERMS).unwrap();
     let position = &combined.card.channels[0];
-    assert_eq!(position.contradicted, ["swing-02: lever arm z of imu", "swing-03: encoder sign"]);
+    let arm = "swing-02: lever arm z of imu: 1.2010 ± 0.0040 m by the data, 1.3000 m by the rig file";
+    assert_eq!(position.contradicted, [arm, "swing-03: the other way round"]);
     assert_eq!(told(&combined), [("rig-contradicted", "swing-02"), ("rig-contradicted", "swing-03")]);
     assert_eq!(parse_card(&card_text(&combined.card), Path::new("c")).unwrap(), combined.card);
     assert!(combine(&runs(&[400.0]), &TERMS).unwrap().card.channels[0].contradicted.is_empty());
@@ -232,7 +233,8 @@ fn an_encoder_whose_angle_scatters_marks_the_channels() {
         ),
     );
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!(combined.card.channels[0].contradicted, ["swing-02: encoder residual"]);
+    let why = "1.70 counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or stamps jitter";
+    assert_eq!(combined.card.channels[0].contradicted, [format!("swing-02: encoder residual: {why}")]);
     assert_eq!(told(&combined), [("rig-contradicted", "swing-02")]);
 }
 

@@ -3,10 +3,10 @@
 use super::super::Head::{Number, Text};
 use super::super::{
     basis, estimate, exact, fact, figure, finding, health, met_badge, no_number, or_why, plain, rows, table,
-    verdict_badge,
+    verdict_or_doubt,
 };
-use super::duration;
 use super::overview::{MOST_CHANNELS, interval_ms, kind};
+use super::{duration, is_in_doubt};
 use crate::figure::{ChannelFigures, Figure, KINDS};
 use crate::number;
 use crate::text::{ended, shown};
@@ -20,12 +20,12 @@ use record::{
 /// Most rows of each table of a channel; the record holds all.
 const MOST: usize = 40;
 
-pub(super) fn section(channels: &[ChannelDynamics], figures: &[ChannelFigures]) -> Markup {
+pub(super) fn section(channels: &[ChannelDynamics], figures: &[ChannelFigures], doubts: &[String]) -> Markup {
     html! {
         h2 id="channels" { "Channels" }
         @if channels.is_empty() { p { "None was found in the sensor's log." } }
         @else { (kinds(figures)) }
-        @for (channel, figures) in channels.iter().zip(figures).take(MOST_CHANNELS) { (details(channel, figures)) }
+        @for (channel, figures) in channels.iter().zip(figures).take(MOST_CHANNELS) { (details(channel, figures, doubts)) }
     }
 }
 
@@ -45,11 +45,11 @@ fn kinds(figures: &[ChannelFigures]) -> Markup {
 }
 
 /// Folded away where nothing is left to ask.
-fn details(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
+fn details(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String]) -> Markup {
     let is_open = channel.verdict == Verdict::Delayed;
     html! {
         details.channel open=[is_open.then_some("open")] {
-            summary { code { (shown(&channel.name)) } (verdict_badge(channel.verdict)) (summary(channel)) }
+            summary { code { (shown(&channel.name)) } (verdict_or_doubt(channel.verdict, is_in_doubt(channel, doubts))) (summary(channel)) }
             div id={ (figures.anchor) "-channel" } {
                 p { (shown(&channel.reason)) }
                 (delay_table(channel))
@@ -124,22 +124,21 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
             (ms(found.hac_s)) " (sandwich, HAC), with what the components share of " (ms(found.reference_s))
             " of the reference, " (ms(found.stamps_s)) " of the stamps and " (ms(found.anchor_s))
             " of the anchor in quadrature"
+            @if found.change_s > 0.0 { ", and " (ms(found.change_s)) " so that the interval holds the delay of every part of the record" }
         }))
         (fact("Cramér–Rao bound at the fitted noise", ms(found.crlb_s)))
         (fact("Effective delay when the last value is held", or_why(found.as_seen_s.as_ref(), not_held(channel), held)))
         (fact("Fit that ignores the holding", or_why(found.held_fit_s.as_ref(), not_held(channel), held)))
         (fact("Smallest detectable delay (power 80 %)", ms(found.minimum_detectable_s)))
         (fact("Margin of equivalence", html! { "±" (exact(found.deciding_margin_s() * 1e3)) " ms" }))
-        (fact("Record that would decide", or_why(found.deciding_length_s, decided(channel), |s| html! { (duration(s)) })))
+        @if channel.verdict == Verdict::Inconclusive {
+            (fact("Record that would decide", or_why(found.deciding_length_s, "not known", |s| html! { (duration(s)) })))
+        }
     }
 }
 
 fn not_held(channel: &ChannelDynamics) -> &'static str {
     if channel.held_rows == 0 { "the channel is not held" } else { "not given" }
-}
-
-fn decided(channel: &ChannelDynamics) -> &'static str {
-    if channel.verdict == Verdict::Inconclusive { "not known" } else { "this one does" }
 }
 
 // Components

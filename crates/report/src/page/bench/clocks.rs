@@ -58,7 +58,8 @@ fn hull(found: &HullFinding) -> Markup {
         (fact("Arrival − device time on the hull, at the middle", html! {
             (number::fixed(found.offset_s, 6)) " s; it holds the least transport latency"
         }))
-        (fact("Skew of the device clock", html! { (plain(found.skew * 1e6, 3)) " ppm" }))
+        // The slope of arrival less device time falls where the device gains.
+        (fact("Skew of the device clock", html! { (plain(-found.skew * 1e6, 3)) " ppm (positive gains)" }))
         (fact("Arrival above the fastest", html! {
             "median " (health::millis(d.median)) " ms, 1st to 99th percentile " (health::millis(d.p01)) " to "
             (health::millis(d.p99)) " ms, largest " (health::millis(d.max)) " ms"

@@ -25,25 +25,31 @@ pub(super) fn section(mount: &MountFinding, flexibility: &Finding<Flexibility>, 
 
 fn checks(checks: &[MountCheck]) -> Markup {
     let row = |check: &MountCheck| {
+        let (factor, unit) = match check.unit.as_str() {
+            "rad" => (1f64.to_degrees(), "°"),
+            "rad/s" => (1f64.to_degrees(), "°/s"),
+            unit => (1.0, unit),
+        };
         html! {
             tr {
                 th scope="row" { (shown(&check.name)) }
-                td.n { (finding(&check.fitted, estimate)) }
-                td.n { (or_why(check.stated, "not stated", exact)) }
-                td { (shown(&check.unit)) }
+                td.n { (finding(&check.fitted, |found| estimate(&number::scaled(found, factor)))) }
+                td.n { (or_why(check.stated, "nothing", |stated| plain(stated * factor, 5))) }
+                td { (shown(unit)) }
                 td { (check.agrees.map_or_else(|| badge("off", "○", "not compared"), met_badge)) }
                 td.any { (shown(&check.text)) }
             }
         }
     };
     let head =
-        [Text("What"), Number("From the data"), Number("Rig file"), Text("Unit"), Text("Agree"), Text("In words")];
+        [Text("What"), Number("From the data"), Number("Compared with"), Text("Unit"), Text("Agree"), Text("In words")];
     html! {
         @if checks.is_empty() { p { "Nothing was compared." } }
         @else {
-            (folded(&number::counted(checks.len() as u64, "comparison with the rig file", "comparisons with the rig file"),
+            (folded(&number::counted(checks.len() as u64, "number of mount and calibration", "numbers of mount and calibration"),
                 checks.iter().all(|c| c.agrees == Some(true)),
-                &table("Data against rig file; ± is U with k = 2. They agree within three standard uncertainties and a tolerance",
+                &table("Data against what the rig file states or what is in use; ± is U with k = 2. They agree within three standard \
+                    uncertainties and a tolerance",
                 &head, rows(checks, 80, head.len(), row))))
         }
     }

@@ -1,7 +1,10 @@
 //! All channels in one table, Fig. 4, and whether the swing can show anything at all.
 
 use super::super::Head::{self, Number, Text};
-use super::super::{basis, estimate, figure, finding, met_badge, or_why, plain, rows, table, verdict_badge};
+use super::super::{
+    basis, estimate, figure, finding, met_badge, no_number, or_why, plain, rows, table, verdict_or_doubt,
+};
+use super::is_in_doubt;
 use crate::figure::{BenchFigures, ChannelFigures, main_component};
 use crate::number;
 use crate::text::shown;
@@ -15,10 +18,15 @@ use record::{
 /// Most channels of a table; the record holds all.
 pub(super) const MOST_CHANNELS: usize = 60;
 
-pub(super) fn section(findings: &BenchFindings, figures: &BenchFigures, shift: Option<&Markup>) -> Markup {
+pub(super) fn section(
+    findings: &BenchFindings,
+    figures: &BenchFigures,
+    shift: Option<&Markup>,
+    doubts: &[String],
+) -> Markup {
     html! {
         h2 id="results" { "Results" }
-        (channels(findings, &figures.channels))
+        (channels(findings, &figures.channels, doubts))
         p.note {
             "A positive delay is late: measured(t) = truth(t − delay). As seen: effective delay when the last value is held. \
              Smallest detectable: shown with a power of 80 %. Gain and noise are those of the component that says most about \
@@ -33,7 +41,7 @@ pub(super) fn section(findings: &BenchFindings, figures: &BenchFigures, shift: O
     }
 }
 
-fn channels(findings: &BenchFindings, figures: &[ChannelFigures]) -> Markup {
+fn channels(findings: &BenchFindings, figures: &[ChannelFigures], doubts: &[String]) -> Markup {
     let head = [
         Text("Channel"),
         Text("Verdict"),
@@ -45,20 +53,20 @@ fn channels(findings: &BenchFindings, figures: &[ChannelFigures]) -> Markup {
         Text("Updates, stamps, measured against"),
     ];
     let both: Vec<_> = findings.channels.iter().zip(figures).collect();
-    html! { div.compact { (channel_table(&both, &head)) } }
+    html! { div.compact { (channel_table(&both, &head, doubts)) } }
 }
 
-fn channel_table(both: &[(&ChannelDynamics, &ChannelFigures)], head: &[Head]) -> Markup {
+fn channel_table(both: &[(&ChannelDynamics, &ChannelFigures)], head: &[Head], doubts: &[String]) -> Markup {
     table(
         "All channels; ± is U with k = 2",
         head,
-        rows(both, MOST_CHANNELS, head.len(), |(channel, figures)| row(channel, figures)),
+        rows(both, MOST_CHANNELS, head.len(), |(channel, figures)| row(channel, figures, doubts)),
     )
 }
 
 const NO_DELAY: &str = "not fitted";
 
-fn row(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
+fn row(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String]) -> Markup {
     let delay = channel.delay.as_ref();
     let main = main_component(channel);
     html! {
@@ -66,11 +74,14 @@ fn row(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
             th scope="row" {
                 a href={ "#" (figures.anchor) "-channel" } { (shown(&channel.name)) }
             }
-            td { (verdict_badge(channel.verdict)) }
+            td { (verdict_or_doubt(channel.verdict, is_in_doubt(channel, doubts))) }
             td.n { (or_why(delay, NO_DELAY, delay_cell)) }
             td.n { (or_why(delay, NO_DELAY, |d| plain(d.minimum_detectable_s * 1e3, 2))) }
             td.any { (finding(&channel.model, model_word)) }
-            td.n { (or_why(main.and_then(|c| c.gain.as_ref()), "not fitted", estimate)) }
+            td.n {
+                @if channel.lags().is_some() { (no_number("a lag's gain depends on the frequency")) }
+                @else { (or_why(main.and_then(|c| c.gain.as_ref()), "not fitted", estimate)) }
+            }
             td.any { (or_why(main.and_then(|c| Some((c, c.noise.as_ref()?))), "not fitted", noise)) }
             td.any {
                 (or_why(channel.update_rate_hz, "rate not known", |hz| html! { (plain(hz, 4)) " Hz" })) ", "

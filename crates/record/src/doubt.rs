@@ -1,0 +1,86 @@
+//! What puts the delays of a bench record in doubt: one rule for its page, its card and the terminal.
+
+use crate::{BenchRecord, ChannelDynamics, Estimate, Finding, GateCheck, ModelFinding, MountCheck};
+use flight::{Code, fixed};
+
+/// Place of the notice that the record shows another sign of the encoder than the rig file.
+pub const ENCODER_SIGN: &str = "encoder sign";
+/// Place of the notice that the record shows the sensor on another side of the pivot than the rig file.
+pub const SIDE_OF_PIVOT: &str = "side of the pivot";
+/// Gate check of an encoder that lost counts. Each half of such a record is about another zero.
+pub const ENCODER_SLIP: &str = "encoder slip";
+/// Gate check of how far the encoder's counts scatter about the smoothed motion.
+pub const ENCODER_RESIDUAL: &str = "encoder residual";
+/// How the text of that check ends where they scatter too far, so that the reference motion is wrong.
+pub const COUNTS_OR_STAMPS_WRONG: &str = "counts are lost or stamps jitter";
+/// How what puts a delay in doubt begins, after the name of the record, where the delay is not one number.
+pub const DELAY_CHANGES: &str = "the delay changes over the record";
+
+impl BenchRecord {
+    /// What puts every delay of the record in doubt, each in words with its size: data that contradict the rig file, or an
+    /// encoder that slipped or scatters. Every reference is made with rig and encoder.
+    #[must_use]
+    pub fn doubts(&self) -> Vec<String> {
+        let findings = || self.findings.iter();
+        let contradicted = self.notices.iter().filter(|n| n.code == Code::RigContradicted);
+        let stated = contradicted.filter(|n| [ENCODER_SIGN, SIDE_OF_PIVOT].contains(&n.place.as_str()));
+        let checks = findings().flat_map(|f| &f.mount.checks).filter(|c| c.contradicts_rig());
+        let encoder = findings().flat_map(|f| &f.gate.checks).filter(|c| c.is_of_wrong_motion());
+        let of_notices = stated.map(|n| n.text.clone());
+        let of_gate = encoder.map(|c| format!("{}: {}", c.name, c.text));
+        of_gate.chain(of_notices).chain(checks.map(MountCheck::in_words)).collect()
+    }
+}
+
+impl GateCheck {
+    /// Whether it says that the reference motion is wrong.
+    #[must_use]
+    pub fn is_of_wrong_motion(&self) -> bool {
+        let scatters = self.name == ENCODER_RESIDUAL && self.text.ends_with(COUNTS_OR_STAMPS_WRONG);
+        !self.passed && (scatters || self.name == ENCODER_SLIP)
+    }
+}
+
+impl MountCheck {
+    /// Whether data and rig file differ, and it is the rig file that is wrong.
+    #[must_use]
+    pub fn contradicts_rig(&self) -> bool {
+        self.of_rig && self.agrees == Some(false)
+    }
+
+    /// `lever arm z of imu: 1.201 ± 0.004 m by the data, 1.3 m by the rig file`.
+    fn in_words(&self) -> String {
+        let (Finding::Found(fitted), Some(stated)) = (&self.fitted, self.stated) else { return self.name.clone() };
+        let (factor, unit) = if self.unit == "rad" { (1f64.to_degrees(), "°") } else { (1.0, self.unit.as_str()) };
+        let u = fitted.standard_uncertainty.map_or(0.0, |u| 2.0 * u * factor);
+        // Two figures of the uncertainty.
+        let digits = if u > 0.0 { (1.0 - u.log10().floor()).clamp(0.0, 4.0) as usize } else { 3 };
+        let [fitted, stated] = [fitted.value, stated].map(|value| fixed(value * factor, digits));
+        format!("{}: {fitted} ± {u:.digits$} {unit} by the data, {stated} {unit} by the rig file", self.name)
+    }
+}
+
+impl ChannelDynamics {
+    /// Least and greatest delay of the windows, s, where the delay surely changes over the record: it is not one number.
+    #[must_use]
+    pub fn changing_delay_s(&self) -> Option<[f64; 2]> {
+        let found = self.stationarity.found().filter(|s| s.changes)?;
+        let bound = |f: fn(f64, f64) -> f64, from: f64| found.delay_s.iter().map(|d| d.value).fold(from, f);
+        Some([bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY)])
+    }
+
+    /// The model of the channel, if it was chosen and has a lag. A delay that changes passes for one and has none.
+    #[must_use]
+    pub fn lags(&self) -> Option<(&ModelFinding, &[Estimate])> {
+        let model = self.model.found().filter(|_| self.changing_delay_s().is_none())?;
+        let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
+        (!chosen.lags_s.is_empty()).then_some((model, chosen.lags_s.as_slice()))
+    }
+
+    /// What puts the delay of this channel in doubt, in words: that it is not one number.
+    #[must_use]
+    pub fn doubt(&self) -> Option<String> {
+        let [least, most] = self.changing_delay_s()?.map(|delay_s| fixed(1e3 * delay_s, 1));
+        Some(format!("{DELAY_CHANGES}, from {least} to {most} ms in windows"))
+    }
+}
