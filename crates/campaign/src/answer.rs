@@ -18,8 +18,8 @@ use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
     DelaySetting, DelaySource, Estimate, Finding, FlightContent, FlightDelays, FlightLateness, Gravity, JudgedBy,
-    MeasuredFlight, NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock,
-    ReferenceFile,
+    MeasuredFlight, NetworkDatum, NetworkVerdict, OtherReceiver, PairDelay, RECORD_VERSION, ReceiverGroup,
+    ReferenceClock, ReferenceFile,
 };
 
 /// Codes of notices of a log that are alarms of its flight: columns bound by guess, and stated units that are not known.
@@ -161,6 +161,7 @@ pub(crate) fn unknown(key: &str) -> FlightLateness {
         speed_rms_mps: None,
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
+        other_receivers: vec![],
         alarms: vec![],
         advice: DelayAdvice::default(),
     }
@@ -242,7 +243,8 @@ fn answered(
         out.words += &check;
     }
     if let Some(network) = network {
-        out.words += &other_receivers(&out, network);
+        out.other_receivers = other_receivers(&out, network);
+        out.words += &receivers_in_words(&out);
     }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
     let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::NotTested);
@@ -345,22 +347,27 @@ fn against_reference(position: &str, delays: &FlightDelays) -> Option<String> {
 
 /// Other positions that are measured and not of a filter, and whose lateness is another one: what is removed from one receiver
 /// is wrong for the next.
-fn other_receivers(out: &FlightLateness, network: &DelayNetwork) -> String {
-    let Some(own) = out.lateness.as_ref().filter(|_| !out.kind.varies()) else { return String::new() };
+fn other_receivers(out: &FlightLateness, network: &DelayNetwork) -> Vec<OtherReceiver> {
+    let Some(own) = out.lateness.as_ref().filter(|_| !out.kind.varies()) else { return vec![] };
     let is_other = |channel: &&ChannelLateness| {
         let name = channel.channel.as_str();
         let differs = difference(network, name, &own.channel)
             .is_some_and(|d| d.value.abs() > ON_TIME_S.max(3.0 * d.standard_uncertainty.unwrap_or_default()));
         name.starts_with("position.") && lineage_from_name(name) == Lineage::Measured && differs
     };
-    let against = match &own.relative_to {
+    let others = network.channels.iter().filter(is_other);
+    others.map(|c| OtherReceiver { channel: c.channel.clone(), lateness_s: c.lateness_s }).collect()
+}
+
+fn receivers_in_words(out: &FlightLateness) -> String {
+    let against = match out.lateness.as_ref().and_then(|own| own.relative_to.as_ref()) {
         Some(zero) => format!("later than {zero}"),
         None => "late".to_owned(),
     };
-    let others = network.channels.iter().filter(is_other);
-    others
-        .map(|c| format!(". Another position of this log, {}, is {} ms {against}", c.channel, in_ms(&c.lateness_s)))
-        .collect()
+    let one = |other: &OtherReceiver| {
+        format!(". Another position of this log, {}, is {} ms {against}", other.channel, in_ms(&other.lateness_s))
+    };
+    out.other_receivers.iter().map(one).collect()
 }
 
 /// What to fly so that the next log tells what this one does not.

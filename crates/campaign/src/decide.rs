@@ -266,10 +266,11 @@ fn range_ms(seconds: impl Iterator<Item = f64>) -> String {
 /// Probability below which flights are said to differ.
 const DIFFER_P: f64 = 0.01;
 
-/// The mean of a pool with half the half width of its 95 % interval as standard uncertainty: few flights have wide tails, and
-/// ± U must not be narrower than the interval beside it.
+/// The mean of a pool with half the half width of its 95 % interval as standard uncertainty, if that is the larger one: few
+/// flights have wide tails, and ± U must not be narrower than the interval beside it.
 fn as_wide_as(mean_s: &Estimate, half_width_95_s: f64) -> Estimate {
-    Estimate { value: mean_s.value, standard_uncertainty: Some(0.5 * half_width_95_s) }
+    let wide_s = 0.5 * half_width_95_s;
+    Estimate { value: mean_s.value, standard_uncertainty: Some(mean_s.standard_uncertainty.unwrap_or(0.0).max(wide_s)) }
 }
 
 fn differ(outliers: &[String]) -> String {

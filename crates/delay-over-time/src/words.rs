@@ -52,9 +52,11 @@ fn late(level: Option<Effect>) -> String {
 fn seen(found: &Found, v: &Verdict) -> String {
     if !v.constancy.tested {
         let windows = v.constancy.windows;
-        return format!(
-            "Whether the delay changes could not be tested: of the 8 windows needed, {windows} could be measured."
-        );
+        let what = match v.change_on_bins {
+            Some(_) => "The delay may change within this flight, which could not be tested",
+            None => "Whether the delay changes could not be tested",
+        };
+        return format!("{what}: of the 8 windows needed, {windows} could be measured.");
     }
     let (Some(x), Some(between)) = (v.constancy.detectable_s, v.constancy.detectable_between_s) else {
         return "No change would have been seen: one window knows nearly all.".to_owned();
@@ -208,12 +210,6 @@ pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
     }
     if v.kind == DelayKind::Steps {
         out.push("On a straight piece a step cannot be told from a reset of the position along the track.".to_owned());
-    }
-    if v.kind == DelayKind::NotTested && v.change_on_bins.is_some() {
-        out.push(format!(
-            "The delay may change within this flight. Of the 8 windows needed to be sure, {} could be measured.",
-            v.constancy.windows
-        ));
     }
     if found.fixes_used > 0 && found.noise.shape.jitter == 0.0 && found.fixes_used * 2 < found.queued.rows.len() {
         let every = found.queued.rows.len().div_ceil(found.fixes_used);

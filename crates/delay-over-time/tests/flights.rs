@@ -53,7 +53,7 @@ fn a_change_that_cannot_be_tested_is_put_down_to_the_windows_that_know_their_del
     let mut said = 0;
     for f in flights.filter(|f| f.kind == DelayKind::NotTested) {
         for remark in f.remarks.iter().filter(|remark| remark.starts_with("The delay may change")) {
-            let count = format!("Of the 8 windows needed to be sure, {} could be measured.", f.constancy.windows);
+            let count = format!("of the 8 windows needed, {} could be measured.", f.constancy.windows);
             assert!(remark.ends_with(&count) && f.constancy.windows < 8, "{remark}");
             said += 1;
         }

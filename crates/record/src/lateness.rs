@@ -76,6 +76,9 @@ pub struct FlightLateness {
     /// Change of this lateness for each 0.1 m by which the antenna is ahead of where velocity is taken, s; `None` if the
     /// lever arm is known or does not matter.
     pub lever_arm_s_per_decimetre: Option<f64>,
+    /// Other positions of the log, not of a filter, that are late by another amount: counted as `against` says.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_receivers: Vec<OtherReceiver>,
     /// What a reader must know of this number, the gravest first.
     pub alarms: Vec<DelayAlarm>,
     /// What to set or to fly.
@@ -95,6 +98,16 @@ impl FlightLateness {
     pub fn lateness_s(&self) -> Option<Estimate> {
         self.lateness.as_ref().map(|found| found.lateness_s)
     }
+}
+
+/// Another receiver of a flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
+pub struct OtherReceiver {
+    /// Channel of its position.
+    pub channel: String,
+    /// How late it is, s.
+    pub lateness_s: Estimate,
 }
 
 /// What a sensor card says of a flight's position, with the velocity's own delay taken off.
@@ -140,7 +153,11 @@ pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decisi
         text,
     });
     let mut all: Vec<DelayAlarm> = lateness.iter().flat_map(|l| l.alarms.clone()).chain(contradicted).collect();
-    all.sort();
+    // That columns were guessed says nothing of the delay itself.
+    all.sort_by(|a, b| {
+        let key = |alarm: &DelayAlarm| (alarm.gravity, alarm.code == Code::BoundByGuess.name());
+        key(a).cmp(&key(b)).then_with(|| a.cmp(b))
+    });
     all
 }
 

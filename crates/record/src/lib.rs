@@ -73,7 +73,7 @@ pub use crate::flight_delay::{
 pub use crate::group::{DuplicateFlight, FlightContent, GroupPart, ReceiverGroup};
 pub use crate::lateness::{
     CardDelay, Decision, DelayAdvice, DelayAlarm, DelaySetting, Effect, EffectVerdict, FlightLateness, Gravity,
-    GroupLateness, JudgedBy, MeasuredFlight, counted_from, flight_alarms,
+    GroupLateness, JudgedBy, MeasuredFlight, OtherReceiver, counted_from, flight_alarms,
 };
 pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::night::{

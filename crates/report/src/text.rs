@@ -37,8 +37,24 @@ pub(crate) fn shown_block(text: &str) -> Shown<'_> {
 impl Render for Shown<'_> {
     fn render_to(&self, buffer: &mut String) {
         let text = visible(self.text, self.limit, self.lines);
+        // A command in a sentence stands between backticks.
+        let quoted = text.matches('`').count() / 2 * 2;
+        for (place, part) in text.splitn(quoted + 1, '`').enumerate() {
+            if place % 2 == 1 {
+                buffer.push_str("<code>");
+            }
+            self.part(buffer, part);
+            if place % 2 == 1 {
+                buffer.push_str("</code>");
+            }
+        }
+    }
+}
+
+impl Shown<'_> {
+    fn part(&self, buffer: &mut String, text: &str) {
         if self.lines {
-            return escape(buffer, &text);
+            return escape(buffer, text);
         }
         for word in text.split_inclusive(' ') {
             if word.len() > LONG_WORD { breakable(buffer, word) } else { escape(buffer, word) }
@@ -129,6 +145,14 @@ pub(crate) fn href(path: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_command_between_backticks_is_set_as_one() {
+        let html = |text: &str| shown(text).render().into_string();
+        assert_eq!(html("run `flightlag maps` & `x"), "run <code>flightlag maps</code> &amp; `x");
+        assert_eq!(html("`a` and `<b>`"), "<code>a</code> and <code>&lt;b&gt;</code>");
+        assert_eq!(html("one ` alone"), "one ` alone");
+    }
 
     #[test]
     fn markup_in_a_log_is_text_on_the_page() {

@@ -1,6 +1,6 @@
 //! Words for a lateness and for a difference, and what else follows from an answer.
 
-use super::{kind_of, other_receivers, unknown, velocity_lateness_s, words};
+use super::{kind_of, other_receivers, receivers_in_words, unknown, velocity_lateness_s, words};
 use crate::config::Pipeline;
 use crate::line::{DelayLine, LineParts};
 use delay_network::{NetworkSettings, PairObservation, lineage_from_name, solve};
@@ -76,7 +76,8 @@ fn another_receiver_with_another_delay_is_named() {
         let pairs = [against_gps("position.gps", 0.2), against_gps(second, delay_s)];
         let network = solve(&pairs, &lineage_from_name, &NetworkSettings::default()).unwrap();
         let lateness = network.channel("position.gps").cloned();
-        other_receivers(&FlightLateness { lateness, ..late(0.2, Some("velocity.gps")) }, &network)
+        let own = FlightLateness { lateness, ..late(0.2, Some("velocity.gps")) };
+        receivers_in_words(&FlightLateness { other_receivers: other_receivers(&own, &network), ..own })
     };
     let said = others("position.gps-2", 0.45);
     assert!(said.starts_with(". Another position of this log, position.gps-2, is 450"), "{said}");

@@ -222,7 +222,7 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
     let others = [Verdict::EquivalentToZero, Verdict::Inconclusive, Verdict::NotMeasurable];
     html! {
         @for what in page.without_mean {
-            p.answer { (badge("bad", "✗", "no common delay")) " " code { (shown(what.channel)) } ": " (shown(&what.why)) "." }
+            p.answer { (badge("bad", "✗", "no common delay")) " " code { (shown(what.channel)) } ": " (shown(what.why)) "." }
         }
         (doubts(channels))
         @for channel in channels.iter().filter(is_displaced) { (displaced(channel.card)) }

@@ -329,6 +329,6 @@ pub(super) fn effect_cells(row: &FlightRow) -> Markup {
     };
     html! {
         (cell(effect.and_then(|e| e.error_raw_m.as_ref())))
-        (cell(effect.and_then(|e| e.error_compensated_m.as_ref())))
+        (cell(effect.filter(|_| row.delay_s.is_some()).and_then(|e| e.error_compensated_m.as_ref())))
     }
 }

@@ -3,7 +3,7 @@
 use crate::campaign_fixture::{REMOVED_S, row, varied};
 use crate::fixture;
 use crate::html::{points, read};
-use record::{CampaignRecord, CriterionVerdict, EffectVerdict, GroupLateness, GroupPart};
+use record::{CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, GroupLateness, GroupPart, OtherReceiver};
 use report::{Site, TrackExcerpt, campaign_site, excerpt_flights};
 
 fn site(record: &CampaignRecord) -> Site {
@@ -101,6 +101,20 @@ fn flights_that_are_not_one_group_have_a_range_and_no_mean() {
     let card = words(html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").next().unwrap());
     assert!(card.contains("No common delay: ") && card.contains("Do not use one delay."), "{card}");
     assert!(card.contains("two clusters, 45 ms apart") && !card.contains(&format!("{:.1} ±", 1e3 * mean)), "{card}");
+}
+
+/// The delay of a group is wrong for a second receiver of its flights, and an error after nothing was removed is none.
+#[test]
+fn another_receiver_is_named_on_the_card_of_the_group() {
+    let mut record = varied(8);
+    let (with, name) = (&record.groups[0].members[0].clone(), "position.gps-2");
+    let row = record.flights.iter_mut().find(|row| row.flight == *with).unwrap();
+    let lateness_s = Estimate { value: 0.45, standard_uncertainty: Some(0.005) };
+    let other = OtherReceiver { channel: name.to_owned(), lateness_s };
+    row.lateness.as_mut().unwrap().other_receivers = vec![other];
+    let html = words(&text(&site(&record), "index.html")).replace('\u{a0}', " ");
+    let said = format!("! Another receiver {name} is 450 ± 10 ms late in {with}.");
+    assert_eq!(html.matches(&said).count(), 1, "{html}");
 }
 
 #[test]

@@ -108,6 +108,7 @@ fn lateness(i: usize) -> FlightLateness {
         speed_rms_mps: Some(17.5),
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
+        other_receivers: vec![],
         alarms: alarms(i),
         advice: DelayAdvice::default(),
     }

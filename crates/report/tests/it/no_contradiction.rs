@@ -79,6 +79,7 @@ fn lateness() -> FlightLateness {
         speed_rms_mps: Some(17.5),
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
+        other_receivers: vec![],
         alarms: vec![
             alarm(Gravity::Red, "two-delays-fit", "two delays fit: 203 and 500 ms"),
             alarm(Gravity::Amber, "outliers", "about 9 % of the samples are outliers"),

@@ -84,6 +84,7 @@ fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Mark
                     ". Another logger may stamp at another moment, so they are not averaged."
                 }
             }
+            (other_receivers(group, rows))
             p { (removal(rows)) }
             @if !group.advice.set.is_empty() { p { "To remove it, set " (settings(&group.advice.set)) "." } }
             (spark(rows, is_relative(group)))
@@ -170,6 +171,25 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
 /// `p = 0.41`, `p < 0.001`.
 pub(in super::super) fn p_value(p: f64) -> String {
     if p < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", number::significant(p, 2)) }
+}
+
+/// Positions that no delay of the group is right for.
+fn other_receivers(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
+    let of = |row: &FlightRow| row.lateness.as_ref().map(|l| l.other_receivers.clone()).unwrap_or_default();
+    let with: Vec<&FlightRow> = rows.iter().filter(|row| !of(row).is_empty()).copied().collect();
+    html! {
+        @if let Some(first) = with.first() {
+            p {
+                (badge("unsure", "!", "Another receiver")) " "
+                @for (i, other) in of(first).iter().enumerate() {
+                    (joint(i, of(first).len())) code { (shown(&other.channel)) } " is "
+                    (estimate(&in_millis(&other.lateness_s))) "\u{a0}ms "
+                    @if is_relative(group) { "later" } @else { "late" }
+                }
+                " in " (names(&with)) "."
+            }
+        }
+    }
 }
 
 /// What was removed from these flights, and what it did.
