@@ -7,7 +7,6 @@
 //! Of every row its bytes are decoded or skipped; the rest of the file (trees, indexes, unused room,
 //! topics and definitions) is structure.
 
-mod claims;
 mod content;
 mod pages;
 mod tree;
@@ -18,7 +17,6 @@ pub(crate) use self::wal::path_of as write_ahead_log_of;
 
 use self::content::{
     Gather, MessageColumns, Messages, OwnedRow, PassOver, Places, column_names, is_encoding, is_type, looks_like_text,
-    table_name,
 };
 use self::pages::Pages;
 use self::tree::Cell;
@@ -33,7 +31,7 @@ use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
 use logscan::LogFile;
 use logscan::{Fate, Ledger};
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -251,8 +249,8 @@ fn read_database(
     let (utf16, write_ahead) = (pages.header.utf16, pages.header.write_ahead);
     let mut walk = Walk::new(pages, ledger, context);
     walk.astray |= !sound;
-    walk.unused()?;
     let tables = tables(&mut walk, utf16)?;
+    walk.unused()?;
     let columns = Columns::of(&tables);
     let (named, definitions) = named_and_defined(&mut walk, &tables, &columns)?;
     let routes = announce(&named, &definitions, &columns, tables.utf16, topics);
@@ -265,14 +263,14 @@ fn read_database(
     walk.account(&tables.messages, &like_message, &mut messages)?;
     walk.conclude();
     let Messages { unplaced, packed, found, .. } = messages;
-    let (lost, told, contested) = (std::mem::take(&mut walk.lost), walk.told(), walk.contested());
+    let (lost, told) = (std::mem::take(&mut walk.lost), walk.told());
     let tail = walk.pages.tail();
     context.advance(size.saturating_sub(told))?;
     if tail.1 > 0 {
         ledger.damaged(&name, tail.0, tail.1, "the file ends inside a page");
     }
     let has_messages = found > 0 || tables.columns.is_some();
-    let all = Losses { lost: &lost, unplaced: &unplaced, packed: &packed, contested, has_messages, write_ahead };
+    let all = Losses { lost: &lost, unplaced: &unplaced, packed: &packed, has_messages, write_ahead };
     all.report(&name, notices);
     Ok(unplaced.count + packed.count)
 }
@@ -300,36 +298,20 @@ fn named_and_defined(
 
 /// What a row of the first table says.
 struct Listed {
-    is_table: bool,
-    names: [String; 3],
-    /// Zero if it cannot be read.
+    name: String,
+    /// Whether it is a table that is not stored as an index.
+    has_rows: bool,
     root: u32,
     sql: String,
 }
 
 impl Listed {
+    /// `None` for what has no tree of its own, as a view.
     fn of(row: &OwnedRow, utf16: Option<bool>) -> Option<Listed> {
         let text = |column| row.text(column, utf16);
-        let root = row.integer(3).and_then(|root| u32::try_from(root).ok()).unwrap_or_default();
-        let made = table_name(&text(4));
-        // What has no tree of its own, as a view.
-        if root == 0 && made.is_none() {
-            return None;
-        }
-        let is_table = text(0) == "table" || made.is_some();
-        let names = [text(1).to_lowercase(), text(2).to_lowercase(), made.unwrap_or_default()];
-        Some(Listed { is_table, names, root, sql: text(4) })
-    }
-
-    /// A table without them is stored as an index.
-    fn has_row_numbers(&self) -> bool {
-        !self.sql.to_lowercase().contains("without rowid")
-    }
-
-    /// The name stands there three times: its own, that of the table, and in the text that made it. One may be damaged.
-    fn is(&self, name: &str) -> bool {
-        let [own, table, made] = &self.names;
-        own == name || (table == name && made == name)
+        let root = row.integer(3).and_then(|root| u32::try_from(root).ok()).filter(|root| *root > 0)?;
+        let has_rows = text(0) == "table" && !text(4).to_lowercase().contains("without rowid");
+        Some(Listed { name: text(1).to_lowercase(), has_rows, root, sql: text(4) })
     }
 }
 
@@ -338,7 +320,6 @@ struct Losses<'l> {
     lost: &'l Lost,
     unplaced: &'l Tally,
     packed: &'l Tally,
-    contested: u64,
     has_messages: bool,
     write_ahead: bool,
 }
@@ -370,13 +351,9 @@ impl Losses<'_> {
         };
         let text = "the file was cut: the database has more pages than there are in it";
         raise(lost.missing_pages, text);
-        let text =
-            "the database leads to pages that are nowhere: what was on them is missing, unless it was found elsewhere";
+        let text = "the database leads to pages that are nowhere, or twice to one: what was on them is missing, unless it was found elsewhere";
         raise(if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
         raise(lost.bad_rows, "rows that cannot be read");
-        let text =
-            "pages hold rows that belong elsewhere: what belongs there is missing, unless it was found on other pages";
-        raise(lost.misplaced_pages, text);
     }
 
     /// What was read although the database does not say so.
@@ -391,91 +368,48 @@ impl Losses<'_> {
         raise(lost.found_pages, text);
         let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
         raise(lost.copies, text);
-        let text = "rows whose numbers do not follow each other were read as they stand";
-        raise(lost.misnumbered, text);
         let text = "the database does not know which of its pages are unused; those in use were read";
-        raise(self.contested.max(lost.spare_pages.into()), text);
+        raise(lost.spare_pages.into(), text);
     }
-}
-
-/// Takes the leaves of one of our tables, if its tree holds no other.
-fn claim(walk: &mut Walk<'_, '_>, listed: &Listed, tables: &mut Tables) -> Result<(), IngestError> {
-    let root = listed.root;
-    let columns = if listed.is("messages") { MessageColumns::of(&listed.sql) } else { None };
-    let usual = columns.unwrap_or(MessageColumns::USUAL);
-    let is_message = |cell: &Cell<'_>| usual.fit(cell);
-    if listed.is("messages") {
-        tables.columns = tables.columns.or(columns);
-        match walk.is_like(root, &is_message)? {
-            Some(false) => walk.is_elsewhere(),
-            _ => tables.messages.extend(walk.leaves(root, true)?),
-        }
-        return Ok(());
-    }
-    let is_topics = listed.is("topics");
-    let sql = if is_topics { &mut tables.topics_sql } else { &mut tables.definitions_sql };
-    sql.clone_from(&listed.sql);
-    let known = Columns::of(tables);
-    let texts = if is_topics { known.topics.texts() } else { known.definitions.texts() };
-    // By what the other table holds in its third column.
-    let third = if is_topics { is_encoding } else { is_type };
-    let is_other = |cell: &Cell<'_>| is_message(cell) || texts == [1, 2] && looks_like_text(cell, third);
-    match walk.is_like(root, &is_other)? {
-        Some(true) => walk.is_elsewhere(),
-        _ => {
-            let leaves = walk.leaves(root, true)?;
-            if is_topics { tables.topics.extend(leaves) } else { tables.definitions.extend(leaves) }
-        }
-    }
-    Ok(())
 }
 
 /// The trees that the first table lists.
 fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, IngestError> {
     let first = walk.leaves(1, true)?;
     let rows = gather(walk, &first, [0, 1])?;
-    let mut tables = Tables { utf16: encoding_of(&rows, utf16), ..Tables::default() };
-    let (ours, others): (Vec<Listed>, Vec<Listed>) =
-        rows.iter().filter_map(|row| Listed::of(row, tables.utf16)).partition(|listed| {
-            listed.is_table && ["messages", "topics", "message_definitions"].iter().any(|n| listed.is(n))
-        });
-    let mut indexes = vec![];
-    // No two of them have one.
-    let mut roots = HashSet::new();
-    // What is ours is claimed first, by what it is: a root may lead to the tree of another table.
-    for listed in &ours {
-        if listed.root == 0 || !roots.insert(listed.root) {
-            walk.is_elsewhere();
-        } else if walk.is_index(listed.root)? {
-            match listed.has_row_numbers() {
-                true => walk.is_elsewhere(),
-                false => indexes.push(listed.root),
+    let mut tables = Tables { utf16, ..Tables::default() };
+    let mut others = vec![];
+    for listed in rows.iter().filter_map(|row| Listed::of(row, utf16)) {
+        let leaves = match (listed.has_rows, listed.name.as_str()) {
+            (true, "messages") => {
+                tables.columns = MessageColumns::of(&listed.sql);
+                &mut tables.messages
             }
-        } else {
-            claim(walk, listed, &mut tables)?;
-        }
+            (true, "topics") => {
+                tables.topics_sql = listed.sql;
+                &mut tables.topics
+            }
+            (true, "message_definitions") => {
+                tables.definitions_sql = listed.sql;
+                &mut tables.definitions
+            }
+            _ => {
+                others.push(listed);
+                continue;
+            }
+        };
+        leaves.extend(walk.leaves(listed.root, true)?);
+    }
+    // Where a bag lacks one of its tables, another one may be it.
+    if tables.messages.is_empty() != tables.topics.is_empty() {
+        walk.astray = true;
+        return Ok(tables);
     }
     for listed in others {
-        if listed.root == 0 || !roots.insert(listed.root) {
-            walk.is_elsewhere();
-        } else if listed.is_table && !walk.is_index(listed.root)? {
-            let leaves = walk.leaves(listed.root, true)?;
-            tables.others.extend(leaves);
-        } else {
-            indexes.push(listed.root);
-        }
-    }
-    for root in indexes {
-        walk.leaves(root, false)?;
+        let leaves = walk.leaves(listed.root, listed.has_rows)?;
+        tables.others.extend(leaves.into_iter().filter(|_| listed.has_rows));
     }
     Ok(tables)
-}
-
-/// How texts are written: as the header says, unless what the first table lists are no tables then.
-fn encoding_of(rows: &[OwnedRow], stated: Option<bool>) -> Option<bool> {
-    let kinds = ["table", "index", "view", "trigger"];
-    let fits = |utf16: &Option<bool>| rows.iter().any(|row| kinds.contains(&row.text(0, *utf16).as_str()));
-    [stated, None, Some(false), Some(true)].into_iter().find(fits).unwrap_or(stated)
 }
 
 fn gather(walk: &mut Walk<'_, '_>, leaves: &[Leaf], texts: [usize; 2]) -> Result<Vec<OwnedRow>, IngestError> {

@@ -157,16 +157,6 @@ fn without_remarks(sql: &str) -> String {
     plain
 }
 
-/// The name of a table in the text that made it.
-pub(super) fn table_name(sql: &str) -> Option<String> {
-    let sql = without_remarks(sql);
-    let (head, _) = sql.split_once('(')?;
-    let lower = head.to_lowercase();
-    let name = lower.trim_start().strip_prefix("create table")?.trim();
-    let name = name.strip_prefix("if not exists").unwrap_or(name).trim();
-    Some(name.trim_matches(['"', '`', '\'', '[', ']']).to_owned())
-}
-
 /// Where the columns are that tell of topics or definitions, by the text that made the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Places<const N: usize>([Option<usize>; N]);
@@ -379,7 +369,6 @@ mod tests {
         let remarks = "CREATE TABLE messages /* (v4) */ (id INTEGER, -- the row's number\n topic_id INTEGER DEFAULT '--', /* ns, \
                        (UTC) */ timestamp INTEGER,\n data BLOB) -- end";
         assert_eq!(MessageColumns::of(remarks), Some(MessageColumns::USUAL));
-        assert_eq!(table_name(remarks).as_deref(), Some("messages"));
         for bad in ["", "CREATE TABLE messages", "CREATE TABLE messages(a, b)", "((((", "))))", "a(/*", "--"] {
             assert_eq!(MessageColumns::of(bad), None);
         }

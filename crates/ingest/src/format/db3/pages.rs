@@ -4,7 +4,6 @@
 //! Nothing is opened but for reading, and nothing is executed: a database on read-only media, one
 //! whose log was never copied back, and a hostile one are all the same to us.
 
-use super::tree::{Kind, Node};
 use super::wal::Wal;
 use crate::error::IngestError;
 use logscan::read_exactly;
@@ -16,10 +15,6 @@ const READ_AHEAD: u32 = 256 << 10;
 pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Bytes of the header on the first page.
 pub(super) const HEADER_BYTES: usize = 100;
-/// Bytes by which the size of a page is found where the header is damaged.
-const LOOKED_AT: u64 = 4 << 20;
-/// Pages that are looked through for the bytes of each that are kept free.
-const LOOKED_THROUGH: u32 = 64;
 /// Page size of recorders that do not choose one.
 const USUAL_PAGE_BYTES: u32 = 4096;
 
@@ -45,11 +40,7 @@ pub(super) struct Header {
 impl Header {
     /// `None` if this is no database, or its header is damaged.
     pub(super) fn parse(head: &[u8]) -> Option<Header> {
-        if head.starts_with(MAGIC) { Header::of(head, stated_page_bytes(head)?) } else { None }
-    }
-
-    /// What the header says besides the size of a page. `None` if it cannot be.
-    fn of(head: &[u8], page_bytes: u32) -> Option<Header> {
+        let page_bytes = stated_page_bytes(head).filter(|_| head.starts_with(MAGIC))?;
         let u32_at = |at: usize| head.get(at..)?.first_chunk().map(|b| u32::from_be_bytes(*b));
         let usable = page_bytes.checked_sub(u32::from(*head.get(20)?))?;
         // These three never change.
@@ -99,29 +90,6 @@ fn stated_page_bytes(head: &[u8]) -> Option<u32> {
     (bytes.is_power_of_two() && bytes >= 512).then_some(bytes)
 }
 
-/// The size of a page by where pages of rows begin in the first megabytes of a database. Those of 4096 bytes begin where
-/// some of 512 bytes would, and half of them where those of 8192 would: it is the largest size that misses none.
-fn page_bytes_by_look(beginning: &[u8]) -> Option<u32> {
-    let sizes = (9..=16).map(|power| 1_usize << power);
-    let seen = sizes.map(|size| {
-        let pages = beginning.chunks_exact(size).enumerate();
-        let count = pages.filter(|(index, page)| is_filled(u32::try_from(index + 1).unwrap_or(0), page)).count();
-        (size, count)
-    });
-    let seen: Vec<(usize, usize)> = seen.collect();
-    let most = seen.iter().map(|(_, count)| *count).max().filter(|&most| most > 0)?;
-    let size = seen.into_iter().rev().find(|(_, count)| 10 * count >= 9 * most)?.0;
-    u32::try_from(size).ok()
-}
-
-/// Whether a page holds rows that all lie within it.
-fn is_filled(number: u32, page: &[u8]) -> bool {
-    let node = Node::parse(number, page, u32::try_from(page.len()).unwrap_or(0));
-    node.is_some_and(|node| {
-        node.kind == Kind::TableLeaf && node.len() > 0 && (0..node.len()).all(|cell| node.row(cell).is_some())
-    })
-}
-
 /// The pages of one database.
 #[derive(Debug)]
 pub(super) struct Pages {
@@ -150,44 +118,13 @@ impl Pages {
             read_exactly(&pages.file, &pages.name, &mut head, 0)?;
             there = true;
         }
-        let mut found = if there { Header::parse(&head) } else { None };
+        let found = if there { Header::parse(&head) } else { None };
         let sound = found.is_some();
-        if !sound {
-            let page_bytes = match pages.wal {
-                Some(_) => page_bytes,
-                None => stated_page_bytes(&head).or(pages.page_bytes_by_look()?).unwrap_or(page_bytes),
-            };
-            found = Header::of(&head, page_bytes).or(Some(Header::assumed(page_bytes)));
-        }
-        pages.header = found.unwrap_or(header);
-        let sound = pages.mend_usable()? && sound;
+        let page_bytes = if pages.wal.is_some() { page_bytes } else { stated_page_bytes(&head).unwrap_or(page_bytes) };
+        pages.header = found.unwrap_or(Header::assumed(page_bytes));
         let last = pages.last_in_file();
         pages.beyond = pages.wal.as_ref().map_or(vec![], |wal| wal.pages_behind(last));
         Ok((pages, sound))
-    }
-
-    fn page_bytes_by_look(&self) -> Result<Option<u32>, IngestError> {
-        let mut beginning = vec![0; usize::try_from(self.size.min(LOOKED_AT)).unwrap_or(0)];
-        read_exactly(&self.file, &self.name, &mut beginning, 0)?;
-        Ok(page_bytes_by_look(&beginning))
-    }
-
-    /// Bytes of each page that are said to be kept free are not where rows reach to the end of a page. False if the header
-    /// was wrong.
-    fn mend_usable(&mut self) -> Result<bool, IngestError> {
-        let whole = self.header.page_bytes;
-        let mut page = vec![];
-        for number in 1..=LOOKED_THROUGH {
-            if self.header.usable == whole || !self.look(number, &mut page)? {
-                return Ok(true);
-            }
-            let reaches_end = |node: Node<'_>| node.end() == whole as usize;
-            if is_filled(number, &page) && Node::parse(number, &page, whole).is_some_and(reaches_end) {
-                self.header.usable = whole;
-                return Ok(false);
-            }
-        }
-        Ok(true)
     }
 
     /// Pages that the database has by its own account, or by its length where it does not say.

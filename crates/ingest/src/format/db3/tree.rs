@@ -76,7 +76,7 @@ impl<'p> Node<'p> {
     }
 
     /// Where a cell begins.
-    pub(super) fn at(&self, cell: usize) -> Option<usize> {
+    fn at(&self, cell: usize) -> Option<usize> {
         let at = usize::from(u16_at(self.bytes, self.pointers + 2 * cell)?);
         (at >= self.pointers + 2 * self.cells && at < self.usable).then_some(at)
     }
@@ -102,12 +102,6 @@ impl<'p> Node<'p> {
         let head = room - rest.len();
         let cell = self.cell(rowid, length, rest, self.usable - 35)?;
         Some(Cell { extent: (head + cell.extent).max(LEAST_CELL), ..cell })
-    }
-
-    /// Where the last cell of the page ends.
-    pub(super) fn end(&self) -> usize {
-        let end = |cell| Some(self.at(cell)? + self.row(cell)?.extent);
-        (0..self.cells).filter_map(end).max().unwrap_or(0)
     }
 
     /// Bytes of the page's content that are neither in `cells` bytes of cells nor said to be free: where a cell lies

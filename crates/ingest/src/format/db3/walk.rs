@@ -2,11 +2,9 @@
 //! those of pages that nothing leads to any more.
 //!
 //! A table is a tree; its leaves are listed first, from the pages above them, and then read in
-//! order. The numbers of the rows prove that a page stands where it belongs: one that does not, and
-//! the leaves below a page that is damaged, are found by their look. In the end every page belongs
+//! order. Leaves below a page that is damaged are found by their look. In the end every page belongs
 //! to something or is damaged.
 
-use super::claims::Claims;
 use super::pages::Pages;
 use super::tree::{Cell, Kind, Node};
 use crate::bytes::is_zero;
@@ -15,7 +13,7 @@ use crate::error::IngestError;
 use crate::reader::ReadContext;
 use logscan::MOST_ZEROS;
 use logscan::{Fate, Ledger};
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 /// SQLite's own trees are never deeper.
 const DEEPEST: usize = 20;
@@ -40,31 +38,13 @@ impl Leaf {
         Leaf { page, from: i64::MIN, up_to: i64::MAX, found: false }
     }
 
-    fn found(page: u32) -> Leaf {
-        Leaf { found: true, ..Leaf::root(page) }
-    }
-
-    fn may_hold(&self, rowid: i64) -> bool {
-        (self.from..=self.up_to).contains(&rowid)
-    }
-
-    /// First and last number of the rows, for a page on which most of them can stand.
+    /// First and last number of the rows that can stand here.
     fn span(&self, node: &Node<'_>) -> Option<(i64, i64)> {
-        let number = |index| node.row(index).map(|cell| cell.rowid);
-        let here = |index| number(index).filter(|&rowid| self.may_hold(rowid));
-        // Between two ends that are in their place the order is looked at when the rows are read.
-        if let Some(ends) = here(0).zip(node.len().checked_sub(1).and_then(here)).filter(|(a, b)| a <= b) {
-            return Some(ends);
-        }
-        let (mut all, mut span, mut fit) = (0, None, 0);
-        for rowid in (0..node.len()).filter_map(number) {
-            all += 1;
-            if self.may_hold(rowid) {
-                fit += 1;
-                span = span.map_or(Some((rowid, rowid)), |(a, b): (i64, i64)| Some((a.min(rowid), b.max(rowid))));
-            }
-        }
-        span.filter(|_| 2 * fit > all)
+        let numbers = (0..node.len()).filter_map(|index| node.row(index)).map(|cell| cell.rowid);
+        let here = numbers.filter(|rowid| (self.from..=self.up_to).contains(rowid));
+        here.fold(None, |span, rowid| {
+            Some(span.map_or((rowid, rowid), |(a, b): (i64, i64)| (a.min(rowid), b.max(rowid))))
+        })
     }
 }
 
@@ -99,7 +79,9 @@ pub(super) struct Walk<'w, 'c> {
     pub(super) pages: Pages,
     ledger: &'w mut Ledger,
     context: &'w ReadContext<'c>,
-    claims: Claims,
+    /// Which pages belong to something, by their place among those that there are; and how many they are.
+    claims: Vec<bool>,
+    claimed: u64,
     /// The rest of rows that were not wanted: where it begins, and its bytes. It is walked only if
     /// the number of pages says that something is amiss.
     put_off: Vec<(u32, u64)>,
@@ -123,14 +105,10 @@ pub(super) struct Walk<'w, 'c> {
 pub(super) struct Lost {
     /// Pages that the database should have and that are nowhere.
     pub(super) missing_pages: u64,
-    /// Places of trees that lead to pages that are nowhere.
+    /// Places of trees that lead to pages that are nowhere, or belong to something else.
     pub(super) dead_ends: u64,
     /// Rows on pages that can be read.
     pub(super) bad_rows: u64,
-    /// Pages whose rows do not belong where they stand.
-    pub(super) misplaced_pages: u64,
-    /// Rows that were read, whose numbers do not follow each other.
-    pub(super) misnumbered: u64,
     /// Rows on pages that nothing leads to which are copies of rows that were read.
     pub(super) copies: u64,
     /// Pages of rows to which nothing led.
@@ -143,7 +121,8 @@ impl<'w, 'c> Walk<'w, 'c> {
     pub(super) fn new(pages: Pages, ledger: &'w mut Ledger, context: &'w ReadContext<'c>) -> Self {
         let missing_pages = u64::from(pages.stated()).saturating_sub(pages.count() as u64);
         let mut walk = Walk {
-            claims: Claims::new(pages.count()),
+            claims: vec![false; pages.count()],
+            claimed: 0,
             pages,
             ledger,
             context,
@@ -159,10 +138,6 @@ impl<'w, 'c> Walk<'w, 'c> {
             told: 0,
         };
         walk.claim(walk.pages.header.lock_page());
-        let last = walk.pages.at(walk.pages.count().saturating_sub(1));
-        for page in walk.pages.header.pointer_maps(last) {
-            walk.spare(page);
-        }
         walk
     }
 
@@ -172,20 +147,24 @@ impl<'w, 'c> Walk<'w, 'c> {
 
     /// False if there is no such page, or if it belongs to something already.
     fn claim(&mut self, page: u32) -> bool {
-        self.pages.index(page).is_some_and(|index| self.claims.claim(index))
-    }
-
-    fn spare(&mut self, page: u32) -> bool {
-        self.pages.index(page).is_some_and(|index| self.claims.spare(index))
-    }
-
-    /// Gives pages back that do not belong to what they were claimed for.
-    fn give_back(&mut self, pages: &[u32], reason: &str) {
-        for &page in pages {
-            if !self.pages.index(page).is_some_and(|index| self.claims.give_back(index)) {
-                self.damaged(page, reason);
-            }
+        let is_open = self.is_open(page);
+        if let Some(claim) = self.pages.index(page).and_then(|index| self.claims.get_mut(index)) {
+            self.claimed += u64::from(is_open);
+            *claim = true;
         }
+        is_open
+    }
+
+    fn release(&mut self, page: u32) {
+        if let Some(claim) = self.pages.index(page).and_then(|index| self.claims.get_mut(index)) {
+            self.claimed -= u64::from(*claim);
+            *claim = false;
+        }
+    }
+
+    /// Whether there is such a page that belongs to nothing.
+    fn is_open(&self, page: u32) -> bool {
+        self.pages.index(page).and_then(|index| self.claims.get(index)) == Some(&false)
     }
 
     /// The numbers of rows begin anew with every table.
@@ -193,33 +172,32 @@ impl<'w, 'c> Walk<'w, 'c> {
         self.spans.clear();
     }
 
-    /// Pages that were said to be unused, or to say who points where, and are in use.
-    pub(super) fn contested(&self) -> u64 {
-        self.claims.contested()
-    }
-
-    /// The unused pages; what stands on them is of no interest, unless something leads to it.
+    /// The pages that say who points where, and the unused ones: what stands on them is of no interest. What the trees lead to
+    /// is claimed before. A list of unused pages that does not agree with that is not believed.
     pub(super) fn unused(&mut self) -> Result<(), IngestError> {
+        let last = self.pages.at(self.pages.count().saturating_sub(1));
+        for page in self.pages.header.pointer_maps(last) {
+            self.claim(page);
+        }
         let (mut trunk, stated) = self.pages.header.free;
         let most = self.usable() as usize / 4 - 2;
-        let (mut sound, mut listed) = (true, 0_u64);
-        while trunk != 0 && sound {
-            sound = self.spare(trunk) && self.pages.look(trunk, &mut self.page)?;
+        let mut listed = vec![];
+        while trunk != 0 && listed.len() <= stated as usize && self.pages.look(trunk, &mut self.page)? {
             let mut words = self.page.as_chunks::<4>().0.iter().map(|b| u32::from_be_bytes(*b));
             let next = words.next().unwrap_or(0);
             let count = words.next().map_or(0, |count| count as usize);
-            sound &= count <= most;
-            if sound {
-                let leaves: Vec<u32> = words.take(count).collect();
-                listed += 1 + leaves.len() as u64;
-                for leaf in leaves {
-                    sound &= self.spare(leaf);
-                }
-            }
+            listed.push(trunk);
+            listed.extend(words.take(count.min(most)));
             trunk = next;
         }
-        self.lost.spare_pages = !sound || listed != u64::from(stated);
-        self.astray |= self.lost.spare_pages;
+        let is_sound = listed.len() == stated as usize && listed.iter().all(|page| self.is_open(*page));
+        if is_sound {
+            for page in listed {
+                self.claim(page);
+            }
+        }
+        self.lost.spare_pages = !is_sound;
+        self.astray |= !is_sound;
         self.beyond_the_end()
     }
 
@@ -233,7 +211,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         for index in stated..stated + beyond {
             let page = self.pages.at(index);
             if self.pages.look(page, &mut self.page)? && is_zero(&self.page) {
-                self.spare(page);
+                self.claim(page);
             }
         }
         Ok(())
@@ -247,25 +225,19 @@ impl<'w, 'c> Walk<'w, 'c> {
         while let Some((at, above)) = open.pop() {
             if !self.claim(at.page) {
                 self.astray = true;
-                self.lost.dead_ends += u64::from(self.pages.index(at.page).is_none());
-            } else if above == depth && !table && self.astray && !self.is_index(at.page)? {
-                // Pages of rows may have moved to where those of the index were.
-                self.give_back(&[at.page], "a page that an index leads to, and that is none of an index");
-            } else if above == depth {
-                leaves.push(at);
-            } else {
-                match self.below(at, table)? {
-                    // The first way down was a wrong one.
-                    Below::Leaf => leaves.push(at),
-                    Below::Pages(children) if children.iter().any(|child| self.pages.index(child.page).is_some()) => {
-                        // An index has entries there, too.
-                        self.index_pages.extend((!table).then_some(at.page));
-                        open.extend(children.into_iter().rev().map(|child| (child, above + 1)));
-                    }
-                    Below::Pages(_) | Below::Unreadable => {
-                        self.astray = true;
-                        self.damaged(at.page, "a page of a table's tree cannot be read");
-                    }
+                self.lost.dead_ends += 1;
+                continue;
+            }
+            let below = if above == depth { None } else { self.below(at, table)? };
+            match below {
+                Some(children) => {
+                    // An index has entries there, too.
+                    self.index_pages.extend((!table).then_some(at.page));
+                    open.extend(children.into_iter().rev().map(|child| (child, above + 1)));
+                }
+                None => {
+                    self.astray |= above != depth;
+                    leaves.push(at);
                 }
             }
         }
@@ -279,10 +251,10 @@ impl<'w, 'c> Walk<'w, 'c> {
     fn depth(&mut self, root: u32, table: bool) -> Result<usize, IngestError> {
         let mut page = root;
         for depth in 0..DEEPEST {
-            let Below::Pages(children) = self.below(Leaf::root(page), table)? else { return Ok(depth) };
+            let Some(children) = self.below(Leaf::root(page), table)? else { return Ok(depth) };
             match self.first_node(&children)? {
                 Some(child) => page = child,
-                None => return Ok(depth + usize::from(!children.is_empty())),
+                None => return Ok(depth + 1),
             }
         }
         Ok(DEEPEST)
@@ -298,43 +270,15 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(None)
     }
 
-    /// Whether a tree is that of an index: tables without row numbers are stored as one.
-    pub(super) fn is_index(&mut self, root: u32) -> Result<bool, IngestError> {
-        let there = self.pages.look(root, &mut self.page)?;
-        let node = Node::parse(root, &self.page, self.usable()).filter(|_| there);
-        Ok(node.is_some_and(|node| node.is_index()))
-    }
-
-    /// Whether most rows of a tree's first leaf `look` so. `None` if it has none.
-    pub(super) fn is_like(&mut self, root: u32, look: &dyn Fn(&Cell<'_>) -> bool) -> Result<Option<bool>, IngestError> {
-        let mut page = root;
-        for _ in 0..DEEPEST {
-            if let Below::Pages(children) = self.below(Leaf::root(page), true)? {
-                let Some(child) = self.first_node(&children)? else { return Ok(None) };
-                page = child;
-                continue;
-            }
-            let there = self.pages.look(page, &mut self.page)?;
-            let node =
-                Node::parse(page, &self.page, self.usable()).filter(|node| there && node.kind == Kind::TableLeaf);
-            return Ok(node.filter(|node| node.len() > 0).map(|node| most_are(&node, look)));
-        }
-        Ok(None)
-    }
-
-    /// What is below a page of a tree.
-    fn below(&mut self, at: Leaf, table: bool) -> Result<Below, IngestError> {
+    /// The pages below one of a tree; `None` if that is a leaf, or none of such a tree.
+    fn below(&mut self, at: Leaf, table: bool) -> Result<Option<Vec<Leaf>>, IngestError> {
         let there = self.pages.look(at.page, &mut self.page)?;
-        let node = Node::parse(at.page, &self.page, self.usable()).filter(|_| there);
-        Ok(match node {
-            Some(node) if node.kind == if table { Kind::TableInterior } else { Kind::IndexInterior } => {
-                let children: Vec<Leaf> = children(&node, at, table);
-                self.astray |= children.len() <= node.len();
-                Below::Pages(children)
-            }
-            Some(node) if node.kind == if table { Kind::TableLeaf } else { Kind::IndexLeaf } => Below::Leaf,
-            _ => Below::Unreadable,
-        })
+        let kind = if table { Kind::TableInterior } else { Kind::IndexInterior };
+        let node = Node::parse(at.page, &self.page, self.usable()).filter(|node| there && node.kind == kind);
+        let Some(node) = node else { return Ok(None) };
+        let children = children(&node, at, table);
+        self.astray |= children.len() <= node.len();
+        Ok(Some(children))
     }
 
     /// Shows the rows of leaves, one after the other.
@@ -342,27 +286,28 @@ impl<'w, 'c> Walk<'w, 'c> {
         (0..leaves.len()).try_for_each(|index| self.rows(leaves, index, sink))
     }
 
-    /// Shows the rows of a table: those to which something leads, and, once something is amiss, among them those of pages
-    /// that hold rows of this `look`.
+    /// Shows the rows of a table: those to which something leads, and, if something is amiss, among them those of pages that
+    /// hold rows of this `look`.
     pub(super) fn read_table(
         &mut self,
         listed: &[Leaf],
         look: &dyn Fn(&Cell<'_>) -> bool,
         sink: &mut dyn Sink,
     ) -> Result<(), IngestError> {
-        let mut read = 0;
-        while read < listed.len() && !self.astray {
-            self.rows(listed, read, sink)?;
-            read += 1;
-        }
         if !self.astray {
-            return Ok(());
+            return self.read(listed, sink);
         }
-        let mut rest = self.spans_of(listed, read)?;
-        rest.extend(self.found(look)?);
-        rest.sort_by_key(|(rowid, _)| *rowid);
-        let rest: Vec<Leaf> = rest.into_iter().map(|(_, leaf)| leaf).collect();
-        self.read(&rest, sink)
+        let mut all = vec![];
+        for (first, leaf) in self.spans_of(listed)? {
+            match first {
+                Some(first) => all.push((first, leaf)),
+                None => self.release(leaf.page),
+            }
+        }
+        all.extend(self.found(look)?);
+        all.sort_by_key(|(rowid, _)| *rowid);
+        let all: Vec<Leaf> = all.into_iter().map(|(_, leaf)| leaf).collect();
+        self.read(&all, sink)
     }
 
     /// Shows the rows of the leaf at `index`.
@@ -373,47 +318,23 @@ impl<'w, 'c> Walk<'w, 'c> {
         let near = |pair: &&[Leaf]| matches!(pair, [a, b] if b.page > a.page && b.page - a.page <= MOST_BETWEEN);
         let run = rest.windows(2).take(MOST_AHEAD).take_while(near).count();
         self.pages.ahead(leaf.page, rest.get(run).copied().unwrap_or(leaf).page)?;
-        let mut deeper = vec![];
-        let mut next = Some(leaf);
-        while let Some(leaf) = next {
-            let mut bytes = std::mem::take(&mut self.page);
-            let there = self.pages.look(leaf.page, &mut bytes)?;
-            match Node::parse(leaf.page, &bytes, self.usable()).filter(|_| there) {
-                Some(node) if node.kind == Kind::TableLeaf => self.rows_of(leaf, &node, sink)?,
-                // The tree is deeper here than on its first way.
-                Some(node) if node.kind == Kind::TableInterior && !leaf.found => {
-                    self.astray = true;
-                    let mut below = children(&node, leaf, true);
-                    below.retain(|child| self.claim(child.page));
-                    if below.is_empty() {
-                        self.misplaced(leaf.page);
-                    }
-                    deeper.extend(below.into_iter().rev());
-                }
-                _ => {
-                    self.astray = true;
-                    self.damaged(leaf.page, "a page that should hold rows cannot be read");
-                }
+        let mut bytes = std::mem::take(&mut self.page);
+        let there = self.pages.look(leaf.page, &mut bytes)?;
+        match Node::parse(leaf.page, &bytes, self.usable()).filter(|node| there && node.kind == Kind::TableLeaf) {
+            Some(node) => self.rows_of(leaf, &node, sink)?,
+            None => {
+                self.astray = true;
+                self.damaged(leaf.page, "a page that should hold rows cannot be read");
             }
-            self.page = bytes;
-            next = deeper.pop();
         }
-        self.progress(self.claims.count() + self.pages_put_off)
+        self.page = bytes;
+        self.progress(self.claimed + self.pages_put_off)
     }
 
     fn rows_of(&mut self, leaf: Leaf, node: &Node<'_>, sink: &mut dyn Sink) -> Result<(), IngestError> {
-        let Some((first, last)) = leaf.span(node) else {
-            if node.len() > 0 {
-                self.misplaced(leaf.page);
-            } else if node.unlisted(0) > 0 {
-                self.astray = true;
-                self.damaged(leaf.page, UNLISTED);
-            }
-            return Ok(());
-        };
         let OnPage { bad, copies, good, listed } = self.take_all(leaf, node, sink)?;
         if leaf.found {
-            self.spans.insert(first, last);
+            self.spans.extend(leaf.span(node));
         }
         self.lost.bad_rows += bad.count;
         self.lost.copies += copies;
@@ -431,33 +352,29 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(())
     }
 
-    /// Takes the rows of a page, one by one.
+    /// Takes the rows of a page, one by one: their numbers are those of the page, and rise.
     fn take_all(&mut self, leaf: Leaf, node: &Node<'_>, sink: &mut dyn Sink) -> Result<OnPage, IngestError> {
         let mut page = OnPage::default();
         // Rows that lie over each other would be a way to make much of little.
         let mut room = self.usable() as usize;
-        let mut order = Order::default();
+        let mut next = leaf.from;
         for index in 0..node.len() {
             let Some(cell) = node.row(index).filter(|cell| cell.local.len() <= room) else {
                 page.bad.add(|| "it does not fit on its page".to_owned());
                 continue;
             };
-            let belongs = leaf.may_hold(cell.rowid);
-            let follows = belongs && order.follows(node, index, cell.rowid);
-            if !follows && order.is_twice(node, index) {
-                page.bad.add(|| "it is listed twice".to_owned());
+            page.listed += cell.extent;
+            if !(next..=leaf.up_to).contains(&cell.rowid) {
+                page.bad.add(|| format!("its number, {}, is none that belongs there", cell.rowid));
                 continue;
             }
-            page.listed += cell.extent;
+            next = cell.rowid.saturating_add(1);
             if leaf.found && self.is_held(cell.rowid) {
                 page.copies += 1;
                 continue;
             }
             match self.take(&cell, sink)? {
-                Ok(()) => {
-                    room -= cell.local.len();
-                    self.lost.misnumbered += u64::from(!follows);
-                }
+                Ok(()) => room -= cell.local.len(),
                 Err(why) => page.bad.add(|| why),
             }
         }
@@ -465,47 +382,29 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(page)
     }
 
-    /// A page whose rows cannot stand where it does. What belongs there is missing; the page may be found again.
-    fn misplaced(&mut self, page: u32) {
-        self.astray = true;
-        self.lost.misplaced_pages += 1;
-        self.give_back(&[page], "a page of rows that belong elsewhere");
-    }
-
-    /// A table that is not where the first page says.
-    pub(super) fn is_elsewhere(&mut self) {
-        self.astray = true;
-        self.lost.misplaced_pages += 1;
-    }
-
     /// Whether a page to which something leads holds this row.
     fn is_held(&self, rowid: i64) -> bool {
         self.spans.range(..=rowid).next_back().is_some_and(|(_, &last)| rowid <= last)
     }
 
-    /// Notes what numbers the rows of all leaves have. Gives back the leaves from the `read`th on, with the number of their
-    /// first row, but for those that are not in their place.
-    fn spans_of(&mut self, leaves: &[Leaf], read: usize) -> Result<Vec<(i64, Leaf)>, IngestError> {
-        let mut rest = vec![];
+    /// Notes what numbers the rows of leaves have. Gives back the leaves with the number of their first row; `None` if all
+    /// rows of one belong elsewhere.
+    fn spans_of(&mut self, leaves: &[Leaf]) -> Result<Vec<(Option<i64>, Leaf)>, IngestError> {
+        let mut all = vec![];
+        // One that cannot be read keeps its place behind the one before.
         let mut before = i64::MIN;
-        for (index, &leaf) in leaves.iter().enumerate() {
+        for &leaf in leaves {
             let there = self.pages.look(leaf.page, &mut self.page)?;
-            let node =
-                Node::parse(leaf.page, &self.page, self.usable()).filter(|node| there && node.kind == Kind::TableLeaf);
-            let span = node.as_ref().and_then(|node| leaf.span(node));
-            if let Some((first, last)) = span {
+            let node = Node::parse(leaf.page, &self.page, self.usable());
+            let node = node.filter(|node| there && node.kind == Kind::TableLeaf && node.len() > 0);
+            let span = node.map(|node| leaf.span(&node));
+            if let Some((first, last)) = span.flatten() {
                 self.spans.insert(first, last);
                 before = first;
-            } else if index >= read && node.is_some_and(|node| node.len() > 0) {
-                self.misplaced(leaf.page);
-                continue;
             }
-            if index >= read {
-                // One that cannot be read keeps its place behind the one before.
-                rest.push((before, leaf));
-            }
+            all.push((Some(before).filter(|_| span != Some(None)), leaf));
         }
-        Ok(rest)
+        Ok(all)
     }
 
     /// Takes one row and accounts for its bytes.
@@ -590,7 +489,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             self.ledger.count(Fate::Skipped, local);
             return Ok(Ok(()));
         }
-        self.astray |= self.claims.count() + self.pages_put_off + pages > self.pages.count() as u64;
+        self.astray |= self.claimed + self.pages_put_off + pages > self.pages.count() as u64;
         if !self.astray {
             self.ledger.count(Fate::Skipped, local);
             self.put_off.push((cell.overflow, cell.length - local));
@@ -619,9 +518,11 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok((walked, whole))
     }
 
-    /// A row whose rest cannot be what its pages hold: they may be another's.
+    /// A row whose rest is not what its pages hold.
     fn broken(&mut self, walked: &[u32]) -> String {
-        self.give_back(walked, "a part of a row whose other parts are not there");
+        for &page in walked {
+            self.damaged(page, "a part of a row whose other parts are not there");
+        }
         "its rest on other pages is not there".to_owned()
     }
 
@@ -678,7 +579,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             let node = Node::parse(page, &walk.page, walk.usable()).filter(|node| node.kind == Kind::TableLeaf);
             let Some(node) = node.filter(|node| most_are(node, look)) else { return };
             let first = (0..node.len()).filter_map(|i| node.row(i)).find(look);
-            found.extend(first.map(|cell| (cell.rowid, Leaf::found(page))));
+            found.extend(first.map(|cell| (cell.rowid, Leaf { found: true, ..Leaf::root(page) })));
         })?;
         found.sort_unstable_by_key(|(rowid, leaf)| (*rowid, leaf.page));
         for (_, leaf) in &found {
@@ -692,7 +593,7 @@ impl<'w, 'c> Walk<'w, 'c> {
     fn unclaimed(&mut self, mut each: impl FnMut(&mut Self, u32)) -> Result<(), IngestError> {
         let mut zeros = 0;
         for index in 0..self.pages.count() {
-            if self.claims.has(index) {
+            if self.claims.get(index) == Some(&true) {
                 continue;
             }
             let page = self.pages.at(index);
@@ -725,7 +626,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         sink: &mut dyn Sink,
     ) -> Result<(), IngestError> {
         let put_off = std::mem::take(&mut self.put_off);
-        if !self.astray && self.claims.count() + self.pages_put_off == self.pages.count() as u64 {
+        if !self.astray && self.claimed + self.pages_put_off == self.pages.count() as u64 {
             self.ledger.count(Fate::Skipped, put_off.iter().map(|(_, bytes)| bytes).sum());
             return Ok(());
         }
@@ -742,7 +643,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         }
         self.index_overflow()?;
         if self.spans.is_empty() {
-            self.spans_of(listed, listed.len())?;
+            self.spans_of(listed)?;
         }
         let late: Vec<Leaf> = self.found(look)?.into_iter().map(|(_, leaf)| leaf).collect();
         self.read(&late, sink)
@@ -772,7 +673,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         }
         let mut index = 0;
         while index < self.pages.count() {
-            let run = (index..self.pages.count()).take_while(|&i| !self.claims.has(i)).count();
+            let run = self.claims.iter().skip(index).take_while(|is_claimed| !**is_claimed).count();
             self.damaged_run(index..index + run);
             index += run + 1;
         }
@@ -788,16 +689,6 @@ struct OnPage {
     good: u64,
     /// Bytes of the rows that the page lists.
     listed: usize,
-}
-
-/// What is below a page of a tree.
-enum Below {
-    /// Pages, as far as their pointers can be.
-    Pages(Vec<Leaf>),
-    /// Rows, or entries of an index.
-    Leaf,
-    /// It is no page of such a tree.
-    Unreadable,
 }
 
 /// The pages below one, each with the numbers that rows can have there.
@@ -818,31 +709,4 @@ fn children(node: &Node<'_>, at: Leaf, table: bool) -> Vec<Leaf> {
 /// Whether more than half of a page's rows `look` so.
 fn most_are(node: &Node<'_>, look: &dyn Fn(&Cell<'_>) -> bool) -> bool {
     2 * (0..node.len()).filter_map(|i| node.row(i)).filter(look).count() > node.len()
-}
-
-/// Looks whether the rows of a page stand in the order of their numbers, each once.
-#[derive(Default)]
-struct Order {
-    before: Option<i64>,
-    /// Where the rows are that have been seen; kept once one does not follow.
-    seen: Option<HashSet<usize>>,
-}
-
-impl Order {
-    fn follows(&mut self, node: &Node<'_>, index: usize, rowid: i64) -> bool {
-        let follows = self.before.is_none_or(|before| rowid > before);
-        if follows {
-            self.before = Some(rowid);
-            if let Some(seen) = &mut self.seen {
-                seen.extend(node.at(index));
-            }
-        }
-        follows
-    }
-
-    /// Whether the row at `index`, which does not follow the ones before, is one of them.
-    fn is_twice(&mut self, node: &Node<'_>, index: usize) -> bool {
-        let seen = self.seen.get_or_insert_with(|| (0..index).filter_map(|i| node.at(i)).collect());
-        node.at(index).is_some_and(|at| !seen.insert(at))
-    }
 }
