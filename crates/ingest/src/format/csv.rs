@@ -17,7 +17,7 @@ pub use self::formula::inert;
 use self::ahead::Rules;
 use self::columns::Topic;
 use self::fields::Fields;
-use self::header::{Changes, Header, Other};
+use self::header::{Changes, Header};
 use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
 use self::meaning::Meaning;
@@ -498,7 +498,7 @@ impl Books {
         }
     }
 
-    /// Whether the record is another header of the table; the rows below are read by it then. `open.fields` hold it where a
+    /// Whether the record is a header, of another table as a rule: rows below that are not read. `open.fields` hold it where a
     /// row is said to be split.
     fn other_header(
         &mut self,
@@ -523,18 +523,13 @@ impl Books {
             }
             return Between::Row { is_split };
         }
-        // A short line is no reason to look for all columns of a wide table again and again.
-        let is_wide = open.fields.len() >= header.width() / 8;
-        if !is_wide && !topic.can_afford(open.lines.offset) {
-            topic.is_lost = true;
-            let reason = format!("line {line}: another header, of too many that lack columns of the first");
-            self.reject(open, extent, reason);
-            return Between::Header;
+        topic.is_lost = !header.has_names(&open.fields);
+        if topic.is_lost {
+            changes.other(line);
+            self.reject(open, extent, format!("line {line}: another header"));
+        } else {
+            self.structure(open, extent);
         }
-        let Other { places, width, new } = header.other(&open.fields);
-        changes.add(line, new);
-        topic.follow(&places, width, is_wide);
-        self.structure(open, extent);
         Between::Header
     }
 
@@ -627,11 +622,7 @@ fn unusable(open: &Open<'_>, extent: Extent, topic: &Topic) -> Option<String> {
         return Some(format!("line {line}: quotes that do not match"));
     }
     if topic.is_lost {
-        return Some(format!("line {line}: a row below a header that was not followed"));
-    }
-    if topic.absent > 0 && !topic.can_afford(open.lines.offset) {
-        let absent = topic.absent;
-        return Some(format!("line {line}: a row that lacks {absent} columns of the first header, of too many"));
+        return Some(format!("line {line}: a row below another header"));
     }
     let has_zeros = open.lines.may_hold_zeros() && memchr::memchr(0, open.lines.text(extent)).is_some();
     has_zeros.then(|| format!("line {line}: zero bytes in the row"))

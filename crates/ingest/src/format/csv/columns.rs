@@ -10,17 +10,8 @@ use flight::{Code, Notices, Severity, TopicHealth};
 /// A column of numbers with more cells that are none, one in so many, is a loss.
 const TOLERATED: u64 = 100;
 
-/// Memory for cells that rows below another header lack, for each byte of the file: a few bytes are no reason to fill a wide
-/// table with nothing.
-const ABSENT_PER_BYTE: u64 = 16;
-/// And so much at any rate, bytes.
-const ABSENT: u64 = 24 << 20;
-
 /// Lines of cells that are no numbers that are remembered of a column.
 const LISTED_BAD: usize = 100;
-
-/// A column that is looked for at a short header takes as long as so many bytes of cells.
-const LOOKED_FOR: u64 = 16;
 
 /// Seconds since 1970 or 1980 are beyond this, and a float of them is not exact to the nanosecond.
 const LARGE: f64 = 1e8;
@@ -33,18 +24,12 @@ pub(super) struct Topic {
     pub(super) names: Vec<String>,
     /// The cells of its line of units.
     pub(super) units: Vec<String>,
-    /// How many fields a row has now: another header may stand between the rows.
+    /// How many fields a row has.
     pub(super) width: usize,
     /// What stands before decimals.
     pub(super) decimal: Decimal,
-    /// Columns that rows do not have now.
-    pub(super) absent: usize,
-    /// Memory of their cells in a row, bytes.
-    absent_bytes: u64,
-    /// Another header was not followed: nobody knows what the fields of the rows below are.
+    /// The rows are below another header: nobody knows what their fields are.
     pub(super) is_lost: bool,
-    /// Memory of cells that rows have lacked, with [`LOOKED_FOR`] for each column that was looked for at short headers.
-    spent: u64,
     /// Whether a wanted field exists.
     pub(super) decoded: bool,
     /// Intact rows.
@@ -55,8 +40,6 @@ pub(super) struct Topic {
     /// Why nothing is decoded although something was wanted.
     reason: String,
     columns: Vec<Building>,
-    /// Those that rows have now, by number. The others are filled up when they come again.
-    present: Vec<usize>,
     lines: Places,
     unended: Option<u64>,
 }
@@ -67,8 +50,6 @@ struct Building {
     path: String,
     /// Among the columns of the header.
     index: usize,
-    /// Among the fields of a row; `None` if rows do not have it now.
-    place: Option<usize>,
     cells: Cells,
     rows: usize,
     /// Empty as long as every cell holds a value.
@@ -197,43 +178,9 @@ impl Topic {
         fields == self.width || (fields == self.width + 1 && last_is_empty())
     }
 
-    /// Takes the rows from now on by another header of so many columns: where each column of the first one stands.
-    pub(super) fn follow(&mut self, places: &[Option<usize>], width: usize, is_wide: bool) {
-        self.width = width;
-        for column in &mut self.columns {
-            column.place = places.get(column.index).copied().flatten();
-        }
-        let absent = || self.columns.iter().filter(|column| column.place.is_none());
-        (self.absent, self.absent_bytes) = (absent().count(), absent().map(Building::bytes_of_a_cell).sum());
-        self.present.clear();
-        self.present.extend((0..).zip(&self.columns).filter(|(_, column)| column.place.is_some()).map(|(at, _)| at));
-        self.spent += if is_wide { 0 } else { LOOKED_FOR * self.names.len() as u64 };
-        self.is_lost = false;
-        self.fill_up();
-    }
-
-    /// Whether rows that lack columns, and other headers, still are in proportion to the bytes of the file so far.
-    pub(super) fn can_afford(&self, bytes: u64) -> bool {
-        self.spent <= ABSENT + ABSENT_PER_BYTE.saturating_mul(bytes)
-    }
-
-    /// Takes the rows from now on by the first header again.
-    pub(super) fn follow_first(&mut self) {
-        self.width = self.names.len();
-        self.columns.iter_mut().for_each(|column| column.place = Some(column.index));
-        (self.absent, self.absent_bytes, self.is_lost) = (0, 0, false);
-        self.fill_up();
-    }
-
-    /// Gives the columns that rows have now the cells that rows before lacked.
-    fn fill_up(&mut self) {
-        let present = self.columns.iter_mut().filter(|column| column.place.is_some());
-        present.for_each(|column| column.fill_up(self.rows as usize));
-    }
-
-    /// Which fields of a row are wanted now.
+    /// Which fields of a row are wanted.
     pub(super) fn places(&self) -> Vec<usize> {
-        self.columns.iter().filter_map(|column| column.place).collect()
+        self.columns.iter().map(|column| column.index).collect()
     }
 
     /// A row that nobody wants.
@@ -245,26 +192,17 @@ impl Topic {
     /// A row with its fields, of which the first `skip` are no columns.
     pub(super) fn push(&mut self, row: Row<'_>, skip: usize, line: u64, extent: Extent) {
         self.lines.push(self.rows as usize, line);
-        self.spent += self.absent_bytes;
         self.count(extent);
         if !extent.ended {
             self.unended = Some(line);
         }
         let last = row.len().saturating_sub(1);
         let decimal = self.decimal;
-        let take = |column: &mut Building| {
+        for column in &mut self.columns {
+            let place = column.index + skip;
             // Without a line end the last value of the file may have lost digits.
-            let cell = match column.place {
-                Some(place) if place + skip != last || extent.ended => row.get(place + skip),
-                _ => b"",
-            };
+            let cell = if place != last || extent.ended { row.get(place) } else { b"" };
             column.push(cell, decimal, line);
-        };
-        if self.absent == 0 {
-            self.columns.iter_mut().for_each(take);
-        } else {
-            let columns = &mut self.columns;
-            self.present.iter().filter_map(|&at| columns.get_mut(at).map(take)).for_each(drop);
         }
     }
 
@@ -292,11 +230,7 @@ impl Topic {
 
     /// Raises what happened to the cells.
     pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
-        let rows = self.rows as usize;
-        self.columns.iter_mut().for_each(|column| {
-            column.fill_up(rows);
-            column.settle();
-        });
+        self.columns.iter_mut().for_each(Building::settle);
         self.drop_numbers_that_are_text();
         if let Some(line) = self.unended {
             let text = "the last row has no line end: its last value may be cut and is not used";
@@ -402,7 +336,6 @@ impl Building {
         Building {
             path: path.to_owned(),
             index,
-            place: Some(index),
             cells,
             rows: 0,
             valid: vec![],
@@ -436,7 +369,7 @@ impl Building {
             (Some(Kind::Text) | None, _) => Cells::Text(Texts::default()),
         };
         next.valid.clear();
-        Building { place: self.place, valid: next.valid, ..Building::new("", self.index, cells) }
+        Building { valid: next.valid, ..Building::new("", self.index, cells) }
     }
 
     /// Takes the cells of a part, which began as this column is now.
@@ -529,30 +462,6 @@ impl Building {
         }
     }
 
-    /// Memory of a cell that is missing, bytes.
-    fn bytes_of_a_cell(&self) -> u64 {
-        let value = match &self.cells {
-            Cells::Integers(_) | Cells::Floats(_) => size_of::<f64>(),
-            Cells::Undecided(..) => size_of::<f64>() + size_of::<u64>() + 1,
-            Cells::Text(_) => size_of::<u64>() + 1,
-        };
-        (value + size_of::<bool>()) as u64
-    }
-
-    /// Rows up to this number that it has no cell of have none.
-    fn fill_up(&mut self, rows: usize) {
-        let missing = rows.saturating_sub(self.rows);
-        if missing == 0 {
-            return;
-        }
-        if self.valid.is_empty() {
-            self.valid.resize(self.rows, true);
-        }
-        self.rows = rows;
-        self.valid.resize(rows, false);
-        self.cells.fill_up(missing);
-    }
-
     /// A cell that is no number of the column's kind.
     #[cold]
     fn push_odd(&mut self, value: Cell, cell: &[u8], line: u64) -> bool {
@@ -634,19 +543,6 @@ impl Building {
 impl Cells {
     fn undecided() -> Cells {
         Cells::Undecided(Box::new(Cells::Integers(Integers::default())), Written::default())
-    }
-
-    /// So many cells that are empty.
-    fn fill_up(&mut self, missing: usize) {
-        match self {
-            Cells::Integers(held) => held.values.resize(held.values.len() + missing, 0),
-            Cells::Floats(held) => held.resize(held.len() + missing, 0.0),
-            Cells::Text(held) => held.resize(held.len() + missing),
-            Cells::Undecided(numbers, written) => {
-                numbers.fill_up(missing);
-                written.others.resize(written.others.len() + missing);
-            }
-        }
     }
 
     /// `None` of what depends on the cells before in other ways.

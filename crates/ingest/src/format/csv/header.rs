@@ -1,9 +1,9 @@
-//! A header that stands again between the rows, as it does where a logger was started anew or logs were put together: the
-//! same, or one with the columns in another order or of another number.
+//! A header that stands between the rows, as it does where a logger was started anew or logs were put together: the same
+//! again, or another one, whose rows are not read.
 
 use super::fields::{BLANKS, Cell, Fields, number};
 use flight::{Code, Notices, Severity};
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::HashSet;
 
 /// The header of a table as it is written.
 #[derive(Debug, Default)]
@@ -33,23 +33,11 @@ impl Default for Begins {
     }
 }
 
-/// Another header: where the columns of the first one stand in it.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct Other {
-    pub(super) places: Vec<Option<usize>>,
-    pub(super) width: usize,
-    /// Names that the first one does not have.
-    pub(super) new: Vec<String>,
-}
-
 /// What other headers of a file there were.
 #[derive(Debug, Default)]
 pub(super) struct Changes {
-    count: u64,
-    first_line: u64,
-    /// The first names that the first header does not have, and how many there are.
-    new: Vec<String>,
-    all_new: u64,
+    /// Other headers, and the line of the first.
+    others: (u64, u64),
     /// Rows that may be headers of other tables, and the line of the first.
     like_headers: (u64, u64),
     /// Remarks with as many fields as the table has columns, and the line of the first; and those that were read as rows.
@@ -75,15 +63,8 @@ impl Changes {
         }
     }
 
-    pub(super) fn add(&mut self, line: u64, new: Vec<String>) {
-        const LISTED: usize = 20;
-        if self.count == 0 {
-            self.first_line = line;
-        }
-        self.count += 1;
-        self.all_new += new.len() as u64;
-        let room = LISTED.saturating_sub(self.new.len());
-        self.new.extend(new.into_iter().take(room));
+    pub(super) fn other(&mut self, line: u64) {
+        count_from(&mut self.others, line);
     }
 
     pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
@@ -99,17 +80,11 @@ impl Changes {
         warn(self.remarks, text);
         let text = "rows begin as remarks do: they are read, for they have a number wherever the others have one";
         warn(self.marked, text);
-        if self.count == 0 {
-            return;
-        }
-        let place = format!("{file}, line {}", self.first_line);
-        let text = "another header stands between the rows: those below it are read by its order of columns";
-        notices.push(Code::IrregularTable, place.as_str(), self.count, text);
-        if self.all_new > 0 {
-            let more = if self.all_new > self.new.len() as u64 { ", ..." } else { "" };
-            let names = self.new.join(", ");
-            let text = format!("columns that the first header does not have are not read: {names}{more}");
-            notices.push(Code::IrregularTable.at(Severity::Loss), place, self.all_new, text);
+        if self.others.0 > 0 {
+            let text =
+                "another header stands between the rows: those below it, up to the first header again, are not read";
+            let place = format!("{file}, line {}", self.others.1);
+            notices.push(Code::IrregularTable.at(Severity::Loss), place, self.others.0, text);
         }
     }
 }
@@ -145,6 +120,11 @@ impl Header {
         }
         let telling = numbers.iter().position(|of_numbers| *of_numbers);
         Header { line: line.to_vec(), delimiter, names, known, begins, numbers, telling, units: vec![] }
+    }
+
+    /// Whether these are its names, however they are quoted.
+    pub(super) fn has_names(&self, fields: &Fields) -> bool {
+        fields.len() == self.names.len() && (0..).zip(&self.names).all(|(index, name)| fields.get(index) == name)
     }
 
     /// Whether the line is this one.
@@ -264,20 +244,5 @@ impl Header {
     /// How many columns there are.
     pub(super) fn width(&self) -> usize {
         self.names.len()
-    }
-
-    /// What another header says.
-    pub(super) fn other(&self, fields: &Fields) -> Other {
-        let cell = |index: usize| fields.get(index);
-        let width = self.width_of(fields);
-        // Of equal names the first stands for the first, and so it is of columns without a name.
-        let mut left: HashMap<&[u8], VecDeque<usize>> = HashMap::new();
-        (0..width).for_each(|index| left.entry(cell(index)).or_default().push_back(index));
-        let places = self.names.iter().map(|name| left.get_mut(name.as_slice())?.pop_front()).collect();
-        left.remove(&[][..]);
-        let mut new: Vec<usize> = left.into_values().flatten().collect();
-        new.sort_unstable();
-        let new = new.into_iter().map(|index| super::fields::text_of(cell(index)).into_owned()).collect();
-        Other { places, width, new }
     }
 }

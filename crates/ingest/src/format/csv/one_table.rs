@@ -96,9 +96,9 @@ impl<'t> OneTable<'t> {
     }
 
     fn renew_rules(&mut self) {
-        // Rows that lack columns are looked at one by one.
+        // Rows below another header are passed one by one.
         let topic = &self.topic;
-        let plain = topic.decoded && self.layout.delimiter != fields::BLANKS && topic.absent == 0 && !topic.is_lost;
+        let plain = topic.decoded && self.layout.delimiter != fields::BLANKS && !topic.is_lost;
         self.made += 1;
         self.rules = plain.then(|| Rules {
             number: self.made,
@@ -164,7 +164,7 @@ impl<'t> OneTable<'t> {
             }
             if again {
                 self.repeated += 1;
-                self.topic.follow_first();
+                self.topic.is_lost = false;
                 self.renew_rules();
             }
             books.structure(open, extent);
@@ -173,7 +173,7 @@ impl<'t> OneTable<'t> {
         }
     }
 
-    /// Follows the line if it is another header.
+    /// Looks whether the line is another header.
     fn other_header(&mut self, books: &mut Books, open: &mut Open<'_>, extent: Extent) -> Between {
         let between = books.other_header(open, extent, &mut self.topic, &self.header, &mut self.changes);
         if matches!(between, Between::Header) {
