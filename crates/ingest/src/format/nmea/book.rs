@@ -1,7 +1,7 @@
 //! The way of each sentence to its topic, and the time that it is given.
 
 use super::kind::{Kind, UTC, is_valid, whole_layout};
-use super::order::{Doubtful, Order, Stamps};
+use super::order::{Order, leave_undated};
 use super::sentence::{Sentence, plain, time_of_day_ns};
 use super::talkers;
 use crate::civil::calendar_to_unix_ns;
@@ -98,9 +98,6 @@ impl Book {
                 _ if kind.time.is_some() => self.order.timed(name, sentence, elapsed_ns),
                 _ => {}
             }
-            if kind.time.is_none() && self.epochs.is_broken {
-                self.order.doubtful(Stamps { utc_ns: utc_cell(utc_ns, elapsed_ns), elapsed_ns });
-            }
         }
         match (utc_ns, elapsed_ns) {
             (None, Some(_)) => self.early.add(|| format!("{talker}{name}")),
@@ -194,7 +191,7 @@ impl Book {
         }
         log.health.about.texts.extend(self.texts);
         log.health.extras.extend(self.heights.remark());
-        Dates { begin_ns: self.epochs.begin_ns, doubtful: self.order.finish(notices) }
+        Dates { begin_ns: self.epochs.begin_ns, vtg_leads: self.order.finish(notices) }
     }
 }
 
@@ -207,14 +204,16 @@ fn utc_cell(utc_ns: Option<i64>, elapsed_ns: i64) -> i64 {
 #[must_use]
 pub(crate) struct Dates {
     begin_ns: Option<i64>,
-    doubtful: Doubtful,
+    vtg_leads: bool,
 }
 
 impl Dates {
     /// Puts them into the tables; without any date in the log such sentences have no UTC. Then what one receiver said
     /// under several addresses is one table.
     pub(crate) fn put(&self, log: &mut Log) {
-        self.doubtful.put(log);
+        if self.vtg_leads {
+            leave_undated(log);
+        }
         for table in log.tables.iter_mut().filter(|table| table.topic.encoding == "nmea") {
             table.columns.retain_mut(|column| column.path != UTC || self.put_into(column));
         }
@@ -257,7 +256,7 @@ struct Epochs {
     begin_ns: Option<i64>,
     /// By talker: two receivers may speak in turns.
     by_talker: Vec<Talker>,
-    /// What sentences without a time were last given, by address.
+    /// Sentences without a time, by address.
     given: Vec<Given>,
     /// Something is missing behind the last sentence with a time.
     is_broken: bool,
@@ -347,33 +346,27 @@ impl Epochs {
         self.by_talker.get_mut(index)
     }
 
-    /// The stamps of a sentence without a time. Behind damage it has those of the epoch before only if no other of its
-    /// address has them.
+    /// The stamps of a sentence without a time; behind damage it has none.
     fn of_epoch(&mut self, (talker, name): (&str, &str)) -> (Option<i64>, Option<i64>) {
         let by_zda = self.by_zda.filter(|_| self.epoch.is_none() || self.zda_leads.are_most());
-        let Some(common) = by_zda.or(self.epoch) else { return (None, None) };
+        let common = by_zda.or(self.epoch).filter(|_| !self.is_broken && !self.is_timeless);
+        let Some(common) = common else { return (None, None) };
         let own = self.talker(talker).and_then(|known| {
             known.pending_ns = Some(common.1);
             known.own.filter(|_| !known.shares.are_most())
         });
-        let is_broken = self.is_broken || self.is_timeless;
+        let own_ns = own.map(|(_, at)| at);
         let is_it = |given: &&mut Given| given.address.strip_prefix(talker) == Some(name);
-        let Some(given) = self.given.iter_mut().find(is_it) else {
-            let (utc_ns, elapsed_ns) = own.unwrap_or(common);
-            if self.given.len() < MOST_TALKERS {
-                let (address, own_ns) = (format!("{talker}{name}"), own.map(|(_, at)| at));
-                self.given.push(Given { address, elapsed_ns, own_ns, is_common: false });
-            }
-            return (utc_ns, Some(elapsed_ns));
-        };
-        // Its talker says times more seldom, or no more: they are not those of its epochs.
-        let is_behind = own.is_some_and(|(_, at)| given.own_ns == Some(at));
-        given.is_common |= is_behind && !is_broken;
-        let (utc_ns, elapsed_ns) = own.filter(|_| !given.is_common).unwrap_or(common);
-        if is_broken && given.elapsed_ns == elapsed_ns {
-            return (None, None);
+        let mut is_common = false;
+        if let Some(given) = self.given.iter_mut().find(is_it) {
+            // Its talker says times more seldom, or no more: they are not those of its epochs.
+            given.is_common |= own_ns.is_some() && given.own_ns == own_ns;
+            given.own_ns = own_ns;
+            is_common = given.is_common;
+        } else if self.given.len() < MOST_TALKERS {
+            self.given.push(Given { address: format!("{talker}{name}"), own_ns, is_common });
         }
-        (given.elapsed_ns, given.own_ns) = (elapsed_ns, own.map(|(_, at)| at));
+        let (utc_ns, elapsed_ns) = own.filter(|_| !is_common).unwrap_or(common);
         (utc_ns, Some(elapsed_ns))
     }
 
@@ -426,12 +419,11 @@ impl Votes {
     }
 }
 
-/// What sentences of one address, which say no time, were last given.
+/// Sentences of one address, which say no time.
 #[derive(Debug)]
 struct Given {
     address: String,
-    elapsed_ns: i64,
-    /// When its own talker last said a time then.
+    /// When its own talker had last said a time at the last of them.
     own_ns: Option<i64>,
     /// The epochs are not those of its own talker.
     is_common: bool,
