@@ -9,8 +9,8 @@ use crate::recording::{Content, Entry, Recording, Tally};
 use crate::row_time::{self, LogTime, RowTime};
 use flight::{Code, LogHealth, Notices, Severity};
 use ingest::{
-    Extra, FlightUnit, Log, LogKind, LogReader, MapLibrary, McapReader, MessageSink, OriginalLog, RawMessage,
-    ReadContext, Select, Selection, TopicInfo,
+    Extra, FlightUnit, Log, LogKind, MapLibrary, MessageSink, OriginalLog, RawMessage, ReadContext, Select, Selection,
+    TopicInfo,
 };
 use serde_json::json;
 use std::cell::RefCell;
@@ -231,7 +231,7 @@ impl MessageSink for Taker {
 fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'_>) -> Result<(), ConvertError> {
     let differs = |what: String| ConvertError::ReadsBackDifferently { path: out.to_owned(), what };
     let counter = Counter::default();
-    let log = McapReader::new(vec![written.to_owned()]).read(&counter, context)?;
+    let log = ingest::reader_of(LogKind::Mcap, vec![written.to_owned()]).read(&counter, context)?;
     if let Some(damage) = log.health.damage.first() {
         return Err(differs(format!("{} at byte {}", damage.reason, damage.offset)));
     }

@@ -32,13 +32,10 @@ mod written_unit;
 pub use bind::{RowTimes, TableTimes, bind, row_times};
 pub use discover::{Discovery, FlightUnit, discover};
 pub use error::IngestError;
-pub use format::{
-    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, OriginalLog, OriginalTopic, TlogReader,
-    UbxReader, UlogReader, inert,
-};
+pub use format::{OriginalLog, OriginalTopic, inert};
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
-pub use load::{Loaded, load, load_ways, open, suggest};
+pub use load::{Loaded, load, load_ways, open, reader_of, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
 #[cfg(feature = "schema")]
 pub use map_schema::channel_map_schema;

@@ -5,13 +5,12 @@ use crate::companion::companion;
 use crate::discover::FlightUnit;
 use crate::error::{IngestError, file_name};
 use crate::format::{
-    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
-    UnpackingReader,
+    UnpackingReader, read_bag, read_dataflash, read_db3, read_mcap, read_receiver, read_tables, read_tlog, read_ulog,
 };
 use crate::guess::{self, Guess};
 use crate::map::{ChannelMap, MapLibrary, MapSelect};
 use crate::platform::{FileIdentity, identity};
-use crate::reader::{Log, LogReader, ReadContext, Selection, TableHead};
+use crate::reader::{Log, LogReader, ReadContext, Select, Selection, TableHead};
 use crate::sniff::LogKind;
 use crate::table::TopicInfo;
 use flight::{Binding, Code, Flight, LogHealth, Quantity};
@@ -37,18 +36,31 @@ pub fn open(unit: &FlightUnit) -> Box<dyn LogReader> {
     Box::new(UnpackingReader { unit: unit.clone() })
 }
 
-/// A reader for files that are not packed.
-pub(crate) fn reader_of(kind: LogKind, files: Vec<PathBuf>) -> Box<dyn LogReader> {
-    match kind {
-        LogKind::Csv => Box::new(CsvReader::new(files)),
-        LogKind::Mcap => Box::new(McapReader::new(files)),
-        LogKind::Bag => Box::new(BagReader::new(files)),
-        LogKind::Ulog => Box::new(UlogReader::new(files)),
-        LogKind::DataFlash => Box::new(DataFlashReader::new(files)),
-        LogKind::Tlog => Box::new(TlogReader::new(files)),
-        LogKind::Db3 => Box::new(Db3Reader::new(files)),
-        LogKind::Nmea => Box::new(NmeaReader::new(files)),
-        LogKind::Ubx => Box::new(UbxReader::new(files)),
+/// A reader for files of one kind that are not packed: one log, or several that make up one flight. Nothing is opened yet.
+#[must_use]
+pub fn reader_of(kind: LogKind, files: Vec<PathBuf>) -> Box<dyn LogReader> {
+    Box::new(FilesReader { kind, files })
+}
+
+struct FilesReader {
+    kind: LogKind,
+    files: Vec<PathBuf>,
+}
+
+impl LogReader for FilesReader {
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let files = self.files.as_slice();
+        match self.kind {
+            LogKind::Csv => read_tables(files, want, context),
+            LogKind::Mcap => read_mcap(files, want, context),
+            LogKind::Bag => read_bag(files, want, context),
+            LogKind::Ulog => read_ulog(files, want, context),
+            LogKind::DataFlash => read_dataflash(files, want, context),
+            LogKind::Tlog => read_tlog(files, want, context),
+            LogKind::Db3 => read_db3(files, want, context),
+            LogKind::Nmea => read_receiver(files, true, want, context),
+            LogKind::Ubx => read_receiver(files, false, want, context),
+        }
     }
 }
 

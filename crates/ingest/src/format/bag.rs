@@ -12,7 +12,7 @@ use self::record::{Kind, Record};
 use self::records::{LONGEST, Records, WRONG_START};
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Log, ReadContext, Select};
 use logscan::{LogFile, scan};
 use std::path::PathBuf;
 
@@ -20,34 +20,19 @@ use std::path::PathBuf;
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 
 /// Reads one ROS 1 bag, or several that make up one flight.
-#[derive(Debug, Clone)]
-pub struct BagReader {
-    files: Vec<PathBuf>,
-}
-
-impl BagReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> BagReader {
-        BagReader { files }
+pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let mut log = Log::default();
+    for file in &mut files {
+        check_version(file, context)?;
+        check_encryption(file)?;
+        let name = file.name().to_owned();
+        let mut records = Records::new(&name, file, context, &mut topics, &mut notices);
+        scan(file, &mut ledger, context, &mut records)?;
+        log.health.undecodable += records.finish();
     }
-}
-
-impl LogReader for BagReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
-        let mut log = Log::default();
-        for file in &mut files {
-            check_version(file, context)?;
-            check_encryption(file)?;
-            let name = file.name().to_owned();
-            let mut records = Records::new(&name, file, context, &mut topics, &mut notices);
-            scan(file, &mut ledger, context, &mut records)?;
-            log.health.undecodable += records.finish();
-        }
-        log.health.format = "ROS 1 bag 2.0".to_owned();
-        Reading { files, ledger, notices, topics }.conclude(log)
-    }
+    log.health.format = "ROS 1 bag 2.0".to_owned();
+    Reading { files, ledger, notices, topics }.conclude(log)
 }
 
 fn check_version(file: &mut LogFile, context: &ReadContext<'_>) -> Result<(), IngestError> {

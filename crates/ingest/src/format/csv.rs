@@ -25,7 +25,7 @@ use self::one_table::OneTable;
 use crate::error::{IngestError, file_name};
 use crate::format::crew::Crew;
 use crate::format::identity::{GARMIN, of_table_head};
-use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
+use crate::reader::{Limits, Log, ReadContext, Select, Selection};
 use crate::table::{Table, TopicInfo};
 use flight::{Code, LogHealth, Notices, Severity};
 use logscan::{Fate, Ledger};
@@ -54,39 +54,24 @@ const BOM: &[u8] = b"\xef\xbb\xbf";
 ///
 /// A file is one topic named after the file, except FlySight 2 files, whose rows name their topic.
 /// Line numbers count from 1.
-#[derive(Debug, Clone)]
-pub struct CsvReader {
-    files: Vec<PathBuf>,
-}
-
-impl CsvReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> CsvReader {
-        CsvReader { files }
+pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    // A file may become shorter or longer before its turn comes: its size is what it is now.
+    let sizes = files.iter().map(|path| Ok(open(path)?.1)).collect::<Result<Vec<u64>, IngestError>>()?;
+    let ledger = Ledger::new(sizes.iter().sum(), context.limits.listed_damage);
+    let books = Books { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
+    let mut reading = Reading {
+        want,
+        context,
+        books,
+        topics: vec![],
+        meanings: HashMap::new(),
+        formats: vec![],
+        taken: HashSet::new(),
+    };
+    for (path, size) in files.iter().zip(sizes) {
+        reading.file(path, size, files.len() == 1)?;
     }
-}
-
-impl LogReader for CsvReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        // A file may become shorter or longer before its turn comes: its size is what it is now.
-        let sizes = self.files.iter().map(|path| Ok(open(path)?.1)).collect::<Result<Vec<u64>, IngestError>>()?;
-        let ledger = Ledger::new(sizes.iter().sum(), context.limits.listed_damage);
-        let books = Books { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
-        let mut reading = Reading {
-            want,
-            context,
-            books,
-            topics: vec![],
-            meanings: HashMap::new(),
-            formats: vec![],
-            taken: HashSet::new(),
-        };
-        for (path, size) in self.files.iter().zip(sizes) {
-            reading.file(path, size, self.files.len() == 1)?;
-        }
-        reading.finish()
-    }
+    reading.finish()
 }
 
 /// Says whether the first bytes of a file look like a log in a table of text, and if not, why. Stricter than

@@ -15,7 +15,7 @@ pub(super) mod vehicle;
 use self::book::Book;
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Log, ReadContext, Select};
 use flight::Clock;
 use logscan::LogFile;
 use memchr::memmem;
@@ -25,41 +25,26 @@ use std::path::PathBuf;
 const MOST_TOPICS: usize = 4096;
 
 /// Reads one DataFlash log, binary or text, or several that make up one flight.
-#[derive(Debug, Clone)]
-pub struct DataFlashReader {
-    files: Vec<PathBuf>,
-}
-
-impl DataFlashReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> DataFlashReader {
-        DataFlashReader { files }
-    }
-}
-
-impl LogReader for DataFlashReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let context = &super::with_topics(context, MOST_TOPICS);
-        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
-        topics.count_by(Clock::Boot);
-        let mut log = Log::default();
-        let mut book = Book::new(&mut topics);
-        for file in &mut files {
-            let text = is_text(file)?;
-            log.health.format = if text { "ArduPilot DataFlash (text)" } else { "ArduPilot DataFlash" }.to_owned();
-            book.begin_file(file.name());
-            if text {
-                text::Walk::new(file, context, &mut ledger, &mut notices, &mut book).run()?;
-            } else {
-                super::refuse_foreign(file, binary::NO_RECORD, context)?;
-                let scanned = logscan::scan(file, &mut ledger, context, &mut binary::Records::new(&mut book))?;
-                super::tell_padding(file.name(), scanned.padding, &mut notices);
-            }
+pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let context = &super::with_topics(context, MOST_TOPICS);
+    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    topics.count_by(Clock::Boot);
+    let mut log = Log::default();
+    let mut book = Book::new(&mut topics);
+    for file in &mut files {
+        let text = is_text(file)?;
+        log.health.format = if text { "ArduPilot DataFlash (text)" } else { "ArduPilot DataFlash" }.to_owned();
+        book.begin_file(file.name());
+        if text {
+            text::Walk::new(file, context, &mut ledger, &mut notices, &mut book).run()?;
+        } else {
+            super::refuse_foreign(file, binary::NO_RECORD, context)?;
+            let scanned = logscan::scan(file, &mut ledger, context, &mut binary::Records::new(&mut book))?;
+            super::tell_padding(file.name(), scanned.padding, &mut notices);
         }
-        book.finish(&mut log, &mut notices);
-        Reading { files, ledger, notices, topics }.conclude(log)
     }
+    book.finish(&mut log, &mut notices);
+    Reading { files, ledger, notices, topics }.conclude(log)
 }
 
 /// The first definition in a text log, and how all of them begin.

@@ -26,7 +26,7 @@ use crate::decode::{Definition, Route, Tally, Topics};
 use crate::error::IngestError;
 use crate::format::bag_folder::{self, Metadata};
 use crate::format::{Reading, tell_broken, tell_unplaced};
-use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
+use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
 use logscan::LogFile;
@@ -39,51 +39,36 @@ use std::path::{Path, PathBuf};
 const WRONG_START: &str = "the file does not begin as a SQLite database does";
 
 /// Reads ROS 2 bags in SQLite. A `metadata.yaml` among the files is what the others are compared with.
-#[derive(Debug, Clone)]
-pub struct Db3Reader {
-    files: Vec<PathBuf>,
-}
-
-impl Db3Reader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> Db3Reader {
-        Db3Reader { files }
-    }
-}
-
-impl LogReader for Db3Reader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let (metadata, rest) = Metadata::split_off(&self.files)?;
-        let databases: Vec<&PathBuf> = rest.iter().filter(|path| !is_beside(path, &rest)).collect();
-        let mut sources = databases.iter().map(|path| Source::open(path, context)).collect::<Result<Vec<_>, _>>()?;
-        let size = sources.iter().map(Source::size).sum::<u64>() + metadata.as_ref().map_or(0, |m| m.bytes);
-        let mut ledger = Ledger::new(size, context.limits.listed_damage);
-        let mut notices = Notices::new();
-        let mut topics = Topics::new(want, context.limits.topics, size);
-        let mut log = Log::default();
-        let several = sources.len() > 1;
-        for source in &mut sources {
-            let refused = std::mem::replace(&mut source.refused, Ok(()));
-            if !several {
-                refused?;
-            } else if super::is_foreign_part(refused, source.size(), &mut ledger, &mut notices)? {
-                continue;
-            }
-            source.tell_missing_wal(metadata.is_some(), &mut notices);
-            log.health.undecodable += source.read(&mut ledger, &mut notices, &mut topics, context)?;
+pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let (metadata, rest) = Metadata::split_off(files)?;
+    let databases: Vec<&PathBuf> = rest.iter().filter(|path| !is_beside(path, &rest)).collect();
+    let mut sources = databases.iter().map(|path| Source::open(path, context)).collect::<Result<Vec<_>, _>>()?;
+    let size = sources.iter().map(Source::size).sum::<u64>() + metadata.as_ref().map_or(0, |m| m.bytes);
+    let mut ledger = Ledger::new(size, context.limits.listed_damage);
+    let mut notices = Notices::new();
+    let mut topics = Topics::new(want, context.limits.topics, size);
+    let mut log = Log::default();
+    let several = sources.len() > 1;
+    for source in &mut sources {
+        let refused = std::mem::replace(&mut source.refused, Ok(()));
+        if !several {
+            refused?;
+        } else if super::is_foreign_part(refused, source.size(), &mut ledger, &mut notices)? {
+            continue;
         }
-        // What is neither a row nor damaged.
-        ledger.count(Fate::Structure, ledger.open());
-        log.health.format = "ROS 2 bag (SQLite)".to_owned();
-        let files = sources.into_iter().map(|source| source.file).collect();
-        let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
-        match metadata {
-            Some(metadata) => metadata.compare(&rest, &mut log),
-            None => bag_folder::tell_gaps(&rest, &mut log.notices),
-        }
-        Ok(log)
+        source.tell_missing_wal(metadata.is_some(), &mut notices);
+        log.health.undecodable += source.read(&mut ledger, &mut notices, &mut topics, context)?;
     }
+    // What is neither a row nor damaged.
+    ledger.count(Fate::Structure, ledger.open());
+    log.health.format = "ROS 2 bag (SQLite)".to_owned();
+    let files = sources.into_iter().map(|source| source.file).collect();
+    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    match metadata {
+        Some(metadata) => metadata.compare(&rest, &mut log),
+        None => bag_folder::tell_gaps(&rest, &mut log.notices),
+    }
+    Ok(log)
 }
 
 /// Whether a file is the log or the journal beside another one.

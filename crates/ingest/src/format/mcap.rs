@@ -24,7 +24,7 @@ use crate::error::IngestError;
 use crate::format::bag_folder::{self, Metadata};
 use crate::format::inflate::{Inflater, is_packed};
 use crate::format::{Reading, compare_count, tell_broken, tell_unplaced};
-use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
+use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
 use logscan::{Fate, scan};
@@ -42,56 +42,41 @@ const MOST_EXTRAS: usize = 100;
 const MESSAGE_HEAD_BYTES: usize = 22;
 
 /// Reads one MCAP file, or several that make up one flight.
-#[derive(Debug, Clone)]
-pub struct McapReader {
-    files: Vec<PathBuf>,
-}
-
-impl McapReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> McapReader {
-        McapReader { files }
-    }
-}
-
-impl LogReader for McapReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let (metadata, rest) = Metadata::split_off(&self.files)?;
-        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
-        files.retain(|file| metadata.is_none() || file.name() != bag_folder::NAME);
-        ledger.count(Fate::Structure, metadata.as_ref().map_or(0, |metadata| metadata.bytes));
-        let mut log = Log::default();
-        let mut headers = vec![];
-        let mut extras = Extras::default();
-        let mut originals = Originals::default();
-        let several = files.len() > 1;
-        for file in &mut files {
-            let size = file.size();
-            let refused = super::refuse_foreign(file, WRONG_START, context);
-            if !several {
-                refused?;
-            } else if super::is_foreign_part(refused, size, &mut ledger, &mut notices)? {
-                continue;
-            }
-            let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
-            let summary = Summary::read(file, 0..size, context.limits.record_bytes, &mut channels)?;
-            let mut records = Records::new(file, context, &mut notices, &mut channels, summary);
-            scan(file, &mut ledger, context, &mut records)?;
-            records.finish(file)?;
-            log.health.undecodable += channels.undecodable;
-            headers.append(&mut channels.headers);
+pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let (metadata, rest) = Metadata::split_off(files)?;
+    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    files.retain(|file| metadata.is_none() || file.name() != bag_folder::NAME);
+    ledger.count(Fate::Structure, metadata.as_ref().map_or(0, |metadata| metadata.bytes));
+    let mut log = Log::default();
+    let mut headers = vec![];
+    let mut extras = Extras::default();
+    let mut originals = Originals::default();
+    let several = files.len() > 1;
+    for file in &mut files {
+        let size = file.size();
+        let refused = super::refuse_foreign(file, WRONG_START, context);
+        if !several {
+            refused?;
+        } else if super::is_foreign_part(refused, size, &mut ledger, &mut notices)? {
+            continue;
         }
-        log.health.format = format_name(&headers);
-        log.health.extras = extras.finish();
-        let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
-        originals.restore(want, &mut log);
-        match metadata {
-            Some(metadata) => metadata.compare(&rest, &mut log),
-            None => bag_folder::tell_gaps(&rest, &mut log.notices),
-        }
-        Ok(log)
+        let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
+        let summary = Summary::read(file, 0..size, context.limits.record_bytes, &mut channels)?;
+        let mut records = Records::new(file, context, &mut notices, &mut channels, summary);
+        scan(file, &mut ledger, context, &mut records)?;
+        records.finish(file)?;
+        log.health.undecodable += channels.undecodable;
+        headers.append(&mut channels.headers);
     }
+    log.health.format = format_name(&headers);
+    log.health.extras = extras.finish();
+    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    originals.restore(want, &mut log);
+    match metadata {
+        Some(metadata) => metadata.compare(&rest, &mut log),
+        None => bag_folder::tell_gaps(&rest, &mut log.notices),
+    }
+    Ok(log)
 }
 
 /// `MCAP`, with what the header says of its writer.

@@ -5,7 +5,7 @@ use super::nmea::{self, Lines};
 use super::ubx::{self, Frames};
 use crate::decode::Topics;
 use crate::error::IngestError;
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Log, ReadContext, Select};
 use crate::sniff::HEAD;
 use logscan::{Fate, Framing, LogFile, Parsed, is_plain, is_zero, scan};
 use memchr::{memchr, memchr3};
@@ -18,48 +18,14 @@ const MOST_TOPICS: usize = 4096;
 /// Said of a stream of frames where neither frame nor sentence begins.
 const NOTHING: &str = "bytes that are neither a frame nor a sentence";
 
-/// Reads one NMEA log, or several that make up one flight. The receiver may have been told to send binary frames too.
-#[derive(Debug, Clone)]
-pub struct NmeaReader {
-    files: Vec<PathBuf>,
-}
-
-impl NmeaReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> NmeaReader {
-        NmeaReader { files }
-    }
-}
-
-impl LogReader for NmeaReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        read(&self.files, true, want, context)
-    }
-}
-
-/// Reads one UBX log, or several that make up one flight.
-#[derive(Debug, Clone)]
-pub struct UbxReader {
-    files: Vec<PathBuf>,
-}
-
-impl UbxReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> UbxReader {
-        UbxReader { files }
-    }
-}
-
-impl LogReader for UbxReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        read(&self.files, false, want, context)
-    }
-}
-
-/// Reads a stream of lines, or else of frames.
-fn read(paths: &[PathBuf], of_lines: bool, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+/// Reads one NMEA log, a stream of lines, or else one UBX log, of frames, or several that make up one flight. The receiver may
+/// have been told to send the other as well.
+pub(crate) fn read(
+    paths: &[PathBuf],
+    of_lines: bool,
+    want: &dyn Select,
+    context: &ReadContext<'_>,
+) -> Result<Log, IngestError> {
     let context = &super::with_topics(context, MOST_TOPICS);
     let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(paths, want, context)?;
     let mut stream = Stream { topics: &mut topics, frames: Frames::default(), lines: Lines::new(of_lines) };

@@ -30,7 +30,7 @@ use self::framing::{Framing, TIME};
 use crate::bytes::is_plain;
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Log, ReadContext, Select};
 use logscan::{Fate, LogFile, Parsed, Trust, scan};
 use memchr::memchr2;
 use std::borrow::Cow;
@@ -42,50 +42,35 @@ const BEGIN: usize = 1 << 20;
 const LOOK: usize = 2 * (TIME + LONGEST) + TIME + 1;
 
 /// Reads one telemetry log, or several that make up one flight.
-#[derive(Debug, Clone)]
-pub struct TlogReader {
-    files: Vec<PathBuf>,
-}
-
-impl TlogReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> TlogReader {
-        TlogReader { files }
+pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let context = &super::with_topics(context, MOST_TOPICS);
+    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let mut log = Log::default();
+    let framings = files.iter_mut().map(|file| Framing::of_file(file, context)).collect::<Result<Vec<_>, _>>()?;
+    let main = match files.first_mut().zip(framings.first()) {
+        Some((first, framing)) => main_vehicle(first, *framing)?,
+        None => Sender::default(),
+    };
+    // Times that only some of the frames have would be none of the log's.
+    let stamped = !framings.contains(&Framing::Bare);
+    log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
+    let mut book = Book::new(main, stamped, &mut topics);
+    for (file, framing) in files.iter_mut().zip(framings) {
+        let size = file.size();
+        let scanned = scan(file, &mut ledger, context, &mut Records { book: &mut book, framing })?;
+        book.preamble += scanned.preamble;
+        book.end_file(size);
     }
-}
-
-impl LogReader for TlogReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let context = &super::with_topics(context, MOST_TOPICS);
-        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
-        let mut log = Log::default();
-        let framings = files.iter_mut().map(|file| Framing::of_file(file, context)).collect::<Result<Vec<_>, _>>()?;
-        let main = match files.first_mut().zip(framings.first()) {
-            Some((first, framing)) => main_vehicle(first, *framing)?,
-            None => Sender::default(),
-        };
-        // Times that only some of the frames have would be none of the log's.
-        let stamped = !framings.contains(&Framing::Bare);
-        log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
-        let mut book = Book::new(main, stamped, &mut topics);
-        for (file, framing) in files.iter_mut().zip(framings) {
-            let size = file.size();
-            let scanned = scan(file, &mut ledger, context, &mut Records { book: &mut book, framing })?;
-            book.preamble += scanned.preamble;
-            book.end_file(size);
-        }
-        if let Some(what) = book.why_nothing() {
-            let file = files.first().map_or("", LogFile::name).to_owned();
-            return Err(IngestError::Unusable { file, what });
-        }
-        book.finish(&mut log, &mut notices);
-        let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
-        if !stamped {
-            super::forget_log_times(&mut log);
-        }
-        Ok(log)
+    if let Some(what) = book.why_nothing() {
+        let file = files.first().map_or("", LogFile::name).to_owned();
+        return Err(IngestError::Unusable { file, what });
     }
+    book.finish(&mut log, &mut notices);
+    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    if !stamped {
+        super::forget_log_times(&mut log);
+    }
+    Ok(log)
 }
 
 /// Who sent a frame.

@@ -12,7 +12,7 @@ use self::boots::Boots;
 use self::messages::{Messages, NO_MESSAGE};
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Log, ReadContext, Select};
 use flight::Clock;
 use logscan::scan;
 use std::path::PathBuf;
@@ -30,34 +30,19 @@ const MOST_LOGS: u64 = 1000;
 const MOST_TOPICS: usize = 8192;
 
 /// Reads one PX4 ULog, or several that make up one flight.
-#[derive(Debug, Clone)]
-pub struct UlogReader {
-    files: Vec<PathBuf>,
-}
-
-impl UlogReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> UlogReader {
-        UlogReader { files }
+pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let context = &super::with_topics(context, MOST_TOPICS);
+    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    topics.count_by(Clock::Boot);
+    let mut log = Log::default();
+    let mut boots = Boots::default();
+    for file in &mut files {
+        super::refuse_foreign(file, NO_MESSAGE, context)?;
+        let name = file.name().to_owned();
+        let mut messages = Messages::new(&name, &mut topics, &mut boots, &mut notices, &mut log.health);
+        scan(file, &mut ledger, context, &mut messages)?;
+        messages.finish();
     }
-}
-
-impl LogReader for UlogReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let context = &super::with_topics(context, MOST_TOPICS);
-        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
-        topics.count_by(Clock::Boot);
-        let mut log = Log::default();
-        let mut boots = Boots::default();
-        for file in &mut files {
-            super::refuse_foreign(file, NO_MESSAGE, context)?;
-            let name = file.name().to_owned();
-            let mut messages = Messages::new(&name, &mut topics, &mut boots, &mut notices, &mut log.health);
-            scan(file, &mut ledger, context, &mut messages)?;
-            messages.finish();
-        }
-        log.restarts = boots.restarts;
-        Reading { files, ledger, notices, topics }.conclude(log)
-    }
+    log.restarts = boots.restarts;
+    Reading { files, ledger, notices, topics }.conclude(log)
 }

@@ -5,12 +5,12 @@ use crate::stream::*;
 use crate::support::*;
 use crate::wire::*;
 use flight::{Clock, Severity, StampKind};
-use ingest::{ChannelMap, DataFlashReader, Limits, Log, LogKind, LogReader, MapLibrary, Selection, TopicInfo};
+use ingest::{ChannelMap, Limits, Log, LogKind, MapLibrary, Selection, TopicInfo};
 use simulate::Container;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-const READER: Reader = |path| Box::new(DataFlashReader::new(vec![path]));
+const READER: Reader = |path| ingest::reader_of(ingest::LogKind::DataFlash, vec![path]);
 
 fn record(id: u8, fields: &[&[u8]]) -> Vec<u8> {
     dataflash_record(id, &fields.concat())
@@ -45,7 +45,10 @@ fn real_logs_have_the_messages_that_pymavlink_counts() {
     ] {
         let Some(path) = real_logs(path) else { return };
         let want = |_: &TopicInfo| Selection::Skip;
-        let log = in_context(|context| DataFlashReader::new(vec![path.clone()]).read(&want, context)).unwrap();
+        let log = in_context(|context| {
+            ingest::reader_of(ingest::LogKind::DataFlash, vec![path.clone()]).read(&want, context)
+        })
+        .unwrap();
         assert_balanced(&log, std::fs::metadata(&path).unwrap().len() as usize);
         let used = log.health.topics.iter().filter(|t| t.messages > 0).count();
         assert_eq!((log.health.messages, used, log.health.undecodable), (messages, topics, 0), "{}", path.display());

@@ -6,10 +6,7 @@ use crate::made::{
 };
 use crate::support::{in_context, real_logs, with_limits};
 use flight::Severity;
-use ingest::{
-    Db3Reader, FlightUnit, IngestError, Limits, Log, LogKind, LogReader, MapLibrary, Selection, TopicInfo, discover,
-    open,
-};
+use ingest::{FlightUnit, IngestError, Limits, Log, LogKind, MapLibrary, Selection, TopicInfo, discover, open};
 use rusqlite::{Connection, MAIN_DB, params};
 use simulate::{Container, Db3Compression, Db3Layout, Db3Settings, FlightSettings, McapEncoding, McapSettings};
 use std::fs;
@@ -65,7 +62,7 @@ fn bag(sent: &[Sent], image: usize, pragmas: &str) -> Vec<u8> {
 
 fn read_files(files: &[PathBuf]) -> Result<Log, IngestError> {
     let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
-    let log = in_context(|context| Db3Reader::new(files.to_vec()).read(&want, context))?;
+    let log = in_context(|context| ingest::reader_of(ingest::LogKind::Db3, files.to_vec()).read(&want, context))?;
     assert_balanced(&log);
     Ok(log)
 }
@@ -644,8 +641,10 @@ fn a_row_that_claims_more_than_there_is_costs_nothing_but_itself() {
     }
     let limits = Limits { record_bytes: 1000, ..Limits::default() };
     let disk = OnDisk::new(&content, false);
-    let log =
-        with_limits(limits, |c| Db3Reader::new(vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+    let log = with_limits(limits, |c| {
+        ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, c)
+    })
+    .unwrap();
     assert!(notice(&log, "corrupt").count >= 60, "{:?}", log.notices);
     assert_balanced(&log);
 }
@@ -679,7 +678,10 @@ fn a_bag_without_definitions_is_read_by_the_common_ones_unless_they_do_not_fit()
         connection.execute("INSERT INTO messages VALUES (NULL,?1,?2,?3)", params![id as i64 + 1, 10, data]).unwrap();
     }
     let disk = OnDisk::new(&connection.serialize(MAIN_DB).unwrap(), false);
-    let log = in_context(|c| Db3Reader::new(vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+    let log = in_context(|c| {
+        ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, c)
+    })
+    .unwrap();
     assert_eq!(log.tables.len(), 1);
     let column = |path: &str| log.tables[0].column(path).unwrap();
     assert_eq!(column("vector.z").number(0), Some(3.25));
@@ -706,7 +708,8 @@ fn a_message_whose_own_compression_is_broken_is_a_loss_and_a_bomb_is_refused() {
     let limits = Limits { chunk_bytes: 1 << 20, ..Limits::default() };
     let disk = OnDisk::new(&connection.serialize(MAIN_DB).unwrap(), false);
     let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
-    let log = with_limits(limits, |c| Db3Reader::new(vec![disk.path()]).read(&want, c)).unwrap();
+    let log =
+        with_limits(limits, |c| ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&want, c)).unwrap();
     assert_eq!((log.tables[0].rows, log.health.undecodable, notice(&log, "undecodable").count), (21, 4, 4));
     assert_eq!(log.health.messages, 65);
 }
@@ -835,7 +838,8 @@ fn a_reader_stops_when_it_is_told_to() {
     let cancel = std::sync::atomic::AtomicBool::new(false);
     let stop = |_| cancel.store(true, std::sync::atomic::Ordering::Relaxed);
     let context = ingest::ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &stop };
-    let result = Db3Reader::new(vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, &context);
+    let result =
+        ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, &context);
     assert!(matches!(result, Err(IngestError::Cancelled)));
 }
 

@@ -2,7 +2,7 @@
 
 use crate::made::{OnDisk, notice};
 use crate::support::in_context;
-use ingest::{BagReader, Log, LogReader, MapLibrary};
+use ingest::{Log, MapLibrary};
 use simulate::{BagCompression, BagSettings, Container, FlightSettings};
 
 const SEPARATOR: &str = "\n================================================================================\n";
@@ -67,7 +67,10 @@ fn flight_with(change: &dyn Fn(&str, String) -> String) -> Log {
 }
 
 fn read(bag: &[u8], library: &MapLibrary) -> Log {
-    in_context(|c| BagReader::new(vec![OnDisk::new(bag, true).path()]).read(&library.select_all(), c)).unwrap()
+    in_context(|c| {
+        ingest::reader_of(ingest::LogKind::Bag, vec![OnDisk::new(bag, true).path()]).read(&library.select_all(), c)
+    })
+    .unwrap()
 }
 
 /// A definition without the part of one type.

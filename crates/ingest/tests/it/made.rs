@@ -2,7 +2,7 @@
 
 use crate::support::in_context;
 use flight::Severity;
-use ingest::{BagReader, ColumnData, IngestError, Log, LogReader, McapReader, Selection, Table, TopicInfo};
+use ingest::{ColumnData, IngestError, Log, LogReader, Selection, Table, TopicInfo};
 use mcap::Compression;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
@@ -337,7 +337,11 @@ impl OnDisk {
 }
 
 pub fn reader(path: PathBuf, is_bag: bool) -> Box<dyn LogReader> {
-    if is_bag { Box::new(BagReader::new(vec![path])) } else { Box::new(McapReader::new(vec![path])) }
+    if is_bag {
+        ingest::reader_of(ingest::LogKind::Bag, vec![path])
+    } else {
+        ingest::reader_of(ingest::LogKind::Mcap, vec![path])
+    }
 }
 
 /// Calls `body` with `cases` copies of `content`, each with one stretch zeroed, filled, scrambled, cut

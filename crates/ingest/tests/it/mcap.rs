@@ -5,9 +5,7 @@ use crate::made::{
     each_damage, flight, lost, mcap, mcap_with, notice, reader,
 };
 use crate::support::{in_context, real_logs, with_limits};
-use ingest::{
-    FieldRequest, IngestError, Limits, LogReader, MapLibrary, McapReader, ReadContext, Selection, TopicInfo, ValueKind,
-};
+use ingest::{FieldRequest, IngestError, Limits, MapLibrary, ReadContext, Selection, TopicInfo, ValueKind};
 use mcap::records::{MessageHeader, Record, op};
 use serde_json::{Value, json};
 use std::borrow::Cow;
@@ -298,7 +296,8 @@ fn damage_in_what_nobody_wants_is_found_where_no_chunk_may_stay_closed() {
     let read = |may_leave_closed| {
         let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
         let limits = Limits { may_leave_closed, ..Limits::default() };
-        with_limits(limits, |context| McapReader::new(vec![disk.path()]).read(&want, context)).unwrap()
+        with_limits(limits, |context| ingest::reader_of(ingest::LogKind::Mcap, vec![disk.path()]).read(&want, context))
+            .unwrap()
     };
     let (quick, whole) = (read(true), read(false));
     assert!(notice(&quick, "skipped").count > 10 && quick.health.bytes.damaged == 0 && !lost(&quick));
@@ -985,8 +984,11 @@ fn a_definition_that_a_folder_of_maps_holds_is_read_with_all_that_it_refers_to()
     .concat();
     let read = |type_name: &str, payload: &[u8]| {
         let content = of_channel((type_name, "", b""), "cdr", &[(one.clone(), payload.to_vec())]);
-        in_context(|c| McapReader::new(vec![OnDisk::new(&content, false).path()]).read(&library.select_all(), c))
-            .unwrap()
+        in_context(|c| {
+            ingest::reader_of(ingest::LogKind::Mcap, vec![OnDisk::new(&content, false).path()])
+                .read(&library.select_all(), c)
+        })
+        .unwrap()
     };
     let log = read("my_msgs/msg/Own", &own);
     let value = |path: &str| log.tables[0].column(path).unwrap().number(0);

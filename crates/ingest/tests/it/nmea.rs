@@ -4,10 +4,10 @@ use crate::made::lost;
 use crate::stream::*;
 use crate::support::*;
 use flight::{Clock, Severity, Stamp, StampKind};
-use ingest::{Log, LogKind, NmeaReader};
+use ingest::{Log, LogKind};
 use simulate::Container;
 
-const READER: Reader = |path| Box::new(NmeaReader::new(vec![path]));
+const READER: Reader = |path| ingest::reader_of(ingest::LogKind::Nmea, vec![path]);
 
 fn text(lines: &[&str]) -> Log {
     read_bytes(READER, (lines.join("\r\n") + "\r\n").as_bytes()).unwrap()

@@ -2,7 +2,7 @@
 
 use crate::made::{OnDisk, assert_balanced, notice};
 use crate::support::{in_context, real_logs};
-use ingest::{FieldRequest, Log, LogReader, McapReader, Selection, Table, TopicInfo, ValueKind};
+use ingest::{FieldRequest, Log, Selection, Table, TopicInfo, ValueKind};
 use prost_reflect::prost::Message as _;
 use prost_reflect::prost_types::field_descriptor_proto::{Label, Type};
 use prost_reflect::prost_types::{
@@ -113,7 +113,8 @@ fn mcap_of(type_name: &str, schema: &[u8], messages: &[Vec<u8>]) -> Vec<u8> {
 
 fn read(content: &[u8], want: impl Fn(&TopicInfo) -> Selection) -> Log {
     let disk = OnDisk::new(content, false);
-    let log = in_context(|context| McapReader::new(vec![disk.path()]).read(&want, context)).unwrap();
+    let log =
+        in_context(|context| ingest::reader_of(ingest::LogKind::Mcap, vec![disk.path()]).read(&want, context)).unwrap();
     assert_balanced(&log);
     log
 }
@@ -465,7 +466,10 @@ fn a_simulated_flight_is_the_same_to_prost_reflect_and_to_us() {
 #[test]
 fn a_real_log_of_649_channels_has_the_stamps_that_python_reads() {
     let Some(path) = real_logs("keelson/test.mcap") else { return };
-    let log = in_context(|context| McapReader::new(vec![path]).read(&|_: &TopicInfo| Selection::All, context)).unwrap();
+    let log = in_context(|context| {
+        ingest::reader_of(ingest::LogKind::Mcap, vec![path]).read(&|_: &TopicInfo| Selection::All, context)
+    })
+    .unwrap();
     assert_balanced(&log);
     assert_eq!((log.health.messages, log.health.topics.len(), log.tables.len()), (2172, 649, 649));
     let stamps: i128 = log.tables.iter().map(|table| crate::made::whole_sum(table, "timestamp")).sum();

@@ -4,10 +4,10 @@ use crate::stream::*;
 use crate::support::*;
 use crate::wire::{crc16, tlog_frame, tlog_frame_from};
 use flight::{Clock, Severity, StampKind};
-use ingest::{LogKind, TlogReader};
+use ingest::LogKind;
 use simulate::Container;
 
-const READER: Reader = |path| Box::new(TlogReader::new(vec![path]));
+const READER: Reader = |path| ingest::reader_of(ingest::LogKind::Tlog, vec![path]);
 
 /// Frames with their times as pymavlink 2.4.50 writes them, 10 ms apart from 2026-11-21T12:00:00Z: a heartbeat, a
 /// GPS_RAW_INT in MAVLink 2 and in 1, a signed ATTITUDE whose last floats are zero, and a GLOBAL_POSITION_INT of vehicle 2.

@@ -4,10 +4,10 @@ use crate::stream::*;
 use crate::support::*;
 use crate::wire::ubx_frame;
 use flight::{Clock, Geodetic, LocalFrame, Stamp, StampKind, gps_of_unix, unix_of_gps};
-use ingest::{LogKind, UbxReader};
+use ingest::LogKind;
 use simulate::Container;
 
-const READER: Reader = |path| Box::new(UbxReader::new(vec![path]));
+const READER: Reader = |path| ingest::reader_of(ingest::LogKind::Ubx, vec![path]);
 
 /// NAV-TIMEGPS, NAV-PVT, HNR-PVT, NAV-HPPOSLLH and NAV-VELNED as pyubx2 1.4.0 writes them.
 fn of_pyubx2() -> Vec<u8> {

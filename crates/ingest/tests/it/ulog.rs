@@ -5,8 +5,7 @@ use crate::support::*;
 use crate::wire::ulog_begin;
 use flight::{Channel, Clock, Severity, Stamp, StampKind};
 use ingest::{
-    FieldRequest, FlightUnit, IngestError, Limits, Loaded, Log, LogKind, LogReader, Selection, Table, TopicInfo,
-    UlogReader, ValueKind,
+    FieldRequest, FlightUnit, IngestError, Limits, Loaded, Log, LogKind, Selection, Table, TopicInfo, ValueKind,
 };
 use simulate::{
     BenchChannel, BenchSensor, BenchSettings, Container, FlightSettings, LogFile, Pulses, SensorSettings, simulate,
@@ -65,7 +64,8 @@ fn read_with(bytes: &[u8], limits: Limits) -> Result<Log, IngestError> {
 
 fn read_path(path: &Path, limits: Limits) -> Result<Log, IngestError> {
     let want = |_: &TopicInfo| Selection::All;
-    let log = with_limits(limits, |context| UlogReader::new(vec![path.to_owned()]).read(&want, context))?;
+    let log =
+        with_limits(limits, |context| ingest::reader_of(LogKind::Ulog, vec![path.to_owned()]).read(&want, context))?;
     let b = &log.health.bytes;
     assert_eq!(b.sum(), b.size, "{b:?}");
     Ok(log)
@@ -178,7 +178,7 @@ fn flight_modes_are_those_of_vehicle_status_in_the_order_of_time() {
     // Whether or not somebody wants the topic.
     let want = |_: &TopicInfo| Selection::Skip;
     let (_folder, path) = file("log.ulg", &made.0);
-    let log = in_context(|context| UlogReader::new(vec![path]).read(&want, context)).unwrap();
+    let log = in_context(|context| ingest::reader_of(LogKind::Ulog, vec![path]).read(&want, context)).unwrap();
     let modes: Vec<(i64, &str)> = log.health.about.modes.iter().map(|m| (m.at_ns, m.mode.as_str())).collect();
     assert_eq!(
         modes,
@@ -563,7 +563,7 @@ fn only_wanted_fields_are_decoded_and_the_bytes_of_other_topics_are_skipped() {
         if topic.name == "pose_1" { Selection::Fields(vec![field]) } else { Selection::Skip }
     };
     let (_folder, path) = file("log.ulg", &small(10));
-    let log = in_context(|context| UlogReader::new(vec![path]).read(&want, context)).unwrap();
+    let log = in_context(|context| ingest::reader_of(LogKind::Ulog, vec![path]).read(&want, context)).unwrap();
     assert_eq!(log.tables.len(), 1);
     assert_eq!(log.tables[0].columns.iter().map(|c| c.path.as_str()).collect::<Vec<_>>(), ["y"]);
     let poses = 10 * (3 + 2 + 8 + 8);
