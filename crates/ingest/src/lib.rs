@@ -32,9 +32,9 @@ mod written_unit;
 pub use bind::{RowTimes, TableTimes, bind, row_times};
 pub use discover::{Discovery, FlightUnit, discover};
 pub use error::IngestError;
-pub use format::{OriginalLog, OriginalTopic, inert};
 #[doc(hidden)]
-pub use format::{mcap_indexed_records, mcap_records};
+pub use format::mcap_records;
+pub use format::{OriginalLog, OriginalTopic, inert};
 pub use load::{Loaded, load, load_ways, open, reader_of, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
 #[cfg(feature = "schema")]

@@ -143,22 +143,8 @@ fn dates(plans: &[Plan<'_>], rules: &[TieRule], log: &Log, restarts: &[Restart])
         })
     };
     let mut all: Vec<Dates> = rules.iter().filter_map(by_rule).collect();
-    all.extend(together(&all));
     all.extend(by_log(plans, restarts));
     all
-}
-
-/// Each session by the first rule that dates it, if none dates all that some do: autopilots of two generations in one log
-/// date their sessions by other fields.
-fn together(all: &[Dates]) -> Option<Dates> {
-    let said = || all.iter().filter(|dates| !dates.by_log);
-    let sessions = said().map(|dates| dates.sessions.len()).max()?;
-    let first = |session: usize| said().find_map(|dates| dates.sessions.get(session)?.clone());
-    let sessions: Vec<Option<UtcTie>> = (0..sessions).map(first).collect();
-    let dated = |sessions: &[Option<UtcTie>]| sessions.iter().flatten().count();
-    let more = said().all(|dates| dated(&dates.sessions) < dated(&sessions));
-    let from_gps = said().any(|dates| dates.from_gps);
-    more.then_some(Dates { sessions, from_gps, by_log: false })
 }
 
 /// Dates by when the log has the messages of one topic: that which has most rows in the session where it has fewest.

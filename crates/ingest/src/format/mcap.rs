@@ -11,7 +11,7 @@ mod summary;
 mod visit;
 
 pub use self::original::{OriginalLog, OriginalTopic};
-pub use self::plain::{mcap_indexed_records, mcap_records};
+pub use self::plain::mcap_records;
 
 use self::original::Originals;
 use self::record::{AttachmentHead, WRONG_START};

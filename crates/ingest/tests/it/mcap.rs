@@ -167,25 +167,6 @@ fn all_416_files_of_the_conformance_suite_read_as_it_says() {
 }
 
 #[test]
-fn the_conformance_files_with_an_index_give_the_same_messages_by_it() {
-    let Some(folder) = real_logs("mcap-conformance") else { return };
-    let mut indexed = 0;
-    for file in with_extension(&folder, "mcap") {
-        let all = expected(&file);
-        if !all.iter().any(|r| r["type"] == "ChunkIndex") {
-            continue;
-        }
-        let messages =
-            |records: Vec<Value>| -> Vec<Value> { records.into_iter().filter(|r| r["type"] == "Message").collect() };
-        let records = ingest::mcap_indexed_records(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
-        let got = messages(records.iter().filter_map(as_in_suite).collect());
-        assert_eq!(got, messages(all), "{}", file.display());
-        indexed += 1;
-    }
-    assert_eq!(indexed, 160);
-}
-
-#[test]
 fn the_conformance_files_are_whole_for_the_reader_too() {
     let Some(folder) = real_logs("mcap-conformance") else { return };
     for file in with_extension(&folder, "mcap") {

@@ -18,19 +18,6 @@ use std::sync::atomic::AtomicBool;
 /// If the file cannot be read, or if anything in it is damaged.
 #[doc(hidden)]
 pub fn mcap_records(path: &Path) -> Result<Vec<Record<'static>>, IngestError> {
-    walked(path, false)
-}
-
-/// The records inside the chunks that the summary lists; none if it lists none.
-///
-/// # Errors
-/// If the file cannot be read, or if anything in it is damaged.
-#[doc(hidden)]
-pub fn mcap_indexed_records(path: &Path) -> Result<Vec<Record<'static>>, IngestError> {
-    walked(path, true)
-}
-
-fn walked(path: &Path, by_index: bool) -> Result<Vec<Record<'static>>, IngestError> {
     let mut file = LogFile::open(path)?;
     let cancel = AtomicBool::new(false);
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
@@ -39,13 +26,9 @@ fn walked(path: &Path, by_index: bool) -> Result<Vec<Record<'static>>, IngestErr
     let whole = 0..file.size();
     let summary = Summary::read(&mut file, whole, context.limits.record_bytes, &mut Collect(vec![]))?;
     let mut records = Records::new(&mut file, &context, &mut notices, &mut all, summary);
-    if by_index {
-        records.fetch_chunks(&mut file)?;
-    } else {
-        scan(&mut file, &mut ledger, &context, &mut records)?;
-        records.finish(&mut file)?;
-        ledger.finish(&mut health, &mut notices);
-    }
+    scan(&mut file, &mut ledger, &context, &mut records)?;
+    records.finish(&mut file)?;
+    ledger.finish(&mut health, &mut notices);
     match notices.iter().find(|n| n.severity == flight::Severity::Loss) {
         Some(loss) => Err(IngestError::Unusable { file: file.name().to_owned(), what: loss.text.clone() }),
         None => Ok(all.0),

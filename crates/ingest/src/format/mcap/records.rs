@@ -93,15 +93,6 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         records
     }
 
-    /// The chunks that the summary lists, found by their places.
-    pub(super) fn fetch_chunks(&mut self, file: &mut LogFile) -> Result<(), ScanError> {
-        for chunk in std::mem::take(&mut self.log.summary.chunks) {
-            let Fetched::Damaged(reason) = self.fetch(file, chunk.offset, chunk.length)? else { continue };
-            self.notices.push(Code::Damaged, self.name.as_str(), chunk.length, reason);
-        }
-        Ok(())
-    }
-
     /// Ends the last log.
     pub(super) fn finish(mut self, file: &mut LogFile) -> Result<(), ScanError> {
         self.end_log(file, self.logs == 0)?;

@@ -89,40 +89,6 @@ struct Known {
     instance: u8,
     meaning: Meaning,
     last_us: u64,
-    /// What had the number before: messages that fit it alone are its own.
-    former: Option<Box<Known>>,
-}
-
-impl Known {
-    fn fits(&self, body: &[u8]) -> bool {
-        self.meaning.extent.as_ref().is_ok_and(|extent| extent.fits(body))
-    }
-
-    /// This, or what had the number before, where a message fits that alone.
-    #[inline]
-    fn of_message(&self, body: &[u8]) -> &Known {
-        match &self.former {
-            Some(former) if self.is_foreign(body) && former.fits(body) => former,
-            _ => self,
-        }
-    }
-
-    /// As [`Known::of_message`].
-    #[inline]
-    fn of_message_mut(&mut self, body: &[u8]) -> &mut Known {
-        if self.former.as_ref().is_some_and(|former| former.fits(body))
-            && self.is_foreign(body)
-            && let Known { former: Some(former), .. } = self
-        {
-            return former;
-        }
-        self
-    }
-
-    /// Whether a message is certainly none of this topic, whose format is known.
-    fn is_foreign(&self, body: &[u8]) -> bool {
-        self.meaning.extent.as_ref().is_ok_and(|extent| !extent.fits(body))
-    }
 }
 
 /// How the messages of a topic are to be read.
@@ -202,7 +168,7 @@ impl<'t, 'w> Session<'t, 'w> {
 
     #[inline]
     fn known_of(&self, body: &[u8]) -> Option<&Known> {
-        self.known.get(usize::from(Bytes(body).u16()?))?.as_ref().map(|known| known.of_message(body))
+        self.known.get(usize::from(Bytes(body).u16()?))?.as_ref()
     }
 
     /// Whether a message, whose number and length agree with its topic's format, was logged near the last one.
@@ -266,15 +232,13 @@ impl<'t, 'w> Session<'t, 'w> {
         if self.known.len() <= place {
             self.known.resize_with(place + 1, || None);
         }
-        let mut former = self.known.get_mut(place).and_then(Option::take);
-        former = former.filter(|known| known.name != name || known.instance != instance);
-        if former.is_some() {
+        let former = self.known.get_mut(place).and_then(Option::take);
+        if former.is_some_and(|known| known.name != name || known.instance != instance) {
             self.redefined.add(|| format!("{number}, now {name:.128}"));
         }
         let meaning = self.meaning(name, instance)?;
         if let Some(slot) = self.known.get_mut(place) {
-            let former = former.map(|known| Box::new(Known { former: None, ..known }));
-            *slot = Some(Known { name: name.to_owned(), instance, meaning, last_us: 0, former });
+            *slot = Some(Known { name: name.to_owned(), instance, meaning, last_us: 0 });
         }
         Ok(())
     }
@@ -319,7 +283,6 @@ impl<'t, 'w> Session<'t, 'w> {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
-        let known = known.of_message_mut(body);
         self.odd.look(known, payload);
         let Meaning { route, extent, tells, .. } = &known.meaning;
         let stamp = extent.as_ref().ok().and_then(|extent| extent.stamp);
