@@ -29,7 +29,7 @@ use crate::error::IngestError;
 use crate::reader::Log;
 use flight::{Code, Graded, Notices, Severity};
 use logscan::{Fate, LogFile, Parsed, Trust};
-use memchr::{memchr, memchr_iter, memchr2, memchr3};
+use memchr::{memchr, memchr_iter, memchr2};
 use std::borrow::Cow;
 
 /// Bytes looked through for the first sentence.
@@ -47,7 +47,6 @@ const LONGEST_SUFFIX: usize = 64;
 
 const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
-const ESC: u8 = 0x1b;
 
 /// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is; or
 /// sentences of the types that are read, and no checksum anywhere.
@@ -148,24 +147,12 @@ fn are_all(lines: &[u8], checked: bool) -> bool {
     2 * seen >= DECIDED_BY
 }
 
-/// Text without STX and ETX, which may frame a sentence, and without what colours it on a screen: ESC and the control
-/// sequence that it begins, `ESC[32m` (ECMA-48, 5.4).
+/// Text without STX and ETX, which may frame a sentence.
 fn unmarked(text: &[u8]) -> Cow<'_, [u8]> {
-    if memchr3(STX, ETX, ESC, text).is_none() {
+    if memchr2(STX, ETX, text).is_none() {
         return text.into();
     }
-    let mut pieces = text.split(|b| *b == ESC);
-    let first = pieces.next().unwrap_or_default();
-    let others = pieces.flat_map(|piece| behind_sequence(piece).unwrap_or(piece));
-    first.iter().chain(others).copied().filter(|b| ![STX, ETX].contains(b)).collect()
-}
-
-/// What follows a control sequence that stands behind its ESC: `[`, parameters, and what it does.
-fn behind_sequence(piece: &[u8]) -> Option<&[u8]> {
-    let sequence = piece.strip_prefix(b"[")?;
-    let end = sequence.iter().position(|b| !(b' '..=b'?').contains(b))?;
-    let (does, rest) = sequence.get(end..)?.split_first()?;
-    (b'@'..=b'~').contains(does).then_some(rest)
+    text.iter().copied().filter(|b| ![STX, ETX].contains(b)).collect()
 }
 
 /// The lines of a log: sentences, what a logger wrote around them, and text.

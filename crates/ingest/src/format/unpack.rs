@@ -212,9 +212,6 @@ impl<R: Read> Read for SmallSteps<R> {
 /// Unpacks one of several that may stand one behind the other: a member of gzip (RFC 1952, 2.2), a stream of bzip2, a frame of
 /// LZ4.
 trait Part<R>: Read + Sized {
-    /// Zeros behind the last are padding.
-    const PADDED: bool = false;
-
     fn begin(packed: R) -> io::Result<Self>;
 
     /// What is behind it, if it has an end.
@@ -222,9 +219,6 @@ trait Part<R>: Read + Sized {
 }
 
 impl<R: BufRead> Part<R> for GzDecoder<R> {
-    /// As `gzip` has it.
-    const PADDED: bool = true;
-
     fn begin(packed: R) -> io::Result<Self> {
         Ok(GzDecoder::new(packed))
     }
@@ -277,30 +271,11 @@ impl<R: BufRead, D: Part<R>> Read for Parts<R, D> {
                 return Ok(got);
             }
             let mut packed = decoder.end()?;
-            let is_more = if D::PADDED { pass_zeros(&mut packed)? } else { !packed.fill_buf()?.is_empty() };
-            if is_more {
+            if !packed.fill_buf()?.is_empty() {
                 *self = Parts::begin(packed)?;
             }
         }
         Ok(0)
-    }
-}
-
-/// Whether anything is left behind the zeros. A sparse file has so many that nobody looks for their end.
-fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
-    let mut passed = 0;
-    loop {
-        if passed > logscan::MOST_ZEROS {
-            return Err(io::Error::other("nothing but zeros behind the last member as far as one looks"));
-        }
-        let bytes = packed.fill_buf()?;
-        let zeros = bytes.iter().take_while(|byte| **byte == 0).count();
-        let (is_end, is_more) = (bytes.is_empty(), zeros < bytes.len());
-        packed.consume(zeros);
-        if is_end || is_more {
-            return Ok(is_more);
-        }
-        passed += zeros as u64;
     }
 }
 

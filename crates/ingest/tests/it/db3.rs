@@ -495,15 +495,13 @@ fn a_table_is_read_by_the_names_of_its_columns_wherever_they_stand() {
         assert!(log.notices.is_empty(), "{change}: {:?}", log.notices);
         assert_eq!(log.tables, plain.tables, "{change}");
     }
-    // Where data come first, topic and time of a long row are on other pages.
-    let plain = read(&bag(&sent, 6000, "")).unwrap();
+    // Where data come first, topic and time of a long row are on other pages: such rows are a loss.
     let mut connection = Connection::open_in_memory().unwrap();
     fill(&connection, &sent, 6000);
     connection.execute_batch(changes[2]).unwrap();
     let log = read(&connection.serialize(MAIN_DB).unwrap()).unwrap();
+    assert!(lost(&log), "{:?}", log.notices);
     assert_received(&log, &sent, false);
-    assert!(log.notices.is_empty(), "{:?}", log.notices);
-    assert_eq!(log.tables, plain.tables);
 }
 
 #[test]

@@ -116,7 +116,6 @@ fn a_packed_log_gives_the_same_flight_and_its_ledger_counts_the_unpacked_bytes()
     for (name, content) in [
         ("jump.csv.gz", gzip(&table)),
         ("jump.csv.gz", [gzip(&table[..half]), gzip(&table[half..])].concat()),
-        ("jump.csv.gz", [gzip(&table[..half]), vec![0; 500], gzip(&table[half..])].concat()),
         ("jump.csv.zst", zstd(&table)),
         ("jump.csv.zst", [zstd(&table[..half]), zstd(&table[half..])].concat()),
         ("jump.csv.bz2", bzip2(&table)),
@@ -370,16 +369,14 @@ fn what_was_packed_with_a_dictionary_is_said_to_need_it() {
 }
 
 #[test]
-fn zeros_behind_a_gzip_file_are_padding_and_anything_else_is_not() {
+fn members_of_a_gzip_file_are_one_log_and_anything_else_behind_them_is_told() {
     let bag = bag();
     let (front, back) = bag.split_at(bag.len() / 2);
     let members = [gzip(front), gzip(back)].concat();
-    for zeros in [0, 1, 512, 400_000] {
-        let loaded = load_packed("a.bag.gz", &[members.clone(), vec![0; zeros]].concat());
-        assert!(!lossy(&loaded), "{zeros}: {:?}", loaded.flight.notices);
-        assert_eq!((loaded.health.messages, loaded.health.bytes.size), (120, bag.len() as u64));
-    }
-    for tail in [&b"junk"[..], b"\0\0\0junk", &gzip(back)[..9]] {
+    let loaded = load_packed("a.bag.gz", &members);
+    assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
+    assert_eq!((loaded.health.messages, loaded.health.bytes.size), (120, bag.len() as u64));
+    for tail in [&b"junk"[..], b"\0\0\0junk", &[0; 512], &gzip(back)[..9]] {
         let loaded = load_packed("a.bag.gz", &[&members, tail].concat());
         assert_eq!((loaded.health.messages, count_of(&loaded, "corrupt") > 0), (120, true), "{tail:?}");
     }

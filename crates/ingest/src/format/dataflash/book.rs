@@ -45,8 +45,6 @@ pub(super) struct Book<'t, 'w> {
     late_instances: Tally,
     /// Units that were stated twice and otherwise.
     other_units: Tally,
-    /// Units of types that are not defined yet.
-    early_units: HashMap<u8, [String; 2]>,
 }
 
 /// A type of records.
@@ -189,7 +187,6 @@ impl<'t, 'w> Book<'t, 'w> {
             misfits: Tally::default(),
             late_instances: Tally::default(),
             other_units: Tally::default(),
-            early_units: HashMap::new(),
         }
     }
 
@@ -197,7 +194,6 @@ impl<'t, 'w> Book<'t, 'w> {
     pub(super) fn begin_file(&mut self, name: &str) {
         self.file = name.to_owned();
         self.by_id.fill(None);
-        self.early_units.clear();
         self.by_name.clear();
         self.clock.restarts();
         self.learn(FMT_ID, Format::of_formats());
@@ -209,9 +205,6 @@ impl<'t, 'w> Book<'t, 'w> {
             *place = Some(self.types.len());
         }
         self.types.push(Type::new(format));
-        if let Some(ids) = self.early_units.remove(&id) {
-            self.set_units(id, ids);
-        }
     }
 
     fn known(&self, id: u8) -> Option<usize> {
@@ -377,7 +370,6 @@ impl<'t, 'w> Book<'t, 'w> {
             return if usual {
                 // The first record of every log. It says nothing new, but that a log begins.
                 self.clock.restarts();
-                self.early_units.clear();
                 Ok(())
             } else {
                 Err("a definition of the definitions that is not the usual one".into())
@@ -400,8 +392,7 @@ impl<'t, 'w> Book<'t, 'w> {
 
     fn set_units(&mut self, id: u8, ids: [String; 2]) {
         let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else {
-            self.early_units.entry(id).or_insert(ids);
-            return;
+            return self.other_units.add(|| format!("type {id}, which is not defined"));
         };
         if ids[0].len() != kind.format.codes() {
             self.other_units.add(|| format!("{}, of {} fields", kind.format.name, ids[0].len()));
@@ -444,8 +435,8 @@ impl<'t, 'w> Book<'t, 'w> {
         tell_too_many_topics(&self.unplaced, "records", file, notices);
         let text = "the field that tells instances apart was named after the first records, which are in one topic";
         self.late_instances.tell(Code::Redefined, file, text, notices);
-        let text = "units and instances of a type are stated twice and otherwise, of which the first holds, or for another number \
-                    of fields: they may be of another type";
+        let text = "units and instances of a type are stated before it, or twice and otherwise, of which the first holds, or for \
+                    another number of fields: they may be of another type";
         self.other_units.tell(Code::Redefined, file, text, notices);
         let text = "the clock restarts within the file; what follows is stamped as if it came ten seconds later";
         self.clock.moved.tell(Code::SeveralSessions, file, text, notices);

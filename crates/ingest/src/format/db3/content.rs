@@ -222,24 +222,9 @@ impl MessageColumns {
         Some(Found { topic, times: Times { logged_ns, published_ns }, data })
     }
 
-    /// Whether a row can be a message, and topic or times lie on other pages.
-    fn is_further(self, cell: &Cell<'_>) -> bool {
-        let Some(row) = Row::parse(cell).filter(|_| cell.overflow > 0) else { return false };
-        let needed = [self.topic, self.logged];
-        let is_beyond = |column: usize| row.is_integer(column) && row.integer(column, cell.local).is_none();
-        row.place(self.data).is_some()
-            && needed.iter().all(|column| row.is_integer(*column))
-            && needed.into_iter().chain(self.published).any(is_beyond)
-    }
-
-    /// Whether a row can be a message.
-    pub(super) fn fit(self, cell: &Cell<'_>) -> bool {
-        self.of_row(cell).is_some() || self.is_further(cell)
-    }
-
     /// Whether a row looks like a message.
     pub(super) fn look_like(self, cell: &Cell<'_>) -> bool {
-        self.fit(cell) && Row::parse(cell).is_some_and(|row| is_number(&row, cell))
+        self.of_row(cell).is_some() && Row::parse(cell).is_some_and(|row| is_number(&row, cell))
     }
 }
 
@@ -322,12 +307,7 @@ impl<'t, 'w> Messages<'t, 'w> {
 
 impl Sink for Messages<'_, '_> {
     fn look(&mut self, cell: &Cell<'_>) -> Look {
-        let found = self.columns.of_row(cell);
-        let is_whole = |found: &Found| self.columns.published.is_none() || found.times.published_ns.is_some();
-        if !found.as_ref().is_some_and(is_whole) && self.columns.is_further(cell) {
-            return Look::Further;
-        }
-        let Some(found) = found else { return Look::Bad("it is no message") };
+        let Some(found) = self.columns.of_row(cell) else { return Look::Bad("it is no message") };
         let route = self.routes.get(&found.topic).copied();
         self.current = Some((found, route));
         if route.is_some_and(Route::is_wanted) { Look::Wanted } else { Look::Unwanted }

@@ -238,14 +238,6 @@ impl Row {
         })
     }
 
-    /// Whether a column holds a whole number, wherever it lies.
-    pub(super) fn is_integer(&self, column: usize) -> bool {
-        self.columns
-            .get(..self.count)
-            .and_then(|columns| columns.get(column))
-            .is_some_and(|(kind, _)| matches!(kind, 1..=6 | 8 | 9))
-    }
-
     /// A whole number; `None` if it is none.
     pub(super) fn integer(&self, column: usize, row: &[u8]) -> Option<i64> {
         match self.value(column, row)? {

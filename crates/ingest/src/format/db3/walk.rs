@@ -54,8 +54,6 @@ pub(super) enum Look {
     Wanted,
     /// It is one of this table and not wanted.
     Unwanted,
-    /// What tells lies on other pages: it is to be shown whole.
-    Further,
     /// It cannot be one of this table.
     Bad(&'static str),
 }
@@ -428,28 +426,8 @@ impl<'w, 'c> Walk<'w, 'c> {
                 }
                 sink.unwanted(cell);
             }
-            Look::Further => return self.take_whole(cell, sink),
         }
         Ok(Ok(()))
-    }
-
-    /// Takes a row of which too little is on its page to tell whether it is wanted.
-    fn take_whole(&mut self, cell: &Cell<'_>, sink: &mut dyn Sink) -> Result<Result<(), String>, IngestError> {
-        if let Err(why) = self.gather(cell)? {
-            return Ok(Err(why));
-        }
-        let row = std::mem::take(&mut self.row);
-        let whole = Cell { local: &row, overflow: 0, ..*cell };
-        let taken = match sink.look(&whole) {
-            Look::Bad(why) => Err(why.to_owned()),
-            Look::Wanted => Ok(sink.whole(&whole, &row)),
-            Look::Unwanted | Look::Further => {
-                sink.unwanted(&whole);
-                Ok(Fate::Skipped)
-            }
-        };
-        self.row = row;
-        Ok(taken.map(|fate| self.ledger.count(fate, cell.length)))
     }
 
     /// Puts a row together from its pages.
