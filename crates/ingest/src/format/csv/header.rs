@@ -40,9 +40,8 @@ pub(super) struct Changes {
     others: (u64, u64),
     /// Rows that may be headers of other tables, and the line of the first.
     like_headers: (u64, u64),
-    /// Remarks with as many fields as the table has columns, and the line of the first; and those that were read as rows.
+    /// Remarks with as many fields as the table has columns, and the line of the first.
     remarks: (u64, u64),
-    marked: (u64, u64),
 }
 
 impl Changes {
@@ -51,16 +50,9 @@ impl Changes {
         count_from(&mut self.like_headers, line);
     }
 
-    /// A row behind a mark of remarks.
-    pub(super) fn marked_row(&mut self, line: u64) {
-        count_from(&mut self.marked, line);
-    }
-
-    /// A remark below a header that is none; `like_row` if it has as many fields.
-    pub(super) fn remark(&mut self, line: u64, like_row: bool) {
-        if like_row {
-            count_from(&mut self.remarks, line);
-        }
+    /// A remark that is like a row.
+    pub(super) fn remark(&mut self, line: u64) {
+        count_from(&mut self.remarks, line);
     }
 
     pub(super) fn other(&mut self, line: u64) {
@@ -78,8 +70,6 @@ impl Changes {
         warn(self.like_headers, text);
         let text = "remarks with as many fields as the table has columns: they are not read as rows";
         warn(self.remarks, text);
-        let text = "rows begin as remarks do: they are read, for they have a number wherever the others have one";
-        warn(self.marked, text);
         if self.others.0 > 0 {
             let text =
                 "another header stands between the rows: those below it, up to the first header again, are not read";
@@ -206,23 +196,8 @@ impl Header {
             && words().collect::<HashSet<_>>().len() == fields.len()
     }
 
-    /// Whether a record behind a mark of remarks is a row for all that, as `#12,3.5,7.0` is where the first column holds words:
-    /// a number in every column of numbers, and no time in the first, of a row that somebody took out.
-    pub(super) fn has_marked_row(&self, fields: &Fields) -> bool {
-        let agrees = |(index, of_numbers): (usize, &bool)| !of_numbers || is_number(fields.get(index));
-        let is_tag = |cell: &[u8]| {
-            let tag = cell.strip_prefix(b"#").unwrap_or_default();
-            !tag.is_empty() && tag.iter().all(|b| b.is_ascii_alphanumeric() || b"_.".contains(b))
-        };
-        fields.len() == self.numbers.len()
-            && self.numbers.first() == Some(&false)
-            && self.numbers.contains(&true)
-            && self.numbers.iter().enumerate().all(agrees)
-            && is_tag(fields.get(0))
-    }
-
     /// Whether a remark has as many fields as the table, all but the first of them numbers or empty.
-    pub(super) fn is_like_marked_row(&self, fields: &Fields) -> bool {
+    pub(super) fn is_like_row(&self, fields: &Fields) -> bool {
         let others = || (1..fields.len()).map(|index| fields.get(index)).filter(|cell| !cell.is_empty());
         fields.len() == self.names.len() && others().next().is_some() && others().all(is_number)
     }

@@ -150,14 +150,14 @@ impl<'t> OneTable<'t> {
         let again_units = is_row && self.behind_header && !self.units.is_empty() && text == self.units;
         self.behind_header = again;
         if is_comment && is_row && !again {
-            let is_taken = if self.is_marked {
-                matches!(self.other_header(books, open, extent), Between::Header)
-            } else {
-                self.marked_row(books, open, extent, line)
-            };
-            if !is_taken {
-                books.structure(open, extent);
+            if self.is_marked && matches!(self.other_header(books, open, extent), Between::Header) {
+                return;
             }
+            open.fields.split(without_bom(open.lines.text(extent).trim_ascii()), self.layout.delimiter);
+            if !self.is_marked && self.header.is_like_row(&open.fields) {
+                self.changes.remark(line);
+            }
+            books.structure(open, extent);
         } else if !is_plain || again || again_units || !is_row {
             if !is_row {
                 self.before_rows(books, open, extent, line, is_plain);
@@ -181,19 +181,6 @@ impl<'t> OneTable<'t> {
             self.behind_header = true;
         }
         between
-    }
-
-    /// Reads a row that begins with the mark of a comment; `false` if the line is a remark.
-    fn marked_row(&mut self, books: &mut Books, open: &mut Open<'_>, extent: Extent, line: u64) -> bool {
-        let text = without_bom(open.lines.text(extent).trim_ascii());
-        open.fields.split(text, self.layout.delimiter);
-        if self.header.has_marked_row(&open.fields) {
-            self.changes.marked_row(line);
-            books.row(open, extent, &mut self.topic, 0, self.layout.delimiter, false);
-            return true;
-        }
-        self.changes.remark(line, self.header.is_like_marked_row(&open.fields));
-        false
     }
 
     /// Keeps a remark before the rows, and counts what is neither a remark nor a header.
