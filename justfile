@@ -95,9 +95,10 @@ mutants +sample:
 check:
     bash .ci/run
 
-# Accept changed generated files (JSON schemas, the page of notices) after reading the diff
+# Accept changed generated files (JSON schemas, the pages of notices and commands) after reading the diff
 bless:
     FLIGHTLAG_BLESS=1 cargo test -p whole the_published_schemas
+    FLIGHTLAG_BLESS=1 cargo test -p whole the_page_of_commands
     FLIGHTLAG_BLESS=1 cargo test -p flightlag-flight --test catalogue the_page_of_notices
     git diff --stat
 

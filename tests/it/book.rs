@@ -120,29 +120,107 @@ fn every_page_of_the_book_is_in_its_summary() {
     }
 }
 
+/// Words and phrases of no flight-test desk, with a blank before and after.
+const DIALECT: [&str; 11] = [
+    " told ",
+    " tells ",
+    " anew ",
+    " nobody ",
+    " stands ",
+    " beside ",
+    " whatever else ",
+    " leads nowhere ",
+    " of which none ",
+    " that is none ",
+    " one behind another ",
+];
+
+/// Fails if a line of prose holds dialect. `place` is where it is from.
+fn assert_plain(line: &str, place: &str) {
+    let line = line.to_lowercase();
+    let words: Vec<&str> = line.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    let spaced = format!(" {} ", words.join(" "));
+    let spaced =
+        ["stands still", "stands for", "stands out"].iter().fold(spaced, |text, plain| text.replace(plain, ""));
+    for phrase in DIALECT {
+        assert!(!spaced.contains(phrase), "{place}: {phrase:?} in: {line}");
+    }
+}
+
 #[test]
 fn the_pages_are_in_plain_english() {
-    let dialect = [
-        "told",
-        "tells",
-        "anew",
-        "nobody",
-        "stands",
-        "beside",
-        "whatever else",
-        "leads nowhere",
-        "of which none",
-        "that is none",
-    ];
     for (path, page) in pages() {
-        for line in lines(&page).filter(|(_, code)| !code).map(|(line, _)| prose(line).to_lowercase()) {
-            let words: Vec<&str> = line.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
-            let spaced = format!(" {} ", words.join(" "));
-            for word in dialect {
-                assert!(!spaced.contains(&format!(" {word} ")), "{}: {word:?} in: {line}", path.display());
-            }
+        for line in lines(&page).filter(|(_, code)| !code).map(|(line, _)| prose(line)) {
+            assert_plain(&line, &path.display().to_string());
         }
     }
+}
+
+/// String literals of a source, without tests and comments.
+fn literals(source: &str) -> Vec<String> {
+    let source = source.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+    let mut found = vec![];
+    let mut rest = source;
+    while let Some(at) = rest.find(['"', '\'', '/']) {
+        let (from, tail) = rest.split_at(at);
+        rest = match tail.as_bytes() {
+            [b'/', b'/', ..] => tail.split_once('\n').map_or("", |(_, next)| next),
+            // A quote as a character, `'"'`.
+            [b'\'', b'"', b'\'', ..] => &tail[3..],
+            [b'"', ..] if from.ends_with('#') => tail[1..].split_once("\"#").map_or("", |(_, next)| next),
+            [b'"', ..] => {
+                let escapes = |end: usize| tail[1..end].bytes().rev().take_while(|b| *b == b'\\').count();
+                let end = tail.match_indices('"').map(|(end, _)| end).find(|end| *end > 0 && escapes(*end) % 2 == 0);
+                let end = end.unwrap_or(tail.len() - 1);
+                found.push(tail[1..end.max(1)].to_owned());
+                &tail[end + 1..]
+            }
+            _ => &tail[1..],
+        };
+    }
+    found
+}
+
+#[test]
+fn the_texts_of_the_source_are_in_plain_english() {
+    let is_test = |path: &Path| path.ends_with("tests.rs") || path.components().any(|c| c.as_os_str() == "tests");
+    let mut texts = 0;
+    for path in files("crates", ".rs").into_iter().filter(|path| !is_test(path)) {
+        for text in literals(&fs::read_to_string(&path).unwrap()).iter().filter(|text| text.contains(' ')) {
+            assert_plain(text, &path.display().to_string());
+            texts += 1;
+        }
+    }
+    assert!(texts > 3000, "{texts} texts: are literals still found?");
+}
+
+/// The help of a command and of those below it, as sections of a page.
+fn help_of(command: &[&str], page: &mut String) {
+    let shown = flightlag(command.iter().chain(&["--help"])).env("COLUMNS", "110").output().unwrap();
+    assert!(shown.status.success(), "{command:?}");
+    let help = text(&shown.stdout);
+    let title = std::iter::once("flightlag").chain(command.iter().copied()).collect::<Vec<_>>().join(" ");
+    *page += &format!("\n{} {title}\n\n```text\n{}\n```\n", "##", help.trim_end());
+    let below = help.split_once("Commands:\n").map_or("", |(_, list)| list.split("\n\n").next().unwrap());
+    let names = below.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    for name in names.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help") {
+        help_of(&[command, &[name]].concat(), page);
+    }
+}
+
+/// `FLIGHTLAG_BLESS=1` writes it again.
+#[test]
+fn the_page_of_commands_is_their_help() {
+    let mut page =
+        "# Commands\n\n<!-- Made from `flightlag COMMAND --help`: `just bless` writes it again. -->\n".to_owned();
+    help_of(&[], &mut page);
+    let path = root().join("docs/src/commands.md");
+    if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
+        fs::write(&path, &page).unwrap();
+    }
+    assert!(fs::read_to_string(&path).unwrap() == page, "docs/src/commands.md: accept a change with `just bless`");
+    assert!(page.matches("\n## flightlag").count() > 20);
+    page.lines().for_each(|line| assert_plain(line, "--help"));
 }
 
 #[test]

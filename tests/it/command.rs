@@ -78,7 +78,7 @@ fn a_slow_loop_is_promised_nothing_above_half_of_its_rate() {
     let out = folder.path().to_str().unwrap();
     let arguments = ["compensator", "pade-1-1-tustin", "--delay-s", "0.2", "--step-s", "1", "--out", out];
     let said = text(&run(arguments, 0).stdout);
-    assert!(said.contains("removes nine tenths of the error up to 0.50 Hz, half the rate of the loop"), "{said}");
+    assert!(said.contains("removes 90 % of the error up to 0.50 Hz, half the rate of the loop"), "{said}");
     assert!(said.starts_with("wrote "), "{said}");
     assert!(text(&run(arguments, 0).stdout).starts_with("replaced "), "a file that was there is not gone in silence");
 }
@@ -245,26 +245,6 @@ fn a_map_is_suggested_for_a_table_of_ones_own_and_refused_for_what_is_none() {
 }
 
 #[test]
-fn help_is_there_for_every_command() {
-    for arguments in [
-        vec!["--help"],
-        vec!["delay", "--help"],
-        vec!["campaign", "--help"],
-        vec!["campaign", "plan", "--help"],
-        vec!["campaign", "task", "--help"],
-        vec!["campaign", "reduce", "--help"],
-        vec!["campaign", "status", "--help"],
-        vec!["inspect", "--help"],
-        vec!["demo", "--help"],
-        vec!["criteria", "--help"],
-        vec!["maps", "--help"],
-    ] {
-        let help = text(&run(&arguments, 0).stdout);
-        assert!(help.contains("Usage: flightlag"), "{arguments:?}: {help}");
-    }
-}
-
-#[test]
 fn a_compensator_is_written_as_c_and_an_unstable_one_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
@@ -337,7 +317,7 @@ fn a_criterion_that_is_not_met_ends_with_4_and_another_limit_reads_no_log() {
     let campaign = Judging::new();
     let missed = campaign.criteria("10 Hz", "2 s");
     let said = campaign.run(&["--criteria", &missed], 4);
-    assert!(said.contains("criteria, flights by gravest verdict: 1 FAIL"), "{said}");
+    assert!(said.contains("criteria, flights by worst verdict: 1 FAIL"), "{said}");
     assert!(said.contains("FAIL rate (position-rate ≥ 10 Hz): flight-0001.mcap"), "{said}");
     assert!(campaign.page().contains("≥ 10\u{a0}Hz"));
     let finding = &campaign.record()["criteria"]["findings"][0];

@@ -33,7 +33,7 @@ pub struct Alignment {
     pub zero_source: String,
     /// Azimuth of the swing's plane from north over east, rad, in (−π, π]; `None` if nothing shows it.
     pub azimuth_rad: Option<Estimate>,
-    /// Where it comes from, or why there is none.
+    /// Where it comes from, or why it is missing.
     pub azimuth_source: String,
     /// Delay at which each channel was laid over the encoder, s: good to a few milliseconds, without interval.
     pub coarse_delay_s: BTreeMap<String, f64>,
@@ -59,7 +59,7 @@ pub fn align(motion: &Motion, sensor: &Flight, rig: &Rig, around: &Surroundings)
     let azimuths = azimuth::azimuths(&clues, sign, zero_rad.value);
     let (azimuth_rad, azimuth_source) = azimuth::azimuth(&azimuths, rig);
     if azimuth_rad.is_none() && clues.iter().any(Clue::needs_azimuth) {
-        let text = "the azimuth of the swing cannot be told: north and east are not compared";
+        let text = "the azimuth of the swing is unknown: north and east are not compared";
         notices.push(Code::NoReference, "", 1, text);
     }
     Alignment {

@@ -252,7 +252,7 @@ fn judge(
     let judgement = evidence(bench, updates, fit, delay.standard_uncertainty_s).judge();
     let ambiguous = fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| {
         format!(
-            "; another delay, {} ms, fits nearly as well: the swing is too regular to tell which",
+            "; another delay, {} ms, fits nearly as well: the swing is too regular to decide which",
             millis(m.delay_s)
         )
     });

@@ -131,7 +131,9 @@ fn in_words(
              the bar's length is off.",
             with_u(k, 2)
         ),
-        (_, _, Finding::CannotTell(why)) => format!("{gains}: neither bending nor a wrong scale can be told; {why}."),
+        (_, _, Finding::CannotTell(why)) => {
+            format!("{gains}: whether the bar bends or a scale is wrong is unknown; {why}.")
+        }
         (_, _, Finding::Found(hz)) => format!(
             "{gains}: rotation alone is clearly above one; if the bar bends, its first mode is at {} Hz{expected}, but a scale of \
              the sensor would look the same.",

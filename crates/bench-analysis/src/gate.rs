@@ -196,7 +196,7 @@ fn saturation_check(name: &str, channel: &Channel, motion: &Motion) -> Option<Ga
     let worst = channel.series.components().iter().map(of).fold(0.0, f64::max);
     let bound_to_saturate = matches!(channel.quantity, Quantity::SpecificForce | Quantity::AngularRate);
     (bound_to_saturate || worst > SATURATED_SHARE).then(|| {
-        let text = format!("{:.1} % of the rows of {name} stand at the end of its range", worst * 100.0);
+        let text = format!("{:.1} % of the rows of {name} are at the end of its range", worst * 100.0);
         check("saturation", worst <= SATURATED_SHARE, text)
     })
 }

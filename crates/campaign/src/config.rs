@@ -616,8 +616,7 @@ impl Pipeline {
     pub fn with_reference(mut self, file: Option<String>, clock: Option<ClockRule>) -> Result<Pipeline, CampaignError> {
         let known = self.meant.reference.take();
         if clock.is_some() && file.is_none() && known.is_none() {
-            let what =
-                "--reference-clock is for the clock of a reference file, and there is none: add --reference FILE";
+            let what = "--reference-clock needs a reference file: add --reference FILE";
             return Err(CampaignError::Asked(what.to_owned()));
         }
         let clock = clock.or(known.as_ref().map(|rule| rule.clock)).unwrap_or_default();
@@ -957,10 +956,10 @@ impl Checker<'_> {
         sensor: Option<&Spanned<SensorIdentity>>,
     ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
         if let Some(sensor) = sensor {
-            return Err(self.fault(sensor, "[sensor] looks for a card: it stands beside delay.card or delay.cards"));
+            return Err(self.fault(sensor, "[sensor] selects a card: it needs delay.card or delay.cards"));
         }
         if let Some(pin) = &delay.pin {
-            return Err(self.fault(pin, "delay.pin is for sensor cards, not beside position_s"));
+            return Err(self.fault(pin, "delay.pin is for sensor cards: remove it or position_s"));
         }
         if delay.position_s.is_none() {
             self.no_words_without_number(delay, "goes with position_s: leave it out")?;
@@ -1085,7 +1084,7 @@ impl Checker<'_> {
         match list.get_ref().iter().find(is_odd) {
             Some(odd) => {
                 let what =
-                    format!("channel `{odd}` is no {quantity}; names are `{quantity}.source`, as `{}`", default[0]);
+                    format!("channel `{odd}` is not a {quantity}; names are `{quantity}.source`, as `{}`", default[0]);
                 Err(self.fault(&list, what))
             }
             None => Ok(list.into_inner()),
@@ -1303,7 +1302,7 @@ mod tests {
             (4, "delay.source must say"),
             (6, "the first must be below the last"),
             (7, "measure.antenna_ahead_m = \"3 m\": must be a number in m"),
-            (9, "is no velocity"),
+            (9, "is not a velocity"),
             (11, "did you mean `zoom_s`?"),
             (11, "replay.zoom_s = 0.1 s: must be from 1 to 3600 s"),
             (12, "replay.compensators: "),
@@ -1594,7 +1593,7 @@ mod tests {
     fn a_sensor_beside_a_plain_number_is_refused() {
         let error = parse(&format!("{SMALL}[sensor]\nmodel = \"M\"\n")).unwrap_err();
         assert_eq!(error.line, Some(5), "{error}");
-        assert!(error.what.contains("[sensor] looks for a card"), "{error}");
+        assert!(error.what.contains("[sensor] selects a card"), "{error}");
     }
 
     #[test]

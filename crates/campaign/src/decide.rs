@@ -139,7 +139,7 @@ fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLate
 fn others_words(removed: &RemovedDelay) -> String {
     match removed.row {
         1 => "the mean of the other flights of its group; what is left in this flight is a test of it".to_owned(),
-        3 => "the mean of the other flights of its group; this flight does not tell its own delay".to_owned(),
+        3 => "the mean of the other flights of its group; this flight does not show its own delay".to_owned(),
         _ => "the mean of the other flights of its group".to_owned(),
     }
 }
@@ -183,7 +183,7 @@ fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> V
         interval_95_s: None,
         against: first.against.clone(),
         between_s: None,
-        words: "no flight of this group tells how late its position is".to_owned(),
+        words: "no flight of this group shows how late its position is".to_owned(),
         outliers: vec![],
         advice: DelayAdvice::default(),
         members: members.iter().map(|(flight, _)| (*flight).to_owned()).collect(),

@@ -30,7 +30,7 @@ pub struct Garbage {
 pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
     let refused = |what: &str| CampaignError::Asked(format!("{}: {what}", out.display()));
     if look_into(out, LOCK)?.is_none() {
-        return Err(refused("is no output folder of a campaign"));
+        return Err(refused("is not an output folder of a campaign"));
     }
     refuse_other_kind(out, BENCH_MARK, "a bench")?;
     let store = if dry_run { Store::open_to_read(out) } else { Store::open(out) }?;

@@ -488,7 +488,7 @@ impl Manifest {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
         let text = self.text(path)?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is no name of a file".into()))?;
+        let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is not a name of a file".into()))?;
         match look_into(folder, name)? {
             Some(there) if there == text => return Ok(()),
             Some(_) => {
@@ -542,7 +542,7 @@ impl Manifest {
             }
         })?;
         let manifest: Manifest =
-            serde_json::from_slice(&bytes).map_err(|e| wrong(format!("is no manifest of a campaign: {e}")))?;
+            serde_json::from_slice(&bytes).map_err(|e| wrong(format!("is not a manifest of a campaign: {e}")))?;
         let versions = |m: &Manifest| (m.manifest_version, m.analysis_version, m.record_version);
         if versions(&manifest) != (MANIFEST_VERSION, ANALYSIS_VERSION, RECORD_VERSION) {
             let by = &manifest.flightlag_version;

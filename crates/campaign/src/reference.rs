@@ -99,7 +99,7 @@ pub(crate) fn with_references(
     }
     if out.len() > 1 && !rule.is_pattern() {
         return Err(CampaignError::Asked(format!(
-            "{}: one reference file for {} flights; give a pattern in which {STEM} stands for the name of the log, as {STEM}.pos",
+            "{}: one reference file for {} flights; give a pattern in which {STEM} is the name of the log, as {STEM}.pos",
             rule.file,
             out.len()
         )));
@@ -252,7 +252,7 @@ impl ReferenceLog {
         let next = alike.get(1).map_or(-1.0, |(next, ..)| next.correlation);
         if best.correlation < LEAST_ALIKE || best.correlation - next < DECIDES {
             return Err(format!(
-                "{why}; and beside the log: no order and sign of its axes moves as the log does and any other less (best \
+                "{why}; and compared with the log: no order and sign of its axes moves as the log does and any other less (best \
                  correlation of the velocities {:.2}, next {next:.2})",
                 best.correlation
             ));

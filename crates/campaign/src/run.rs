@@ -38,7 +38,7 @@ fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verd
     let (report, reduction) = round(&mut state)?;
     let (report, reduction) = match reduction {
         Reduction::Damaged(flights) => {
-            let text = format!("damaged results are made anew: {}", flights.join(", "));
+            let text = format!("damaged results are computed again: {}", flights.join(", "));
             desk.tell(Event::Remark { text });
             round(&mut state)?
         }

@@ -138,7 +138,7 @@ pub enum FeedError {
         t: f64,
     },
     /// The velocity of its time is no longer known.
-    #[error("position at {t} s is of an instant before {known_from} s, of which no velocity is kept")]
+    #[error("position at {t} s is from before {known_from} s, and the velocity of that time is no longer stored")]
     TooOld {
         /// Its stamp, s.
         t: f64,

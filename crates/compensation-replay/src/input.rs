@@ -18,7 +18,7 @@ pub enum Refusal {
         held: String,
     },
     /// The channel is of another kind.
-    #[error("{channel} holds {quantity:?}, which is no {what}")]
+    #[error("{channel} holds {quantity:?}, which is not a {what}")]
     WrongQuantity {
         /// Its name.
         channel: String,

@@ -390,7 +390,7 @@ fn measured(
     match measure_against_reference(&pair, &offset.by, reference, settings) {
         Finding::Found(delay) if delay.rival_s.is_none() => Ok(delay),
         Finding::Found(_) => Err("two offsets of the clocks explain the motion equally well".to_owned()),
-        Finding::CannotTell(reason) => Err(format!("the offset of the clocks cannot be told: {reason}")),
+        Finding::CannotTell(reason) => Err(format!("the offset of the clocks is unknown: {reason}")),
     }
 }
 

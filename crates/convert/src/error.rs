@@ -32,7 +32,7 @@ pub enum ConvertError {
     #[error("{0}")]
     Nothing(String),
     /// What was read back is not what was written; the output is not kept.
-    #[error("{}: what was written reads back differently and is not kept: {what}", path.display())]
+    #[error("{}: the output reads back differently and was removed: {what}", path.display())]
     ReadsBackDifferently {
         /// The output.
         path: PathBuf,

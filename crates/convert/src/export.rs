@@ -154,7 +154,7 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
     let loaded = load(order.unit, order.library, order.map, context)?;
     let binding = loaded.binding.map_err(|reason| {
         ConvertError::Nothing(format!(
-            "{}: {reason}. `--topics` exports what the log holds as it stands",
+            "{}: {reason}. `--topics` exports what the log holds, unconverted",
             order.unit.id
         ))
     })?;
@@ -195,7 +195,7 @@ fn note_left_out(log: &mut Log) {
     const LISTED: usize = 200;
     let what = Code::NotWritten.at(Severity::Warning);
     for LeftOut { topic, fields, names } in log.left_out.iter().take(LISTED) {
-        let text = format!("fields without a column, for their length is not fixed or too great: {names}");
+        let text = format!("fields without a column: their length is variable or too great: {names}");
         log.notices.push(what, format!("topic {topic}"), *fields, text);
     }
     let others = log.left_out.len().saturating_sub(LISTED) as u64;
@@ -210,7 +210,7 @@ fn note_empty(log: &mut Log) {
     let empty: Vec<&str> = log.health.topics.iter().filter(|t| t.messages == 0).map(|t| t.name.as_str()).collect();
     if let Some(listed) = empty.get(..empty.len().min(LISTED)).filter(|listed| !listed.is_empty()) {
         let more = if empty.len() > LISTED { ", ..." } else { "" };
-        let text = format!("topics without a message have no table: {}{more}", listed.join(", "));
+        let text = format!("topics without messages have no table: {}{more}", listed.join(", "));
         log.notices.push(Code::NoRows, "", empty.len() as u64, text);
     }
 }
@@ -219,7 +219,7 @@ fn note_empty(log: &mut Log) {
 fn note_zero_bytes(source: &Source, notices: &mut Notices) {
     let texts = with_zero_bytes(&source.sheet);
     if texts > 0 {
-        let text = "texts hold zero bytes, which no CSV may: \u{2400} stands for each";
+        let text = "texts hold zero bytes, which CSV cannot hold: \u{2400} replaces each";
         notices.push(Code::ValuesReplaced.at(Severity::Warning), format!("topic {}", source.name), texts, text);
     }
 }

@@ -18,15 +18,15 @@ pub(crate) fn may_write(path: &Path, log: &[PathBuf]) -> Result<(), ConvertError
         Ok(_) => {}
     }
     match fs::metadata(path) {
-        Err(_) => refused("a link that leads nowhere; name another output"),
+        Err(_) => refused("a broken link; name another output"),
         Ok(about) if about.is_dir() => refused("a folder; name another output"),
-        Ok(about) if !about.is_file() => refused("a device, a pipe or a socket; only a plain file is written over"),
+        Ok(about) if !about.is_file() => refused("a device, a pipe or a socket; only a plain file is overwritten"),
         Ok(about) if is_of(path, &about, log) => refused(LOG),
         Ok(_) => Ok(()),
     }
 }
 
-const LOG: &str = "a file of the log itself, which is only read; name another output";
+const LOG: &str = "a file of the log itself, which is never changed; name another output";
 
 /// Whether a path is one of the log's files.
 pub(crate) fn is_of_log(path: &Path, log: &[PathBuf]) -> bool {

@@ -23,7 +23,8 @@ impl<'t> MessageType<'t> {
     /// `written` are columns of text that stand beside those of numbers of the same path.
     pub(crate) fn of(table: &'t Table, written: Vec<&'t Column>) -> MessageType<'t> {
         let mut taken = BTreeSet::new();
-        let mut definition = String::from("# Written by flightlag. A field's name in the log stands behind it.\n");
+        let mut definition =
+            String::from("# Written by flightlag. The name of a field in the log is in the comment after it.\n");
         let partial: Vec<&Column> = table.columns.iter().filter(|column| absent(column) > 0).collect();
         let quoted = |path: &str| serde_json::Value::from(path).to_string();
         let mut names = BTreeMap::new();

@@ -243,7 +243,7 @@ impl Recording {
     /// Says that stamps before 1970 were written as 0.
     pub(crate) fn note_before_epoch(&self, notices: &mut Notices) {
         if self.before_epoch > 0 {
-            let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
+            let text = "messages were logged before 1970, which MCAP cannot represent: their log time was set to 0";
             notices.push(Code::UnreliableStamps, "", self.before_epoch, text);
         }
     }

@@ -248,7 +248,7 @@ fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'
         return Err(differs(other));
     }
     if found.of_topics != expected.of_topics {
-        return Err(differs("what is said of topics beside their types".to_owned()));
+        return Err(differs("what the log says of topics besides their types".to_owned()));
     }
     Ok(())
 }

@@ -80,8 +80,7 @@ impl LogTimes {
     pub(crate) fn note(&self, notices: &mut Notices) {
         notices.extend(self.repairs.clone());
         if self.run_on > 0 {
-            let text =
-                "rows stand behind the place where the log's count of 32 bits began anew; their log_time runs on";
+            let text = "rows come after the log's 32-bit counter wrapped around; their log_time runs on";
             notices.push(Code::StampWrap.at(Severity::Info), "", self.run_on, text);
         }
     }
@@ -193,8 +192,8 @@ impl Basis {
         match self.clock() {
             Some(Clock::Unix) => self.in_utc(),
             Some(clock) => format!("{}, clock {clock}, not UTC", self.source()),
-            None if *self == Basis::Begin => format!("{}: nothing says when they were", self.source()),
-            None => "the order of the rows alone, counted in nanoseconds: nothing says when they were".to_owned(),
+            None if *self == Basis::Begin => format!("{}: their time is unknown", self.source()),
+            None => "the order of the rows alone, counted in nanoseconds: their time is unknown".to_owned(),
         }
     }
 }
@@ -245,11 +244,11 @@ pub(crate) fn tell<'t>(
     }
     for (how, (rows, lent, by_order)) in told {
         let severity = if by_order { Severity::Warning } else { Severity::Info };
-        let text = format!("the log does not say when it took these rows; log_time is {how}");
+        let text = format!("the log has no timestamps for these rows; log_time is {how}");
         let of_topics = topics.get(how).map_or(&[][..], Vec::as_slice);
         notices.push(Code::ValuesReplaced.at(severity), place(of_topics), rows, text);
         if lent > 0 {
-            let text = "rows without a time of their own have that of the row before, the first ones of the row behind";
+            let text = "rows without a time of their own have that of the row before; the first ones have that of the next row";
             notices.push(Code::ValuesReplaced, place(of_topics), lent, text);
         }
     }

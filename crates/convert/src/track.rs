@@ -106,7 +106,7 @@ struct Track {
 /// The lines of a track, and what they are called in files.
 const LINES: [(&str, &str, &str); 2] = [
     ("raw", "raw", "Position as logged, the newest fix held"),
-    ("compensated", "exact_async", "Position less its delay, p + ∫v (exact asynchronous)"),
+    ("compensated", "exact_async", "Position with its delay removed, p + ∫v (exact asynchronous)"),
 ];
 
 impl Track {
@@ -162,7 +162,7 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     let ReadTable { sheet, mut about } = read_parquet(file).map_err(|e| refused(format!("no track: {e}")))?;
     let instants = instants(&sheet, order.most_hz).map_err(refused)?;
     if !instants.iter().any(|i| i.places[1].is_some()) {
-        return Err(refused("the flight knows no latitude and longitude: nothing to put on a map".to_owned()));
+        return Err(refused("the flight has no latitude and longitude to plot".to_owned()));
     }
     Ok(Track {
         name: order.name.to_owned(),

@@ -209,7 +209,7 @@ pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
         }
     }
     if v.kind == DelayKind::Steps {
-        out.push("On a straight piece a step cannot be told from a reset of the position along the track.".to_owned());
+        out.push("On a straight piece a step looks the same as a reset of the position along the track.".to_owned());
     }
     if found.fixes_used > 0 && found.noise.shape.jitter == 0.0 && found.fixes_used * 2 < found.queued.rows.len() {
         let every = found.queued.rows.len().div_ceil(found.fixes_used);

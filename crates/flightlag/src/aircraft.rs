@@ -138,7 +138,7 @@ fn parameters(groups: &[GroupLine]) -> Result<String, Failure> {
             let names: Vec<String> =
                 several.iter().map(|(g, _, p)| format!("{} ({} ms)", g.group, p.value_ms)).collect();
             let text = format!(
-                "no parameters were written: these logs are of {} receivers, and one file holds one: {}; give the logs of one",
+                "no parameters were written: these logs are of {} receivers, and a file is for one: {}; give the logs of one",
                 names.len(),
                 names.join("; ")
             );
@@ -162,7 +162,9 @@ fn no_autopilot(groups: &[GroupLine]) -> Failure {
     let names: Vec<String> = late.iter().map(|group| format!("{}: {}", group.group, group.words)).collect();
     let why = match late.iter().any(|group| group.datum == "imu") {
         true => "these logs name no autopilot (ArduPilot or PX4) whose parameter removes the delay",
-        false => "a parameter of an autopilot counts from the IMU, and the delay is known against a reference alone",
+        false => {
+            "a parameter of an autopilot is relative to the IMU, and the delay is known only relative to a reference"
+        }
     };
     Failure::new(Exit::Failed, format!("no parameters were written: {why}. {}", names.join("; ")))
 }

@@ -19,7 +19,7 @@ Exit codes:
 const SCHEMA: &str = "\
 Print the JSON schema of a settings file, or of an output that programs read.
 
-An editor that knows TOML completes and checks the keys of a file whose first line names the schema beside it: \
+An editor with TOML support completes and checks the keys of a file whose first line names a schema in its folder: \
 `flightlag schema pipeline > pipeline.schema.json`, and `#:schema ./pipeline.schema.json` as that line.";
 
 const EXIT_CODES_OF_A_LOG: &str = "\
@@ -31,37 +31,37 @@ Exit codes:
   130  stopped by Ctrl-C";
 
 const INSPECT: &str = "\
-Print what is in a log: topics, timestamps, damage, and which channel map would bind what.
+Show what a log contains: topics, timestamps, damage, and which channel map matches.
 
 Every byte is accounted for: decoded (holds values that a channel map wants; a compressed chunk counts whole), not wanted \
 (intact as far as checksums tell, but no map asks for it), structure (the container's own: headers, indexes, definitions), damaged. Long lists are cut \
 unless --all is given; --json holds everything.";
 
 const RECOVER: &str = "\
-Write what is intact of a damaged log as MCAP, read it again and compare.
+Write everything recoverable from a damaged log as MCAP, read it back and compare.
 
 Messages of MCAP, ROS 1 and ROS 2 bags are copied byte for byte, with their definitions, attachments and metadata. Logs \
 whose messages mean nothing elsewhere (ULog, DataFlash, MAVLink, UBX, NMEA, tables of text) become one typed topic each; \
-parameters, information and texts of a ULog become metadata. Rows that nobody logged, as in a receiver's own output, have \
-the time that they say themselves. Metadata `flightlag-recover` in OUT say where it came from, what was lost, and what \
-`log_time` is. An OUT that is the log itself, or no plain file, is refused.";
+parameters, information and texts of a ULog become metadata. Rows without a log timestamp, as in a receiver's own output, keep \
+their own timestamp. The metadata record `flightlag-recover` of OUT names the source file, what was lost, and which clock \
+`log_time` uses. An OUT that is the log itself, or not a plain file, is refused.";
 
 const EXPORT: &str = "\
 Write the channels of a log, or its topics as logged, as Parquet, CSV or MCAP.
 
-Channels are in SI units, places in degrees; the unit ends a column's name. Stamps are nanoseconds (`..._ns`), and `t_s` \
-seconds since the first. `utc_ns` stands beside a clock that is not UTC, where the log ties the two; in an MCAP the log time \
-is UTC then. Beside the tables stands provenance.json: the log's hash, map, units as written and as logged, clocks and what \
-ties them to UTC, notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part. Topics are written \
-as they are, except arrays of variable length, which are listed. The log itself is never written over. In CSV, a text that a spreadsheet could take for a formula gets an \
-apostrophe in front; numbers stay as they are.";
+Channels are in SI units, latitude and longitude in degrees; the name of a column ends with its unit. Timestamps are nanoseconds \
+(`..._ns`), and `t_s` is seconds since the first. A table whose clock is not UTC also has `utc_ns`, where the log ties the two clocks; the \
+log time of an MCAP is then UTC. provenance.json in the same folder holds the log's hash, the map, units as written and as logged, \
+clocks and what ties them to UTC, and notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part. Topics are \
+written unconverted; variable-length arrays are skipped and listed. The log itself is never overwritten. In CSV, text that a \
+spreadsheet might evaluate is prefixed with an apostrophe; numbers are unchanged.";
 
 const CAMPAIGN: &str = "\
-A folder of flight logs in, a report out: tables, records, pages.
+Make a report of a folder of flight logs: tables, records, pages.
 
 Every log below FLIGHTS is a flight; so is a folder that holds one CSV file for each topic. A flight is \
-read once. Its result is kept in OUT under a name made from log, settings and analysis, so that a second \
-run does only what is new, and says why. A run that was stopped or killed goes on where it was.
+read once. Its result is stored in OUT under a name made from log, settings and analysis, so that a second \
+run computes only what is new, and reports why. A run that was stopped or killed resumes.
 
 In OUT: index.html (open this), flights/NAME/ (page, figures and record of each flight), \
 flights.csv and flights.parquet (one row for each flight), campaign.json, since-last-run.html and .json \
@@ -87,14 +87,14 @@ pub(crate) struct GcArguments {
 }
 
 const BENCH: &str = "\
-Measure a sensor on the swing bench: records in, a sensor card and pages out.
+Measure a sensor on the swing bench, and write a sensor card and pages.
 
 A RECORD is a log that holds the bar's encoder and the sensor, or a folder with one log of the encoder and one \
 of the sensor (found by what channel maps bind), or a folder of such records. All must be of one sensor: they are \
 combined into one card, with the spread between them.
 
-The rig file says what hangs on the bench: sensor, bar, lever arms, encoder, site. Without --rig, the one beside each \
-record is taken: NAME.rig.toml, or the only one in its folder.
+The rig file describes the bench: sensor, bar, lever arms, encoder, site. Without --rig, each record uses the rig file in its \
+folder: NAME.rig.toml, or the only one there.
 
 In OUT: index.html (the card's page, open this), SENSOR.card.toml (for `flightlag campaign`: [delay] card = ...), \
 records/NAME/ (page, record.json), and run.json, the only file that holds the time of day.";
@@ -129,7 +129,7 @@ the mean. A chart without a change shows one with a probability of 1 %, for one 
 and so shows a change only if it is large enough for 1 % over all nights.";
 
 const QUERY: &str = "\
-Ask a history: which rows, grouped by what, and which numbers of each group.
+Query a history: select rows, group them, and aggregate each group.
 
 CONDITION compares columns with values, as `delay_s > 0.3 and firmware == '3.01'`; there are and, or, not, parentheses, == != < <= > >= \
 and `is null`. Texts are in quotes, instants may be dates. Aggregates are count(), median, mean, min, max, std, sum and quantile(column, share). \
@@ -156,11 +156,11 @@ const DELAY: &str = "\
 Show how late the position of each log is, and what to do about it.
 
 For each flight: lateness of the position with its expanded uncertainty (k = 2) and what it is counted from, what kind of \
-delay it is (constant, on time, early, steps, drifts, queues, ... or why it cannot be told and what to fly), how far apart \
+delay it is (constant, on time, early, steps, drifts, queues, ... or why it is unknown and what to fly), how far apart \
 position and velocity are, what `flightlag campaign` would remove and whether that helps, settings that remove the delay, and \
 alarms. Flights of one receiver, firmware, rate and log kind are pooled. Logs are only read, and nothing is written unless an option says where.
 
-Lateness against `imu` is absolute as far as the IMU is on time; `relative to velocity.gps` means that the log cannot tell how \
+Lateness against `imu` is absolute as far as the IMU is on time; `relative to velocity.gps` means that the log does not show how \
 late both are.";
 
 #[derive(Debug, Subcommand)]
@@ -168,7 +168,7 @@ pub(crate) enum Command {
     /// Show how late the position of each log is, and what to do about it.
     #[command(long_about = DELAY, after_help = EXIT_CODES)]
     Delay(DelayArguments),
-    /// A folder of flight logs in, a report out: tables, records, pages.
+    /// Make a report of a folder of flight logs: tables, records, pages.
     #[command(long_about = CAMPAIGN, after_help = EXIT_CODES)]
     Campaign(Box<CampaignArguments>),
     /// Remove the results of a campaign that no report refers to.
@@ -183,19 +183,19 @@ pub(crate) enum Command {
     /// Show control charts of a history, and where they change.
     #[command(long_about = TREND, after_help = EXIT_CODES)]
     Trend(TrendArguments),
-    /// Ask a history: which rows, grouped by what, and which numbers of each group.
+    /// Query a history: select rows, group them, and aggregate each group.
     #[command(long_about = QUERY, after_help = EXIT_CODES)]
     Query(QueryArguments),
     /// Compare two reports: what moved, by how many sigma, and because of what.
     #[command(long_about = DIFF, after_help = EXIT_CODES)]
     Diff(DiffArguments),
-    /// Measure a sensor on the swing bench: records in, a sensor card and pages out.
+    /// Measure a sensor on the swing bench, and write a sensor card and pages.
     #[command(long_about = BENCH, after_help = EXIT_CODES)]
     Bench(Box<BenchArguments>),
-    /// Print what is in a log: topics, timestamps, damage, and which channel map would bind what.
+    /// Show what a log contains: topics, timestamps, damage, and which channel map matches.
     #[command(long_about = INSPECT, after_help = EXIT_CODES_OF_A_LOG)]
     Inspect(InspectArguments),
-    /// Write what is intact of a damaged log as MCAP, read it again and report the counts.
+    /// Write everything recoverable from a damaged log as MCAP, read it back and report the counts.
     #[command(long_about = RECOVER, after_help = EXIT_CODES_OF_A_LOG)]
     Recover(RecoverArguments),
     /// Write the channels of a log, or its topics as logged, as Parquet, CSV or MCAP.
@@ -361,11 +361,11 @@ pub(crate) struct OrderArguments {
     /// FLIGHTS.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Settings (TOML). Default: those of `pipelines/default.toml`, which remove what the flights themselves tell.
+    /// Settings (TOML). Default: those of `pipelines/default.toml`, which remove the delay measured in the flights.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
-    /// What flights are judged by (TOML), instead of the file that the pipeline names, if any. `flightlag criteria` lists
-    /// what can be asked.
+    /// Criteria for the flights (TOML), instead of the file that the pipeline names, if any. `flightlag criteria` lists
+    /// the metrics.
     #[arg(long, value_name = "FILE")]
     pub(crate) criteria: Option<PathBuf>,
     /// Read every flight with this channel map.
@@ -384,12 +384,12 @@ pub(crate) struct OrderArguments {
     /// Replace the report of other logs that OUT holds.
     #[arg(long)]
     pub(crate) replace: bool,
-    /// Hash every log anew instead of trusting its size and times.
+    /// Hash every log again instead of trusting its size and modification time.
     #[arg(long)]
     pub(crate) verify: bool,
 }
 
-/// How it is done, and told.
+/// How the work is done and reported.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct DeskArguments {
     /// Threads; all cores if not given, or what SLURM_CPUS_PER_TASK says.
@@ -398,14 +398,14 @@ pub(crate) struct DeskArguments {
     /// Print events as JSON Lines on standard output, and nothing else.
     #[arg(long)]
     pub(crate) json: bool,
-    /// Say nothing but errors.
+    /// Print only errors.
     #[arg(long, conflicts_with = "json")]
     pub(crate) quiet: bool,
     #[command(flatten)]
     pub(crate) cache: CacheArguments,
 }
 
-/// Where copies of logs are kept that lie in a bucket.
+/// Where copies of logs from a bucket are stored.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct CacheArguments {
     /// Folder for copies of logs of a bucket (s3://BUCKET/PREFIX). Without it: flightlag in the folder of the system for such
@@ -419,7 +419,7 @@ pub(crate) struct CacheArguments {
 
 /// A size in GB as bytes.
 fn room(text: &str) -> Result<u64, String> {
-    let size: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    let size: f64 = text.parse().map_err(|_| "is not a number".to_owned())?;
     match size > 0.0 && size < 1e9 {
         true => Ok((size * 1e9) as u64),
         false => Err("must be more than 0 and less than 1e9".to_owned()),
@@ -428,7 +428,7 @@ fn room(text: &str) -> Result<u64, String> {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Step {
-    /// Decide what is to be done and write it down: a manifest with shards of roughly equal size, all of one stage
+    /// Write a manifest of the work to do: shards of roughly equal size, all of one stage
     /// (measure, then replay). Run its tasks, plan again, until a plan has no shards; then reduce.
     Plan {
         #[command(flatten)]
@@ -442,7 +442,7 @@ pub(crate) enum Step {
         #[command(flatten)]
         desk: DeskArguments,
     },
-    /// Make the results of one shard. Exit 0: every flight of it has a result; 75: time may heal what happened; 3: it may not.
+    /// Make the results of one shard. Exit 0: every flight of it has a result; 75: temporary failure, retry; 3: permanent failure.
     Task {
         /// The manifest.
         #[arg(long, value_name = "FILE")]
@@ -501,7 +501,7 @@ pub(crate) struct TrendArguments {
     /// Folder of the history.
     #[arg(value_name = "HISTORY")]
     pub(crate) history: PathBuf,
-    /// What flights are told apart by. Default: all of these.
+    /// Properties that separate the flights into charts. Default: all of these.
     #[arg(long, value_parser = dimension(), value_name = "NAME", value_delimiter = ',')]
     pub(crate) by: Vec<Dimension>,
     /// Print JSON.
@@ -635,7 +635,7 @@ pub(crate) struct RecoverArguments {
     /// A log, or a folder that holds one flight; it is only read.
     #[arg(value_name = "IN")]
     pub(crate) log: PathBuf,
-    /// The MCAP to write. It is there whole or not at all.
+    /// MCAP file to write. It is written completely or not at all.
     #[arg(value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Overwrite OUT if it exists.
@@ -653,7 +653,7 @@ pub(crate) struct ExportArguments {
     #[arg(long, value_enum, value_name = "KIND", default_value = "parquet", default_value_if("track", "true", "kml"))]
     pub(crate) to: ExportKind,
     /// Folder of the tables, or the file. Without it: the log's name with `.parquet` or `.csv.d` (folders), `.export.mcap`,
-    /// or with --track `.track.KIND` behind it, here.
+    /// or with --track `.track.KIND` after it, here.
     #[arg(long, value_name = "PATH")]
     pub(crate) out: Option<PathBuf>,
     /// Write the track of a flight of a report, raw and compensated, for maps and players.
@@ -662,7 +662,7 @@ pub(crate) struct ExportArguments {
     /// Write at most this many points per second; 0 writes every row. Without it: 5 for maps, every row for CSV and MCAP.
     #[arg(long, value_name = "HZ", requires = "track", allow_negative_numbers = true)]
     pub(crate) rate: Option<f64>,
-    /// All topics with all fields as they stand in the log, instead of the channels that a map binds.
+    /// All topics with all fields, unconverted, instead of the channels that a map binds.
     #[arg(long)]
     pub(crate) topics: bool,
     /// Replace an earlier export: its tables are removed, other files in the folder stay.
@@ -700,8 +700,8 @@ pub(crate) struct DemoArguments {
     /// and DIR/bench-report.
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
-    /// Also run bench and campaign on them, and say which pages to open. That one log is cut off and some criteria are missed on purpose does not count
-    /// for the exit code.
+    /// Also run bench and campaign on them, and print which pages to open. The truncated log and the failed criteria are intentional and
+    /// do not affect the exit code.
     #[arg(long)]
     pub(crate) run: bool,
     /// Seed of everything random in flights and records.
@@ -762,7 +762,7 @@ pub(crate) struct ExplainArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct SchemaArguments {
-    /// Of what.
+    /// Which schema.
     #[arg(value_enum, value_name = "NAME")]
     pub(crate) of: SchemaOf,
 }

@@ -167,7 +167,7 @@ const MOST_NAMES: usize = 3;
 
 /// A line for all flights, and one for each criterion that a flight fails.
 fn say_criteria(criteria: &CampaignCriteria, arguments: &DeskArguments) -> Result<(), Failure> {
-    say(arguments, &format!("criteria, flights by gravest verdict: {}", tally(&criteria.flights)))?;
+    say(arguments, &format!("criteria, flights by worst verdict: {}", tally(&criteria.flights)))?;
     for failed in criteria.each.iter().filter(|each| each.tally.fail > 0) {
         let names: Vec<&str> = failed.failed.iter().take(MOST_NAMES).map(String::as_str).collect();
         let more = match failed.failed.len().saturating_sub(MOST_NAMES) {

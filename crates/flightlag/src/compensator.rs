@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
         writeln!(out, "{band}")?;
     }
     let advice = autopilot_advice(delay, arguments.uncertainty_s, MeasuredAgainst::UnknownVelocity);
-    writeln!(out, "\nInstead of a compensator, an autopilot can be told the delay:\n{}", advice.text())?;
+    writeln!(out, "\nInstead of a compensator, set the delay in the autopilot:\n{}", advice.text())?;
     Ok(Exit::Well.into())
 }
 
@@ -66,7 +66,7 @@ fn delay_of(arguments: &CompensatorArguments) -> Result<Delay, String> {
     let delay = delay.ok_or_else(|| format!("--delay-s {delay_s}: a compensator removes a positive delay"))?;
     match arguments.uncertainty_s.filter(|u| *u > delay_s) {
         Some(u) => {
-            Err(format!("--uncertainty-s {u}: it is larger than the delay of {delay_s} s, which is then not known"))
+            Err(format!("--uncertainty-s {u}: it is larger than the delay of {delay_s} s, so the delay is unknown"))
         }
         None => Ok(delay),
     }
@@ -90,7 +90,7 @@ fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
         Some(hz) => format!("worse than raw from {hz:.2} Hz on"),
     };
     Some(format!(
-        "removes nine tenths of the error {}, half of it {}, {worse} (velocity on time, position not held)",
+        "removes 90 % of the error {}, half of it {}, {worse} (velocity on time, position not held)",
         up_to(band.helps_below_hz),
         up_to(band.halves_below_hz)
     ))

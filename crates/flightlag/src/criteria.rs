@@ -23,7 +23,7 @@ fn checked(file: &Path) -> Result<String, Failure> {
     let used = criteria.as_used();
     let lines: String = used.toml.lines().map(|line| visible(line) + "\n").collect();
     let (name, number) = (visible(&used.file), criteria.count());
-    Ok(format!("# {name} is right; criteria: {number}; BLAKE3 of what is meant: {}\n{lines}", used.blake3))
+    Ok(format!("# {name} is valid; criteria: {number}; BLAKE3 of the resolved criteria: {}\n{lines}", used.blake3))
 }
 
 fn listed() -> String {

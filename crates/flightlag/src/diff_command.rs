@@ -44,7 +44,7 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
     let Some(out) = &arguments.out else {
         return Err(Failure::new(
             Exit::Wrong,
-            "two pipelines are compared in reports of their own: give their folder by --out",
+            "a comparison of two pipelines needs a folder for both reports: add --out DIR",
         ));
     };
     // Standard output is for the comparison alone.

@@ -64,7 +64,7 @@ fn severities(code: Code) -> String {
 }
 
 fn listed() -> String {
-    let mut text = "Codes of notices and alarms. `flightlag explain CODE` tells what one means.\n".to_owned();
+    let mut text = "Codes of notices and alarms. `flightlag explain CODE` explains one.\n".to_owned();
     let mut section = "";
     for code in Code::ALL {
         if code.entry().section != section {

@@ -163,7 +163,7 @@ fn trend_text(found: &TrendRecord) -> String {
     let left_out = found.left_out.iter().map(|why| format!("  {}\n", visible(why))).collect::<String>();
     let left_out = if left_out.is_empty() { left_out } else { format!("not on a chart\n{left_out}") };
     let charts = if charts.is_empty() {
-        "no chart: no three flights share a value\n".to_owned()
+        "no chart: fewer than three flights share a value\n".to_owned()
     } else {
         crate::findings::section("charts (± is U, k = 2)", &charts)
     };

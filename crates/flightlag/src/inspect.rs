@@ -63,7 +63,7 @@ pub(crate) fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, F
         several => {
             let names: Vec<&str> = several.iter().take(MOST_LISTED).map(|u| u.id.as_str()).collect();
             let more = if several.len() > names.len() { ", ..." } else { "" };
-            let what = format!("{} flights are in this folder; name one of them: ", several.len());
+            let what = format!("{} flights are in this folder; choose one of them: ", several.len());
             Err(failure(Exit::Wrong, what + &names.join(", ") + more))
         }
     }
@@ -169,7 +169,7 @@ fn topics(topics: &[TopicHealth], all: bool) -> String {
         let _ = writeln!(text, "  {note}");
     }
     if notes.len() > MOST_LISTED {
-        let _ = writeln!(text, "  and {} more topics of which the rate needs a word", notes.len() - MOST_LISTED);
+        let _ = writeln!(text, "  and {} more topics with a remark on their rate", notes.len() - MOST_LISTED);
     }
     for (n, what) in [(left_out, "more that no map reads"), (empty, "more without a message")] {
         if n > 0 {
@@ -187,7 +187,7 @@ fn about_rate(topic: &TopicHealth) -> Option<String> {
         return Some(format!("{name}: {} of {all} messages have a time", stamps.count));
     }
     let at_once = stamps.rate_hz.is_none() && stamps.steps_s.is_some();
-    at_once.then(|| format!("{name}: no rate, for half or more of its messages have one timestamp"))
+    at_once.then(|| format!("{name}: no rate: half or more of its messages share one timestamp"))
 }
 
 fn topic_cells(topic: &TopicHealth) -> Vec<String> {
@@ -327,11 +327,7 @@ fn span(channels: &[ChannelHealth], flight: &Flight) -> Option<String> {
     };
     let when = match (utc(first).and_then(shown), utc(last).and_then(shown)) {
         (Some(from), Some(to)) => format!("from {from} to {to} UTC"),
-        _ => format!(
-            "from {:.1} s to {:.1} s, clock {clock}, which nothing dates",
-            first as f64 * 1e-9,
-            last as f64 * 1e-9
-        ),
+        _ => format!("from {:.1} s to {:.1} s, clock {clock}, date unknown", first as f64 * 1e-9, last as f64 * 1e-9),
     };
     Some(format!("{seconds:.1} s {when}"))
 }
@@ -446,7 +442,7 @@ mod tests {
             span(&[channel], &Flight::default()).unwrap()
         };
         assert_eq!(span_of(Clock::Gps), "60.0 s from 2024-05-10 18:53:02 to 2024-05-10 18:54:02 UTC");
-        assert!(span_of(Clock::Boot).ends_with("which nothing dates"));
+        assert!(span_of(Clock::Boot).ends_with("date unknown"));
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub(crate) fn check_output(out: &Path, output: Output, force: bool) -> Result<()
         _ if is_special(out) => wrong("is a device, a pipe or a socket; name a file or a folder"),
         Output::File if out.is_dir() => wrong("is a folder; name the file to write"),
         Output::Folder if out.exists() && !out.is_dir() => wrong("is a file; name a folder for the tables"),
-        _ if out.exists() && !force => wrong("is there already; --force writes over it"),
+        _ if out.exists() && !force => wrong("exists; add --force to overwrite it"),
         Output::File if !folder.is_dir() => wrong("cannot be written: there is no such folder"),
         _ => Ok(()),
     }
@@ -67,7 +67,7 @@ fn page(out: &Path, recovered: &Recovered) -> String {
     let written = recovered.topics.iter().map(|t| t.written).sum();
     let how = match recovered.how {
         How::Copied => "copied byte for byte",
-        How::Rewritten => "written anew as typed tables",
+        How::Rewritten => "rewritten as typed tables",
     };
     let b = &recovered.health.bytes;
     let head = format!(
@@ -100,7 +100,7 @@ fn topics(recovered: &Recovered) -> String {
 }
 
 fn extras(recovered: &Recovered) -> String {
-    let mut table = Table::new(&["beside the messages", "written|"]);
+    let mut table = Table::new(&["besides the messages", "written|"]);
     for extra in &recovered.extras {
         table.row(vec![extra.what.clone(), extra.count.to_string()]);
     }

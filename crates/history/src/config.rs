@@ -244,7 +244,7 @@ impl Reader<'_> {
             if name.is_empty() || name.starts_with('.') || !name.chars().all(plain) {
                 right = Err(complain(format!("name {name:?} must be letters, digits, `-`, `_` and `.`")));
             } else if TAKEN.contains(&name.as_str()) {
-                right = Err(complain(format!("name {name:?} is taken by the night itself")));
+                right = Err(complain(format!("name {name:?} is reserved")));
             } else if let Some(other) = lines.insert(name.clone(), line) {
                 right = Err(complain(format!("name {name:?} is that of the campaign on line {other} too")));
             }
@@ -381,7 +381,7 @@ mod tests {
             "n.toml:9: name \"may\" is that of the campaign on line 7 too; give the campaign a `name`",
             "n.toml:11: flights: ",
             "july is not a folder",
-            "n.toml:12: name \"nights\" is taken by the night itself",
+            "n.toml:12: name \"nights\" is reserved",
             "n.toml:13: unknown key `flihgts`: did you mean `flights`?",
         ] {
             assert!(said.contains(part), "{part}\nis not in\n{said}");

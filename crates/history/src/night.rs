@@ -114,7 +114,7 @@ fn lock(out: &Path) -> Result<File, HistoryError> {
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(std::fs::TryLockError::WouldBlock) => {
-            let what = format!("{}: another night is at work on this folder", out.display());
+            let what = format!("{}: another nightly run is using this folder", out.display());
             Err(CampaignError::TryAgain(what).into())
         }
         // Some network file systems know no locks: the campaigns have locks of their own.
@@ -155,7 +155,7 @@ impl Made {
         let ran = match is_there {
             true => campaign::run(order, context.desk),
             // A disk that is not mounted: the other campaigns go on.
-            false => Err(CampaignError::TryAgain(format!("{}: this folder is not there", order.flights.display()))),
+            false => Err(CampaignError::TryAgain(format!("{}: the folder does not exist", order.flights.display()))),
         };
         let ended = match ran {
             Err(CampaignError::Cancelled) => return Err(CampaignError::Cancelled.into()),

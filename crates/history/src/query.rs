@@ -204,7 +204,7 @@ fn tokens(text: &str) -> Result<Vec<Token>, String> {
         } else if c == '\'' || c == '"' {
             let length = run(at + 1, &|other| other != c);
             if chars.get(at + 1 + length).is_none() {
-                return Err(format!("character {}: this text has no end; add {c}", begin + 1));
+                return Err(format!("character {}: unterminated text; add {c}", begin + 1));
             }
             at += length + 2;
             Word::Text(chars[begin + 1..=begin + length].iter().collect())
@@ -353,8 +353,8 @@ fn value_for(column: &str, word: Word) -> Result<Value, String> {
         (Kind::Integer, Word::Number(number)) if number.fract() == 0.0 && number.abs() < 9e18 => {
             Ok(Value::Integer(number as i64))
         }
-        (Kind::Integer, Word::Number(number)) => Err(format!("{column} holds whole numbers, and {number} is none")),
-        (_, other) => Err(format!("{column} holds numbers, and {} is none", shown(&other))),
+        (Kind::Integer, Word::Number(number)) => Err(format!("{column} holds whole numbers, and {number} is not one")),
+        (_, other) => Err(format!("{column} holds numbers, and {} is not one", shown(&other))),
     }
 }
 
@@ -482,12 +482,12 @@ mod tests {
         let wrong = |text: &str| parse_condition(text).unwrap_err();
         assert!(wrong("latenes_s > 1").starts_with("character 1: no column \"latenes_s\"; the nearest are lateness_s"));
         assert_eq!(wrong("firmware == 3.01"), "character 13: firmware holds text: put 3.01 in quotes");
-        assert_eq!(wrong("delay_s > 'x'"), "character 11: lateness_s holds numbers, and \"x\" is none");
+        assert_eq!(wrong("delay_s > 'x'"), "character 11: lateness_s holds numbers, and \"x\" is not one");
         assert_eq!(wrong("delay_s >"), "at the end: expected a number or a text in quotes");
         assert_eq!(wrong("delay_s = 1"), "character 9: '=' is not known here; comparisons are == != < <= > >=");
         assert_eq!(wrong("delay_s > 1 2"), "character 13: expected `and` or `or`, found 2");
         assert_eq!(wrong("delay_s > 300ms"), "character 11: \"300ms\" is not a number; units are those of the column");
-        assert_eq!(wrong("firmware == 'x"), "character 13: this text has no end; add '");
+        assert_eq!(wrong("firmware == 'x"), "character 13: unterminated text; add '");
         assert!(wrong(&"not ".repeat(200)).contains("more than 100 levels"));
         let wrong = |text: &str| parse_aggregates(text).unwrap_err();
         assert!(wrong("avg(delay_s)").contains("there are count, median, mean"));

@@ -154,7 +154,7 @@ fn settings(record: &NightRecord) -> String {
     };
     if record.proofs.is_empty() {
         return format!(
-            "Settings: no change of a parameter is recommended or to be proved{}",
+            "Settings: no parameter change is recommended or awaits proof{}",
             if moved.is_empty() { "" } else { "." }.to_owned() + &moved
         );
     }
@@ -415,7 +415,7 @@ pub(crate) mod tests {
                 "Moved by more than 2 sigma: 1; the most: uav/m.bin lateness 118.0 ± 4.0 ms → 131.0 ± 4.0 ms (+4.6 sigma; log)",
                 "Newly failing: 1: uav/<b>&.bin: failed: b.bin: byte 12: no frame; 0 recovered",
                 "Alarms: 0 new, 0 cleared; remarks: 0 new; trend: no new change",
-                "Settings: no change of a parameter is recommended or to be proved",
+                "Settings: no parameter change is recommended or awaits proof",
             ]
         );
     }

@@ -277,7 +277,7 @@ impl Search<'_> {
             return;
         }
         if is_beside_database(path) {
-            return self.ignore(id, "belongs to the database beside it, which is read without it");
+            return self.ignore(id, "belongs to a database in the same folder, which is read without it");
         }
         if let Some(first) = self.first_name(path, id) {
             return self.ignore(id, format!("same file as {first}"));

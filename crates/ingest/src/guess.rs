@@ -307,7 +307,7 @@ fn without_time(source: &Source<'_>) -> String {
 fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
     if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
         return Some(format!(
-            "the table states the time {path} in {unit:?}, which is no unit of time that flightlag knows"
+            "the table states the time {path} in {unit:?}, which is not a unit of time that flightlag knows"
         ));
     }
     let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
@@ -316,7 +316,10 @@ fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
         let columns = [Some(first), Some(second), third.as_ref()];
         columns.into_iter().flatten().find_map(|column| {
             let unit = column.odd_unit.as_ref()?;
-            Some(format!("the table states {} in {unit:?}, which is no unit of it that flightlag knows", column.path))
+            Some(format!(
+                "the table states {} in {unit:?}, which is not a unit of it that flightlag knows",
+                column.path
+            ))
         })
     })
 }

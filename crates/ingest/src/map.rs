@@ -946,7 +946,7 @@ fn part(slot: &Slot<'_>) -> Result<Part, String> {
         let unit = entry.unit;
         let numbered = role == "second" && unit.dimension() == Dimension::None;
         if unit.dimension() != slot.dimension && role != "value" && !numbered {
-            return Err(format!("{role}: {unit} is no unit of {:?}", slot.dimension));
+            return Err(format!("{role}: {unit} is not a unit of {:?}", slot.dimension));
         }
         fields.push(Source { path: entry.field, unit, above: entry.above });
     }

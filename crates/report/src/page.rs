@@ -274,7 +274,7 @@ fn figure(figure: &Figure) -> Markup {
 fn files(names: &[&str]) -> Markup {
     html! {
         p.note {
-            "Files beside this page: "
+            "Files in the folder of this page: "
             @for (i, name) in names.iter().enumerate() { @if i > 0 { ", " } a href=(name) download="" { (name) } }
             "."
         }

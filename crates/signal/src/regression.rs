@@ -42,7 +42,7 @@ pub enum RegressionError {
         row: usize,
     },
     /// These columns cannot be told apart.
-    #[error("cannot be told apart: {}", names.join(", "))]
+    #[error("cannot be distinguished: {}", names.join(", "))]
     NotDistinguishable {
         /// Their names; one name alone is a column of zeros.
         names: Vec<String>,

@@ -39,7 +39,7 @@ pub(super) fn azimuth(azimuths: &[(String, Estimate)], rig: &Rig) -> (Option<Est
         Some((channel, azimuth)) => {
             (Some(*azimuth), format!("fitted: from {channel}, the surest of {} channels that show it", azimuths.len()))
         }
-        None => (None, "cannot be told: no velocity, position or attitude shows it well enough".to_owned()),
+        None => (None, "unknown: no velocity, position or attitude shows it well enough".to_owned()),
     }
 }
 

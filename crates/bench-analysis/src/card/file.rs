@@ -193,7 +193,7 @@ impl Checker<'_> {
 
     fn version(&self, table: &DeTable<'_>) -> Result<(), Refused> {
         let Some(place) = get(table, "card_version") else {
-            return Err(self.file.reject_whole("missing key `card_version`: this is no sensor card"));
+            return Err(self.file.reject_whole("missing key `card_version`: this is not a sensor card"));
         };
         let version = place.get_ref().as_integer().map(ToString::to_string);
         if version.as_deref() == Some(CARD_VERSION.to_string().as_str()) {
@@ -220,7 +220,7 @@ impl Checker<'_> {
     fn day(&self, place: &Place<'_>, key: &str, text: &str) -> Option<Date> {
         let day = text.parse::<Date>();
         if day.is_err() {
-            self.file.reject(place, format!("{key} = \"{text}\" is no day, as \"2026-05-04\""));
+            self.file.reject(place, format!("{key} = \"{text}\" is not a date, as \"2026-05-04\""));
         }
         day.ok()
     }
@@ -389,13 +389,13 @@ mod tests {
         ("_uncertainty_s = 0.002", "_uncertainty_s = -0.002", "delay_standard", "not negative"),
         ("update_rate_hz = 4.0", "update_rate_hz = 0.0", "update_rate_hz", "above zero"),
         ("lags_s = []", "lags_s = [-0.1]", "lags_s", "not negative"),
-        ("measured_on = \"2010-10-25\"", "measured_on = \"2010-13-25\"", "measured_on", "is no day"),
+        ("measured_on = \"2010-10-25\"", "measured_on = \"2010-13-25\"", "measured_on", "is not a date"),
         ("valid_until = \"2011-10-25\"", "valid_until = \"2009-10-25\"", "valid_until", "before valid_from"),
         ("valid_until", "valid_untill", "valid_until", "unknown key `valid_untill`"),
         ("sensor.serial", "sensor.seriel", "sensor.serial", "unknown key `seriel`"),
         ("sensor.model = \"Xsens MTi-G\"", "sensor.model = \" \"", "sensor.model", "which sensor"),
         ("quantity = \"position-geodetic\"", "quantity = \"scalar\"", "quantity", "cannot hold"),
-        ("date = \"2010-10-25\"", "date = \"soon\"", "date", "is no day"),
+        ("date = \"2010-10-25\"", "date = \"soon\"", "date", "is not a date"),
         ("files = [\"a.csv\"]", "files = []", "[[record]]", "hashes"),
         ("iron.found.scale = 1.01", "iron.found.scales = 1.01", "iron.found.scale", "unknown key `scales`"),
         ("residual_rms = 0.0000002", "residual_rms = -0.1", "[magnetometer]", "negative"),
@@ -424,7 +424,7 @@ mod tests {
         let lines: Vec<&str> = error.lines().collect();
         let says = [
             "`seriel`: did you mean `serial`?",
-            "is no day",
+            "is not a date",
             "delay_s = 400: must be",
             "channel.gain = \"1\": must be a number",
         ];
@@ -449,6 +449,6 @@ mod tests {
         assert!(text.starts_with("cards/mtig.card.toml:1: missing key `rig`\n"), "{text}");
         assert!(text.contains("\ncards/mtig.card.toml:1: missing key `method`\n"), "{text}");
         assert!(text.contains("\ncards/mtig.card.toml:2: sensor = 3: must be a table"), "{text}");
-        assert!(refused("x = 1\n").to_string().contains("no sensor card"));
+        assert!(refused("x = 1\n").to_string().contains("not a sensor card"));
     }
 }

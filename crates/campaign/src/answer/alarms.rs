@@ -71,7 +71,7 @@ impl Alarms {
             self.raise(Alarm::DelayJitters, text);
         }
         if !found.late_fixes.is_empty() {
-            let text = format!("{} lie far behind the others", counted(found.late_fixes.len(), "fix"));
+            let text = format!("{} are far later than the others", counted(found.late_fixes.len(), "fix"));
             self.raise(Alarm::LateFixes, text);
         }
         if !found.bursts.is_empty() {

@@ -71,7 +71,8 @@ impl Writer<'_> {
         if let Some(path) = besides {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let base = path.file_name().and_then(|n| n.to_str());
-            let base = base.ok_or_else(|| CampaignError::Asked(format!("{}: is no name of a file", path.display())))?;
+            let base =
+                base.ok_or_else(|| CampaignError::Asked(format!("{}: is not a name of a file", path.display())))?;
             Store::open(folder)?.write(base, text.as_bytes(), Keep::Synced)?;
             // The card of an earlier sensor is removed; this one is not.
             if folder.canonicalize().ok() == self.store.root().canonicalize().ok() {

@@ -139,8 +139,8 @@ fn two_logs(logs: &[ReadLog], encoders: Vec<Log>, sensors: Vec<Log>) -> Vec<Made
     let (e, s) = (encoders.len(), sensors.len());
     for log in encoders.iter().chain(&sensors).filter(|log| !paired.contains(log)) {
         let reason = match (encoders.contains(log), e, s) {
-            (true, _, 0) => "it holds an encoder, and no log of a sensor lies beside it".to_owned(),
-            (false, 0, _) => "it holds no encoder, and no log of one lies beside it (or give --encoder)".to_owned(),
+            (true, _, 0) => "it holds an encoder, and its folder has no log of a sensor".to_owned(),
+            (false, 0, _) => "it holds no encoder, and its folder has no log of one (or give --encoder)".to_owned(),
             _ => format!(
                 "{e} logs of encoders and {s} of sensors lie in one folder: put each pair into a folder of its own, or \
                  let their names begin alike, as swing-1-encoder and swing-1-sensor"

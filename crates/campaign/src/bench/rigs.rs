@@ -35,7 +35,7 @@ fn beside(swing: &Swing, logs: &[ReadLog]) -> Result<PathBuf, CampaignError> {
         return Ok(found.clone());
     }
     let looked_for = tried.first().map(|p| p.display().to_string()).unwrap_or_default();
-    let what = format!("{}: no rig file: give --rig FILE, or put one beside it ({looked_for})", swing.name);
+    let what = format!("{}: no rig file: give --rig FILE, or put one into its folder ({looked_for})", swing.name);
     Err(CampaignError::Asked(what))
 }
 

@@ -87,7 +87,7 @@ impl Subject<'_> {
         match lateness.kind {
             kind if kind.varies() => Ok(Reading::plain(1.0)),
             DelayKind::OnTime | DelayKind::Constant | DelayKind::Early => Ok(Reading::plain(0.0)),
-            _ => Err("the flight does not tell whether its delay stays the same".to_owned()),
+            _ => Err("the flight does not show whether its delay stays the same".to_owned()),
         }
     }
 }

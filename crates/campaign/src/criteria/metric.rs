@@ -351,7 +351,7 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Compensator,
             Signed,
-            "Way that the output stands before raw along the track over the way flown in a second, less the delay that the compensator was given.",
+            "Distance along the track by which the output leads the raw position, divided by the ground speed, less the delay that the compensator was given.",
         ),
         entry(
             Metric::StepCorrelation,
@@ -371,7 +371,7 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Compensator,
             Signed,
-            "Offset along the track between passes over the same place in opposite directions: positive if each stands behind, as a late position does.",
+            "Offset along the track between passes over the same place in opposite directions: positive if each trails, as a late position does.",
         ),
         entry(
             Metric::StraightAcrossRms,
@@ -521,7 +521,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Nothing,
             Positive,
-            "Velocity gaps too long to be bridged: the compensators started anew.",
+            "Velocity gaps too long to be bridged: the compensators restarted.",
         ),
         entry(
             Metric::PositionRate,

@@ -148,7 +148,7 @@ impl Checker<'_> {
             None => Ok(()),
         };
         if entry.takes == Takes::Channel && table.channel.is_none() {
-            let what = format!("missing key `channel`: the {} of which, as \"position.gps\"?", entry.name);
+            let what = format!("missing key `channel`: name the channel of the {}, as \"position.gps\"", entry.name);
             return Err(self.fault(whole, what));
         }
         given(&table.channel, "channel", matches!(entry.takes, Takes::Channel | Takes::Pair))?;
@@ -158,7 +158,7 @@ impl Checker<'_> {
     fn is_channel<T>(&self, at: &Spanned<T>, name: &str) -> Result<(), Refused> {
         match name.split_once('.').is_some_and(|(quantity, source)| !quantity.is_empty() && !source.is_empty()) {
             true => Ok(()),
-            false => Err(self.fault(at, format!("`{name}` is no channel: they are called as `position.gps`"))),
+            false => Err(self.fault(at, format!("`{name}` is not a channel: they are called as `position.gps`"))),
         }
     }
 

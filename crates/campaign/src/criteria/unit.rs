@@ -80,13 +80,13 @@ pub(crate) fn read(value: &toml::Value, dimension: Dimension) -> Result<Quantity
         toml::Value::String(text) => text.trim().to_owned(),
         toml::Value::Integer(n) => n.to_string(),
         toml::Value::Float(x) => x.to_string(),
-        other => return Err(format!("{other} is no limit: write {}", dimension.wanted())),
+        other => return Err(format!("{other} is not a limit: write {}", dimension.wanted())),
     };
     let in_number = |c: char| c.is_ascii_digit() || "+-.eE".contains(c);
     let (number, unit) = text.split_at(text.find(|c: char| !in_number(c)).unwrap_or(text.len()));
     let unit = unit.trim();
     if unit.starts_with(',') {
-        return Err(format!("\"{text}\": decimals stand behind a point, not a comma"));
+        return Err(format!("\"{text}\": use a decimal point, not a comma"));
     }
     let written: f64 =
         number.parse().map_err(|_| format!("\"{text}\" does not begin with a number: write {}", dimension.wanted()))?;
@@ -96,7 +96,7 @@ pub(crate) fn read(value: &toml::Value, dimension: Dimension) -> Result<Quantity
     let found = dimension.rows().iter().find(|row| row.0 == unit);
     let (name, times, over) = found.ok_or_else(|| wrong_unit(&text, unit, dimension))?;
     if dimension == Dimension::Count && written.fract() != 0.0 {
-        return Err(format!("{text} is no count: write {}", dimension.wanted()));
+        return Err(format!("{text} is not a count: write {}", dimension.wanted()));
     }
     let unit = CriterionUnit { name: (*name).to_owned(), si: times / over };
     // Minus zero is zero, and shall not name another meaning.
@@ -109,7 +109,7 @@ fn wrong_unit(text: &str, unit: &str, dimension: Dimension) -> String {
     match unit {
         "" => format!("{text} has no unit: write {wanted}"),
         _ if dimension.is_bare() => format!("\"{text}\": this metric has no unit `{unit}`: write {wanted}"),
-        _ => format!("\"{text}\": `{unit}` is no unit of this metric: write {wanted}"),
+        _ => format!("\"{text}\": `{unit}` is not a unit of this metric: write {wanted}"),
     }
 }
 
@@ -149,9 +149,9 @@ mod tests {
             (
                 "150 m",
                 Dimension::Time,
-                "`m` is no unit of this metric: write a text with a number and one of the units s, ms",
+                "`m` is not a unit of this metric: write a text with a number and one of the units s, ms",
             ),
-            ("1,5 ms", Dimension::Time, "a point, not a comma"),
+            ("1,5 ms", Dimension::Time, "decimal point, not a comma"),
             ("fast", Dimension::Time, "does not begin with a number"),
             ("nan ms", Dimension::Time, "does not begin with a number"),
             ("1e999 ms", Dimension::Time, "too large"),

@@ -147,8 +147,8 @@ impl<'a> Reading<'a> {
             Verdict::Delayed => return Ok(position),
             Verdict::Early => "early: only a late position can be compensated",
             Verdict::EquivalentToZero => "equivalent to zero: there is nothing to remove",
-            Verdict::Inconclusive => "inconclusive: nobody knows whether there is something to remove",
-            Verdict::NotMeasurable => "not measurable: nobody knows whether there is something to remove",
+            Verdict::Inconclusive => "inconclusive: whether there is a delay to remove is unknown",
+            Verdict::NotMeasurable => "not measurable: whether there is a delay to remove is unknown",
         };
         Err(format!("{file}: the delay of {name}, {delay} ms, is {nothing}"))
     }
@@ -236,7 +236,7 @@ impl<'a> Reading<'a> {
         match Validity::of(self.card, self.days) {
             Validity::Valid | Validity::Unlimited => String::new(),
             Validity::DayUnknown => {
-                let text = "no stamp of this flight tells the day: whether the card is valid is not known";
+                let text = "no timestamp of this flight has a date: whether the card is valid is unknown";
                 self.tell(Code::CardConditions, text.to_owned());
                 "; the day of the flight is not known".to_owned()
             }

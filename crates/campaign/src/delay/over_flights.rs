@@ -37,7 +37,7 @@ fn reading(delay_s: &Estimate) -> Option<Reading> {
 fn over_flights(rows: &[&FlightRow], of: impl Fn(&FlightRow) -> Option<Reading>) -> Finding<DelayOverFlights> {
     let readings: Vec<Reading> = rows.iter().copied().filter_map(of).collect();
     let Some(mean) = mean_of(&readings) else {
-        return Finding::CannotTell("no flight tells its delay with an uncertainty".to_owned());
+        return Finding::CannotTell("no flight shows its delay with an uncertainty".to_owned());
     };
     let segments: Vec<SegmentDelay> = readings
         .iter()

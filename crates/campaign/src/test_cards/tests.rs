@@ -47,7 +47,7 @@ fn a_card_is_no_log_and_one_that_belongs_to_no_flight_is_listed_with_the_reason(
     assert_eq!(
         left,
         [
-            ("b/c.test-card.toml", "a test card of no flight: no log beside it has its name"),
+            ("b/c.test-card.toml", "a test card without a flight: no log in its folder has its name"),
             ("notes.toml", "a .toml file, not a log")
         ]
     );

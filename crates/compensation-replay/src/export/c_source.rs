@@ -66,7 +66,7 @@ pub enum ExportError {
         most: u32,
     },
     /// Not a name in C.
-    #[error("{0:?} is no C name: a letter, then letters, digits or underscores, at most 31")]
+    #[error("{0:?} is not a C name: a letter, then letters, digits or underscores, at most 31")]
     Prefix(String),
 }
 

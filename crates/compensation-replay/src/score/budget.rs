@@ -256,7 +256,7 @@ impl Ground<'_> {
         let size = match slow {
             Some((m, _)) => Finding::CannotTell(format!(
                 "the fixes wander against the integrated velocity over {:.0} s in a record of {:.0} s: whether position or \
-                 velocity does cannot be told",
+                 velocity does is unknown",
                 m.time_constant_s, fit.span_s
             )),
             None => Finding::Found(own.map(|(m, _)| m.wander_std * m.wander_std).sum::<f64>().sqrt()),

@@ -38,7 +38,7 @@ fn is_geodetic(name: &str, channel: &Channel, input: &Input) -> Result<bool, Str
     let geodetic = match channel.quantity {
         Quantity::PositionGeodetic => true,
         Quantity::PositionNed => false,
-        other => return Err(format!("{name} holds {other:?}, which is no position")),
+        other => return Err(format!("{name} holds {other:?}, which is not a position")),
     };
     if geodetic != input.frame.is_some() {
         return Err(format!("{name} and {} are not in the same coordinates", input.names.position));

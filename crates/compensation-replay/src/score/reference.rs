@@ -66,7 +66,7 @@ impl<'a> Judge<'a> {
             .collect();
         let velocities: Vec<[f64; 2]> = said.iter().map(|&i| self.velocity_at(self.reference.row[i])).collect();
         let score = self.score_of(&errors, &velocities, track, &said, late_s);
-        found(score, "no valid row has a reference beside it")
+        found(score, "no valid row has a reference at the same time")
     }
 
     fn score_of(
@@ -106,7 +106,7 @@ impl<'a> Judge<'a> {
             bands_rms_m: self.bands(track),
             residual_delay_s: found(
                 self.delay(track, said, late_s),
-                "the flight has too little motion to tell a delay",
+                "the flight has too little motion to show a delay",
             ),
         })
     }

@@ -44,7 +44,7 @@ impl Sweeper {
         let u = jackknife(&self.misses(&items, delay_s).collect::<Vec<Miss>>());
         if u.is_nan() || u > WORST_SIGMA_S {
             let (u, worst) = (1e3 * u, 1e3 * WORST_SIGMA_S);
-            return Err(format!("the least error would tell the delay to ±{u:.0} ms only (limit {worst:.0} ms)"));
+            return Err(format!("the least error would give the delay to ±{u:.0} ms only (limit {worst:.0} ms)"));
         }
         let half = u * signal::student_quantile(0.975, (BLOCKS - 1) as f64);
         Ok(SweepOptimum {

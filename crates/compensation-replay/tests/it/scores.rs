@@ -365,7 +365,7 @@ fn an_onboard_position_that_is_none_is_not_compared_and_the_reason_is_given() {
     let found = replay(&flight, &Settings { onboard: vec![velocity.clone()], ..settings() }).unwrap();
     let said: Vec<_> = found.notices.iter().filter(|n| n.code == "onboard-not-compared").collect();
     assert!(said.len() == 1 && said[0].place == *velocity, "{said:?}");
-    assert_eq!(said[0].text, format!("{velocity} holds VelocityNed, which is no position"));
+    assert_eq!(said[0].text, format!("{velocity} holds VelocityNed, which is not a position"));
     assert!(found.record.onboard.unwrap().found().is_none());
 }
 

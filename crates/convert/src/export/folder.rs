@@ -37,7 +37,7 @@ impl Folder {
             may_write(&path.join(place), log)?;
         }
         if let Some(table) = earlier(path).into_iter().find(|table| is_of_log(table, log)) {
-            let what = "a table of an earlier export, which would be removed, and the log itself; name another folder";
+            let what = "a table of an earlier export that is also the log; it would be removed; name another folder";
             return Err(ConvertError::Refused { path: table, what: what.to_owned() });
         }
         // Of a link, the folder that it leads to is meant.

@@ -189,7 +189,7 @@ fn hostile_names_of_topics_stay_in_the_folder_and_overwrite_nothing() {
             assert!(!["con", "nul", "com1"].contains(&stem.as_str()), "{name}");
         }
     }
-    // Nothing beside the log and the two folders.
+    // Nothing in the folder of the log and the two folders.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
     let csv = folder.path().join("Csv");
     let report = exported(&log, ExportWhat::Topics, ExportTo::Csv, &csv);

@@ -118,7 +118,7 @@ fn what_is_no_plain_file_is_not_replaced() {
     for (name, why) in [
         ("socket", "only a plain file"),
         ("link", "only a plain file"),
-        ("dangling", "a link that leads nowhere"),
+        ("dangling", "a broken link"),
         ("folder", "a folder"),
     ] {
         refused(exported(&log, ExportTo::Mcap, &out(name)), why);

@@ -137,7 +137,7 @@ catalogue! {
             ReadLeniently, "read-leniently", [Warning, Info],
                 "The log departs from its format in a way that leaves one reasonable reading: padding, order, length or page lists \
                  differ from the rule. The text says what was done.",
-                "Nothing, if the values look right. Report it to whoever makes the logger.";
+                "Nothing, if the values look right. Report it to the maker of the logger.";
             NoChecksum, "no-checksum", [Warning, Info],
                 "Sentences or chunks have no checksum, so their content cannot be verified.",
                 "Enable checksums in the recorder.";
@@ -173,7 +173,7 @@ catalogue! {
         }
         "Text tables" {
             NoRows, "no-rows", [Info, Warning],
-                "A file is no table, or a table or topic has no rows.",
+                "A file is not a table, or a table or topic has no rows.",
                 "Check that this is the file you meant.";
             ColumnRenamed, "column-renamed", [Info, Warning],
                 "Columns without a unique name were given one. Without a header row they are called `column_1`, `column_2` and so on.",
@@ -386,7 +386,7 @@ catalogue! {
             "Check the timestamps of the IMU.";
         DelayJitters, "delay-jitters", Amber, "The delay scatters from fix to fix.",
             "Use timestamps of the measurement instead of the arrival.";
-        LateFixes, "late-fixes", Amber, "Single fixes are far behind the others.",
+        LateFixes, "late-fixes", Amber, "Single fixes are far later than the others.",
             "Look at the load of the link at these times.";
         Bursts, "bursts", Amber, "Fixes arrive in bursts after a pause: they were queued.",
             "Use timestamps of the measurement instead of the arrival.";

@@ -13,7 +13,7 @@ use std::borrow::Cow;
 
 /// No clock is set further from UTC: what is more is hours and minutes, `0530`.
 const MOST_HOURS: u64 = 14;
-const STALE: &str = "rows behind midnight that still have the old date are dated a day later";
+const STALE: &str = "rows after midnight that still have the old date are dated a day later";
 
 /// The columns of [`TimeSource::Civil`].
 ///
@@ -154,7 +154,7 @@ pub(super) fn unclear(source: &TimeSource, table: &Table) -> Option<String> {
     let civil = Civil::of(source, table)?;
     let date = civil.order(table.rows).err()?;
     Some(format!(
-        "cannot tell what is the day in {}, as {date}; say order = \"day-month-year\", \"month-day-year\" or \"year-month-day\" beside \
+        "cannot tell which number is the day in {}, as {date}; say order = \"day-month-year\", \"month-day-year\" or \"year-month-day\" next to \
          date in the channel map",
         civil.date.path
     ))

@@ -216,7 +216,7 @@ fn repair(source: &TimeSource, counts: &[Count], nanos: &mut Values<i64>, repair
         if times > 0 {
             turn = Some(*count);
             let text = format!(
-                "{what} began anew and the stamps run on; a restart shortly before its end would look the same"
+                "{what} wrapped around and the timestamps run on; a restart shortly before its end would look the same"
             );
             repairs.push(Repair { what: Code::StampWrap.into(), count: times, text: text.into() });
         }

@@ -382,7 +382,10 @@ pub(super) fn stamps_of(
     };
     found.swap(0, primary);
     if let Some(first) = found.first().filter(|f| f.kind != rule.timeline) {
-        remarks.push(format!("no {} stamps: the {} ones ({}) stand in", rule.timeline, first.kind, first.label));
+        remarks.push(format!(
+            "no {} timestamps: the {} ones ({}) are used instead",
+            rule.timeline, first.kind, first.label
+        ));
     }
     Ok((found, remarks))
 }

@@ -9,9 +9,8 @@ use std::rc::Rc;
 /// A topic belongs where so much of it lies within the time of the others, of a hundred.
 const WITHIN: i128 = 90;
 
-const SHIFTED: &str =
-    "the count had begun anew before the first of these stamps, as the other topics show: they are put behind";
-const UNCLEAR: &str = "in other topics the count began anew, and these stamps fit before it as well as behind: they are taken as they stand, \
+const SHIFTED: &str = "the counter wrapped around before this topic started, as the other topics show: its timestamps are shifted accordingly";
+const UNCLEAR: &str = "in other topics the counter wrapped around, and these timestamps fit before it as well as after: they are not shifted, \
                        which is before";
 
 /// From when to when stamps are, ns.

@@ -77,11 +77,12 @@ impl Plan {
 
     /// Sets the wanted values of the open row.
     pub(crate) fn decode(&self, line: &[u8], rows: &mut Rows) -> Result<(), String> {
-        let line = std::str::from_utf8(line).map_err(|_| "the line is no UTF-8".to_owned())?;
+        let line = std::str::from_utf8(line).map_err(|_| "the line is not UTF-8".to_owned())?;
         for step in &self.steps {
             let last = step.cell + 1 == self.cells && step.kind == CellKind::Text;
             let text = cell(line, step.cell, last).ok_or_else(|| format!("{} is missing", step.path))?;
-            let no_number = || format!("{}: {:?} is no number", step.path, text.chars().take(40).collect::<String>());
+            let no_number =
+                || format!("{}: {:?} is not a number", step.path, text.chars().take(40).collect::<String>());
             let value = match step.kind {
                 CellKind::NumberIfAny | CellKind::WholeIfAny if text.is_empty() => continue,
                 CellKind::Text => Value::Text(text),

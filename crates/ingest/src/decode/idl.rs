@@ -473,7 +473,7 @@ impl Builder<'_> {
                 match definition {
                     Definition::Alias(of) => self.kind(&of.clone(), depth + 1),
                     Definition::Refused(what) => Err(format!("{what} is not read")),
-                    Definition::Constant(_) => Err(format!("{name:.200} is no type")),
+                    Definition::Constant(_) => Err(format!("{name:.200} is not a type")),
                     Definition::Struct { .. } => Ok((Kind::Message(self.message(&full, depth + 1)?), Count::One)),
                 }
             }
@@ -615,7 +615,7 @@ module std_msgs { module msg { struct Header { builtin_interfaces::msg::Time sta
             ("Again x;", "contains itself"),
             ("long x", "missing"),
             ("long x[99999999999];", "length"),
-            ("N x;", "no type"),
+            ("N x;", "not a type"),
             ("long \"x\";", "a name is missing"),
         ] {
             assert!(of(members).contains(word), "{members}: {}", of(members));

@@ -51,7 +51,7 @@ fn check(names: &[String]) -> Result<(), String> {
         return Err(format!("two of its fields are called {:.100}", twice.trim_start_matches(MARKS)));
     }
     match names.iter().filter_map(|name| name.strip_prefix(MARKS)).find(|name| !distinct.contains(name)) {
-        Some(name) => Err(format!("it has no field {name:.100} that another could tell of")),
+        Some(name) => Err(format!("it has no field {name:.100} that another field could describe")),
         None => Ok(()),
     }
 }

@@ -494,7 +494,7 @@ impl Plan {
         // How many values of each field were met.
         let mut seen = vec![0_u32; node.len()];
         while !bytes.is_empty() {
-            let (number, value) = field(&mut bytes).ok_or("the message ends inside a field, or is none")?;
+            let (number, value) = field(&mut bytes).ok_or("the message ends inside a field, or is not a message")?;
             let Ok(at) = node.binary_search_by_key(&number, |step| step.number) else { continue };
             let (Some(step), Some(seen)) = (node.get(at), seen.get_mut(at)) else { continue };
             self.step(step, value, seen, rows).ok_or_else(|| format!("{}: not of its type", step.path))??;

@@ -270,7 +270,7 @@ pub(super) fn array(written: &str) -> Result<(&str, Count), String> {
     let count = match size {
         "" => Count::Variable,
         bounded if bounded.starts_with("<=") => Count::Variable,
-        fixed => Count::Fixed(fixed.parse().map_err(|_| format!("{fixed:?} is no array length"))?),
+        fixed => Count::Fixed(fixed.parse().map_err(|_| format!("{fixed:?} is not an array length"))?),
     };
     Ok((unbounded(base), count))
 }
@@ -362,7 +362,7 @@ mod tests {
             ("Unknown u", "p/Unknown is not defined"),
             ("A again", "contains itself"),
             ("B b\n===\nMSG: p/B\nA a", "contains itself"),
-            ("uint8[99999999999] a", "no array length"),
+            ("uint8[99999999999] a", "not an array length"),
             ("uint8[ a", "bracket"),
             ("uint8 -x", "no name"),
         ] {

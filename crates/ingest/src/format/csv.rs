@@ -83,7 +83,9 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
 pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<bool, String> {
     match layout::find(without_bom(head), context)? {
         Layout::Table(table) if table.bare => Ok(false),
-        Layout::Table(table) if !table.regular => Err("its first lines are no table of numbers below a header".into()),
+        Layout::Table(table) if !table.regular => {
+            Err("its first lines are not a table of numbers below a header".into())
+        }
         Layout::Table(_) | Layout::FlySight2 | Layout::Novatel | Layout::Tagged => Ok(true),
     }
 }
@@ -370,7 +372,7 @@ impl Reading<'_> {
             }
         }
         if others > 0 {
-            let text = "lines that are no NovAtel messages are not read";
+            let text = "lines that are not NovAtel messages are not read";
             self.books.notices.push(Code::Skipped, open.name, others, text);
         }
         self.report(first, open.name);
@@ -444,7 +446,7 @@ impl Books {
                     let limit = self.limits.line_bytes;
                     self.health.undecodable += 1;
                     if given_up {
-                        let reason = format!("line {line}: zero bytes; nothing behind them is read");
+                        let reason = format!("line {line}: zero bytes; nothing after them is read");
                         self.ledger.damaged(open.name, offset, open.size - offset, reason);
                         open.lines.offset = open.size;
                         return Ok(None);

@@ -108,7 +108,7 @@ impl Source {
     fn tell_missing_wal(&self, described: bool, notices: &mut Notices) {
         let is_there = std::fs::metadata(wal::path_of(&self.path)).is_ok_and(|about| about.len() > 0);
         if self.write_ahead && !is_there && !described {
-            let text = "the recorder kept a write-ahead log (-wal), and none, or an empty one, stands beside the bag: unless the recorder closed \
+            let text = "the recorder kept a write-ahead log (-wal), and the folder of the bag has none, or an empty one: unless the recorder closed \
                         it, its last messages are missing, which the file itself cannot show";
             notices.push(Code::IncompleteRecording.at(Severity::Warning), self.file.name(), 1, text);
         }
@@ -161,7 +161,7 @@ fn open(path: &Path, name: &str) -> Result<File, IngestError> {
 }
 
 fn raise_wal(wal: &Wal, notices: &mut Notices) {
-    let text = "the recorder did not close this bag: its newest pages were read from the write-ahead log beside it";
+    let text = "the recorder did not close this bag: its newest pages were read from its write-ahead log";
     notices.push(Code::IncompleteRecording.at(Severity::Info), wal.name.as_str(), 1, text);
     if wal.unfinished > 0 {
         let text = "pages at the end of the write-ahead log belong to a transaction that was never finished, or are \
@@ -179,7 +179,7 @@ fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
         file.metadata().is_ok_and(|about| about.is_file()) && file.read_exact(&mut magic).is_ok() && magic != [0; 8]
     });
     if hot {
-        let text = "a journal beside the database shows that its last transaction did not end: it was read as it is";
+        let text = "the journal of the database shows that its last transaction did not end: it was read without rolling it back";
         notices.push(Code::IncompleteRecording.at(Severity::Warning), name, 1, text);
     }
 }
@@ -318,7 +318,7 @@ impl Losses<'_> {
         if !self.has_messages {
             let text = match self.write_ahead {
                 true => {
-                    "there is no table of messages: its recorder kept a write-ahead log (-wal), which belongs beside it"
+                    "there is no table of messages: its recorder kept a write-ahead log (-wal): put it into the same folder"
                 }
                 false => "there is no table of messages: is this a ROS 2 bag?",
             };

@@ -131,8 +131,7 @@ impl Inflater {
         }
         let behind = data.len() as u64 - from.total_in().min(data.len() as u64);
         let all_came = filled == declared && fault.is_none();
-        let fault =
-            fault.or_else(|| (all_came && behind > 0).then(|| format!("{behind} bytes stand behind the bzip2 data")));
+        let fault = fault.or_else(|| (all_came && behind > 0).then(|| format!("{behind} bytes follow the bzip2 data")));
         (self.out.get(..filled).unwrap_or_default(), fault)
     }
 }

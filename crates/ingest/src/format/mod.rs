@@ -44,7 +44,7 @@ use std::path::PathBuf;
 /// Says that a file is several, put one behind another.
 fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
     if logs > 1 {
-        let text = "logs stand one behind another in this file; all were read";
+        let text = "logs follow each other in this file; all were read";
         notices.push(Code::SeveralSessions, file, logs, text);
     }
 }
@@ -170,7 +170,7 @@ fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(Code::Skipped, "", bytes, "bytes of text stand before the first frame");
+        notices.push(Code::Skipped, "", bytes, "bytes of text come before the first frame");
     }
 }
 

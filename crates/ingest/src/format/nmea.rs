@@ -343,12 +343,12 @@ impl Lines {
         say(
             Code::Skipped.into(),
             prefixes,
-            "sentences stand behind text that is no Unix time and no date with time and zone; it was not read",
+            "sentences follow text that is neither a Unix time nor a date with time and zone; that text was not read",
         );
         say(
             Code::Skipped.into(),
             preamble,
-            "bytes of text that is no sentence: comments, what stands before the first or behind one, and whole lines between",
+            "bytes of text outside sentences: comments, text before or after a sentence, and whole lines between",
         );
     }
 

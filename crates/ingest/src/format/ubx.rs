@@ -205,8 +205,8 @@ impl Frames {
             self.early = std::mem::take(&mut self.untimed);
         }
         let text = match self.receiver.weeks.are_told() {
-            true => "messages stand before the first that tells the week, and are dated backwards from it",
-            false => "messages have a time of week and no week: none in the log tells it",
+            true => "messages come before the first with a week, and are dated backwards from it",
+            false => "messages have a time of week, and the log has no week number",
         };
         self.early.tell(Code::Undated, "", text, notices);
         let text = "messages of a receiver that did not know the time yet have none";

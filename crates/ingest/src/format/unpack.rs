@@ -363,7 +363,7 @@ impl<'c> Unpacking<'c> {
         self.copy(&Piece { path, size, packing, at: &at, place: 0..size }, &target, decoder)?;
         self.newest_pages(&newest_pages(path, packing), &target)?;
         if bad.get() > 0 {
-            let text = "characters of UTF-16 that are none became replacement characters";
+            let text = "invalid UTF-16 was replaced with U+FFFD";
             self.notices.push(Code::Corrupt, file_name(path), bad.get(), text);
         }
         Ok(())

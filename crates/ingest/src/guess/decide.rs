@@ -355,7 +355,7 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
     }
     let is_alone = all.get(1).is_none_or(|second| second.agreement < best.agreement - DECIDES);
     match (is_alone, best.signs[0] > 0.0) {
-        (false, _) => Err(format!("the way is too straight to tell which of {a} and {b} goes north")),
+        (false, _) => Err(format!("the path is too straight to decide which of {a} and {b} goes north")),
         (true, false) => {
             let north = if best.swapped { b } else { a };
             Err(format!(
@@ -401,7 +401,7 @@ fn unit_of_speed(motion: Of<'_, Velocity>, scale: f64) -> Result<Unit, String> {
             Ok(*nearest)
         }
         _ => Err(format!(
-            "{} is {scale:.3} times as fast as the position moves in m/s, which is no unit known",
+            "{} is {scale:.3} times as fast as the position moves in m/s, which is not a unit known",
             first.path
         )),
     }
@@ -522,9 +522,13 @@ pub(super) fn plausible_height(table: &Table, height: &Named, angle: Unit) -> (O
         return (unit("m"), Some(format!("{path} is taken as metres, {UNSHOWN}")));
     }
     if most > HIGHEST_FT && angle.symbol() == "1e-7 deg" && unit("mm").is_some_and(|mm| mm.to_si(most) <= HIGHEST_M) {
-        let why =
-            format!("{path} is taken as mm: up to {most:.0} it is no height in metres, and the table counts 1e-7 deg");
+        let why = format!(
+            "{path} is taken as mm: up to {most:.0} it is not a height in metres, and the table counts 1e-7 deg"
+        );
         return (unit("mm"), Some(why));
     }
-    (None, Some(format!("{path} is left out: up to {most:.0} it is no height in metres, and nothing shows its unit")))
+    (
+        None,
+        Some(format!("{path} is left out: up to {most:.0} it is not a height in metres, and nothing shows its unit")),
+    )
 }

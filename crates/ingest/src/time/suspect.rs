@@ -33,7 +33,7 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
         "one of them seems to have a wrong GPS week".to_owned()
     } else if near(counts * weeks_of(1) * WEEK_S, QUARTER_S) {
         format!(
-            "one of them seems to have a wrong GPS week, {} weeks off: its count of ten bits began anew",
+            "one of them seems to have a wrong GPS week, {} weeks off: its ten-bit counter rolled over",
             weeks_of(counts)
         )
     } else if quarters >= 1.0 && size <= FARTHEST_ZONE_S + QUARTER_S && (size - quarters * QUARTER_S).abs() <= SLACK_S {
@@ -96,7 +96,7 @@ impl SaidDates {
         let guess = counts_early(week, since.week).and_then(|counts| {
             // The day, whatever leap seconds came between.
             let later = Stamp(earliest.0.checked_add(weeks_of(counts) * WEEK_NS)?);
-            Some(format!("its count of GPS weeks, of ten bits, may have begun anew: then it is {}", date(later)?))
+            Some(format!("its ten-bit count of GPS weeks may have rolled over: then it is {}", date(later)?))
         });
         let guess = guess.unwrap_or_else(|| "its date is wrong".to_owned());
         let (date, why) = (date(earliest)?, since.why);
@@ -131,8 +131,8 @@ mod tests {
         };
         // date -u -d '2003-09-07T12:00:00Z' +%s; 7168 days later is 2023-04-23. The others: 2012-01-01 and 2012-06-04.
         let (early, recent, right) = (1_062_936_000, 1_325_376_000, 1_338_768_000);
-        let text = "the receiver says 2003-09-07, the earliest of 2 such dates among 5, but it is younger; its count of GPS \
-                    weeks, of ten bits, may have begun anew: then it is 2023-04-23. The dates are left as they stand";
+        let text = "the receiver says 2003-09-07, the earliest of 2 such dates among 5, but it is younger; its ten-bit \
+                    count of GPS weeks may have rolled over: then it is 2023-04-23. The dates are not changed";
         assert_eq!(said(&[right, recent, right, early, right]), Some((text.to_owned(), 2)));
         assert!(said(&[recent]).unwrap().0.contains("its date is wrong"));
         assert_eq!((said(&[right, i64::MIN / NANOS_PER_SECOND]), said(&[])), (None, None));

@@ -289,7 +289,7 @@ fn a_map_of_a_sensor_that_leaves_its_frame_open_is_refused() {
     for (entry, expected) in [
         (format!("quantity = \"angular-rate\"\n{axes}"), "need a frame: frd or flu"),
         (format!("quantity = \"angular-rate\"\nframe = \"flu-enu\"\n{axes}"), "need a frame: frd or flu"),
-        (format!("quantity = \"specific-force\"\nframe = \"flu\"\n{axes}"), "rad/s is no unit of Acceleration"),
+        (format!("quantity = \"specific-force\"\nframe = \"flu\"\n{axes}"), "rad/s is not a unit of Acceleration"),
         (format!("quantity = \"attitude\"\n{}", fields(["roll", "pitch", "yaw"], "deg")), "an attitude needs a frame"),
         (
             format!("quantity = \"angular-rate\"\nframe = \"flu\"\n{}", fields(["forward", "left", "up"], "rad/s")),
@@ -300,7 +300,7 @@ fn a_map_of_a_sensor_that_leaves_its_frame_open_is_refused() {
         ("quantity = \"encoder-count\"\n[channel.fields]\n".into(), "the field count is missing"),
         (
             "quantity = \"encoder-angle\"\n[channel.fields]\nangle = { field = \"a\", unit = \"1\" }\n".into(),
-            "1 is no unit of Angle",
+            "1 is not a unit of Angle",
         ),
     ] {
         let error = of(entry.clone());

@@ -318,7 +318,7 @@ fn stamps_that_were_never_filled_in_give_way_to_the_log_time_with_a_warning() {
     assert_eq!(velocity.len(), 3);
     let texts: Vec<&str> = flight.notices.iter().filter(|n| n.code == "stamp-kind").map(|n| n.text.as_str()).collect();
     assert!(
-        texts.iter().any(|t| t.contains("never change")) && texts.iter().any(|t| t.contains("stand in")),
+        texts.iter().any(|t| t.contains("never change")) && texts.iter().any(|t| t.contains("are used instead")),
         "{texts:?}"
     );
 }

@@ -213,7 +213,7 @@ fn odd_names_are_names() {
     assert_eq!(found.units.len(), 5);
     let mut ids: Vec<&String> = found.units.iter().map(|u| &u.id).collect();
     ids.dedup();
-    assert_eq!(ids.len(), 5, "two names that are no UTF-8 must not become one");
+    assert_eq!(ids.len(), 5, "two names that are not UTF-8 must not become one");
 }
 
 #[test]

@@ -201,7 +201,7 @@ fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
         format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 7.3 * n, 7.3 * e)
     });
     let error = refused(&odd);
-    assert!(error.contains("vn is 7.2") && error.contains("no unit known"), "{error}");
+    assert!(error.contains("vn is 7.2") && error.contains("not a unit known"), "{error}");
     let stated = table("time,lat,lon,vn_mps,ve_mps", |t, [a, b, _], [n, e, _]| {
         format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 3.6 * n, 3.6 * e)
     });
@@ -797,6 +797,6 @@ fn a_way_too_straight_to_tell_what_yaw_counts_is_said_so() {
     });
     let loaded = load_text(&text);
     let said = &loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text;
-    assert!(said.contains("roll, pitch and yaw: the way is too straight to tell"), "{said}");
+    assert!(said.contains("roll, pitch and yaw: the path is too straight to decide"), "{said}");
     assert!(loaded.flight.channels.values().all(|channel| channel.quantity != Quantity::Attitude));
 }

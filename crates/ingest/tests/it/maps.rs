@@ -44,7 +44,7 @@ fn a_wrong_map_is_refused_with_its_file_its_line_and_what_is_wrong() {
         ("unit = \"kt\"", "units = \"kt\"", ":12: unknown key `units`: did you mean `unit`?"),
         ("{ field = \"b\", unit = \"kt\" }", "\"b\"", ":12: channel.fields.east = \"b\": must be a table"),
         ("{ field = \"b\", unit = \"kt\" }", "[{ field = \"b\", units = \"kt\" }]", ":12: unknown key `units`"),
-        ("unit = \"kt\"", "unit = \"deg\"", "deg is no unit of Speed"),
+        ("unit = \"kt\"", "unit = \"deg\"", "deg is not a unit of Speed"),
         ("east =", "height =", "the field height does not fit"),
         ("east = { field = \"b\", unit = \"kt\" }\n", "", "the field east is missing"),
         ("clock = \"boot\"", "clock = \"moon\"", ":5: "),

@@ -617,7 +617,7 @@ fn what_is_wrong_with_the_ends_of_a_file_is_said() {
     assert_eq!((junk.health.bytes.damaged, junk.health.damage[0].offset), (15, content.len() as u64));
     let no_magic = read(&content[..content.len() - 8]).unwrap();
     assert_received(&no_magic, &sent, true);
-    assert!(notice(&no_magic, "incomplete-recording").text.contains("just behind its footer"));
+    assert!(notice(&no_magic, "incomplete-recording").text.contains("just after its footer"));
     let bad_start = read(&[b"\x89MCXP0\r\n", &content[8..]].concat()).unwrap();
     assert_received(&bad_start, &sent, true);
     assert_eq!(bad_start.health.bytes.damaged, 8);

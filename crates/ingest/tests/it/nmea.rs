@@ -276,7 +276,7 @@ fn a_bad_line_is_damage_with_its_number_and_the_others_are_read() {
     let bad = good.replace("545.4", "645.4");
     let log = text(&["log of the receiver", "# a comment", &good, &bad, "4.5,M,46.9,M,,", "", &good, "\u{7}", &good]);
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
-    assert_eq!(reasons[0], "line 4: the checksum is 47 where the sentence has 44");
+    assert_eq!(reasons[0], "line 4: the checksum is 47, and the sentence gives 44");
     assert_eq!(reasons[1..], ["line 5: no sentence", "line 8: no sentence"]);
     assert_eq!((table(&log, "GPGGA").rows, log.health.damage_count), (3, 3));
     // Where the end of a line is damaged both its sentences are read.

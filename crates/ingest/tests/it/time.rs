@@ -159,7 +159,7 @@ fn the_day_of_a_date_with_slashes_is_not_guessed() {
     assert_eq!(stamps(&loaded)[0], 1_624_469_264 * S);
     assert_eq!(count_saying(&loaded, "date-inferred", "day first, as 23/06/2021"), 2);
     let why = read(&library(civil, ""), &text("05/06/2021")).unwrap().binding.unwrap_err();
-    assert!(why.contains("cannot tell what is the day in date, as 05/06/2021; say order ="), "{why}");
+    assert!(why.contains("cannot tell which number is the day in date, as 05/06/2021; say order ="), "{why}");
     for (order, day) in [("day-month-year", 1_622_914_064), ("month-day-year", 1_620_322_064)] {
         let civil = format!("measured = [{{ date = \"date\", order = \"{order}\", time = \"time\" }}]");
         let loaded = read(&library(&civil, ""), &text("05/06/2021")).unwrap();

@@ -18,7 +18,7 @@ pub(crate) fn group_figure(group: &MonteCarloGroup, number: u32) -> Option<Figur
         number,
         title: label(&group.title),
         caption: "Each column of the table over the number of the case, with U (k = 2) of the study.".to_owned(),
-        how_to_read: "Good: blue, wherever it stands. Red and hollow does not meet the goal of its column; the error of \
+        how_to_read: "Good: blue, at any place. Red and hollow does not meet the goal of its column; the error of \
                       the study is the bar.",
         panels,
         // High enough for the longest label of a column, which stands upright.

@@ -214,7 +214,7 @@ fn first_words(record: &BenchRecord, doubts: &[String]) -> Markup {
         }
         @if record.notices.any_loss() {
             p { "Data that a logger wrote could not be read. The numbers below are of what could be read; what was lost \
-             stands under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
+             is under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
         }
     }
 }

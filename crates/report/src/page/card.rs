@@ -664,7 +664,7 @@ fn inputs(records: &[CardRecord]) -> Markup {
                     @let files: Vec<InputFile> = files_of(record.record).cloned().collect();
                     (provenance::inputs(&format!("Input files of record {number}"), &files))
                 }
-                @if records.len() > 40 { p.note { "The rest stands on the pages of the records." } }
+                @if records.len() > 40 { p.note { "The rest is on the pages of the records." } }
             }
         }
     }

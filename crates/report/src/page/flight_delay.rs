@@ -120,7 +120,7 @@ fn no_answer(pair: &PairDelay) -> Markup {
     html! {
         p.answer {
             "How much later " code { (shown(&pair.first)) } " is than " code { (shown(&pair.second))}
-            " cannot be told from this flight."
+            " is unknown from this flight."
         }
         @if let Finding::CannotTell(why) = &pair.delay { p.why.unsure { (shown_block(why)) } }
     }
@@ -136,7 +136,7 @@ fn pairs(pairs: &[PairDelay]) -> Markup {
         Number("95 % interval (ms)"),
         Number("Smallest detectable change (ms)"),
         Number("Samples"),
-        Text("What it means, or why there is none"),
+        Text("What it means, or why it is missing"),
     ];
     // What a kind of pair means is said in its first row.
     let is_first = |i: usize| pairs[..i].iter().all(|p| p.kind != pairs[i].kind || p.delay.found().is_none());
@@ -263,7 +263,7 @@ fn operating_points(found: &MeasuredDelay) -> Markup {
     };
     let head = [Text("Split by"), Number("Range"), Number("Samples"), Number("δ ± U (ms)"), Number("p of one delay")];
     html! {
-        @if points.is_empty() { p { "By operating point: " (no_number("the flight holds no two that could be told apart")) } }
+        @if points.is_empty() { p { "By operating point: " (no_number("the flight has no two that differ enough")) } }
         @else { (table("By operating point; U with k = 2", &head, rows(&points, MOST, head.len(), row))) }
     }
 }

@@ -365,7 +365,7 @@ pub(super) fn notices_section(notices: &Notices) -> Markup {
     let groups = [
         (Severity::Loss, "▲ Damage"),
         (Severity::Warning, "! Warnings (something was assumed, skipped or repaired)"),
-        (Severity::Info, "i For information (every number stands)"),
+        (Severity::Info, "i For information (every number is valid)"),
     ];
     html! {
         h2 id="notices" { "Notices" }

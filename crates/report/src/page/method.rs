@@ -75,7 +75,7 @@ fn rules(replay: &ReplayRecord) -> Markup {
         p {
             (start_rule(settings.start)) " "
             "Velocity gaps of up to " (number::significant(settings.bridge_s, 3)) " s are bridged by a straight line; \
-             after a longer one the output is invalid and the compensators start anew. "
+             after a longer one the output is invalid and the compensators restart. "
             "Gaps bridged here: " (number::count(replay.coverage.bridged_gaps))
             "; restarts: " (number::count(replay.coverage.restarts)) ". "
             "Fixes that jump against integrated velocity by more than five sigma are passed on and counted."

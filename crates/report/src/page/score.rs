@@ -176,7 +176,7 @@ fn passes_and_legs(scores: &ReplayScores) -> Markup {
             (finding(&scores.opposite_passes, |p| html! {
                 (number::counted(p.pairs, "pair", "pairs")) " within " (plain(p.within_m, 2)) "\u{a0}m, "
                 (number::count(p.fixes)) " fixes, closing at " (plain(p.closing_speed_mps, 3)) "\u{a0}m/s; where velocity \
-                 brings the aircraft back to the same place, a position that is later than it by T stands 2\u{a0}U\u{a0}T apart."
+                 brings the aircraft back to the same place, a position that is later than it by T is 2\u{a0}U\u{a0}T apart."
             }))
         }
         p.note {

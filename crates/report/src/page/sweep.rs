@@ -107,7 +107,7 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
         Number("Td ± U (ms)"),
         Number("E_n against the removed one"),
         Number(score),
-        Text("Where it comes from, or why there is none"),
+        Text("Where it comes from, or why it is missing"),
     ];
     let scale = Scale::of(choice, sweep);
     let row = |c: &DelayCandidate| {
@@ -128,8 +128,8 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
             @if let Some(best) = best { (optimum_row(best, choice, &scale)) }
         }))
         p.note {
-            "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that nobody states \
-             counts as none. — where a delay is compared with itself, and for position against velocity, which is no lateness: \
+            "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that is not stated \
+             counts as zero. — where a delay is compared with itself, and for position against velocity, which is no lateness: \
              it differs by what the velocity is late."
         }
     }

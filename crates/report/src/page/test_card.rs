@@ -48,7 +48,7 @@ pub(super) fn flight_section(test: Option<&FlightTest>) -> Markup {
         @match test {
             None => p.note {
                 "Not provided. Objective, configuration, instrumentation and conditions are read from " code { "NAME.test-card.toml" }
-                " beside the log and " code { "test-card.toml" } " in the folder of flights."
+                " in the folder of the log and " code { "test-card.toml" } " in the folder of flights."
             }
             Some(test) => {
                 @if test.cards.is_empty() { p { "No card says that this flight flew it." } }

@@ -150,7 +150,7 @@ fn flights_of_which_only_a_difference_is_known_have_a_way_to_know_more() {
     let text = words(&text(&site(&record), "index.html"));
     assert!(
         text.contains("Log the IMU")
-            && text.contains(&format!("{told} flights tell how far position and velocity are apart")),
+            && text.contains(&format!("{told} flights show how far position and velocity are apart")),
         "{text}"
     );
 }

@@ -338,7 +338,7 @@ impl Framing for Records<'_, '_, '_> {
 }
 
 /// Said where no record begins.
-const NO_RECORD: &str = "what stands here is no record, or one that is cut";
+const NO_RECORD: &str = "the bytes here are not a record, or a truncated one";
 
 /// Whether a header may begin with these bytes: its length, then that of its first field, and the name of that.
 fn begins_header(bytes: &[u8]) -> bool {

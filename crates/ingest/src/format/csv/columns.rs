@@ -492,7 +492,7 @@ impl Building {
             let lines: Vec<String> = self.bad_lines.iter().take(listed).map(u64::to_string).collect();
             let more = if self.bad > lines.len() as u64 { ", ..." } else { "" };
             let text = format!(
-                "column {}: cells that are no numbers, the first is {:?}; lines {}{more}",
+                "column {}: cells that are not numbers, the first is {:?}; lines {}{more}",
                 self.path,
                 self.bad_example,
                 lines.join(", ")

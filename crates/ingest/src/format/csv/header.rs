@@ -72,7 +72,7 @@ impl Changes {
         warn(self.remarks, text);
         if self.others.0 > 0 {
             let text =
-                "another header stands between the rows: those below it, up to the first header again, are not read";
+                "another header is between the rows: the rows after it, up to the first header again, are not read";
             let place = format!("{file}, line {}", self.others.1);
             notices.push(Code::IrregularTable.at(Severity::Loss), place, self.others.0, text);
         }

@@ -363,7 +363,7 @@ impl<'t, 'w> Book<'t, 'w> {
     ) -> Result<(), String> {
         let (id, length) = id.zip(length).ok_or("a definition without a type")?;
         let (Ok(id), Ok(length)) = (u8::try_from(id), u8::try_from(length)) else {
-            return Err("a definition whose type or length is no byte".to_owned());
+            return Err("a definition whose type or length is not a byte".to_owned());
         };
         if id == FMT_ID {
             let usual = usize::from(length) == FMT_LENGTH && name == "FMT";
@@ -433,7 +433,7 @@ impl<'t, 'w> Book<'t, 'w> {
         unused.tell(Code::Redefined.at(Severity::Info), file, text, notices);
         self.misfits.tell(Code::Undecodable, file, "records are not as long as their definition says", notices);
         tell_too_many_topics(&self.unplaced, "records", file, notices);
-        let text = "the field that tells instances apart was named after the first records, which are in one topic";
+        let text = "the field that distinguishes instances was named after the first records, which are in one topic";
         self.late_instances.tell(Code::Redefined, file, text, notices);
         let text = "units and instances of a type are stated before it, or twice and otherwise, of which the first holds, or for \
                     another number of fields: they may be of another type";

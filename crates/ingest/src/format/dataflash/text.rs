@@ -107,7 +107,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 
 /// What becomes of a line; `None` for an empty one.
 fn fate_of(line: &[u8], book: &mut Book<'_, '_>) -> Result<Option<Fate>, String> {
-    let text = std::str::from_utf8(line).map_err(|_| "a line that is no text".to_owned())?.trim_end();
+    let text = std::str::from_utf8(line).map_err(|_| "a line that is not text".to_owned())?.trim_end();
     if text.bytes().any(|b| b < b' ' && b != b'\t') {
         return Err("a line with control characters".to_owned());
     }

@@ -199,8 +199,8 @@ enum DelayUnit {
     Periods(&'static str),
 }
 
-const FIRST: &str = "delay of the first receiver that the autopilot assumes; 0 stands for that of its type";
-const SECOND: &str = "delay of the second receiver that the autopilot assumes; 0 stands for that of its type";
+const FIRST: &str = "delay of the first receiver that the autopilot assumes; 0 means the default of its type";
+const SECOND: &str = "delay of the second receiver that the autopilot assumes; 0 means the default of its type";
 const POSITION: &str = "delay of position that the estimator assumes";
 const VELOCITY: &str = "delay of velocity that the estimator assumes";
 const GPS: &str = "delay of the receiver that the estimator assumes";

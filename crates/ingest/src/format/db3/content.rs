@@ -69,9 +69,9 @@ fn owned(value: Value<'_>) -> Owned {
 
 impl Sink for Gather {
     fn look(&mut self, cell: &Cell<'_>) -> Look {
-        let Some(row) = Row::parse(cell) else { return Look::Bad("it is no row") };
+        let Some(row) = Row::parse(cell) else { return Look::Bad("it is not a row") };
         if !self.texts.iter().all(|&column| row.is_text(column)) {
-            return Look::Bad("it is none of this table");
+            return Look::Bad("it does not belong to this table");
         }
         self.bytes = self.bytes.saturating_add(cell.length);
         if self.bytes > MOST_TEXT {
@@ -307,7 +307,7 @@ impl<'t, 'w> Messages<'t, 'w> {
 
 impl Sink for Messages<'_, '_> {
     fn look(&mut self, cell: &Cell<'_>) -> Look {
-        let Some(found) = self.columns.of_row(cell) else { return Look::Bad("it is no message") };
+        let Some(found) = self.columns.of_row(cell) else { return Look::Bad("it is not a message") };
         let route = self.routes.get(&found.topic).copied();
         self.current = Some((found, route));
         if route.is_some_and(Route::is_wanted) { Look::Wanted } else { Look::Unwanted }

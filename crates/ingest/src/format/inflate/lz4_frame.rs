@@ -28,7 +28,7 @@ struct Descriptor {
 impl Descriptor {
     fn read(rest: &mut Bytes<'_>) -> Result<Descriptor, &'static str> {
         if rest.u32() != Some(MAGIC) {
-            return Err("this is no frame");
+            return Err("this is not a frame");
         }
         let start = *rest;
         let (flags, sizes) = rest.u8().zip(rest.u8()).ok_or(CUT)?;

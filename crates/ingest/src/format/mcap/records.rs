@@ -485,7 +485,7 @@ impl<V: Visit> Framing for Records<'_, '_, V> {
             return wrong_start(bytes.get(..MAGIC.len() + 1).unwrap_or(bytes), MAGIC, WRONG_START).into();
         }
         match Head::of(bytes, 0) {
-            _ if log.end.is_some() => "bytes behind the end of the log".into(),
+            _ if log.end.is_some() => "bytes after the end of the log".into(),
             _ if log.footer_seen => "the eight bytes that end the file are missing".into(),
             None => "the file ends inside the header of a record".into(),
             Some(head) if head.opcode == 0 || !head.fits_its_type() => NO_RECORD.into(),
@@ -504,7 +504,7 @@ impl<V: Visit> Framing for Records<'_, '_, V> {
 }
 
 /// Said where no record begins.
-const NO_RECORD: &str = "what stands here is no record";
+const NO_RECORD: &str = "the bytes here are not a record";
 
 impl State {
     fn conclude(&self, file: &str, notices: &mut Notices) {
@@ -515,7 +515,7 @@ impl State {
             let text = "the record that ends the data is missing: it was swallowed by another, or never written";
             notices.push(Code::IncompleteRecording.at(Severity::Warning), file, 1, text);
         } else if self.end.is_none() && !self.damaged {
-            notices.push(Code::IncompleteRecording, file, 1, "the file was cut just behind its footer");
+            notices.push(Code::IncompleteRecording, file, 1, "the file is truncated just after its footer");
         }
         if self.summary.trust == summary::Trust::Bad {
             let text = "the summary at the end does not have the checksum that it states; it was not used";

@@ -171,11 +171,11 @@ impl Book {
     /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
     pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
         let text = match self.epochs.begin_ns {
-            Some(_) => "sentences stand before the first date, and are dated backwards from it",
+            Some(_) => "sentences come before the first date, and are dated backwards from it",
             None => "sentences have no date: the log has no RMC with a valid fix and no ZDA",
         };
         self.early.tell(Code::Undated, "", text, notices);
-        let text = "sentences stand before the first time, for the log begins inside an epoch: they are not used";
+        let text = "sentences come before the first time, because the log begins inside an epoch: they are not used";
         self.headless.tell(Code::Undated, "", text, notices);
         let text = "sentences that say no time stand behind damage, or where the receiver has lost the time, and those before them \
                     may be of another epoch: they are not used";
@@ -445,7 +445,7 @@ impl Default for Age {
 
 /// As the weeks of other logs are read, which are below 1024 only in ten bits.
 const NO_LOG_BEFORE: Since =
-    Since { week: 1024, why: "no log that is read here is from before 1999-08-22, when the GPS week first began anew" };
+    Since { week: 1024, why: "no log read here is from before 1999-08-22, when the GPS week first rolled over" };
 /// NMEA 0183, version 4.10, of June 2012: it names talkers of Galileo and others, and RMC has a field more.
 const VERSION_4_10: Since =
     Since { week: 1691, why: "its sentences are those of NMEA 0183, version 4.10, which is of June 2012" };

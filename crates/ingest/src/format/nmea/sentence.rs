@@ -25,7 +25,7 @@ pub(crate) struct Sentence<'t> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
     Address,
-    Sum { told: u8, truth: u8 },
+    Sum { stated: u8, computed: u8 },
     NoNumber,
     Cut,
     Unchecked,
@@ -34,10 +34,12 @@ pub(crate) enum Fault {
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Fault::Address => write!(f, "no sentence: its address is none"),
-            Fault::Sum { told, truth } => write!(f, "the checksum is {told:02X} where the sentence has {truth:02X}"),
-            Fault::NoNumber => write!(f, "the checksum is no number"),
-            Fault::Cut => write!(f, "the checksum is cut, or something stands behind it"),
+            Fault::Address => write!(f, "not a sentence: its address is invalid"),
+            Fault::Sum { stated, computed } => {
+                write!(f, "the checksum is {stated:02X}, and the sentence gives {computed:02X}")
+            }
+            Fault::NoNumber => write!(f, "the checksum is not a number"),
+            Fault::Cut => write!(f, "the checksum is truncated, or followed by other characters"),
             Fault::Unchecked => write!(f, "a sentence without a checksum"),
         }
     }
@@ -67,11 +69,11 @@ impl<'t> Sentence<'t> {
             // Nothing that is no digit behind a right checksum is of this sentence, unless another checksum follows.
             [b'*', high, low, ref behind @ ..] if ends(behind) || is_apart(behind) => {
                 let sum = body.bytes().fold(0, |sum, b| sum ^ b);
-                let told = hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low);
-                match told {
-                    Some(told) if told == sum => Ok(Sentence { body, length: end + 4, checked: true }),
+                let stated = hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low);
+                match stated {
+                    Some(stated) if stated == sum => Ok(Sentence { body, length: end + 4, checked: true }),
                     Some(_) if !ends(behind) => Err(Fault::Cut),
-                    Some(told) => Err(Fault::Sum { told, truth: sum }),
+                    Some(stated) => Err(Fault::Sum { stated, computed: sum }),
                     None => Err(Fault::NoNumber),
                 }
             }
@@ -180,11 +182,11 @@ mod tests {
         assert_eq!((sentence.body, sentence.length, sentence.checked), (GGA, line.len() - 2, true));
         assert_eq!((sentence.address(), sentence.field(3), sentence.field(99)), (("GP", "GGA"), "N", ""));
         for (text, reason) in [
-            (format!("${GGA}*48\r\n"), "is 48 where the sentence has 47"),
-            (format!("${GGA}*4"), "cut"),
-            (format!("${GGA}*477"), "behind it"),
-            (format!("${GGA}*48,7"), "behind it"),
-            (format!("${GGA}*4x"), "no number"),
+            (format!("${GGA}*48\r\n"), "is 48, and the sentence gives 47"),
+            (format!("${GGA}*4"), "truncated"),
+            (format!("${GGA}*477"), "other characters"),
+            (format!("${GGA}*48,7"), "other characters"),
+            (format!("${GGA}*4x"), "not a number"),
             (format!("${GGA}\r\n"), "without a checksum"),
             (format!("${GGA}"), "without a checksum"),
             ("$, *00".to_owned(), "address"),

@@ -232,7 +232,7 @@ impl<'b, 't> Book<'b, 't> {
         }
         if self.later_runs > 0 {
             let text = "messages are of a later run of the vehicle: its clock since boot restarts, and without times of \
-                        reception nobody knows how far apart the runs are. Channels are made of the first run alone; the \
+                        reception it is unknown how far apart the runs are. Channels are made of the first run alone; the \
                         topics of the others have the number of the run, as ATTITUDE#2";
             notices.push(Code::Undated.at(Severity::Loss), "", self.later_runs, text);
         }

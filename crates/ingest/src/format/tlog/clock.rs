@@ -33,7 +33,7 @@ impl ReceiveClock {
     pub(super) fn stamp(&mut self, time_us: u64, ahead: [Option<u64>; 2]) -> i64 {
         let trusted = is_trusted(self.trusted_us, time_us, ahead) && time_us <= LATEST_US;
         let stamp_us = if trusted { time_us } else { between(self.trusted_us, ahead).unwrap_or(time_us) };
-        let before = || format!("{time_us} us, behind {} us", self.trusted_us.unwrap_or_default());
+        let before = || format!("{time_us} us, after {} us", self.trusted_us.unwrap_or_default());
         if !trusted {
             self.out_of_line.add(before);
         } else if !PLAUSIBLE_US.contains(&time_us) {

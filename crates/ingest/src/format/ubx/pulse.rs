@@ -103,7 +103,7 @@ impl Pulse {
         let gps_ms = count_ms + ahead_ms;
         match gps_ms.div_euclid(WEEK_MS) {
             week if week < LAST_WEEK => Ok((week, gps_ms.rem_euclid(WEEK_MS))),
-            _ => Err("in a week that is none"),
+            _ => Err("in an invalid week"),
         }
     }
 }
@@ -217,7 +217,7 @@ mod tests {
             [Ok((2238, 305_575_000)), Ok((1214, 305_575_000))]
         );
         assert_eq!([tp(0, 2445, 0, 1), tp(0, 2445, 0, 4)], [Err("in GLONASS time"), Err("in NavIC time")]);
-        assert_eq!(tp(0, 0xffff, 0, 0), Err("in a week that is none"));
+        assert_eq!(tp(0, 0xffff, 0, 0), Err("in an invalid week"));
         // What does not say, and the reserved byte of old receivers.
         assert!([0, 3, 5, 15, 0xf0].iter().all(|&reference| tp(7, 2445, 0, reference) == Ok((2445, 7))));
     }

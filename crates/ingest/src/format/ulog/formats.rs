@@ -110,7 +110,7 @@ impl Field {
 impl Formats {
     /// Takes a format, `name:type field;type field;`. What is wrong with it is returned.
     pub(super) fn add(&mut self, text: &[u8]) -> Result<(), String> {
-        let text = std::str::from_utf8(text).map_err(|_| "a format that is no UTF-8".to_owned())?;
+        let text = std::str::from_utf8(text).map_err(|_| "a format that is not UTF-8".to_owned())?;
         let (name, rest) = text.split_once(':').ok_or("a format without a name")?;
         let parts = rest.split(';').filter(|part| !part.trim().is_empty());
         let fields: Option<Rc<[Field]>> = parts.map(Field::parse).collect();

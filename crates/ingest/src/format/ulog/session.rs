@@ -357,7 +357,7 @@ impl<'t, 'w> Session<'t, 'w> {
                 "messages that are padded otherwise than all others: their format may not be what they were written by";
             rarer.tell(Code::ReadLeniently, file, text, notices);
         }
-        let text = "messages without a stamp: that of the message before stands in";
+        let text = "messages without a timestamp have that of the message before";
         self.odd.without_stamp.tell(Code::Undated.at(Severity::Warning), file, text, notices);
     }
 }

@@ -115,7 +115,7 @@ fn followed(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<Option<(
     if let Some((_, other)) = scored.iter().skip(1).find(|(other, _)| best - other < DECIDES) {
         return match other.unit == way.unit {
             true => Err(format!(
-                "the way is too straight to tell whether yaw counts {} or {}",
+                "the path is too straight to decide whether yaw counts {} or {}",
                 way.count.words, other.count.words
             )),
             false => Err(format!("they may be in {} or in {}", way.unit, other.unit)),

@@ -148,15 +148,15 @@ fn clocks(clocks: &ClockFinding) -> Markup {
         p {
             @match &clocks.basis {
                 TimeBasis::OneClock => {
-                    "Encoder and sensor were stamped by one clock. An offset of that stamping itself cannot be told from a \
+                    "Encoder and sensor were stamped by one clock. An offset of that stamping looks the same as a \
                      delay. "
                 }
                 TimeBasis::Pps => {
                     "The pulse per second ties the device's clock to the encoder's by a line from pulse to pulse. "
                 }
                 TimeBasis::FastestArrivals => {
-                    "The fastest arrivals tie the device's clock to the encoder's. The least transport latency cannot be told \
-                     from a delay. "
+                    "The fastest arrivals tie the device's clock to the encoder's. The least transport latency looks the \
+                     same as a delay. "
                 }
                 TimeBasis::Anchor { channel } => {
                     "Encoder and sensor were stamped by different clocks. The channel " code { (shown(channel)) }
@@ -182,7 +182,7 @@ fn verdicts(channels: &[ChannelDynamics]) -> Markup {
              margin ±δ (equivalence test: two one-sided tests of 5 %, so that the 90 % interval lies inside); else “not decided”, with the smallest delay that \
              would be seen with a power of 80 %, 2.8 u"
             @if has(Verdict::Inconclusive) { ", and the length T (2.8 u/δ)² of a record that would decide" }
-            ". The quality gate stands before any verdict. “No delay” is never said without the number that makes it so."
+            ". The quality gate comes before any verdict. “No delay” is never said without the number that makes it so."
         }
     }
 }

@@ -25,7 +25,7 @@ const LOG: &str = "log";
 pub(super) fn first(record: &CampaignRecord) -> Markup {
     html! {
         @if record.groups.iter().all(|g| g.pooled == 0) {
-            p.answer { "No flight tells how late its position is." }
+            p.answer { "No flight shows how late its position is." }
         }
         (cards(record, 0, FIRST))
     }

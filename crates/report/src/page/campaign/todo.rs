@@ -162,9 +162,9 @@ fn fly(flights: &[FlightRow]) -> Option<Action> {
     let lacks = rows.iter().filter(|r| r.lateness.as_ref().is_some_and(|l| l.lateness.is_none())).count();
     let what = html! {
         (ended(advice)) " "
-        @if lacks > 0 { (number::counted(lacks as u64, "flight does not", "flights do not")) " tell how late the position is" }
+        @if lacks > 0 { (number::counted(lacks as u64, "flight does not", "flights do not")) " show how late the position is" }
         @if lacks > 0 && lacks < rows.len() { "; " }
-        @if lacks < rows.len() { (number::counted((rows.len() - lacks) as u64, "flight does not", "flights do not")) " tell whether the delay changes" }
+        @if lacks < rows.len() { (number::counted((rows.len() - lacks) as u64, "flight does not", "flights do not")) " show whether the delay changes" }
         ": " (names(&rows)) "."
     };
     Some(Action { saves_m: 0.0, what })
@@ -179,7 +179,7 @@ fn relative(record: &CampaignRecord) -> Option<Action> {
     let rows: Vec<&FlightRow> = rows.into_iter().filter(|r| r.duplicate_of.is_none()).filter(is_told).collect();
     let what = html! {
         "Log the IMU (acceleration and attitude, 10 Hz or more), or measure the receiver on the bench: "
-        (number::counted(rows.len() as u64, "flight tells", "flights tell"))
+        (number::counted(rows.len() as u64, "flight shows", "flights show"))
         " how far position and velocity are apart in time, but not how late both are, so that nothing was removed: " (names(&rows)) "."
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
