@@ -72,7 +72,7 @@ pub enum BenchRefusal {
     #[error("{0}")]
     Clock(String),
     /// No channel of the sensor moves with the bar.
-    #[error("the sensor has no channel that a bar could move; it has {0}")]
+    #[error("no channel of the sensor responds to the motion of a bar; its channels: {0}")]
     NoChannel(String),
 }
 
@@ -250,7 +250,7 @@ impl Timing {
         let one_clock = !matches!(tied.basis, TimeBasis::Anchor { .. });
         if one_clock && value.abs() > CLEAR_SKEW * u && value.abs() > 5e-6 {
             let text = format!(
-                "all channels drift against the encoder by {} ppm (k = 2), though one clock should stamp both: the delays hold for \
+                "all channels drift against the encoder by {} ppm (k = 2), though both should have one clock: the delays are valid for \
                  the middle of the record",
                 with_minus(&format!("{:.1} ± {:.1}", value * 1e6, 2e6 * u))
             );
@@ -342,7 +342,7 @@ fn tell_of_outliers(channels: &[ChannelDynamics], notices: &mut Notices) {
             continue;
         };
         let text = format!(
-            "{:.0} % of the samples are outliers and were held back in the fit, more than four standard deviations each: look at its residuals, for a disturbance or values \
+            "{:.0} % of the samples are outliers of more than four standard deviations and were downweighted in the fit: look at its residuals for a disturbance or values \
              of another source",
             100.0 * share
         );

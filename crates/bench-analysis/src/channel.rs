@@ -243,7 +243,7 @@ fn judge(
     if let TimeBasis::Anchor { channel: anchor } = bench.basis
         && anchor == channel.name
     {
-        let text = "this is the anchor: taken as on time, every other delay is relative to it";
+        let text = "this is the anchor, assumed to be on time: every other delay is relative to it";
         return (Verdict::NotMeasurable, text.to_owned());
     }
     if !fit.converged {
@@ -269,8 +269,8 @@ fn unsettled(fit: &DelayFit) -> String {
         format!(" Its residual wanders with a time constant of {:.2} s", c.noise.time_constant_s)
     });
     format!(
-        "the fit did not settle on one delay: after {} steps, at {} ± {} ms (k = 2), delay and noise still change each other.{noise}: \
-         the reference is wrong there, or the noise is as lively as the swing",
+        "the fit did not converge: after {} steps, at {} ± {} ms (k = 2), delay and noise still affect each other.{noise}: \
+         the reference is wrong there, or the noise is as strong as the swing",
         fit.iterations,
         millis(fit.delay_s),
         millis(2.0 * fit.standard_uncertainty_s)
@@ -278,7 +278,7 @@ fn unsettled(fit: &DelayFit) -> String {
 }
 
 /// The reason of a row that shows an instant within a gap of the encoder.
-pub(crate) const SILENT: &str = "the encoder is silent at its true instant";
+pub(crate) const SILENT: &str = "the encoder has a gap at its true time";
 
 fn silent(updates: &Updates) -> Option<RejectCount> {
     let first = format!("row {}", updates.hidden.first()?);
@@ -291,7 +291,7 @@ fn unused(updates: &Updates, fit: &DelayFit) -> Vec<RejectCount> {
     let first = fit.components.first().and_then(|c| (0..).find(|row| !c.used_rows.contains(row))).unwrap_or(0);
     (outside > 0)
         .then(|| RejectCount {
-            reason: "its true instant lies outside the part of the encoder's record that is used".to_owned(),
+            reason: "its true time is outside the part of the encoder's record that is used".to_owned(),
             count: outside as u64,
             first: format!("update {first}"),
         })

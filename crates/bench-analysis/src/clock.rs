@@ -137,7 +137,8 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
     let mut bridge = Bridge { encoder, pps, hulls, used: Ways::default() };
     for (name, channel) in sensed(sensor) {
         let Some(stamps) = asked_for(channel, rig) else {
-            let text = format!("channel {name} has no stamps of the kind that the rig asks for; it is left out");
+            let text =
+                format!("channel {name} has no timestamps of the kind that the rig file asks for; it is skipped");
             notices.push(Code::ClockTie, name, channel.series.len() as u64, text);
             continue;
         };
@@ -223,7 +224,7 @@ impl Ways {
         if self.hull {
             parts.push(
                 "Device stamps were mapped to the encoder's clock by the fastest arrivals: delays are absolute except for \
-                 the least transport latency, which no log shows.",
+                 the least transport latency, which is not logged.",
             );
         }
         parts.join(" ")
@@ -345,7 +346,7 @@ fn latency(channel: &Channel, hull: Option<&Hull>) -> Finding<LatencyHistogram> 
     let Some(arrival) = all_stamps(channel).filter(|s| s.kind > device.kind).max_by_key(|s| s.kind) else {
         return Finding::CannotTell(format!("the log holds no later stamp than the {} one", device.kind));
     };
-    let untied = "the clocks of device and arrival differ and could not be tied to each other";
+    let untied = "the clocks of device and arrival differ and could not be synchronized";
     let found = histogram(&device, &arrival, hull).ok_or_else(|| untied.to_owned());
     found.map_or_else(Finding::CannotTell, Finding::Found)
 }

@@ -125,11 +125,11 @@ impl EncoderSeries {
         let left_out = rows - kept.len();
         let mut rejected = vec![];
         if left_out > 0 {
-            let text = format!("{left_out} single samples leap away and back faster than any bar turns: left out");
+            let text = format!("{left_out} single samples jump away and back faster than a bar can turn: rejected");
             notices.push(Code::EncoderRepaired, name, left_out as u64, text);
             let first = (0..rows).find(|row| kept.binary_search(row).is_err()).unwrap_or(0);
             rejected.push(RejectCount {
-                reason: "leaps away and back".to_owned(),
+                reason: "jumps away and back".to_owned(),
                 count: left_out as u64,
                 first: format!("row {first}"),
             });
@@ -255,8 +255,10 @@ fn inferred_counts(raw: &[f64]) -> Option<(f64, String)> {
     }
     let noise = Some(second_difference_sigma(raw)).filter(|sigma| *sigma > 0.0)?;
     let counts = (TAU / (noise * 12f64.sqrt())).round().max(4.0);
-    let source =
-        format!("no steps to be seen: the scatter of {:.4}° is taken as that of {counts} counts", noise.to_degrees());
+    let source = format!(
+        "no steps were detected: the scatter of {:.4}° is assumed to be that of {counts} counts",
+        noise.to_degrees()
+    );
     Some((counts, source))
 }
 
@@ -360,7 +362,7 @@ fn unwrap_turns(
     let candidates = moduli.iter().filter(|(modulus, _)| range <= modulus * (1.0 + 1e-9) + lsb);
     let best = candidates.map(|(modulus, name)| (explained(*modulus), *modulus, name)).max_by_key(|c| c.0);
     let Some((count @ 1.., modulus, what)) = best else { return angle.to_vec() };
-    let text = format!("the encoder turned over {count} times at {what}: unwrapped");
+    let text = format!("the encoder wrapped around {count} times at {what}: unwrapped");
     notices.push(Code::EncoderRepaired.at(Severity::Info), name, count as u64, text);
     let mut turns = 0.0;
     let mut unwrapped = Vec::with_capacity(angle.len());

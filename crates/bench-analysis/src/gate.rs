@@ -90,12 +90,10 @@ pub(crate) fn gap_check(motion: &Motion, left_out: u64) -> Option<GateCheck> {
     let gaps = motion.gaps();
     let (start, end) = gaps.iter().copied().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)))?;
     let text = match gaps.len() {
-        1 => format!("the encoder was silent from {start:.2} to {end:.2} s"),
+        1 => format!("the encoder has a gap from {start:.2} to {end:.2} s"),
         n => {
             let total_s: f64 = gaps.iter().map(|(from, to)| to - from).sum();
-            format!(
-                "the encoder was silent {n} times, {total_s:.2} s in total, the longest from {start:.2} to {end:.2} s"
-            )
+            format!("the encoder has {n} gaps, {total_s:.2} s in total, the longest from {start:.2} to {end:.2} s")
         }
     };
     let text = format!("{text}. The motion there is unknown: {left_out} samples of the channels are not used");
@@ -196,7 +194,7 @@ fn saturation_check(name: &str, channel: &Channel, motion: &Motion) -> Option<Ga
     let worst = channel.series.components().iter().map(of).fold(0.0, f64::max);
     let bound_to_saturate = matches!(channel.quantity, Quantity::SpecificForce | Quantity::AngularRate);
     (bound_to_saturate || worst > SATURATED_SHARE).then(|| {
-        let text = format!("{:.1} % of the rows of {name} are at the end of its range", worst * 100.0);
+        let text = format!("{:.1} % of the rows of {name} are at the limit of its range", worst * 100.0);
         check("saturation", worst <= SATURATED_SHARE, text)
     })
 }

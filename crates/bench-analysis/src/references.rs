@@ -110,7 +110,7 @@ impl<'a> Maker<'a> {
         }
         let rows = sensor_rows(name, channel, self.rig).filter(|_| !channel.series.is_empty());
         let Some(mut rows) = rows else {
-            let text = "the log does not hold all components that the mount turns into each other: no reference";
+            let text = "the log does not hold all components that the mount mixes: no reference";
             notices.push(Code::NoReference, name, channel.series.len() as u64, text);
             return None;
         };

@@ -382,7 +382,7 @@ struct Checker<'a> {
 impl Checker<'_> {
     fn meaning_of(&self, written: RigFile) -> Result<Rig, Refused> {
         if *written.schema.get_ref() != 1 {
-            return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+            return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
         let model = match written.sensor.model.get_ref().trim() {
             "" => Err(self.fault(&written.sensor.model, "sensor.model must name the sensor, as `Xsens MTi-G`")),

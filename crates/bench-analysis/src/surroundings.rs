@@ -60,8 +60,7 @@ fn gravity(rig: &Rig, place: Option<Geodetic>, notices: &mut Notices) -> (f64, S
             (normal_gravity(latitude, height), source)
         }
         None => {
-            let text =
-                "neither rig nor log says where the bench is: standard gravity 9.80665 m/s², wrong by up to 0.3 %";
+            let text = "neither rig file nor log gives the site: standard gravity 9.80665 m/s², wrong by up to 0.3 %";
             notices.push(Code::Assumption, "", 1, text);
             (STANDARD_GRAVITY_MPS2, "assumed: standard gravity, for the site is not known".to_owned())
         }

@@ -823,7 +823,7 @@ impl Checker<'_> {
     fn known_layout(&self, schema: &Spanned<u32>) -> Result<(), Refused> {
         match schema.get_ref() {
             1 => Ok(()),
-            _ => Err(self.fault(schema, "schema must be 1, the only layout that this flightlag knows")),
+            _ => Err(self.fault(schema, "schema must be 1, the only version that this flightlag knows")),
         }
     }
 

@@ -77,7 +77,7 @@ fn a_name_is_of_one_code_only_and_is_kept_short() {
     let former = Code::ALL.iter().flat_map(|code| code.former());
     let now = Code::ALL.iter().map(|code| code.name()).chain(Alarm::ALL.iter().map(|alarm| alarm.name()));
     for name in now.chain(former) {
-        assert!(names.insert(name), "{name} is there twice");
+        assert!(names.insert(name), "{name} is a duplicate");
         let plain = name.split('-').all(|word| !word.is_empty() && word.bytes().all(|b| b.is_ascii_alphanumeric()));
         assert!(plain && name.len() <= 30 && name == name.to_lowercase(), "{name}");
     }

@@ -178,7 +178,7 @@ fn anchors(channels: &[CardChannel]) -> Vec<String> {
         match &c.basis {
         TimeBasis::OneClock | TimeBasis::Pps => None,
         TimeBasis::FastestArrivals => Some(
-            "delays hold the least transport latency from the device to the logger, which no log shows: the fastest arrivals \
+            "delays hold the least transport latency from the device to the logger, which is not logged: the fastest arrivals \
              tie the clocks"
                 .to_owned(),
         ),

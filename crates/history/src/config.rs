@@ -134,7 +134,7 @@ impl Reader<'_> {
         if *written.schema.get_ref() != 1 {
             return Err(self
                 .file
-                .reject(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+                .reject(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
         let some = match written.campaign.is_empty() {
             true => Err(self.file.reject_whole("holds no [[campaign]]: there is nothing to run")),

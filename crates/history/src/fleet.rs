@@ -107,7 +107,7 @@ impl Fleet {
 
 fn meaning_of(file: &SettingsFile<'_>, written: FleetFile) -> Result<Fleet, Refused> {
     if *written.schema.get_ref() != 1 {
-        return Err(file.reject(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+        return Err(file.reject(&written.schema, "schema must be 1, the only version that this flightlag knows"));
     }
     if written.aircraft.is_empty() {
         return Err(file.reject_whole("holds no [[aircraft]]: no flight could be found in it"));

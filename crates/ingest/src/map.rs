@@ -671,7 +671,7 @@ fn rules_of(written: &MapFile, file: &SettingsFile<'_>) -> Result<Vec<ChannelRul
             Ok(rule)
                 if rules.iter().any(|r| r.name == rule.name && !excludes(r, &rule) && !of_other_types(r, &rule)) =>
             {
-                right = Err(file.reject(place, format!("channel {} is there twice", rule.name)));
+                right = Err(file.reject(place, format!("channel {} is a duplicate", rule.name)));
             }
             Ok(rule) => rules.push(rule),
         }

@@ -468,7 +468,7 @@ pub struct ShiftCurve {
 pub struct ModelFinding {
     /// The candidates that were fitted.
     pub candidates: Vec<ModelCandidate>,
-    /// Name of the chosen one, or `None` where they cannot be told apart.
+    /// Name of the chosen one, or `None` where they cannot be distinguished.
     pub chosen: Option<String>,
     /// In words, with ΔBIC: the choice or `not distinguished` and between which.
     pub text: String,

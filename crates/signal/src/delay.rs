@@ -232,7 +232,7 @@ pub enum DelayError {
     NoExcitation,
     /// What a shared column adds to the reference is what a delay would do.
     #[error(
-        "the motion does not tell a delay from what else is fitted, such as an accelerometer's bias on a steady circle: \
+        "the motion cannot separate a delay from the other fitted effects, such as an accelerometer's bias on a steady circle: \
          turn both ways, and change speed"
     )]
     NotSeparable,

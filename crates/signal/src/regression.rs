@@ -1,5 +1,5 @@
 //! Least squares with errors that stay honest for correlated residuals, and a refusal where columns
-//! cannot be told apart.
+//! cannot be distinguished.
 
 use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
@@ -41,7 +41,7 @@ pub enum RegressionError {
         /// Row, from 0.
         row: usize,
     },
-    /// These columns cannot be told apart.
+    /// These columns cannot be distinguished.
     #[error("cannot be distinguished: {}", names.join(", "))]
     NotDistinguishable {
         /// Their names; one name alone is a column of zeros.

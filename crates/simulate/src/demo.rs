@@ -220,7 +220,7 @@ fn second_day() -> [Plan; 4] {
     [
         Plan {
             position: late(10.0, 0.1),
-            faults: &["positions are held over the velocity's rows and have no stamp of their own"],
+            faults: &["positions are held over the velocity's rows and have no timestamp of their own"],
             ..plan("2026-05-05/flight-05", Container::CsvWide, "CSV, one wide table", 4.0)
         },
         plan("2026-05-05/flight-06", Container::CsvFolder, "CSV, a table for each topic", 3.0),
@@ -239,7 +239,7 @@ fn third_day() -> [Plan; 4] {
         with_gaps(plan("2026-05-06/flight-09", cdr, "MCAP, CDR, zstd", 4.0)),
         Plan {
             cut: true,
-            faults: &["the file is cut off at 60 % of its bytes"],
+            faults: &["the file is truncated to 60 % of its bytes"],
             ..plan("2026-05-06/flight-10", cdr, "MCAP, CDR, zstd", 4.0)
         },
         Plan {

@@ -37,7 +37,7 @@ pub(super) fn azimuth(azimuths: &[(String, Estimate)], rig: &Rig) -> (Option<Est
     let u = |e: &Estimate| e.standard_uncertainty.unwrap_or(f64::INFINITY);
     match azimuths.iter().min_by(|a, b| u(&a.1).total_cmp(&u(&b.1))) {
         Some((channel, azimuth)) => {
-            (Some(*azimuth), format!("fitted: from {channel}, the surest of {} channels that show it", azimuths.len()))
+            (Some(*azimuth), format!("fitted: from {channel}, the most certain of {} channels", azimuths.len()))
         }
         None => (None, "unknown: no velocity, position or attitude shows it well enough".to_owned()),
     }

@@ -54,7 +54,7 @@ pub(super) fn zero(
     }
     let surest = zeros.iter().min_by(|a, b| uncertainty(&a.1).total_cmp(&uncertainty(&b.1)));
     if let Some((channel, zero)) = surest {
-        return (*zero, format!("fitted: from {channel}, the surest of {} channels that show it", zeros.len()));
+        return (*zero, format!("fitted: from {channel}, the most certain of {} channels", zeros.len()));
     }
     if let Some(zero) = from_rest(motion, sign, rig) {
         return (zero, "from the bar hanging at rest".to_owned());

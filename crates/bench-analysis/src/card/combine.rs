@@ -194,7 +194,7 @@ fn tell_of_doubts(records: &[&(String, BenchRecord)], notices: &mut Notices) {
             let slipped = failed_checks(record).any(|c| c.name == ENCODER_SLIP);
             let part = if slipped { "The delays are from the longest part without a slip. " } else { "" };
             let text = format!(
-                "{}. {part}Every delay of the record is in doubt: correct what is named and measure again",
+                "{}. {part}Every delay of the record is in doubt: correct the named cause and measure again",
                 doubts.join("; ")
             );
             notices.push(Code::RigContradicted, name, doubts.len() as u64, text);
@@ -227,7 +227,7 @@ fn validity(days: &[&str], terms: &CardTerms<'_>, notices: &mut Notices) -> [Opt
     let (oldest, newest) = (days.iter().min(), days.iter().max());
     let until = newest.zip(terms.valid_days).and_then(|(day, n)| day.checked_add(i64::from(n).days()).ok());
     if newest.is_none() && terms.valid_days.is_some() {
-        let text = "no record says on which day it was made: the card has no days of validity";
+        let text = "no record has a date: the card has no period of validity";
         notices.push(Code::CardConditions, "", 1, text);
     }
     let text = |day: Option<&Date>| day.map(ToString::to_string);
@@ -327,7 +327,7 @@ impl<'a> Several<'a> {
         }
         for run in &left {
             let delay_s = run.delay.delay.seconds();
-            let why = format!("{delay_s:.4} s does not belong to the other records and is left out of the mean");
+            let why = format!("{delay_s:.4} s is an outlier among the records and is not in the mean");
             left_out.push(LeftOut { code: Code::LeftOffCard, record: run.record, channel: name, why });
         }
         let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();

@@ -134,7 +134,7 @@ fn entries(text: &mut String, name: &str, comment: &str, entries: &[impl Seriali
 /// # Errors
 /// [`CardError`] with the line: no TOML, another layout, an unknown key, a number that is not finite, a negative
 /// uncertainty, a delay that must be milliseconds, a day that is none, a validity that ends before it begins, or a
-/// channel that is there twice.
+/// channel that is a duplicate.
 pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, CardError> {
     let file = SettingsFile::new(text, path);
     let wrong = |Complaint { line, what }| CardError { file: path.to_owned(), line, what };
@@ -199,7 +199,7 @@ impl Checker<'_> {
         if version.as_deref() == Some(CARD_VERSION.to_string().as_str()) {
             return Ok(());
         }
-        let what = format!("card_version must be {CARD_VERSION}, the only layout that this flightlag knows");
+        let what = format!("card_version must be {CARD_VERSION}, the only version that this flightlag knows");
         Err(self.file.reject(place, what))
     }
 
@@ -306,7 +306,7 @@ impl Checker<'_> {
         let mut seen = BTreeSet::new();
         for (place, channel) in items(table, "channel").zip(&card.channels) {
             if !seen.insert(channel.name.as_str()) {
-                self.file.reject(place, format!("channel `{}` is there twice", channel.name));
+                self.file.reject(place, format!("channel `{}` is a duplicate", channel.name));
             }
         }
     }
@@ -439,7 +439,7 @@ mod tests {
         let second = text.match_indices("[[channel]]").nth(1).unwrap().0;
         let line = text[..second].lines().count() + 1;
         let error = refused(&text);
-        assert_eq!((error.line, error.what.as_str()), (Some(line), "channel `position.gps` is there twice"));
+        assert_eq!((error.line, error.what.as_str()), (Some(line), "channel `position.gps` is a duplicate"));
     }
 
     #[test]

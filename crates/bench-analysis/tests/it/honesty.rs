@@ -105,7 +105,7 @@ fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
         let found = measured(encoder, vec![("angular-rate.imu", gyro), ("attitude.ins", attitude)]);
         for (name, truth) in [("angular-rate.imu", 0.005), ("attitude.ins", 0.03)] {
             let channel = channel_of(&found, name);
-            let silent = channel.rejected.iter().find(|r| r.reason.contains("silent")).unwrap();
+            let silent = channel.rejected.iter().find(|r| r.reason.contains("has a gap")).unwrap();
             // Three seconds at 50 Hz and a tenth of a second at either end.
             assert!((150..=165).contains(&silent.count), "{silent:?}");
             let delay = channel.delay.as_ref().unwrap();
@@ -119,7 +119,7 @@ fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
         let gate = &found.findings.gate;
         let check = gate.checks.iter().find(|c| c.name == "encoder gaps").unwrap();
         let rejected = found.findings.channels.iter().flat_map(|c| &c.rejected);
-        let samples: u64 = rejected.filter(|r| r.reason.contains("silent")).map(|r| r.count).sum();
+        let samples: u64 = rejected.filter(|r| r.reason.contains("has a gap")).map(|r| r.count).sum();
         assert!(!check.passed && check.text.contains(&format!("{samples} samples of the channels")), "{check:?}");
         let unbroken = measured(whole, vec![("angular-rate.imu", gyro_of(&swing, &sensor))]).findings;
         let ratio = gate.rms_frequency_hz / unbroken.gate.rms_frequency_hz;

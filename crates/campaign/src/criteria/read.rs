@@ -51,7 +51,7 @@ struct Checker<'a> {
 impl Checker<'_> {
     fn meaning_of(&self, written: CriteriaFile) -> Result<Criteria, Refused> {
         if *written.schema.get_ref() != 1 {
-            return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+            return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
         if written.criterion.is_empty() {
             return Err(self.file.reject_whole("holds no [[criterion]]: a flight could not be judged by it"));

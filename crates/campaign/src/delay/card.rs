@@ -189,7 +189,7 @@ impl<'a> Reading<'a> {
     fn warn_of_rig(&mut self, on_card: &CardChannel) {
         if !on_card.contradicted.is_empty() {
             let text = format!(
-                "{}: the bench puts its delay in doubt ({}): correct what is named and measure again",
+                "{}: the bench puts its delay in doubt ({}): correct the named cause and measure again",
                 on_card.name,
                 on_card.contradicted.join(", ")
             );

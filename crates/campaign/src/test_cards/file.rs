@@ -110,7 +110,7 @@ struct CardPlaces {
 impl Places {
     fn check(&self, file: &SettingsFile<'_>) {
         if *self.schema.get_ref() != 1 {
-            file.reject(&self.schema, "schema must be 1, the only layout that this flightlag knows");
+            file.reject(&self.schema, "schema must be 1, the only version that this flightlag knows");
         }
         date(file, "date", self.report.date.as_ref());
         number(file, "mass_kg", self.aircraft.mass_kg.as_ref(), 1e-3, 1e6);

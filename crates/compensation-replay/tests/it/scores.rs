@@ -227,7 +227,7 @@ fn the_budget_foretells_the_error_of_the_like_cases() {
     }
 }
 
-/// Both sensors wander, as in the demo's worn flight: what cannot be told apart is named, what is told is not too large.
+/// Both sensors wander, as in the demo's worn flight: what cannot be distinguished is named, what is told is not too large.
 #[test]
 fn a_wander_that_may_be_the_velocitys_is_not_put_on_the_position() {
     let wander = |std| Some(simulate::Wander { std, time_constant_s: 30.0 });

@@ -5,7 +5,7 @@ use crate::number;
 use crate::text::label;
 use record::{Curve, PathCurve};
 
-/// Most curves of one panel. More cannot be told apart.
+/// Most curves of one panel. More cannot be distinguished.
 const MOST_CURVES: usize = 8;
 
 /// How many samples the curves of a figure stand for, and what of them is not drawn.

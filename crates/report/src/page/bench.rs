@@ -228,7 +228,7 @@ fn answer(findings: &BenchFindings, doubts: &[String]) -> Markup {
         @if !doubts.is_empty() {
             p.answer {
                 (in_doubt()) " " @for what in doubts { (shown(what)) ". " }
-                "Every delay below is in doubt. Correct what is named and measure again."
+                "Every delay below is in doubt. Correct the named cause and measure again."
             }
         }
         @for channel in of(Verdict::Delayed).chain(of(Verdict::Early)) { (displaced(channel)) }

@@ -431,7 +431,7 @@ fn doubts(channels: &[Channel]) -> Markup {
                 (in_doubt()) " "
                 @if group.len() == channels.len() && group.len() > 1 { "All channels" }
                 @else { @for (i, channel) in group.iter().enumerate() { @if i > 0 { ", " } code { (shown(&channel.name)) } } }
-                ": " (reasons(group[0])) ". Correct what is named and measure again. Until then do not rely on the delay."
+                ": " (reasons(group[0])) ". Correct the named cause and measure again. Until then do not rely on the delay."
             }
         }
     }

@@ -375,7 +375,7 @@ impl Normal {
     }
 
     /// Solves (H + damping · diag H) step = gradient over the parameters that are `free`; the others stay. `None` if
-    /// the parameters cannot be told apart.
+    /// the parameters cannot be distinguished.
     pub(crate) fn step(&self, damping: f64, free: [bool; MOST_CURVED]) -> Option<[f64; MOST_CURVED]> {
         let mut matrix = nalgebra::Matrix3::<f64>::identity();
         let mut right = nalgebra::Vector3::<f64>::zeros();

@@ -68,7 +68,7 @@ struct Jacobian {
 /// (1991) from an AR(1) of the score of the delay; each residual over √(1 − its leverage), which makes it unbiased in
 /// small samples (HC2, MacKinnon and White 1985), and degrees of freedom by Satterthwaite as Bell and McCaffrey (2002).
 /// Scores of components with the same stamp are added first, so that what they have in common counts. `None` if the
-/// parameters cannot be told apart.
+/// parameters cannot be distinguished.
 pub(crate) fn uncertainties(
     alignment: &Alignment,
     at: &Lateness,

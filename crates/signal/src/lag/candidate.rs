@@ -342,7 +342,7 @@ fn free(model: LagModel, at: &Point, normal: &Normal) -> [bool; MOST_CURVED] {
     std::array::from_fn(|i| !held(i))
 }
 
-/// Inverse of the normal equations, slightly damped: two equal lags cannot be told apart, their sum can.
+/// Inverse of the normal equations, slightly damped: two equal lags cannot be distinguished, their sum can.
 fn covariance(normal: &Normal) -> [[f64; MOST_CURVED]; MOST_CURVED] {
     std::array::from_fn(|i| {
         let mut unit = normal.clone();

@@ -181,7 +181,7 @@ pub(super) fn whole(channels: &[ChannelDynamics]) -> Option<Figure> {
         title: "Reference and output over the whole record".to_owned(),
         caption: tally.caption(
             "Reference and output as logged, in the unit of each axis, over the part of the encoder's record that is used. No \
-             reference is drawn where the encoder was silent.",
+             reference is drawn in a gap of the encoder.",
         ),
         how_to_read: "Good: wide and thin curve fill the same heights from start to end. Bad: a stretch without \
                       output, an output that wanders off or is cut at a height (saturation), a swing that dies out.",
