@@ -1,4 +1,4 @@
-//! What a log says of itself beside its samples: who flew, with what software and which settings.
+//! What a log states in addition to its samples: vehicle, software and settings.
 
 use crate::time::Clock;
 #[cfg(feature = "schema")]
@@ -49,20 +49,20 @@ pub struct About {
 }
 
 impl About {
-    /// Whether the log says nothing.
+    /// Whether the log states nothing.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == About::default()
     }
 
-    /// What the log says of the receiver with this number; the first is 1.
+    /// What the log states about the receiver with this number; the first is 1.
     #[must_use]
     pub fn receiver_identity(&self, number: u32) -> Option<&ReceiverIdentity> {
         self.receiver_identities.iter().find(|identity| identity.number == number)
     }
 
     /// The lever arm that the parameters state for a sensor: `gps`, `gps-2`, `imu`. One that is zero in all axes is the
-    /// default of the autopilot: nobody measured it, so it is not given.
+    /// autopilot's default: it was never measured, so `None` is returned.
     #[must_use]
     pub fn lever_arm(&self, sensor: &str) -> Option<&LeverArm> {
         self.lever_arms.iter().find(|arm| arm.sensor == sensor && arm.is_set())
@@ -99,7 +99,7 @@ pub struct ReceiverIdentity {
 }
 
 impl ReceiverIdentity {
-    /// Whether the log says anything of it but its number.
+    /// Whether the log states anything about it except its number.
     #[must_use]
     pub fn is_told(&self) -> bool {
         let texts = [&self.model, &self.firmware, &self.serial, &self.protocol];
@@ -125,7 +125,7 @@ pub struct LeverArm {
 }
 
 impl LeverArm {
-    /// Whether anybody set it: zero in all axes is the default.
+    /// Whether it was set: zero in all axes is the default.
     #[must_use]
     pub fn is_set(&self) -> bool {
         [self.forward_m, self.right_m, self.down_m].iter().any(|axis| *axis != 0.0)
@@ -169,14 +169,14 @@ mod tests {
     }
 
     #[test]
-    fn a_lever_arm_of_zero_was_set_by_nobody() {
+    fn a_zero_lever_arm_is_treated_as_unset() {
         let about = About { lever_arms: vec![arm("gps", 0.0), arm("imu", 0.1)], ..About::default() };
         assert_eq!(about.lever_arm("gps"), None);
         assert_eq!(about.lever_arm("imu").map(|arm| arm.forward_m), Some(0.1));
     }
 
     #[test]
-    fn what_a_log_does_not_say_is_not_written() {
+    fn absent_fields_are_not_serialised() {
         let about = About {
             receiver_identities: vec![ReceiverIdentity { number: 2, ..Default::default() }],
             ..About::default()

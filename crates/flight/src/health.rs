@@ -1,4 +1,4 @@
-//! What was read, what was not, and how good the time stamps are.
+//! What was read, what was not, and the quality of the timestamps.
 
 use crate::about::About;
 use crate::channel::{ChannelSource, Quantity};
@@ -28,12 +28,12 @@ pub struct ByteLedger {
 }
 
 impl ByteLedger {
-    /// The part of a file that a record which was begun at its end may have without being damage: a thousandth,
+    /// Largest fraction of a file that an unfinished last record may take without counting as damage: a thousandth,
     pub const LARGEST_TAIL: f64 = 1e-3;
-    /// and in short files a hundredth, if it is no longer than a row of a table, bytes.
+    /// and in short files a hundredth, if it is no longer than one row of a table, bytes.
     pub const LARGEST_TAIL_OF_SHORT: (f64, u64) = (1e-2, 1024);
 
-    /// All bytes with a fate: `size`, if none was forgotten.
+    /// The sum of all fates: equals `size` unless bytes were forgotten.
     #[must_use]
     pub fn sum(&self) -> u64 {
         [self.decoded, self.skipped, self.structure, self.damaged, self.tail_cut]
@@ -41,9 +41,9 @@ impl ByteLedger {
             .fold(0, |a, b| a.saturating_add(*b))
     }
 
-    /// Whether `bytes` of a record that a file of `size` bytes ends inside of are the way in which logs end where the power
-    /// goes off, and no damage. Asked only of formats that do not state where they end: where an index, a footer or a
-    /// size says that something is missing, that is a loss.
+    /// Whether `bytes` of a truncated last record in a file of `size` bytes are the normal end of a log at power-off,
+    /// not damage. Only for formats that do not state where they end: where an index, a footer or a size shows that
+    /// something is missing, that is a loss.
     #[must_use]
     pub fn is_cut_tail(bytes: u64, size: u64) -> bool {
         let (share, row) = ByteLedger::LARGEST_TAIL_OF_SHORT;

@@ -1,4 +1,4 @@
-//! Stamps, their clocks, their kinds, and the one definition of delay.
+//! Timestamps, their clocks and kinds, and the one definition of delay.
 
 use crate::distribution::Distribution;
 #[cfg(feature = "schema")]
@@ -25,7 +25,7 @@ impl Stamp {
         nanos as f64 / NANOS_PER_SECOND as f64
     }
 
-    /// The stamp `seconds` later, rounded to the nanosecond and saturated at the ends of `i64`.
+    /// The timestamp `seconds` later, rounded to the nanosecond and saturated at the limits of `i64`.
     #[must_use]
     pub fn plus_seconds(self, seconds: f64) -> Stamp {
         Stamp(self.0.saturating_add((seconds * NANOS_PER_SECOND as f64).round() as i64))
@@ -80,7 +80,7 @@ pub struct UtcTie {
 }
 
 impl UtcTie {
-    /// UTC, as Unix counts, of a stamp of the tied clock. `None` beyond the range of `i64`.
+    /// UTC of a timestamp of the tied clock, as a Unix count. `None` outside the range of `i64`.
     #[must_use]
     pub fn unix(&self, stamp: Stamp) -> Option<Stamp> {
         stamp.0.checked_add(self.offset_ns).map(Stamp)
@@ -122,31 +122,31 @@ impl Delay {
     /// No delay.
     pub const ZERO: Delay = Delay(0.0);
 
-    /// A delay of `seconds`; `None` if that is not finite.
+    /// A delay of `seconds`; `None` if not finite.
     #[must_use]
     pub fn from_seconds(seconds: f64) -> Option<Delay> {
         seconds.is_finite().then_some(Delay(seconds))
     }
 
-    /// In seconds.
+    /// The delay in seconds.
     #[must_use]
     pub fn seconds(self) -> f64 {
         self.0
     }
 
-    /// In milliseconds.
+    /// The delay in milliseconds.
     #[must_use]
     pub fn millis(self) -> f64 {
         self.0 * 1e3
     }
 
-    /// The instant at which a value stamped `stamp` was true.
+    /// The instant at which a value with timestamp `stamp` was true.
     #[must_use]
     pub fn true_time(self, stamp: Stamp) -> Stamp {
         stamp.plus_seconds(-self.0)
     }
 
-    /// The stamp that a value true at `instant` carries.
+    /// The timestamp of a value that was true at `instant`.
     #[must_use]
     pub fn stamp_of(self, instant: Stamp) -> Stamp {
         instant.plus_seconds(self.0)
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn a_late_sensor_has_a_positive_delay() {
         let late = Delay::from_seconds(0.4).unwrap();
-        // A value that was true at 10.0 s and carries the stamp 10.4 s is 0.4 s late.
+        // A value that was true at 10.0 s and has the timestamp 10.4 s is 0.4 s late.
         assert_eq!(late.true_time(Stamp(10_400_000_000)), Stamp(10_000_000_000));
         assert_eq!(late.stamp_of(Stamp(10_000_000_000)), Stamp(10_400_000_000));
     }
