@@ -239,7 +239,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::StampWrap,
         "crates/convert/tests/it/recover.rs",
-        "a_recovered_log_has_the_order_of_the_original_also_where_its_clock_began_anew",
+        "a_recovered_log_keeps_its_order_across_a_clock_wraparound",
     ),
     (
         Code::DateInferred,
@@ -365,9 +365,9 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::ValuesReplaced,
         "crates/convert/tests/it/original.rs",
-        "a_log_that_was_recovered_twice_is_read_as_the_original",
+        "a_log_recovered_twice_reads_as_the_original",
     ),
-    (Code::NotWritten, "crates/convert/src/recover.rs", "messages_that_were_found_and_not_written_are_a_loss"),
+    (Code::NotWritten, "crates/convert/src/recover.rs", "messages_found_but_not_written_are_a_loss"),
 ];
 
 /// Alarm, file, test.
