@@ -32,7 +32,7 @@ pub struct RunLine {
     pub unreadable: Option<String>,
 }
 
-/// Every run, the earliest first. A file that cannot be read is a line too.
+/// Every run, earliest first. A file that cannot be read is also a line.
 ///
 /// # Errors
 /// The folder cannot be listed.
