@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_are_in_the_autopilots_own_format() {
+    fn parameters_use_the_autopilots_own_format() {
         let ardupilot = parameters(&[group("u-blox", 0.201, "imu", "GPS1_DELAY_MS")]).unwrap();
         assert_eq!(ardupilot, "# u-blox: GPS1_DELAY_MS = 201 ms, 193 to 209 ms (k = 2)\nGPS1_DELAY_MS,201\n");
         let px4 = parameters(&[group("F9P", 0.11, "imu", "EKF2_GPS_DELAY")]).unwrap();
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_that_would_be_wrong_are_refused_with_the_reason() {
+    fn wrong_parameters_are_rejected_with_the_reason() {
         for (groups, why) in [
             (vec![group("a", 0.4, "imu", "GPS1_DELAY_MS")], "400 ms cannot be set: it takes 0 to 250 ms"),
             (vec![group("a", 0.2, "relative to velocity.gps", "GPS1_DELAY_MS")], "must be known against the IMU"),
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn each_group_gets_its_own_c() {
+    fn each_group_gets_its_own_c_files() {
         let folder = tempfile::tempdir().unwrap();
         let two = [group("a", 0.2, "imu", "x"), group("b", 0.1, "imu", "x"), group("c", 0.1, "relative to v", "x")];
         compensators(folder.path(), 0.01, &two).unwrap();

@@ -225,7 +225,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_uncertainty_is_shown_with_two_figures_and_its_value_with_as_many() {
+    fn an_uncertainty_has_two_digits_and_its_value_matches() {
         assert_eq!([34.2, 3.42, 0.342, 0.0342, 0.00342, 0.0].map(digits), [0, 1, 2, 3, 4, 4]);
     }
 }

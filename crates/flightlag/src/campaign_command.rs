@@ -36,7 +36,7 @@ fn whole(order: &OrderArguments, files: &AircraftArguments, desk: &DeskArguments
 pub(crate) fn run_order(order: &Order, arguments: &DeskArguments, stop: &Stop) -> Result<Verdict, Failure> {
     let events = listener(arguments);
     let verdict = campaign::run(order, &desk(arguments, stop, events.as_ref()))?;
-    say_verdict(&verdict, &order.out, arguments)?;
+    print_verdict(&verdict, &order.out, arguments)?;
     Ok(verdict)
 }
 
@@ -85,7 +85,7 @@ fn reduce(path: &Path, files: &AircraftArguments, arguments: &DeskArguments, sto
     let events = listener(arguments);
     let manifest = Manifest::read(path)?;
     let verdict = campaign::reduce(&manifest, &desk(arguments, stop, events.as_ref()))?;
-    say_verdict(&verdict, manifest.out(), arguments)?;
+    print_verdict(&verdict, manifest.out(), arguments)?;
     if let Some(next) = next_step(&verdict, &manifest) {
         say(arguments, &next)?;
     }
@@ -135,7 +135,7 @@ fn status_text(status: &Status) -> String {
     text
 }
 
-fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Result<(), Failure> {
+fn print_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Result<(), Failure> {
     let totals = &verdict.totals;
     let groups: Vec<GroupLine> = verdict.groups.clone();
     for line in delay_command::short_text(&verdict.lines, &groups).lines() {
@@ -157,7 +157,7 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
     let nothing = if verdict.nothing_changed { "nothing changed: " } else { "" };
     say(arguments, &format!("{nothing}{}: {}", count(totals.flights, "flight"), parts.join(", ")))?;
     if let Some(criteria) = &verdict.criteria {
-        say_criteria(criteria, arguments)?;
+        print_criteria(criteria, arguments)?;
     }
     say(arguments, &format!("open {}", out.join("index.html").display()))
 }
@@ -166,7 +166,7 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
 const MOST_NAMES: usize = 3;
 
 /// A line for all flights, and one for each criterion that a flight fails.
-fn say_criteria(criteria: &CampaignCriteria, arguments: &DeskArguments) -> Result<(), Failure> {
+fn print_criteria(criteria: &CampaignCriteria, arguments: &DeskArguments) -> Result<(), Failure> {
     say(arguments, &format!("criteria, flights by gravest verdict: {}", tally(&criteria.flights)))?;
     for failed in criteria.each.iter().filter(|each| each.tally.fail > 0) {
         let names: Vec<&str> = failed.failed.iter().take(MOST_NAMES).map(String::as_str).collect();
@@ -311,7 +311,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_word_survives_the_shell() {
+    fn a_quoted_word_survives_the_shell() {
         assert_eq!(quoted("day-1"), "day-1");
         assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
         assert_eq!(quoted("-rf"), "'-rf'");

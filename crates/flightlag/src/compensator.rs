@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_in_the_help_can_be_written_as_c_or_is_for_pipelines_alone() {
+    fn every_name_in_the_help_is_available_as_c_or_for_pipelines_only() {
         let help = names_and("");
         let (written, others) = help.split_once("A pipeline's").unwrap();
         let names = |text: &str| -> Vec<String> {

@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_code_is_explained_in_the_words_of_the_catalogue() {
+    fn a_code_is_explained_with_the_text_of_the_catalogue() {
         assert_eq!(
             explained("tail-cut").unwrap(),
             "tail-cut: info (exit code 0)\nBytes and damage\n\n\
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_code_of_an_older_release_leads_to_the_one_of_today() {
+    fn a_code_of_an_older_release_leads_to_its_replacement() {
         let text = explained("no-end").unwrap();
         assert!(
             text.starts_with("no-end is called incomplete-recording in this release.\n\nincomplete-recording: loss"),
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_code_is_answered_with_the_nearest() {
+    fn an_unknown_code_gets_the_nearest_suggestion() {
         let why = explained("tail-cutt").unwrap_err();
         assert!(why.contains("nearest: tail-cut"), "{why}");
     }

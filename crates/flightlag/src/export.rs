@@ -81,7 +81,7 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
     }
     let written = export_track(&TrackOrder { track: &table, name: &name, to, most_hz, out: &out })?;
     let utc = if written.has_utc { "" } else { "; the log does not know UTC, so the points have no date" };
-    let mut said = format!(
+    let mut text = format!(
         "{}: {} of {} rows, {}{utc}\n",
         visible(&out.display().to_string()),
         written.points,
@@ -89,9 +89,9 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
         written.lines.join(" and "),
     );
     for (path, program) in layouts.iter().zip(["Foxglove", "PlotJuggler"]) {
-        said += &format!("{}: layout for {program}\n", visible(&path.display().to_string()));
+        text += &format!("{}: layout for {program}\n", visible(&path.display().to_string()));
     }
-    std::io::stdout().lock().write_all(said.as_bytes())?;
+    std::io::stdout().lock().write_all(text.as_bytes())?;
     Ok(Exit::Well.into())
 }
 

@@ -34,7 +34,7 @@ impl Failure {
     }
 
     /// Prints it, and gives the exit code.
-    pub(crate) fn told(self) -> ExitCode {
+    pub(crate) fn report(self) -> ExitCode {
         if !self.text.is_empty() {
             // If standard error is closed too, nobody is left to be told.
             let text: Vec<String> = self.text.lines().map(visible).collect();

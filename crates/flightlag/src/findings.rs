@@ -53,13 +53,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_can_be_typed_as_it_is_shown() {
+    fn a_shown_path_can_be_pasted_into_a_shell() {
         assert_eq!(typed(Path::new("logs/a-1.ulg")), "logs/a-1.ulg");
         assert_eq!(typed(Path::new("my log's.bag")), r"'my log'\''s.bag'");
     }
 
     #[test]
-    fn losses_come_first_and_damage_is_not_told_twice() {
+    fn losses_come_first_and_damage_is_not_repeated() {
         let mut all = Notices::new();
         all.push(Code::HeldRows, "gps", 3, "held rows");
         all.push(Code::Damaged, "a, bytes 0 to 9", 9, "cut");

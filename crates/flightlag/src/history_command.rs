@@ -17,12 +17,12 @@ pub(crate) fn history(arguments: &HistoryArguments) -> Result<End, Failure> {
     if arguments.latency {
         let read = history.briefs(&|_| true)?;
         let lines = latency(&latest_briefs(&read.rows));
-        return said(arguments.json, &lines, || latency_text(&lines), &read.unreadable);
+        return print_lines(arguments.json, &lines, || latency_text(&lines), &read.unreadable);
     }
     let lines = runs(&history)?;
     let unreadable = lines.iter().filter_map(|line| Some(format!("{}: {}", line.run, line.unreadable.as_ref()?)));
     let unreadable: Vec<String> = unreadable.collect();
-    said(arguments.json, &lines, || runs_text(&lines), &unreadable)
+    print_lines(arguments.json, &lines, || runs_text(&lines), &unreadable)
 }
 
 /// A history that is there. A folder without files is a wrong path more often than an empty history.
@@ -39,7 +39,7 @@ pub(crate) fn existing(folder: &Path) -> Result<History, Failure> {
 }
 
 /// Prints lines as JSON or as text, then what could not be read: exit code 3 if that is anything.
-fn said<T: serde::Serialize>(
+fn print_lines<T: serde::Serialize>(
     json: bool,
     lines: &T,
     text: impl Fn() -> String,

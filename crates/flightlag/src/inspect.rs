@@ -101,7 +101,7 @@ fn page(unit: &FlightUnit, loaded: &Loaded, arguments: &InspectArguments) -> Str
     let health = &loaded.health;
     let binding = match &loaded.binding {
         Ok(binding) => binding_text(binding, &loaded.flight),
-        Err(reason) => format!("{}\n", visible(&said_once(reason, &health.topics))),
+        Err(reason) => format!("{}\n", visible(&without_repeats(reason, &health.topics))),
     };
     let parts = [
         head(unit, health),
@@ -307,9 +307,10 @@ fn binding_text(binding: &Binding, flight: &Flight) -> String {
 }
 
 /// Why no map fits, less what the table of topics says of each.
-fn said_once(reason: &str, topics: &[TopicHealth]) -> String {
-    let told = topics.iter().filter(|t| !t.reason.is_empty()).map(|t| (&t.name, format!("{} ({})", t.name, t.reason)));
-    told.fold(reason.to_owned(), |text, (name, both)| text.replace(&both, name))
+fn without_repeats(reason: &str, topics: &[TopicHealth]) -> String {
+    let listed =
+        topics.iter().filter(|t| !t.reason.is_empty()).map(|t| (&t.name, format!("{} ({})", t.name, t.reason)));
+    listed.fold(reason.to_owned(), |text, (name, both)| text.replace(&both, name))
 }
 
 /// When it was: what the channels span together, with the date where the log tells it.
@@ -419,18 +420,18 @@ mod tests {
     use flight::Clock;
 
     #[test]
-    fn what_the_table_says_of_a_topic_is_not_said_again() {
+    fn the_reason_does_not_repeat_the_topic_table() {
         let topic: TopicHealth = serde_json::from_value(serde_json::json!({
             "name": "motor", "type_name": "", "encoding": "csv", "messages": 2, "payload_bytes": 8, "stamps": [],
             "decoded": false, "reason": "none of the wanted columns is among t, rpm",
         }))
         .unwrap();
         let reason = "no channel map fits; the log holds motor (none of the wanted columns is among t, rpm)";
-        assert_eq!(said_once(reason, &[topic]), "no channel map fits; the log holds motor");
+        assert_eq!(without_repeats(reason, &[topic]), "no channel map fits; the log holds motor");
     }
 
     #[test]
-    fn a_flight_by_gps_time_is_dated_by_utc() {
+    fn a_flight_on_gps_time_is_dated_in_utc() {
         // Week 2313 and 500000 s: 2024-05-10 18:53:20 by GPS, which is 18 s ahead of UTC.
         let first = (2313 * 604_800 + 500_000) * flight::NANOS_PER_SECOND;
         let last = first + 60 * flight::NANOS_PER_SECOND;
@@ -450,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_hole_is_said_and_gaps_of_unknown_steps_are_not_counted() {
+    fn the_longest_gap_is_shown_and_gaps_of_unknown_steps_are_not_counted() {
         let stamps = |stamps: &[i64]| {
             ingest::stamps::StampStats::from_slice(flight::StampKind::Logged, Clock::Unix, "log", stamps).unwrap()
         };

@@ -9,7 +9,7 @@ use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// How often sums of bytes are told to machines.
+/// How often sums of bytes are last_report to machines.
 const OFTEN: Duration = Duration::from_millis(500);
 
 /// The listener that the user wants.
@@ -25,7 +25,7 @@ pub(crate) fn listener(desk: &DeskArguments) -> Box<dyn EventSink> {
 /// What a person wants to hear of an event, apart from progress.
 fn sentence(event: &Event) -> Option<String> {
     let count = |n: &usize, what| count(*n as u64, what);
-    let said = match event {
+    let text = match event {
         Event::Found { flights, ignored, bytes: size } => {
             let others = match ignored {
                 0 => String::new(),
@@ -53,7 +53,7 @@ fn sentence(event: &Event) -> Option<String> {
         Event::Campaign { name, flights } => format!("campaign {name}: {}", flights.display()),
         _ => return None,
     };
-    Some(said)
+    Some(text)
 }
 
 /// As the badge on the pages: a flight that says nothing is no flight without a change.
@@ -197,7 +197,7 @@ impl EventSink for Bar {
     }
 }
 
-/// Every event as one line of JSON on standard output; bytes are summed and told now and then.
+/// Every event as one line of JSON on standard output; bytes are summed and last_report now and then.
 struct JsonLines {
     sums: Mutex<Sums>,
 }
@@ -205,22 +205,22 @@ struct JsonLines {
 struct Sums {
     hashed: u64,
     read: u64,
-    told: Instant,
+    last_report: Instant,
 }
 
 impl Default for JsonLines {
     fn default() -> JsonLines {
-        JsonLines { sums: Mutex::new(Sums { hashed: 0, read: 0, told: Instant::now() }) }
+        JsonLines { sums: Mutex::new(Sums { hashed: 0, read: 0, last_report: Instant::now() }) }
     }
 }
 
 impl Sums {
-    /// Takes the sums if it is time, or if something else is to be told.
+    /// Takes the sums if it is time, or if something else is to be last_report.
     fn due(&mut self, now: bool) -> Vec<Event> {
-        if !now && self.told.elapsed() < OFTEN {
+        if !now && self.last_report.elapsed() < OFTEN {
             return vec![];
         }
-        self.told = Instant::now();
+        self.last_report = Instant::now();
         let (hashed, read) = (std::mem::take(&mut self.hashed), std::mem::take(&mut self.read));
         let mut events = vec![];
         if hashed > 0 {
@@ -263,7 +263,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flight_that_says_nothing_is_not_measurable_on_the_terminal_too() {
+    fn an_unmeasurable_flight_is_shown_as_not_measurable() {
         assert_eq!(result_word("not-measurable", Some(EffectVerdict::NoChange)), "not measurable");
         assert_eq!(result_word("compensated", Some(EffectVerdict::Harmed)), "HARMED");
         assert_eq!(result_word("uncompensated", Some(EffectVerdict::NoChange)), "no change");

@@ -40,7 +40,7 @@ fn main() -> ExitCode {
     campaign::quiet_caught_panics();
     match run(arguments.command) {
         Ok(exit) => exit.into(),
-        Err(failure) => failure.told(),
+        Err(failure) => failure.report(),
     }
 }
 

@@ -29,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_command_has_a_manual_page() {
+    fn every_command_has_a_man_page() {
         let folder = tempfile::tempdir().unwrap();
         let dir = folder.path().join("man1");
         man(&ManArguments { dir: dir.clone() }).unwrap();

@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn every_key_of_every_schema_is_explained_in_the_commented_example() {
+    fn every_schema_key_is_explained_in_the_commented_example() {
         for (of, example) in [
             (SchemaOf::Pipeline, pipelines::DEFAULT_PIPELINE),
             (SchemaOf::Criteria, pipelines::EXAMPLE_CRITERIA),

@@ -15,9 +15,9 @@ pub(crate) fn visible(text: &str) -> String {
 }
 
 fn is_hidden(c: char) -> bool {
-    let turns_the_line =
+    let reverses_text =
         matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}');
-    c.is_control() || turns_the_line
+    c.is_control() || reverses_text
 }
 
 /// Bytes for people: three digits and a decimal unit.
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_cannot_steer_the_terminal() {
+    fn a_log_cannot_control_the_terminal() {
         assert_eq!(visible("/imu\u{1b}[2J\n\u{202e}x é"), "/imu\\u{1b}[2J\\n\\u{202e}x é");
     }
 
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_stand_under_their_headings() {
+    fn columns_are_aligned_under_their_headings() {
         let mut table = Table::new(&["topic", "rate|"]);
         table.row(vec!["/gps".into(), "10.0".into()]);
         table.row(vec!["/imu/data".into(), "400.0".into()]);
