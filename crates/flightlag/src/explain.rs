@@ -1,4 +1,4 @@
-//! `flightlag explain`: what a code of a notice or an alarm means. The texts are those of the catalogue.
+//! `flightlag explain`: what a code of a notice or an alarm means. The texts are from the catalogue.
 
 use crate::arguments::ExplainArguments;
 use crate::failure::{End, Failure};
@@ -7,7 +7,7 @@ use campaign::Exit;
 use flight::{Alarm, Code, Severity};
 use std::io::Write;
 
-/// Where alarms stand in the list.
+/// Heading of the alarms in the list.
 const ALARMS: &str = "Alarms of a delay";
 
 pub(crate) fn run(arguments: &ExplainArguments) -> Result<End, Failure> {
@@ -22,7 +22,7 @@ pub(crate) fn run(arguments: &ExplainArguments) -> Result<End, Failure> {
     Ok(Exit::Well.into())
 }
 
-/// The entry of a code; of a code of an older release that of the one that has taken its place.
+/// The entry of a code; for a code of an older release, that of its replacement.
 fn explained(wanted: &str) -> Result<String, String> {
     if let Some(code) = Code::of_name(wanted) {
         return Ok(notice(code));
@@ -97,7 +97,7 @@ mod tests {
             damaged.starts_with("damaged: loss (exit code 3; delay, campaign and bench: 0 if all losses are minor)\n"),
             "{damaged}"
         );
-        // Of a warning that marks a card the text says when.
+        // For a warning that marks a card, the text says when.
         assert!(
             explained("rig-contradicted").unwrap().starts_with("rig-contradicted: warning (exit code: see below)\n")
         );

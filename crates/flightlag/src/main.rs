@@ -1,4 +1,4 @@
-//! The command: what the user typed becomes calls of the crates below, and what they find becomes text.
+//! The command: converts the command line to calls of the other crates, and their findings to text.
 
 mod aircraft;
 mod arguments;

@@ -1,4 +1,4 @@
-//! `flightlag completions` and `flightlag man`: what shells and `man` want to know of the command, from its own help.
+//! `flightlag completions` and `flightlag man`: shell completions and manual pages, generated from the help texts.
 
 use crate::arguments::{Arguments, CompletionsArguments, ManArguments};
 use crate::failure::{End, Failure};

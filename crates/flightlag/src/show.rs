@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-/// Text from a log, with everything that could steer a terminal or turn the line made visible.
+/// Text from a log, with everything that could control a terminal or reverse text direction made visible.
 pub(crate) fn visible(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.chars() {
@@ -45,12 +45,12 @@ pub(crate) fn count(n: u64, noun: &str) -> String {
     if n == 1 { format!("1 {noun}") } else { format!("{n} {noun}s") }
 }
 
-/// A number with `digits` digits behind the point, or a dash.
+/// A number with `digits` decimals, or a dash.
 pub(crate) fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
 }
 
-/// How a column stands.
+/// Alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Align {
     Left,
@@ -64,7 +64,7 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// Columns; a heading that ends in a bar `|` stands right.
+    /// Columns; a heading that ends in a bar `|` is right-aligned.
     pub(crate) fn new(heads: &[&'static str]) -> Table {
         let align = |h: &&'static str| match h.strip_suffix('|') {
             Some(plain) => (plain, Align::Right),
