@@ -418,7 +418,7 @@ const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
     ),
     (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
     (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
-    (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason"),
+    (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "an_unusable_reference_file_is_an_alarm_with_its_reason"),
     (
         Alarm::DelayDiffersBetweenParts,
         "crates/campaign/src/answer/alarms.rs",
