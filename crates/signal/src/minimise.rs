@@ -1,6 +1,6 @@
 //! The lowest point of a function without derivatives.
 
-/// When a search is good enough.
+/// Stopping criteria of a search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance<const N: usize> {
     /// Size of the simplex along each axis.
@@ -19,7 +19,7 @@ pub(crate) struct Lowest<const N: usize> {
 }
 
 impl<const N: usize> Lowest<N> {
-    /// What is no number is a wall.
+    /// NaN counts as a wall.
     fn at(at: [f64; N], value: f64) -> Lowest<N> {
         Lowest { at, value: if value.is_nan() { f64::INFINITY } else { value } }
     }
