@@ -33,7 +33,7 @@ pub(crate) const ROWS_AT_ONCE: usize = 4096;
 /// What to export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExportWhat {
-    /// The channels that a map binds: SI units (angles of places in degrees), checked stamps.
+    /// The channels that a map binds: SI units (angles of positions in degrees), checked timestamps.
     Channels,
     /// Every topic with every field, unconverted.
     Topics,

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What a log says of the vehicle, its software and its settings.
+/// What a log states about the vehicle, its software and its settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct About {
@@ -22,19 +22,19 @@ pub struct About {
     /// Serial number or identity of the vehicle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vehicle: Option<String>,
-    /// Receivers and drivers as they name themselves, such as `u-blox M8 3.01`.
+    /// Receivers and drivers by their own names, such as `u-blox M8 3.01`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub receivers: Vec<String>,
-    /// What the log says of each receiver, in the order of their numbers. Several texts of one receiver are one entry.
+    /// What the log states about each receiver, by number. Several texts of one receiver make one entry.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub receiver_identities: Vec<ReceiverIdentity>,
-    /// Where antennas and IMU sit on the vehicle, as the parameters say at the start.
+    /// Positions of antennas and IMU on the vehicle, from the parameters at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lever_arms: Vec<LeverArm>,
-    /// Parameters that set a delay, as they stood at the start.
+    /// Parameters that set a delay, with their values at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub configured_delays: Vec<ConfiguredDelay>,
-    /// How many parameters the log holds.
+    /// Number of parameters in the log.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub parameters: u64,
     /// Parameters that changed during the log: name, old and new value, in the order of time.
@@ -43,7 +43,7 @@ pub struct About {
     /// Flight modes in the order of time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub modes: Vec<ModeStart>,
-    /// Text messages of the autopilot, the first hundred, with their time.
+    /// First hundred text messages of the autopilot, with their time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<String>,
 }
@@ -69,7 +69,7 @@ impl About {
     }
 }
 
-/// What a log says of one receiver. Absent is what the log does not say.
+/// What a log states about one receiver. Fields are absent if the log does not state them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReceiverIdentity {
@@ -90,10 +90,10 @@ pub struct ReceiverIdentity {
     /// Speed of its serial line, baud.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
-    /// Protocol that it speaks, such as `UBX`, `NMEA`, `DroneCAN`.
+    /// Protocol, such as `UBX`, `NMEA`, `DroneCAN`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
-    /// Where each of these was found: name of the field, and the parameter or text.
+    /// Source of each of these: name of the field, and the parameter or text.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub sources: BTreeMap<String, String>,
 }
@@ -107,14 +107,14 @@ impl ReceiverIdentity {
     }
 }
 
-/// Where a sensor sits on the vehicle, as configured: in body axes, from the point that the autopilot calls the
-/// vehicle's origin (PX4 and ArduPilot: the centre of gravity, as a rule).
+/// Configured position of a sensor on the vehicle: in body axes, from the point that the autopilot uses as the
+/// vehicle's origin (PX4 and ArduPilot: usually the centre of gravity).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeverArm {
     /// `gps` and `gps-2` for antennas, `imu` for the inertial sensors.
     pub sensor: String,
-    /// The parameters, as `EKF2_GPS_POS_X/Y/Z`.
+    /// The parameters, such as `EKF2_GPS_POS_X/Y/Z`.
     pub parameter: String,
     /// Ahead of the origin, m.
     pub forward_m: f64,
@@ -144,11 +144,11 @@ pub struct ConfiguredDelay {
     pub parameter: String,
     /// The delay, s.
     pub value_s: f64,
-    /// What it means, in words.
+    /// Its meaning, in words.
     pub meaning: String,
 }
 
-/// The begin of a flight mode.
+/// The start of a flight mode.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ModeStart {

@@ -33,14 +33,14 @@ pub enum Quantity {
     MagneticField,
     /// As [`Quantity::MagneticField`], scaled by a number that the sensor chose: 1 is about the local field.
     MagneticDirection,
-    /// Counts of a rotary encoder: a running number that turns neither over nor back.
+    /// Counts of a rotary encoder: a running number that neither wraps around nor resets.
     EncoderCount,
     /// Angle of a rotary encoder, rad; it need not start at zero.
     EncoderAngle,
-    /// Edges of a pulse per second, stamped by the logger; the value is the second of the device's clock, or its
+    /// Edges of a pulse per second, timestamped by the logger; the value is the second of the device's clock, or a
     /// running number.
     Pulse,
-    /// Any one number.
+    /// A single number.
     Scalar,
 }
 

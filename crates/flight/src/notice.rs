@@ -1,4 +1,4 @@
-//! Notices: everything the user must be told, because nothing is dropped silently.
+//! Notices: what the user must know. Nothing is dropped silently.
 
 mod catalogue;
 mod code;
@@ -15,16 +15,16 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
-    /// Worth knowing; every number stands.
+    /// Worth knowing; every number is valid.
     Info,
     /// Something was assumed, skipped or repaired; a number may deserve a second look.
     Warning,
-    /// Data that the logger wrote could not be read: bytes damaged, cut or failing their checksum.
+    /// Data that the logger wrote could not be read: bytes are damaged, truncated or fail their checksum.
     Loss,
 }
 
 impl Severity {
-    /// As it is serialised and shown.
+    /// The word that is serialised and shown.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -43,9 +43,9 @@ pub struct Notice {
     pub severity: Severity,
     /// A stable name for machines, such as `duplicate-stamp`.
     pub code: String,
-    /// File, topic, line or byte, as precise as is known; empty for the whole flight.
+    /// File, topic, line or byte, as precise as known; empty for the whole flight.
     pub place: String,
-    /// How many samples, rows, bytes or events it is about.
+    /// Number of samples, rows, bytes or events concerned.
     pub count: u64,
     /// A sentence for people.
     pub text: String,

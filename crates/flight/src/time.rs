@@ -32,18 +32,18 @@ impl Stamp {
     }
 }
 
-/// The clock that a stamp was read from. Stamps of different clocks are never compared.
+/// The clock of a timestamp. Timestamps of different clocks are never compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
-    /// UTC as Unix counts it: since 1970-01-01, leap seconds not counted.
+    /// UTC as a Unix count: since 1970-01-01, leap seconds not counted.
     Unix,
     /// GPS time since 1980-01-06, leap seconds counted.
     Gps,
     /// Since the device was switched on.
     Boot,
-    /// Since an unnamed start, as the time column of a hand-made table.
+    /// Since an unspecified start, such as the time column of a hand-made table.
     Elapsed,
 }
 
@@ -58,24 +58,24 @@ impl fmt::Display for Clock {
     }
 }
 
-/// UTC of a clock that does not know it, from messages of the log that say both: as a rule those of its receiver.
+/// UTC of a clock without UTC, from messages of the log that contain both: usually those of its receiver.
 ///
-/// It dates the flight. Samples keep their stamps, for a receiver's message comes late by an unknown and changing
-/// time, so that a tie is no better than its spread.
+/// It dates the flight. Samples keep their timestamps: a receiver's message is late by an unknown and varying time,
+/// so a tie is no better than its spread.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct UtcTie {
     /// The clock that is tied.
     pub clock: Clock,
-    /// Topic and fields that say both.
+    /// Topic and fields that contain both.
     pub source: String,
-    /// UTC (Unix) less the clock, ns: the median of the pairs.
+    /// UTC (Unix) minus the clock, ns: the median of the pairs.
     pub offset_ns: i64,
-    /// The pairs less their median, s, without the outliers.
+    /// The pairs minus their median, s, without outliers.
     pub spread_s: Distribution,
-    /// Pairs that were used.
+    /// Number of pairs used.
     pub pairs: u64,
-    /// Pairs more than a second off, not used.
+    /// Number of pairs more than a second off, not used.
     pub outliers: u64,
 }
 
@@ -87,13 +87,13 @@ impl UtcTie {
     }
 }
 
-/// What a stamp says about its sample. The three are kept apart, for their
+/// What a timestamp means for its sample. The three are kept separate, because their
 /// differences are what flightlag measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum StampKind {
-    /// When the device says that the value was true (ROS `header.stamp`, ULog `timestamp_sample`).
+    /// When the value was true according to the device (ROS `header.stamp`, ULog `timestamp_sample`).
     Measured,
     /// When the driver sent the message.
     Published,

@@ -30,7 +30,7 @@ pub(crate) fn put(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|e| failed(path, &e))
 }
 
-/// An existing file is replaced, as by every tool that takes the name of its output; the user is told which happened.
+/// An existing file is replaced, as by every tool that takes the name of its output; the output states which happened.
 fn done(was_there: bool) -> &'static str {
     if was_there { "replaced" } else { "written" }
 }

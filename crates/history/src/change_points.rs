@@ -49,7 +49,7 @@ const LONGEST: usize = 300;
 const FREEDOM: f64 = 0.5;
 /// Constant of the threshold that holds over all looks, found by simulation.
 const EVERY_LOOK: f64 = 6.5;
-/// Number of newest values at each of which a step is searched, and maximum number of positions before them.
+/// Number of newest values that are all tested for a step, and maximum number of positions tested before them.
 const FINE: usize = 1000;
 const COARSE: usize = 1000;
 /// Number of bisections in the search for a variance.

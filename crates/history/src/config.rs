@@ -15,7 +15,7 @@ use toml::Spanned;
 /// Names that a campaign must not have: the night writes files with these names into the same folder.
 const TAKEN: [&str; 6] = ["nights", "history", "index.html", "morning.html", "figures.zip", "summary"];
 
-/// The nightly file as its author writes it.
+/// The nightly file.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -33,16 +33,16 @@ struct NightlyFile {
     /// Folder of the history: one Parquet file for each night. Default: OUT/history.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     history: Option<Spanned<PathBuf>>,
-    /// Fleet file: aircraft and receivers that logs do not say.
+    /// Fleet file: aircraft and receivers that logs do not state.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     fleet: Option<Spanned<PathBuf>>,
     /// Settings of all campaigns (TOML). Default: the shipped ones.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pipeline: Option<Spanned<PathBuf>>,
-    /// Criteria of all campaigns (TOML). Default: those that the pipeline names, if any.
+    /// Criteria of all campaigns (TOML). Default: those in the pipeline, if any.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     criteria: Option<Spanned<PathBuf>>,
-    /// A log that was written to less than this ago is left for the next night, minutes. Default: 10.
+    /// A log modified less than this ago is left for the next night, minutes. Default: 10.
     #[serde(default = "default_settle")]
     #[cfg_attr(feature = "schema", schemars(with = "f64", range(min = 0.0, max = 1440.0)))]
     settle_min: Spanned<f64>,
@@ -71,13 +71,13 @@ struct CampaignTable {
     /// Name of the campaign in reports and history. Default: the name of the folder.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>", regex(pattern = "^[A-Za-z0-9._-]+$")))]
     name: Option<Spanned<String>>,
-    /// Settings of this campaign instead of those of all.
+    /// Settings of this campaign, instead of the common ones.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pipeline: Option<Spanned<PathBuf>>,
-    /// Criteria of this campaign instead of those of all.
+    /// Criteria of this campaign, instead of the common ones.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     criteria: Option<Spanned<PathBuf>>,
-    /// Channel map with which every flight is read.
+    /// Channel map for every flight.
     map: Option<String>,
     /// Folder with further channel maps.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]

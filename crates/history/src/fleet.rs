@@ -8,7 +8,7 @@ use settings::{Refused, SettingsFile};
 use std::path::Path;
 use toml::Spanned;
 
-/// The fleet file as its author writes it.
+/// The fleet file.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -17,21 +17,21 @@ struct FleetFile {
     /// Version of this file's layout: 1.
     #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     schema: Spanned<u32>,
-    /// Aircraft, each with the flights that are its own. The first that fits a flight counts.
+    /// Aircraft, each with its flights. The first that matches a flight counts.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "Vec<AircraftTable>", length(min = 1)))]
     aircraft: Vec<Spanned<AircraftTable>>,
 }
 
-/// An aircraft with its receiver, and which flights are its own.
+/// An aircraft with its receiver and its flights.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct AircraftTable {
-    /// Pattern of CAMPAIGN/FLIGHT; `*` stands for anything, also for several folders.
+    /// Pattern of CAMPAIGN/FLIGHT; `*` matches anything, including several folders.
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     flights: Spanned<String>,
-    /// Aircraft, as its registration or tail number.
+    /// Aircraft: registration or tail number.
     airframe: Option<String>,
     /// Make and model of the receiver.
     receiver: Option<String>,

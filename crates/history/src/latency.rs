@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LatencyLine {
-    /// Make and model of the receiver; `null` if it is not known.
+    /// Make and model of the receiver; `null` if unknown.
     pub receiver: Option<String>,
     /// Firmware of the receiver.
     pub firmware: Option<String>,
@@ -26,11 +26,11 @@ pub struct LatencyLine {
     pub flights: u64,
     /// Weighted mean, s.
     pub lateness_s: f64,
-    /// Its standard uncertainty, s. The part of the model error that the flights share is not averaged down.
+    /// Its standard uncertainty, s. The part of the model error that all flights share is not averaged down.
     pub lateness_u_s: f64,
-    /// That part, s; the least that any of these flights has.
+    /// That shared part, s: the smallest of any of these flights.
     pub lateness_common_u_s: f64,
-    /// Standard deviation between flights beyond their own uncertainties, s.
+    /// Standard deviation between flights in addition to their own uncertainties, s.
     pub between_s: f64,
     /// Smallest, s.
     pub low_s: f64,
