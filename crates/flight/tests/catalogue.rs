@@ -362,11 +362,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/bench-analysis/tests/it/encoder.rs",
         "single_glitches_are_left_out_counted_and_told",
     ),
-    (
-        Code::ValuesReplaced,
-        "crates/convert/tests/it/original.rs",
-        "a_log_recovered_twice_reads_as_the_original",
-    ),
+    (Code::ValuesReplaced, "crates/convert/tests/it/original.rs", "a_log_recovered_twice_reads_as_the_original"),
     (Code::NotWritten, "crates/convert/src/recover.rs", "messages_found_but_not_written_are_a_loss"),
 ];
 
