@@ -323,7 +323,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::LeftOffCard,
         "crates/bench-analysis/src/card/combine/tests.rs",
-        "a_record_that_is_off_is_left_out_and_named",
+        "an_outlying_record_is_excluded_and_named",
     ),
     (
         Code::NotComparable,
@@ -345,7 +345,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::ClockTie,
         "crates/bench-analysis/tests/it/clocks.rs",
-        "a_channel_on_a_clock_of_its_own_is_left_out_and_named",
+        "a_channel_on_its_own_clock_is_skipped_and_named",
     ),
     (
         Code::NoReference,
@@ -355,12 +355,12 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::RigContradicted,
         "crates/bench-analysis/tests/it/encoder.rs",
-        "stated_counts_that_the_angle_contradicts_are_told",
+        "stated_counts_that_the_angle_contradicts_are_reported",
     ),
     (
         Code::EncoderRepaired,
         "crates/bench-analysis/tests/it/encoder.rs",
-        "single_glitches_are_left_out_counted_and_told",
+        "single_glitches_are_rejected_counted_and_reported",
     ),
     (Code::ValuesReplaced, "crates/convert/tests/it/original.rs", "a_log_recovered_twice_reads_as_the_original"),
     (Code::NotWritten, "crates/convert/src/recover.rs", "messages_found_but_not_written_are_a_loss"),
