@@ -10,12 +10,12 @@ use signal::{
 /// Windows of the delay over the record, s; half overlapping.
 const WINDOW_S: f64 = 15.0;
 /// Below this probability the text states that the delay changes.
-const SAID: f64 = 0.01;
+const REPORTED_P: f64 = 0.01;
 /// Below this one the delay counts as changing: 1 of 752 channels with a constant delay, in simulations.
-const SURE: f64 = 0.001;
+const CERTAIN_P: f64 = 0.001;
 /// Below this one each window is fitted with its own noise, because a step becomes part of the noise of the whole
 /// record and hides itself.
-const DOUBTED: f64 = 0.05;
+const DOUBTFUL_P: f64 = 0.05;
 /// Half of a 95 % interval in standard uncertainties.
 const HALF_95: f64 = 1.96;
 /// A lag explains a change if it leaves less than this share of its range.
@@ -47,15 +47,18 @@ pub(crate) fn constancy(
         let text = format!("fewer than two windows of {WINDOW_S} s with enough motion");
         return Constancy { finding: Finding::CannotTell(text), change_s: None };
     };
-    let own_p =
-        if (SURE..DOUBTED).contains(&constant_p) { each_alone(measurements, fit, settings, &apart) } else { None };
-    let constant_p = own_p.filter(|p| *p < SURE).unwrap_or(constant_p);
-    let by_the_lag = constant_p < SAID && !changes_behind_lag(measurements, settings, model, &apart);
-    let changes = constant_p < SURE && !by_the_lag;
+    let own_p = if (CERTAIN_P..DOUBTFUL_P).contains(&constant_p) {
+        each_alone(measurements, fit, settings, &apart)
+    } else {
+        None
+    };
+    let constant_p = own_p.filter(|p| *p < CERTAIN_P).unwrap_or(constant_p);
+    let by_the_lag = constant_p < REPORTED_P && !changes_behind_lag(measurements, settings, model, &apart);
+    let changes = constant_p < CERTAIN_P && !by_the_lag;
     let least = windows.iter().map(|w| w.delay_s).fold(f64::INFINITY, f64::min);
     let most = windows.iter().map(|w| w.delay_s).fold(f64::NEG_INFINITY, f64::max);
     let found = match constant_p {
-        p if p >= SAID => "No change over the record".to_owned(),
+        p if p >= REPORTED_P => "No change over the record".to_owned(),
         _ if by_the_lag => "The delay that fits best changes with the motion, as the lag makes it".to_owned(),
         _ => format!("The delay changes over the record, between {} and {} ms", millis(least), millis(most)),
     };
@@ -127,7 +130,7 @@ fn changes_behind_lag(
         let bound = |f: fn(f64, f64) -> f64, from: f64| all.iter().map(|w| w.delay_s).fold(from, f);
         bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY)
     };
-    range(&windows) > LAG_EXPLAINS * range(apart) || homogeneity(&windows).is_none_or(|(_, p)| p < SURE)
+    range(&windows) > LAG_EXPLAINS * range(apart) || homogeneity(&windows).is_none_or(|(_, p)| p < CERTAIN_P)
 }
 
 /// Weighted straight line through the delays of non-overlapping windows, s/s.

@@ -120,7 +120,7 @@ impl EncoderSeries {
         let scale = scale_of(name, channel.quantity, raw, rig, &mut notices)?;
         let turned: Vec<f64> = raw.iter().map(|v| v * scale.rad_per_unit).collect();
         let lsb = TAU / scale.counts_per_rev;
-        let unwrapped = unwrap_turns(&t_s, &turned, lsb, &turnovers(&scale), name, &mut notices);
+        let unwrapped = unwrap_turns(&t_s, &turned, lsb, &wrap_angles(&scale), name, &mut notices);
         let kept = without_spikes(&t_s, &unwrapped, lsb);
         let left_out = rows - kept.len();
         let mut rejected = vec![];
@@ -324,7 +324,7 @@ fn second_difference_sigma(raw: &[f64]) -> f64 {
 }
 
 /// Angles at which this reading may wrap around, with their names.
-fn turnovers(scale: &Scale) -> Vec<(f64, String)> {
+fn wrap_angles(scale: &Scale) -> Vec<(f64, String)> {
     let one_turn = (TAU, "one revolution".to_owned());
     if !scale.is_count {
         return vec![one_turn];
@@ -350,12 +350,12 @@ fn unwrap_turns(
     let range =
         angle.iter().copied().fold(f64::NEG_INFINITY, f64::max) - angle.iter().copied().fold(f64::INFINITY, f64::min);
     let explained = |modulus: f64| {
-        let turned_over = |k: usize| {
+        let wrapped_around = |k: usize| {
             let (step, limit) = (angle[k] - angle[k - 1], plausible(t[k] - t[k - 1], lsb));
             // Above half a turn the step alone is ambiguous.
             step.abs() > limit && limit < 0.5 * modulus && (step.abs() - modulus).abs() <= limit
         };
-        (1..angle.len()).filter(|&k| turned_over(k)).count()
+        (1..angle.len()).filter(|&k| wrapped_around(k)).count()
     };
     let candidates = moduli.iter().filter(|(modulus, _)| range <= modulus * (1.0 + 1e-9) + lsb);
     let best = candidates.map(|(modulus, name)| (explained(*modulus), *modulus, name)).max_by_key(|c| c.0);

@@ -112,10 +112,10 @@ mod tests {
         let kept = min_max(&t, &y, 1000).rows;
         assert!(kept.len() < 400, "{}", kept.len());
         let line = |a: usize, b: usize, r: usize| y[a] + (y[b] - y[a]) * (t[r] - t[a]) / (t[b] - t[a]);
-        let beside =
+        let distance =
             |pair: &[usize]| (pair[0]..pair[1]).map(|r| (y[r] - line(pair[0], pair[1], r)).abs()).fold(0.0, f64::max);
         let [low, high] = y.iter().fold([f64::MAX, f64::MIN], |[l, h], &y| [l.min(y), h.max(y)]);
-        let worst = kept.windows(2).map(beside).fold(0.0, f64::max);
+        let worst = kept.windows(2).map(distance).fold(0.0, f64::max);
         assert!(worst <= (high - low) / STEPS * 1.000_001, "{worst}");
         let extremes = (1..3999).filter(|&r| (y[r] - y[r - 1]) * (y[r + 1] - y[r]) < 0.0);
         extremes.for_each(|r| assert!(kept.contains(&r), "{r}"));

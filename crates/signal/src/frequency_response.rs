@@ -184,7 +184,7 @@ impl Record {
         for k in 0..count {
             let start = self.t[0] + k as f64 * hop_s;
             if gaps.iter().any(|(from, to)| *from < start + reach_s && *to > start) {
-                spectra.leave_out();
+                spectra.skip();
             } else {
                 spectra.add(&self.on_grid(start, length, rate_hz));
             }
@@ -273,7 +273,7 @@ impl Spectra {
         }
     }
 
-    fn leave_out(&mut self) {
+    fn skip(&mut self) {
         self.left_out += 1;
         self.last_used = false;
     }

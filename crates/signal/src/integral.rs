@@ -19,7 +19,7 @@ impl<'a> CumulativeIntegral<'a> {
     /// If the slices are empty or of different length.
     #[must_use]
     pub fn new(t: &'a [f64], v: &'a [f64]) -> CumulativeIntegral<'a> {
-        assert!(!t.is_empty() && t.len() == v.len(), "one velocity for each of at least one stamp");
+        assert!(!t.is_empty() && t.len() == v.len(), "t and v must have the same non-zero length");
         let mut sum = 0.0;
         let mut prefix = Vec::with_capacity(t.len());
         prefix.push(0.0);

@@ -71,12 +71,12 @@ pub(crate) fn nelder_mead<const N: usize>(
 
 /// `start`, and the points `step` away from it along each axis.
 fn first_points<const N: usize>(start: [f64; N], step: [f64; N]) -> impl Iterator<Item = [f64; N]> {
-    let beside = move |axis: usize| {
+    let neighbour = move |axis: usize| {
         let mut at = start;
         at[axis] += step[axis];
         at
     };
-    std::iter::once(start).chain((0..N).map(beside))
+    std::iter::once(start).chain((0..N).map(neighbour))
 }
 
 /// Whether any point is further than `limit` from the first along any axis.

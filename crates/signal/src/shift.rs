@@ -91,7 +91,7 @@ mod tests {
 
     /// With the same noise and a small error added, the fit moves as predicted.
     #[test]
-    fn the_fit_moves_as_foretold() {
+    fn the_fit_moves_as_predicted() {
         let knots: Vec<f64> = (0..=1500).map(|k| 0.02 * f64::from(k)).collect();
         let truth: Vec<f64> = knots.iter().map(|t| (3.4 * t + 2.0 * (0.21 * t).sin()).sin()).collect();
         let reference = CubicSpline::new(&knots, &truth).unwrap();
@@ -108,8 +108,8 @@ mod tests {
             let response = DelayResponse::of(&m, &fit).unwrap();
             (fit.delay_s, response.shift_s(&[used]).unwrap(), response.shift_s(&[vec![0.0]]))
         };
-        let ((before, foretold, wrong_length), (after, ..)) = (fit(0.0), fit(1.0));
-        assert!(foretold.abs() > 5e-5 && (after - before - foretold).abs() < 0.03 * foretold.abs(), "{foretold}");
+        let ((before, predicted, wrong_length), (after, ..)) = (fit(0.0), fit(1.0));
+        assert!(predicted.abs() > 5e-5 && (after - before - predicted).abs() < 0.03 * predicted.abs(), "{predicted}");
         assert_eq!(wrong_length, None);
     }
 }

@@ -131,7 +131,7 @@ fn a_wrong_heading_does_not_change_the_swing_angle() {
 }
 
 #[test]
-fn velocity_is_the_derivative_of_position_and_acceleration_that_of_velocity() {
+fn velocity_and_acceleration_are_derivatives_of_position() {
     let arm = [0.1, 0.02, -1.3];
     let state = |t: f64| BarState {
         angle: 1.1 * (2.9 * t).sin(),

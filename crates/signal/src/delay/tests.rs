@@ -48,7 +48,7 @@ fn deterministic() -> (Vec<f64>, Vec<f64>) {
 
 /// `delay_fit_deterministic` of the project's acceptance vectors.
 #[test]
-fn the_deterministic_record_gives_delay_gain_and_offset_of_the_acceptance_vector() {
+fn the_deterministic_record_matches_the_acceptance_vector() {
     let case = &vectors()["delay_fit_deterministic"];
     let number = |key: &str| case[key].as_f64().unwrap();
     let list = |key: &str| -> Vec<f64> { serde_json::from_value(case[key].clone()).unwrap() };
@@ -69,7 +69,7 @@ fn the_deterministic_record_gives_delay_gain_and_offset_of_the_acceptance_vector
 
 /// The same with the textbook sandwich.
 #[test]
-fn the_uncertainties_of_the_deterministic_record_are_those_of_the_acceptance_vector() {
+fn deterministic_record_uncertainties_match_the_acceptance_vector() {
     let case = &vectors()["delay_fit_deterministic"];
     let list = |key: &str| -> Vec<f64> { serde_json::from_value(case[key].clone()).unwrap() };
     let (t, y) = deterministic();
@@ -220,7 +220,7 @@ fn outliers_are_downweighted_and_counted() {
     assert!(fit(&clean, true).downweighted_share == 0.0);
     assert!(robust.downweighted_share >= 11.0 / 240.0 && plain.downweighted_share == 0.0);
     let spoiled = (5..240).step_by(23).all(|k| robust.components[0].weights[k] < 0.2);
-    assert!(spoiled, "every spoiled row is held back");
+    assert!(spoiled, "every spoiled row is downweighted");
     assert!(robust.standard_uncertainty_s < 0.4 * plain.standard_uncertainty_s);
     assert!((robust.delay_s - 0.4).abs() < 3.0 * robust.standard_uncertainty_s, "{}", robust.delay_s);
 }

@@ -47,16 +47,16 @@ pub(super) fn smooth_back(series: &Series, filtered: &Filtered, rho: f64) -> Smo
         let index = filtered.update_of[k];
         let same = is_usual && matches!(step, Some((i, _)) if i == index);
         let back = match step {
-            _ if filtered.starts_anew(k + 1) => StepBack { gain: [[0.0; 4]; 4], own: *filtered.covariance(k) },
+            _ if filtered.restarts_at(k + 1) => StepBack { gain: [[0.0; 4]; 4], own: *filtered.covariance(k) },
             Some((_, back)) if same => back,
             _ => step_back(filtered.covariance(k), ratio, rho),
         };
-        step = (is_usual && !filtered.starts_anew(k + 1)).then_some((index, back));
+        step = (is_usual && !filtered.restarts_at(k + 1)).then_some((index, back));
         let predicted = if is_usual { usual } else { Transition::new(ratio) }.apply(&filtered.states[k]);
         let ahead: State = std::array::from_fn(|i| state[i] - predicted[i]);
         let correction = matrix_times(&back.gain, &ahead);
         state = std::array::from_fn(|i| filtered.states[k][i] + correction[i]);
-        if filtered.starts_anew(k + 1) {
+        if filtered.restarts_at(k + 1) {
             out.restarts.push(k + 1);
         }
         if ratio > LONG {

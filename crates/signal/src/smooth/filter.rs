@@ -122,7 +122,7 @@ impl Filtered {
     }
 
     /// Whether the motion restarts at sample `k`.
-    pub(super) fn starts_anew(&self, k: usize) -> bool {
+    pub(super) fn restarts_at(&self, k: usize) -> bool {
         self.updates[self.update_of[k] as usize].restarts
     }
 
