@@ -1,4 +1,4 @@
-//! Samples a second of each compensator: ten minutes at 100 Hz, a velocity, a position and an output at each sample.
+//! Samples per second of each compensator: ten minutes at 100 Hz, one velocity, position and output per sample.
 
 use compensation_replay::{CompensatorKind, CompensatorOptions, KalmanSettings};
 use divan::Bencher;

@@ -1,4 +1,4 @@
-//! What it costs to measure the delays of a flight.
+//! Cost of measuring the delays of a flight.
 
 use compensation_replay::{FlightDelaySettings, measure_delays};
 use divan::Bencher;
@@ -15,7 +15,7 @@ fn flight(duration_s: f64, position_hz: f64, velocity_hz: f64) -> Flight {
     flight
 }
 
-/// One pair: seconds of flight, fixes a second, velocities a second.
+/// One pair: seconds of flight, fixes per second, velocities per second.
 #[divan::bench(args = [(60, 5, 100), (600, 10, 50), (3600, 10, 100)])]
 fn one_pair(bencher: Bencher, (duration_s, position_hz, velocity_hz): (u32, u32, u32)) {
     let flight = flight(f64::from(duration_s), f64::from(position_hz), f64::from(velocity_hz));

@@ -2,10 +2,10 @@
 
 use simulate::{FlightSettings, SensorSettings, SimulatedFlight, Wander, simulate};
 
-/// A circuit of `duration_s` seconds: position late by 0.4 s with noise and wander, velocity on time.
+/// A circuit of `duration_s` seconds: position 0.4 s late with noise and wander, velocity on time.
 ///
 /// # Panics
-/// If the simulator refuses the settings.
+/// If the simulator rejects the settings.
 #[must_use]
 #[allow(clippy::expect_used)] // a benchmark without its flight cannot go on
 pub fn circuit(duration_s: f64, position_hz: f64, velocity_hz: f64) -> SimulatedFlight {

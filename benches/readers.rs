@@ -1,4 +1,5 @@
-//! Bytes a second from a log to a flight, for each container: two minutes with a position at 100 Hz and a velocity at 200 Hz.
+//! Bytes per second from a log to a flight, for each container: two minutes with a position at 100 Hz and a velocity at
+//! 200 Hz.
 
 use divan::Bencher;
 use divan::counter::BytesCount;

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-/// Far below the default, so that a few bytes cannot take a second and a quarter of a gigabyte by asking for them.
+/// Far below the default, so that a few bytes cannot take a second and a quarter of a gigabyte by requesting them.
 fn limits() -> Limits {
     Limits {
         record_bytes: 16 << 20,
@@ -26,8 +26,8 @@ pub fn of(kind: LogKind) -> Target {
     Box::new(move |data| disk.lock().unwrap().read(kind, data, &|_: &TopicInfo| Selection::All))
 }
 
-/// Reads a ROS 2 bag with what lies beside it: length of the metadata, metadata, length of the database, database, its
-/// write-ahead log.
+/// Reads a ROS 2 bag with its accompanying files: length of the metadata, metadata, length of the database, database,
+/// its write-ahead log.
 pub fn bag_folder() -> Target {
     let folder = scratch();
     let unit = FlightUnit {
@@ -40,17 +40,17 @@ pub fn bag_folder() -> Target {
         let folder = in_turn.lock().unwrap();
         let mut rest = data;
         for (name, width) in [("metadata.yaml", 2), ("log.db3", 4), ("log.db3-wal", 0)] {
-            let (length, behind) = rest.split_at(width.min(rest.len()));
+            let (length, tail) = rest.split_at(width.min(rest.len()));
             let length = length.iter().rev().fold(0, |length, &byte| length << 8 | usize::from(byte));
-            let (content, behind) = behind.split_at(if width == 0 { behind.len() } else { length.min(behind.len()) });
+            let (content, tail) = tail.split_at(if width == 0 { tail.len() } else { length.min(tail.len()) });
             std::fs::write(folder.path().join(name), content).expect("room for the input");
-            rest = behind;
+            rest = tail;
         }
         read(&unit, &|_: &TopicInfo| Selection::All);
     })
 }
 
-/// What a campaign does with a file: told by its content, read for the shipped maps, bound.
+/// What a campaign does with a file: detected by content, read for the shipped maps, bound.
 pub fn whole() -> Target {
     let disk = Mutex::new(Disk::new("log"));
     let library = MapLibrary::shipped().expect("the shipped maps are sound");
@@ -97,7 +97,7 @@ fn mcap_of(schema: &str, message: &str, definition: &[u8], payload: &[u8]) -> Ve
     [magic, &record(1, &[0; 8])[..], &record(3, &schema), &record(4, &channel), &record(5, &sent), magic].concat()
 }
 
-/// A file in memory that every input is written to.
+/// A file in memory to which every input is written.
 struct Disk {
     folder: tempfile::TempDir,
     name: &'static str,
@@ -124,7 +124,7 @@ impl Disk {
     }
 }
 
-/// A folder in memory, where there is one.
+/// A folder in memory, if available.
 fn scratch() -> tempfile::TempDir {
     let shared = Path::new("/dev/shm");
     let folder = if shared.is_dir() { tempfile::tempdir_in(shared) } else { tempfile::tempdir() };

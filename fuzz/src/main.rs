@@ -1,7 +1,7 @@
-//! One binary, a target for each parser. `FLIGHTLAG_FUZZ` names the one that runs.
+//! One binary with a target for each parser. `FLIGHTLAG_FUZZ` selects the one to run.
 //!
 //! A target panics where a promise is broken: a panic of the parser itself, bytes without a fate, an arithmetic
-//! overflow. libFuzzer watches time and memory.
+//! overflow. libFuzzer monitors time and memory.
 
 #![no_main]
 

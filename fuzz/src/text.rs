@@ -4,7 +4,7 @@ use std::path::Path;
 
 const PATH: &str = "fuzz.toml";
 
-/// Text that is no UTF-8 is refused before any of these parsers.
+/// Text that is not UTF-8 is rejected before any of these parsers.
 fn text_of(data: &[u8]) -> &str {
     std::str::from_utf8(data).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! One flight in every container is one flight.
+//! One flight gives the same channels in every container.
 
 use flight::{Channel, Flight, Stamp, StampKind};
 use ingest::{Limits, Loaded, MapLibrary, ReadContext};
@@ -9,14 +9,14 @@ use simulate::{
 use std::fs;
 use std::sync::atomic::AtomicBool;
 
-/// Noise, so that no two values are alike, and a climb, so that all components move.
+/// With noise, so that no two values are equal, and a climb, so that all components move.
 fn flight() -> SimulatedFlight {
     let position = SensorSettings { delay_s: 0.4, white_std: 0.3, ..SensorSettings::clean(5.0) };
     let velocity = SensorSettings { white_std: 0.1, ..SensorSettings::clean(100.0) };
     simulate::simulate(&FlightSettings { duration_s: 20.0, position, velocity, ..FlightSettings::default() }).unwrap()
 }
 
-/// All containers that keep every stamp of every topic.
+/// All containers that preserve every timestamp of every topic.
 pub fn containers() -> Vec<Container> {
     use {BagCompression as B, McapCompression as C, McapEncoding as E};
     let mcap = |encoding, compression, summary| Container::Mcap(McapSettings { encoding, compression, summary });
@@ -42,7 +42,7 @@ fn through(container: Container, simulated: &SimulatedFlight) -> Loaded {
     read_back(&container.files(simulated, "flight").unwrap(), &format!("{container:?}"))
 }
 
-/// Writes the files of a log, finds it and reads it, as a campaign does. `what` is for messages.
+/// Writes the files of a log, discovers it and reads it, as a campaign does. `what` is for messages.
 pub fn read_back(files: &[LogFile], what: &str) -> Loaded {
     let folder = tempfile::tempdir().unwrap();
     for file in files {
@@ -58,7 +58,7 @@ pub fn read_back(files: &[LogFile], what: &str) -> Loaded {
     ingest::load(&found.units[0], &library, None, &context).unwrap_or_else(|e| panic!("{what}: {e}"))
 }
 
-/// Everything measured in a channel: stamps, and values as bits.
+/// Everything measured in a channel: timestamps, and values as bits.
 pub type Measured = (Vec<Stamp>, Vec<Vec<u64>>, Vec<bool>, Option<Vec<Stamp>>);
 
 fn measured(channel: &Channel) -> Measured {
@@ -86,12 +86,12 @@ fn one_flight_in_every_container_gives_the_same_channels_bit_for_bit() {
 }
 
 #[test]
-fn every_byte_of_an_intact_log_has_a_fate_and_none_is_damaged() {
+fn every_byte_of_an_intact_log_is_accounted_for_without_damage() {
     let simulated = flight();
     for container in containers().into_iter().chain([Container::CsvWide]) {
         let health = through(container, &simulated).health;
         let bytes = &health.bytes;
-        // What is packed as a whole is accounted for as it is unpacked.
+        // Compressed containers are accounted for by their unpacked bytes.
         let packed = Db3Compression::ZstdFile;
         let size = match container {
             Container::Db3(Db3Settings { compression, .. }) if compression == packed => bytes.size,
@@ -118,7 +118,7 @@ fn a_wide_table_gives_the_velocity_bit_for_bit_and_marks_the_held_positions() {
 }
 
 #[test]
-fn the_demo_is_twelve_flights_of_which_only_the_truncated_one_has_lost_data() {
+fn the_demo_has_twelve_flights_and_only_the_truncated_one_lost_data() {
     let folder = tempfile::tempdir().unwrap();
     let manifest = simulate::write_demo(folder.path(), 1).unwrap();
     let library = MapLibrary::shipped().unwrap();
@@ -132,7 +132,7 @@ fn the_demo_is_twelve_flights_of_which_only_the_truncated_one_has_lost_data() {
         let loaded = ingest::load(unit, &library, None, &context).unwrap();
         assert!(loaded.binding.is_ok(), "{}: {:?}", unit.id, loaded.binding);
         assert_eq!(loaded.flight.notices.any_loss(), truth.kept_share.is_some(), "{}", unit.id);
-        // The cut loses the chunk it falls into: one of some thirty, so up to 0.04 beyond its share.
+        // The cut loses the chunk it falls into: one of about thirty, so up to 0.04 more than its share.
         let velocity = &loaded.flight.channels["velocity.gps"].series;
         let gaps: f64 = truth.velocity.gaps.iter().map(|gap| gap.to_s - gap.from_s).sum();
         let whole = (truth.duration_s - gaps) * truth.velocity.rate_hz;

@@ -1,4 +1,4 @@
-//! The bench as a whole: records whose truth is known, through files, command and card.
+//! The whole bench: records with known truth, through files, command and card.
 
 use crate::agreement::{channels, containers, read_back};
 use crate::program::run;
@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-/// A short swing with every kind of channel, noisy enough that no two values are alike.
+/// A short swing with every kind of channel, noisy enough that no two values are equal.
 fn short() -> SimulatedBench {
     let settings = BenchSettings { swing_s: 20.0, rest_s: [2.0, 2.0], ..BenchSettings::ins() };
     simulate_bench(&settings.with(BenchChannel::PositionGps, BenchSensor::noisy(4.0, 0.1).late(0.4))).unwrap()
@@ -24,7 +24,7 @@ fn rig_of(simulated: &SimulatedBench) -> Rig {
 }
 
 #[test]
-fn one_swing_in_every_container_is_one_bench_record() {
+fn one_swing_gives_one_bench_record_in_every_container() {
     let simulated = short();
     let perfect = simulated.to_flight().unwrap();
     let rig = rig_of(&simulated);
@@ -33,21 +33,21 @@ fn one_swing_in_every_container_is_one_bench_record() {
         serde_json::to_string(&bench(&input, &rig).unwrap().findings).unwrap()
     };
     let found = of(&perfect);
-    // An encoder's message is of no common type: a bag without definitions cannot say what it holds.
+    // An encoder's message has no common type: a bag without definitions cannot describe it.
     let says_its_types = |c: &Container| !matches!(c, Container::Db3(Db3Settings { definitions: false, .. }));
     for (index, container) in containers().into_iter().filter(says_its_types).enumerate() {
         let loaded = read_back(&simulated.files(container, "swing").unwrap(), &format!("{container:?}"));
         assert!(channels(&loaded.flight) == channels(&perfect), "{container:?}: {:?}", loaded.binding);
-        // Equal channels give equal findings: one container of each family shows that nothing else is looked at.
+        // Equal channels give equal findings: one container of each family shows that nothing else matters.
         if index % 12 == 0 {
             assert!(of(&loaded.flight) == found, "{container:?}");
         }
     }
 }
 
-/// Delay errors of 0.4 s late positions and of channels on time, with every channel's interval of 99.99 %.
+/// Delay errors of positions 0.4 s late and of channels on time, with a 99.99 % interval for every channel.
 #[test]
-fn the_delays_of_a_simulated_sensor_are_found_within_what_is_claimed() {
+fn delays_of_a_simulated_sensor_are_found_within_their_uncertainty() {
     for (settings, late) in
         [(BenchSettings::default(), BenchChannel::PositionGps), (BenchSettings::ins(), BenchChannel::PositionIns)]
     {
@@ -80,7 +80,7 @@ fn the_delays_of_a_simulated_sensor_are_found_within_what_is_claimed() {
 
 /// The demo's records through the command: one card for each sensor.
 #[test]
-fn the_command_makes_a_card_that_holds_the_truth() {
+fn the_command_makes_a_card_that_matches_the_truth() {
     let folder = tempfile::tempdir().unwrap();
     let demo: BenchDemo = simulate::write_bench_demo(folder.path(), 1).unwrap();
     for serial in demo.records.iter().map(|r| r.serial.clone()).collect::<BTreeSet<_>>() {
@@ -94,7 +94,7 @@ fn the_command_makes_a_card_that_holds_the_truth() {
         let card = card_in(&out);
         assert_eq!(card.sensor.serial.as_deref(), Some(serial.as_str()));
         assert_eq!(card.records.len(), of_sensor.len());
-        // A lag is no delay: what the card says of the barometer depends on the swing.
+        // A lag is not a delay: the barometer's delay on the card depends on the swing.
         let delays = card.channels.iter().filter(|c| of_sensor.iter().all(|r| r.channels[&c.name].lags_s.is_empty()));
         for channel in delays {
             let truths: BTreeSet<String> = of_sensor
@@ -123,7 +123,7 @@ fn the_command_makes_a_card_that_holds_the_truth() {
     }
 }
 
-/// Hard iron, and soft iron scaled to determinant one, within 4.5 standard uncertainties: 12 numbers.
+/// Hard iron, and soft iron scaled to determinant one, are within 4.5 standard uncertainties: 12 numbers.
 fn holds_the_truth(iron: &IronCalibration, truth: &BenchSensor) {
     let soft = truth.soft_iron.unwrap();
     let [[a, b, c], [d, e, f], [g, h, i]] = soft;
@@ -146,7 +146,7 @@ fn card_in(out: &Path) -> SensorCard {
 }
 
 #[test]
-fn a_skew_between_two_clocks_is_found_by_all_channels_together() {
+fn a_clock_skew_is_found_from_all_channels_together() {
     let mut settings = BenchSettings { seed: 9, ..BenchSettings::ins() };
     settings.clocks.device = Some(simulate::ClockError { offset_s: 12_345.6, skew: 80e-6 });
     let simulated = simulate_bench(&settings).unwrap();
@@ -164,7 +164,7 @@ fn a_skew_between_two_clocks_is_found_by_all_channels_together() {
 }
 
 #[test]
-fn a_bar_at_rest_gives_no_delay_but_a_reason() {
+fn a_bar_at_rest_gives_a_reason_instead_of_a_delay() {
     let settings = BenchSettings { swing: simulate::Swing::Still, ..BenchSettings::ins() };
     let simulated = simulate_bench(&settings).unwrap();
     let flight = simulated.to_flight().unwrap();

@@ -1,4 +1,4 @@
-//! Pages of a bench in a real browser: the reference is shifted by hand, and everything fits on few sheets.
+//! Bench pages in a real browser: the reference is shifted by hand, and everything fits on few sheets.
 
 use crate::browser::Browser;
 use crate::program::run;
@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Report of the sensor of the demo that was swung most often.
+/// Report of the demo's sensor with the most swings.
 struct Report {
     folder: tempfile::TempDir,
 }
@@ -54,7 +54,7 @@ fn open(browser: &mut Browser, page: &Path) {
 const BENCH: &str = "document.getElementById('shift').bench";
 
 #[test]
-fn a_reference_that_is_shifted_by_hand_leaves_least_at_the_delay_that_was_found() {
+fn shifting_the_reference_by_hand_is_best_at_the_found_delay() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, record) = report.record();
@@ -70,7 +70,7 @@ fn a_reference_that_is_shifted_by_hand_leaves_least_at_the_delay_that_was_found(
         let (delay, overlay) = (channel.delay.as_ref().unwrap(), component.overlay.as_ref().unwrap());
         let found_ms = delay.delay.millis();
 
-        // The slider says what the record holds.
+        // The slider agrees with the record.
         let shift = |ms: f64| {
             format!(
                 "{{ const s = document.querySelector('#shift input'); s.value = {ms}; s.dispatchEvent(new Event('input')); }}"
@@ -96,7 +96,7 @@ fn a_reference_that_is_shifted_by_hand_leaves_least_at_the_delay_that_was_found(
              const left = {BENCH}.residual({panel}); if (left < best[0]) best = [left, ms]; }} return best[1]; }})()"
         );
         let least_ms = browser.number(&scan);
-        // Equal weights for all rows instead of those of the fit: a few standard uncertainties apart.
+        // Equal weights for all rows, unlike the fit: a few standard uncertainties apart.
         let allowed = 2.0 + 6e3 * delay.standard_uncertainty_s;
         assert!(
             (least_ms - found_ms).abs() <= allowed,
@@ -107,7 +107,7 @@ fn a_reference_that_is_shifted_by_hand_leaves_least_at_the_delay_that_was_found(
 }
 
 #[test]
-fn the_panels_of_a_bench_have_one_window_and_one_cursor_and_replace_the_figure_on_the_screen_alone() {
+fn bench_panels_share_window_and_cursor_and_replace_the_screen_figure() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, _) = report.record();
@@ -127,7 +127,7 @@ fn the_panels_of_a_bench_have_one_window_and_one_cursor_and_replace_the_figure_o
     assert!((span(&ends[0]) / span(&whole) - 0.25).abs() < 0.02, "{ends:?} of {whole}");
     browser.mouse("mouseMoved", [left + 0.4 * width, top], false);
     browser.until(&format!("{plots}.every((u) => Math.abs(u.cursor.left - {plots}[1].cursor.left) < 1)"));
-    // What the cursor says does not move the panels away from under it.
+    // The cursor readout does not move the panels away from under the cursor.
     browser.until("document.querySelector('#shift .readout').textContent.startsWith('Cursor at')");
     browser.until("document.querySelectorAll('#shift tbody tr')[1].cells[2].textContent.length > 1");
     assert!((side(&mut browser, "top") + 30.0 - top).abs() < 1.0, "the panel moved");
@@ -135,13 +135,13 @@ fn the_panels_of_a_bench_have_one_window_and_one_cursor_and_replace_the_figure_o
     browser.key("0");
     assert_eq!(browser.eval(&format!("{BENCH}.window()")), whole);
 
-    // The figure is for paper, and for readers without script.
+    // The figure is for paper, and for readers without scripts.
     assert_eq!(browser.eval("getComputedStyle(document.getElementById('fig-4')).display"), "none");
     assert_eq!(browser.faults(), Vec::<String>::new());
 }
 
 #[test]
-fn pages_of_a_bench_are_light_name_every_region_once_and_print_on_few_sheets() {
+fn bench_pages_are_small_accessible_and_print_on_few_sheets() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, record) = report.record();
@@ -153,7 +153,7 @@ fn pages_of_a_bench_are_light_name_every_region_once_and_print_on_few_sheets() {
             browser.open(page, "");
             let too_wide = browser.number("document.documentElement.scrollWidth - innerWidth");
             assert!(too_wide <= 0.0, "{} at {width} px: {too_wide} px too wide", page.display());
-            // Figures are written in the ink of the page, light or dark.
+            // Figures use the text colour of the page, light or dark.
             let figure = browser.text("getComputedStyle(document.querySelector('figure:not(.twin) svg text')).fill");
             assert_eq!(figure, browser.text("getComputedStyle(document.body).color"), "{scheme}");
             if let Some(faults) = browser.accessibility_faults() {
@@ -163,7 +163,7 @@ fn pages_of_a_bench_are_light_name_every_region_once_and_print_on_few_sheets() {
             let (pixels, text) = browser.smallest_figure_text();
             assert!(pixels >= 11.0, "{} at {width} px: {pixels:.1} px, {text}", page.display());
         }
-        // As it is printed by who has opened nothing.
+        // As printed by a reader who has not opened anything.
         browser.open(page, "");
         let labels = browser.eval(
             "[...document.querySelectorAll('[role=region],nav,section')].map((e) => e.getAttribute('aria-label'))",

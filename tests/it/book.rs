@@ -1,4 +1,4 @@
-//! The book in `docs/` and the pages at the root are true: commands parse, links resolve.
+//! Checks the book in `docs/` and the pages at the root: commands parse, links resolve.
 
 use crate::program::{flightlag, run, text};
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
 }
 
-/// Files below a folder of the project whose names end so.
+/// Files below a folder of the project whose names end with `ending`.
 fn files(folder: &str, ending: &str) -> Vec<PathBuf> {
     let mut open = vec![root().join(folder)];
     let mut found = vec![];
@@ -34,7 +34,7 @@ fn pages() -> Vec<(PathBuf, String)> {
     pages.into_iter().map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
 }
 
-/// Lines of a page, each with whether it is inside a code block.
+/// Lines of a page, each with a flag for being inside a code block.
 fn lines(page: &str) -> impl Iterator<Item = (&str, bool)> {
     let mut code = false;
     page.lines().map(move |line| {
@@ -44,12 +44,12 @@ fn lines(page: &str) -> impl Iterator<Item = (&str, bool)> {
     })
 }
 
-/// A line without what stands between backticks.
+/// A line without its text in backticks.
 fn prose(line: &str) -> String {
     line.split('`').step_by(2).collect::<Vec<_>>().join(" ")
 }
 
-/// The arguments of a line that runs flightlag, as `flightlag …`, `$ flightlag …` or `cargo flightlag …`.
+/// The arguments of a line that runs flightlag, such as `flightlag …`, `$ flightlag …` or `cargo flightlag …`.
 fn arguments(line: &str) -> Option<Vec<&str>> {
     let line = line.trim().trim_start_matches("$ ");
     let rest = line.strip_prefix("cargo ").unwrap_or(line).strip_prefix("flightlag ")?;
@@ -57,7 +57,7 @@ fn arguments(line: &str) -> Option<Vec<&str>> {
 }
 
 #[test]
-fn every_command_of_the_book_is_one_that_flightlag_knows() {
+fn every_command_in_the_book_is_valid() {
     let mut helps: BTreeMap<Vec<&str>, String> = BTreeMap::new();
     let pages = pages();
     let mut commands = 0;
@@ -82,14 +82,14 @@ fn every_command_of_the_book_is_one_that_flightlag_knows() {
     assert!(commands > 20, "{commands} commands: are the code blocks still found?");
 }
 
-/// A heading as mdBook and code hosts make an anchor of it.
+/// The anchor that mdBook and code hosts generate for a heading.
 fn anchor(heading: &str) -> String {
     let kept = heading.trim_start_matches('#').trim().to_lowercase();
     kept.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c)).collect::<String>().replace(' ', "-")
 }
 
 #[test]
-fn every_link_of_the_book_resolves() {
+fn every_link_in_the_book_resolves() {
     let mut links = 0;
     for (path, page) in pages() {
         for line in lines(&page).filter(|(_, code)| !code).map(|(line, _)| prose(line)) {
@@ -112,7 +112,7 @@ fn every_link_of_the_book_resolves() {
 }
 
 #[test]
-fn every_page_of_the_book_is_in_its_summary() {
+fn every_page_of_the_book_is_in_the_summary() {
     let summary = fs::read_to_string(root().join("docs/src/SUMMARY.md")).unwrap();
     for path in files("docs/src", ".md") {
         let name = path.strip_prefix(root().join("docs/src")).unwrap().to_str().unwrap().replace('\\', "/");

@@ -1,4 +1,4 @@
-//! A real browser that looks at our pages, spoken to over the Chrome DevTools Protocol.
+//! Controls a real browser over the Chrome DevTools Protocol.
 
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -22,7 +22,7 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// `None`, and a word about it, where there is no Chromium.
+    /// `None`, with a message, if there is no Chromium.
     pub fn start() -> Option<Browser> {
         let profile = tempfile::tempdir().unwrap();
         let mut command = Command::new("chromium");
@@ -35,7 +35,7 @@ impl Browser {
             "--no-first-run",
         ]);
         command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
-        // What it leaves behind when it is killed goes with the profile.
+        // Files that it leaves when it is killed are removed with the profile.
         command.env("TMPDIR", profile.path());
         let Ok(mut chromium) = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn() else {
             println!("skipped: no chromium here");
@@ -58,7 +58,7 @@ impl Browser {
         for domain in ["Page", "Runtime", "Log", "Network"] {
             browser.call(&format!("{domain}.enable"), json!({}));
         }
-        // A page behind another is not drawn.
+        // A page in the background is not drawn.
         browser.call("Page.bringToFront", json!({}));
         Some(browser)
     }
@@ -88,9 +88,9 @@ impl Browser {
         value
     }
 
-    /// Opens a file, with a fragment perhaps, and forgets what the page before did.
+    /// Opens a file, optionally with a fragment, and forgets the events of the previous page.
     pub fn open(&mut self, path: &Path, fragment: &str) {
-        // Another document even if only the fragment differs.
+        // Forces a new document even if only the fragment differs.
         self.call("Page.navigate", json!({ "url": "about:blank" }));
         self.events.clear();
         let url = format!("file://{}{fragment}", path.display());
@@ -149,7 +149,7 @@ impl Browser {
         self.drag_with(from, to, 8);
     }
 
-    /// Fingers that go from one place each to another.
+    /// Fingers that move from one set of positions to another.
     pub fn touch(&mut self, from: &[[f64; 2]], to: &[[f64; 2]]) {
         let points = |share: f64| -> Vec<Value> {
             let place = |(id, (a, b)): (usize, (&[f64; 2], &[f64; 2]))| json!({ "x": a[0] + share * (b[0] - a[0]), "y": a[1] + share * (b[1] - a[1]), "id": id });
@@ -160,12 +160,12 @@ impl Browser {
         };
         act("touchStart", points(0.0));
         (1..=4).for_each(|step| act("touchMove", points(f64::from(step) / 4.0)));
-        // The page draws once a frame.
+        // The page draws once per frame.
         self.eval("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))");
         self.call("Input.dispatchTouchEvent", json!({ "type": "touchEnd", "touchPoints": [] }));
     }
 
-    /// Smallest text of the figures of a page as it is drawn, CSS pixels, and which it is.
+    /// Smallest text in the figures of a page as drawn, CSS pixels, and which text it is.
     pub fn smallest_figure_text(&mut self) -> (f64, String) {
         let found = self.eval(
             "[...document.querySelectorAll('figure svg text')].filter((t) => t.getBoundingClientRect().width > 0).map((t) => { \
@@ -190,8 +190,8 @@ impl Browser {
         act("mouseReleased", to, 0);
     }
 
-    /// What axe-core finds wrong with the open page, as `rule: first element`; `None`, and a word about it, where npm did not
-    /// provide axe-core (`.ci/run` asks it to).
+    /// What axe-core finds wrong with the open page, as `rule: first element`; `None`, with a message, if npm did not
+    /// provide axe-core (`.ci/run` requests it).
     pub fn accessibility_faults(&mut self) -> Option<Vec<String>> {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/axe/node_modules/axe-core/axe.min.js");
         let Ok(script) = std::fs::read_to_string(&script) else {
@@ -211,7 +211,7 @@ impl Browser {
         }
     }
 
-    /// Pages of the PDF that it prints.
+    /// Number of pages of its printed PDF.
     pub fn printed_pages(&mut self) -> usize {
         let pdf = self.printed();
         let text = String::from_utf8_lossy(&pdf);
@@ -225,12 +225,12 @@ impl Browser {
         base64::engine::general_purpose::STANDARD.decode(pdf).unwrap()
     }
 
-    /// Shows the page as it is printed, or on a screen.
+    /// Switches to print media, or back to screen.
     pub fn print_media(&mut self, on: bool) {
         self.call("Emulation.setEmulatedMedia", json!({ "media": if on { "print" } else { "" } }));
     }
 
-    /// Width and height of the first page of the PDF that it prints, points.
+    /// Width and height of the first page of its printed PDF, points.
     pub fn printed_size(&mut self) -> [f64; 2] {
         let pdf = self.printed();
         let text = String::from_utf8_lossy(&pdf);
@@ -240,7 +240,7 @@ impl Browser {
         [numbers[2], numbers[3]]
     }
 
-    /// Everything that the page did and must not do: errors, and requests for anything but itself.
+    /// Everything the page did but must not do: errors, and requests for anything but itself.
     pub fn faults(&mut self) -> Vec<String> {
         self.eval("new Promise((done) => setTimeout(done, 50))");
         let fault = |event: &Value| {
@@ -259,23 +259,24 @@ impl Browser {
     }
 }
 
-/// Where it listens; `None` if it does not say so in time. Reads on, so that later complaints do not fill the pipe.
+/// The address it listens on; `None` if it does not report one in time. Keeps reading, so that later messages do not
+/// fill the pipe.
 fn address(errors: ChildStderr) -> Option<String> {
-    let (tell, told) = std::sync::mpsc::channel();
+    let (sender, receiver) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
         for line in BufReader::new(errors).lines().map_while(Result::ok) {
             if let Some(address) = line.trim().strip_prefix("DevTools listening on ws://") {
-                // Whoever waited may have given up.
-                let _ = tell.send(address.to_owned());
+                // The receiver may have given up.
+                let _ = sender.send(address.to_owned());
             }
         }
     });
-    told.recv_timeout(PATIENCE).ok()
+    receiver.recv_timeout(PATIENCE).ok()
 }
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // It may have ended already.
         let _ = self.chromium.kill();
         let _ = self.chromium.wait();
     }

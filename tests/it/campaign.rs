@@ -16,11 +16,11 @@ struct Campaign {
 impl Campaign {
     fn of(flights: usize) -> Campaign {
         let campaign = Campaign { folder: tempfile::tempdir().unwrap() };
-        // These logs hold no IMU: they tell how far position and velocity are apart, not how late both are.
+        // These logs have no IMU: they show the difference between position and velocity, not how late both are.
         let known = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"simulated\"\n";
         fs::write(campaign.folder.path().join("known.toml"), known).unwrap();
         simulate::write_campaign(&campaign.flights(), flights, 20.0, 7).unwrap();
-        // The times of files that are this new prove nothing yet.
+        // Modification times this recent prove nothing yet.
         std::thread::sleep(Duration::from_millis(80));
         campaign
     }
@@ -61,7 +61,7 @@ fn started(events: &[serde_json::Value]) -> Vec<String> {
     names.into_iter().map(str::to_owned).collect()
 }
 
-/// A small generator, so that every run of the test kills at the same moments.
+/// A small random generator, so that every run of the test kills at the same moments.
 fn next(state: &mut u64) -> u64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     *state >> 33
@@ -72,14 +72,14 @@ fn flight_record(page: &Path) -> FlightRecord {
 }
 
 #[test]
-fn a_simulated_delay_is_removed_and_the_files_are_where_a_person_looks() {
+fn a_simulated_delay_is_removed_and_files_are_in_the_expected_places() {
     let campaign = Campaign::of(2);
     campaign.run("report", &[], 0);
     let record = campaign.record("report");
     assert_eq!(record.totals.compensated, 2);
     for row in &record.flights {
         let page = campaign.out("report").join(&row.page);
-        let beside = page.parent().unwrap();
+        let folder = page.parent().unwrap();
         let flight: FlightRecord = flight_record(&page);
         assert_eq!((flight.outcome, flight.key), (Outcome::Compensated, row.key.clone()));
         let html = fs::read_to_string(&page).unwrap();
@@ -88,7 +88,7 @@ fn a_simulated_delay_is_removed_and_the_files_are_where_a_person_looks() {
             "{}",
             row.flight
         );
-        let track = beside.join(html.split('"').find(|part| part.ends_with("/track.parquet")).unwrap());
+        let track = folder.join(html.split('"').find(|part| part.ends_with("/track.parquet")).unwrap());
         assert_eq!(fs::read(track).unwrap().get(..4), Some(b"PAR1".as_slice()));
         let (raw, exact) = (row.raw_error_rms_m.unwrap().value, row.exact_error_rms_m.unwrap().value);
         // At 15 to 20 m/s, 0.4 s are 6 to 8 m; the receiver's own noise of 0.3 m remains.
@@ -97,7 +97,7 @@ fn a_simulated_delay_is_removed_and_the_files_are_where_a_person_looks() {
 }
 
 #[test]
-fn records_are_small_and_the_points_of_figures_are_kept_once() {
+fn records_are_small_and_figure_points_are_stored_once() {
     let campaign = Campaign::of(1);
     campaign.run("report", &[], 0);
     let out = campaign.out("report");
@@ -110,7 +110,7 @@ fn records_are_small_and_the_points_of_figures_are_kept_once() {
     assert!(bytes.len() <= 64_000, "{} bytes", bytes.len());
     let record = flight_record(&page);
     assert!(record.replay.unwrap().axes.iter().all(|axis| axis.position_m.iter().all(|c| c.t_s.is_empty())));
-    // The figures have their points all the same: of the raw position both ends of each step, north and east.
+    // The figures still have all their points: of the raw position both ends of each step, north and east.
     let mut figures = zip::ZipArchive::new(fs::File::open(page.with_file_name("figures.zip")).unwrap()).unwrap();
     let mut curves = String::new();
     figures.by_name("fig-7.csv").unwrap().read_to_string(&mut curves).unwrap();
@@ -118,9 +118,9 @@ fn records_are_small_and_the_points_of_figures_are_kept_once() {
     assert!(of_raw >= 2 * 2 * 5 * 19, "{of_raw} points: {curves:.200}");
 }
 
-/// Hundreds of topics would make a record of a megabyte.
+/// Hundreds of topics would inflate a record to a megabyte.
 #[test]
-fn a_record_that_would_be_long_has_its_lists_in_details_beside_it() {
+fn a_long_record_moves_its_lists_to_a_details_file() {
     let campaign = Campaign::of(0);
     fs::create_dir_all(campaign.flights()).unwrap();
     log_of_topics(&campaign.flights().join("many.mcap"), 2_000);
@@ -136,7 +136,7 @@ fn a_record_that_would_be_long_has_its_lists_in_details_beside_it() {
     let whole = flight_record(&page);
     assert_eq!((whole.log.unwrap().topics.len(), whole.details), (2_000, vec![]));
     assert!(fs::read_to_string(&page).unwrap().contains(r#"href="details.json.gz""#));
-    // Whoever changes one of the files finds it again as it was.
+    // A file that is changed is restored as it was.
     let before = results(&out);
     for (name, bytes) in before.iter().filter(|(name, _)| name.ends_with("details.json.gz")) {
         fs::write(out.join(name), &bytes[1..]).unwrap();
@@ -146,7 +146,7 @@ fn a_record_that_would_be_long_has_its_lists_in_details_beside_it() {
 }
 
 #[test]
-fn the_results_of_a_flight_take_300_kb_at_most_or_the_size_of_its_log() {
+fn results_of_a_flight_take_at_most_300_kb_or_the_log_size() {
     for duration_s in [20.0, 60.0] {
         let campaign = Campaign::of(0);
         simulate::write_campaign(&campaign.flights(), 2, duration_s, 7).unwrap();
@@ -167,12 +167,12 @@ fn the_record_of_a_campaign_does_not_grow_with_its_flights() {
         campaign.run("report", &[], 0);
         fs::read(campaign.out("report").join("campaign.json")).unwrap().len()
     };
-    // A name among the members of its group, and a digit of a count.
+    // Allows for a name among the members of its group, and a digit of a count.
     assert!(size(4) - size(2) < 200);
 }
 
 #[test]
-fn a_second_run_with_nothing_changed_reads_no_log_and_changes_no_byte() {
+fn an_unchanged_rerun_reads_no_log_and_changes_no_byte() {
     let campaign = Campaign::of(3);
     campaign.run("report", &[], 0);
     let before = results(&campaign.out("report"));
@@ -184,7 +184,7 @@ fn a_second_run_with_nothing_changed_reads_no_log_and_changes_no_byte() {
 }
 
 #[test]
-fn one_changed_log_is_read_again_and_the_others_are_not() {
+fn only_the_changed_log_is_read_again() {
     let campaign = Campaign::of(3);
     campaign.run("report", &[], 0);
     fs::copy(campaign.flights().join("flight-0003.mcap"), campaign.flights().join("flight-0002.mcap")).unwrap();
@@ -195,7 +195,7 @@ fn one_changed_log_is_read_again_and_the_others_are_not() {
 }
 
 #[test]
-fn a_changed_setting_reads_all_logs_again_and_says_which_setting() {
+fn a_changed_setting_rereads_all_logs_and_is_reported() {
     let campaign = Campaign::of(2);
     let pipeline = campaign.folder.path().join("p.toml");
     let write =
@@ -225,7 +225,7 @@ fn threads_locale_and_time_zone_change_no_byte() {
 }
 
 #[test]
-fn a_run_that_is_killed_at_any_moment_ends_with_the_same_bytes_when_it_is_started_again() {
+fn a_run_killed_at_any_moment_gives_the_same_bytes_after_a_restart() {
     let campaign = Campaign::of(5);
     run(campaign.arguments("whole", &[]), 0);
     let whole = results(&campaign.out("whole"));
@@ -244,7 +244,7 @@ fn a_run_that_is_killed_at_any_moment_ends_with_the_same_bytes_when_it_is_starte
     }
 }
 
-/// A file under its final name is complete, whenever one looks.
+/// A file under its final name is complete at any moment.
 fn assert_outputs_are_whole(out: &Path) {
     if !out.exists() {
         return;
@@ -261,7 +261,7 @@ fn assert_outputs_are_whole(out: &Path) {
 }
 
 #[test]
-fn bad_flights_are_rows_with_their_reason_and_the_others_get_their_pages() {
+fn failed_flights_are_rows_with_a_reason_and_the_others_get_pages() {
     let campaign = Campaign::of(3);
     let cut = campaign.flights().join("flight-0002.mcap");
     let bytes = fs::read(&cut).unwrap();
@@ -281,7 +281,7 @@ fn bad_flights_are_rows_with_their_reason_and_the_others_get_their_pages() {
 }
 
 #[test]
-fn the_steps_of_a_cluster_give_the_bytes_of_a_run() {
+fn cluster_steps_give_the_same_bytes_as_a_single_run() {
     let campaign = Campaign::of(5);
     run(campaign.arguments("run", &[]), 0);
     let out = campaign.out("steps");
@@ -290,13 +290,13 @@ fn the_steps_of_a_cluster_give_the_bytes_of_a_run() {
         plan.insert(1, "plan".to_owned());
         text(&run(plan, 0).stdout)
     };
-    let said = plan();
-    assert!(said.starts_with("flights=5 stage=measure stale=5 shards=2"), "{said}");
-    let manifest = std::cell::RefCell::new(manifest_of(&said));
+    let printed = plan();
+    assert!(printed.starts_with("flights=5 stage=measure stale=5 shards=2"), "{printed}");
+    let manifest = std::cell::RefCell::new(manifest_of(&printed));
     let plan = || {
-        let said = plan();
-        manifest.replace(manifest_of(&said));
-        said
+        let printed = plan();
+        manifest.replace(manifest_of(&printed));
+        printed
     };
     let step = |step: &str, more: &[&str], exit| {
         let manifest = manifest.borrow().clone();
@@ -310,8 +310,8 @@ fn the_steps_of_a_cluster_give_the_bytes_of_a_run() {
     assert!(plan().contains("stage=measure"), "every flight is measured before anything is removed");
     step("task", &["--shard", "0"], 0);
     step("task", &["--shard", "1"], 0);
-    let said = plan();
-    assert!(said.starts_with("flights=5 stage=replay stale=5 shards=2"), "{said}");
+    let printed = plan();
+    assert!(printed.starts_with("flights=5 stage=replay stale=5 shards=2"), "{printed}");
     step("task", &["--shard", "0"], 0);
     step("reduce", &[], 3);
     step("task", &["--shard", "1"], 0);
@@ -323,12 +323,12 @@ fn the_steps_of_a_cluster_give_the_bytes_of_a_run() {
     assert_same(&results(&out), &results(&campaign.out("run")));
 }
 
-/// The manifest that `plan` names in its line.
-fn manifest_of(said: &str) -> String {
-    said.trim().rsplit_once(" manifest=").unwrap().1.to_owned()
+/// The manifest named in the output of `plan`.
+fn manifest_of(printed: &str) -> String {
+    printed.trim().rsplit_once(" manifest=").unwrap().1.to_owned()
 }
 
-/// A stand-in for Slurm: what is submitted runs at once, one task after another.
+/// A substitute for Slurm: a submitted job runs at once, one task after another.
 const SBATCH: &str = r#"#!/bin/bash
 set -u
 array= name= output=/dev/null
@@ -372,7 +372,7 @@ show) echo "MaxArraySize            = 4" ;;
 esac
 "#;
 
-/// Runs `pipelines/slurm/campaign.sh` with the stand-in; returns its folder.
+/// Runs `pipelines/slurm/campaign.sh` with the substitute; returns its folder.
 fn on_slurm(campaign: &Campaign, out: &str, environment: &[(&str, &str)]) -> PathBuf {
     let stub = campaign.out(&format!("stub-{out}"));
     fs::create_dir(&stub).unwrap();
@@ -398,7 +398,7 @@ fn on_slurm(campaign: &Campaign, out: &str, environment: &[(&str, &str)]) -> Pat
 }
 
 #[test]
-fn the_scripts_for_slurm_give_the_bytes_of_one_machine() {
+fn the_slurm_scripts_give_the_same_bytes_as_one_machine() {
     let campaign = Campaign::of(5);
     run(campaign.arguments("run", &[]), 0);
     let stub = on_slurm(&campaign, "slurm", &[]);
@@ -416,7 +416,7 @@ fn the_scripts_for_slurm_give_the_bytes_of_one_machine() {
 }
 
 #[test]
-fn a_task_on_slurm_that_ends_with_75_goes_back_to_the_queue_three_times_at_most() {
+fn a_slurm_task_that_ends_with_75_is_requeued_at_most_three_times() {
     let campaign = Campaign::of(1);
     // A program whose tasks never see the output folder.
     let away = campaign.out("away.sh");
@@ -426,13 +426,13 @@ fn a_task_on_slurm_that_ends_with_75_goes_back_to_the_queue_three_times_at_most(
     let stub = on_slurm(&campaign, "slurm", &[("FLIGHTLAG", away.to_str().unwrap()), ("MAX_ROUNDS", "1")]);
     let ended = fs::read_to_string(stub.join("ended")).unwrap();
     assert_eq!(ended.matches("2_0 ended with 75").count(), 4, "{ended}");
-    // The report names the flight that has no result; the job itself did its work.
+    // The report names the flight without a result; the job itself succeeded.
     let record = campaign.record("slurm");
     assert_eq!(record.totals.pending, 1);
 }
 
 #[test]
-fn a_step_on_slurm_that_gets_term_while_it_plans_goes_back_to_the_queue() {
+fn a_slurm_step_terminated_while_planning_is_requeued() {
     let campaign = Campaign::of(1);
     let termed = campaign.out("termed.sh");
     let program = flightlag([""]).get_program().to_string_lossy().into_owned();
@@ -456,7 +456,7 @@ exec {program} "$@"
 }
 
 #[test]
-fn a_second_run_on_one_report_is_refused_with_the_owner() {
+fn a_second_run_on_one_report_is_refused_naming_the_owner() {
     let campaign = Campaign::of(1);
     run(campaign.arguments("report", &[]), 0);
     let before = results(&campaign.out("report"));
@@ -473,27 +473,27 @@ fn a_second_run_on_one_report_is_refused_with_the_owner() {
 }
 
 #[test]
-fn an_output_that_cannot_be_written_ends_with_its_path_and_leaves_nothing_half() {
+fn an_unwritable_output_fails_with_its_path_and_leaves_no_partial_file() {
     let campaign = Campaign::of(3);
     run(campaign.arguments("whole", &[]), 0);
     let program = flightlag([""]).get_program().to_owned();
-    // No file may grow beyond some kilobytes: not even what was measured fits.
+    // No file may exceed some kilobytes: not even the measurements fit.
     let limited = Command::new("sh")
         .args(["-c", "ulimit -f 8; exec \"$0\" \"$@\""])
         .arg(program)
         .args(campaign.arguments("full", &["--quiet"]))
         .output()
         .unwrap();
-    let said = text(&limited.stderr);
-    assert_eq!(limited.status.code(), Some(1), "time does not heal it: {said}");
-    assert!(said.contains("measured.json") && said.contains("too large"), "{said}");
+    let printed = text(&limited.stderr);
+    assert_eq!(limited.status.code(), Some(1), "a retry does not help: {printed}");
+    assert!(printed.contains("measured.json") && printed.contains("too large"), "{printed}");
     assert_outputs_are_whole(&campaign.out("full"));
     run(campaign.arguments("full", &[]), 0);
     assert_same(&results(&campaign.out("full")), &results(&campaign.out("whole")));
 }
 
 #[test]
-fn a_signal_ends_with_its_code_and_the_next_run_clears_up_and_goes_on() {
+fn a_signal_ends_with_its_code_and_the_next_run_cleans_up_and_resumes() {
     let campaign = Campaign::of(12);
     for (signal, code) in [("INT", 130), ("TERM", 75), ("HUP", 75)] {
         let mut child = flightlag(campaign.arguments(signal, &["--threads", "1", "--json"]))
@@ -514,7 +514,7 @@ fn a_signal_ends_with_its_code_and_the_next_run_clears_up_and_goes_on() {
     }
 }
 
-/// `flightlag`, about to be run by a user who may do little; `None` where that cannot be tried.
+/// `flightlag` as an unprivileged user; `None` where that cannot be tried.
 fn as_nobody(campaign: &Campaign) -> Option<Command> {
     use std::os::unix::fs::PermissionsExt;
     fs::set_permissions(campaign.folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
@@ -530,15 +530,15 @@ fn as_nobody(campaign: &Campaign) -> Option<Command> {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn what_a_user_may_not_write_or_read_is_named_before_any_work_and_on_its_row() {
+fn permission_errors_are_reported_before_any_work_and_on_their_row() {
     use std::os::unix::fs::PermissionsExt;
     let campaign = Campaign::of(3);
     let Some(mut refused) = as_nobody(&campaign) else { return };
-    // The folder above belongs to another.
+    // The parent folder belongs to another user.
     let output = refused.args(campaign.arguments("theirs", &["--json"])).output().unwrap();
-    let said = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("theirs") && said.contains("Permission denied"), "{said}");
+    let printed = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{printed}");
+    assert!(printed.contains("theirs") && printed.contains("Permission denied"), "{printed}");
     assert!(!text(&output.stdout).contains("\"started\"") && !campaign.out("theirs").exists());
     // A log that the user may not read is a row with its reason.
     fs::create_dir(campaign.out("mine")).unwrap();

@@ -1,4 +1,4 @@
-//! The command as people and shells meet it.
+//! The command as used by people and shells.
 
 use crate::program::{flightlag, run, text};
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 #[test]
-fn a_wrong_command_or_pipeline_ends_with_2_and_says_where() {
+fn an_invalid_command_or_pipeline_ends_with_2_and_its_position() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     fs::create_dir(folder.path().join("flights")).unwrap();
@@ -27,7 +27,7 @@ fn a_wrong_command_or_pipeline_ends_with_2_and_says_where() {
 }
 
 #[test]
-fn two_folders_of_one_name_do_not_share_a_report_unless_it_is_said() {
+fn folders_of_the_same_name_share_a_report_only_on_request() {
     let folder = tempfile::tempdir().unwrap();
     for month in ["may", "june"] {
         simulate::write_campaign(&folder.path().join(month).join("data"), 1, 20.0, 1).unwrap();
@@ -38,59 +38,60 @@ fn two_folders_of_one_name_do_not_share_a_report_unless_it_is_said() {
     assert_eq!(campaign(&["may/data"]).status.code(), Some(0));
     let refused = campaign(&["june/data"]);
     assert_eq!(refused.status.code(), Some(2));
-    let told = text(&refused.stderr);
-    assert!(told.contains("may/data, and not of ") && told.contains("--replace"), "{told}");
+    let error = text(&refused.stderr);
+    assert!(error.contains("may/data, and not of ") && error.contains("--replace"), "{error}");
     assert_eq!(campaign(&["may/data"]).status.code(), Some(0));
     assert_eq!(campaign(&["june/data", "--replace"]).status.code(), Some(0));
     assert_eq!(campaign(&["may/data"]).status.code(), Some(2));
 }
 
 #[test]
-fn seconds_that_must_be_milliseconds_are_refused_with_the_unit() {
-    let told = |arguments: &[&str]| text(&run(arguments, 2).stderr);
-    let delay = told(&["compensator", "pade-1-1", "--delay-s", "400", "--step-s", "0.01"]);
+fn seconds_that_look_like_milliseconds_are_rejected_with_the_unit() {
+    let error_of = |arguments: &[&str]| text(&run(arguments, 2).stderr);
+    let delay = error_of(&["compensator", "pade-1-1", "--delay-s", "400", "--step-s", "0.01"]);
     assert!(delay.contains("must be from 0 to 30 s; 400 ms are 0.4 s"), "{delay}");
-    let step = told(&["delay", "logs", "--c", "out", "--step-s", "10"]);
+    let step = error_of(&["delay", "logs", "--c", "out", "--step-s", "10"]);
     assert!(step.contains("must be from 0.00001 to 1 s; 10 ms are 0.01 s"), "{step}");
-    let early = told(&["compensator", "pade-1-1", "--delay-s", "-0.2", "--step-s", "0.01"]);
+    let early = error_of(&["compensator", "pade-1-1", "--delay-s", "-0.2", "--step-s", "0.01"]);
     assert!(early.contains("must be from 0 to 30 s"), "{early}");
-    let unknown = told(&["compensator", "pade-1-1", "--delay-s", "0.2", "--uncertainty-s", "8", "--step-s", "0.01"]);
+    let unknown =
+        error_of(&["compensator", "pade-1-1", "--delay-s", "0.2", "--uncertainty-s", "8", "--step-s", "0.01"]);
     assert!(unknown.contains("--uncertainty-s 8: it is larger than the delay of 0.2 s"), "{unknown}");
-    let slip = told(&["compensator", "exact-asinc", "--delay-s", "0.4", "--step-s", "0.01"]);
+    let slip = error_of(&["compensator", "exact-asinc", "--delay-s", "0.4", "--step-s", "0.01"]);
     assert!(slip.contains("no compensator is called \"exact-asinc\"; did you mean \"exact-async\"?"), "{slip}");
-    // A number below zero is a number.
+    // A negative number is parsed as a number.
     for (arguments, range) in [
         (vec!["delay", "x", "--threads", "-1"], "-1 is not in 1..=1024"),
         (vec!["demo", "x", "--seed", "-1"], "invalid digit"),
         (vec!["campaign", "plan", "x", "--max-shards", "-3"], "-3 is not in 1"),
         (vec!["export", "x", "--track", "--rate", "-5"], "--rate -5: must be from 0 to"),
     ] {
-        let refused = told(&arguments);
+        let refused = error_of(&arguments);
         assert!(refused.contains(range) && !refused.contains("unexpected argument"), "{refused}");
     }
-    let impossible = told(&["compensator", "pade-3-2", "--delay-s", "0.4", "--step-s", "0.01"]);
+    let impossible = error_of(&["compensator", "pade-3-2", "--delay-s", "0.4", "--step-s", "0.01"]);
     assert!(impossible.contains("\"pade-3-2\": [3/2] is not proper"), "{impossible}");
 }
 
 #[test]
-fn a_slow_loop_is_promised_nothing_above_half_of_its_rate() {
+fn a_slow_loop_promises_nothing_above_half_its_rate() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
     let arguments = ["compensator", "pade-1-1-tustin", "--delay-s", "0.2", "--step-s", "1", "--out", out];
-    let said = text(&run(arguments, 0).stdout);
-    assert!(said.contains("removes 90 % of the error up to 0.50 Hz, half the rate of the loop"), "{said}");
-    assert!(said.starts_with("wrote "), "{said}");
-    assert!(text(&run(arguments, 0).stdout).starts_with("replaced "), "a file that was there is not gone in silence");
+    let printed = text(&run(arguments, 0).stdout);
+    assert!(printed.contains("removes 90 % of the error up to 0.50 Hz, half the rate of the loop"), "{printed}");
+    assert!(printed.starts_with("wrote "), "{printed}");
+    assert!(text(&run(arguments, 0).stdout).starts_with("replaced "), "an existing file is not replaced silently");
 }
 
 #[test]
-fn without_an_output_folder_the_report_is_named_after_the_flights() {
+fn the_default_report_is_named_after_the_flights() {
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(&folder.path().join("may"), 1, 20.0, 1).unwrap();
     let ended = flightlag(["campaign", "may", "--quiet"]).current_dir(folder.path()).status().unwrap();
     assert_eq!(ended.code(), Some(0));
     assert!(folder.path().join("reports/may/index.html").is_file());
-    // One page leads to all reports, and is made again where it is missing, though nothing changed.
+    // One page links to all reports; it is recreated if missing, even though nothing changed.
     let all = folder.path().join("reports/index.html");
     let page = fs::read_to_string(&all).unwrap();
     assert!(page.contains("href=\"may/index.html\""), "{page}");
@@ -101,7 +102,7 @@ fn without_an_output_folder_the_report_is_named_after_the_flights() {
 }
 
 #[test]
-fn a_misspelt_channel_is_refused_with_the_five_nearest() {
+fn a_misspelt_channel_is_rejected_with_the_five_nearest() {
     let folder = tempfile::tempdir().unwrap();
     let (flights, pipeline) = (folder.path().join("flights"), folder.path().join("p.toml"));
     std::fs::create_dir(&flights).unwrap();
@@ -132,14 +133,14 @@ fn a_refused_output_folder_is_not_touched() {
 }
 
 #[test]
-fn an_error_is_told_once_and_with_visible_characters() {
+fn an_error_is_printed_once_with_control_characters_escaped() {
     let wrong = text(&run(["inspect", "no\u{1b}[31mlog"], 2).stderr);
     assert_eq!(wrong.lines().count(), 1, "{wrong}");
     assert!(wrong.starts_with("flightlag: no\\u{1b}[31mlog: "), "{wrong}");
 }
 
 #[test]
-fn a_reader_that_leaves_early_is_no_failure() {
+fn a_closed_output_pipe_is_not_a_failure() {
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(folder.path(), 1, 10.0, 3).unwrap();
     let log = folder.path().join("flight-0001.mcap");
@@ -151,7 +152,7 @@ fn a_reader_that_leaves_early_is_no_failure() {
 }
 
 #[test]
-fn a_full_disk_behind_standard_output_is_a_failure() {
+fn a_full_disk_at_standard_output_is_a_failure() {
     let Ok(full) = fs::File::options().write(true).open("/dev/full") else {
         println!("skipped: no /dev/full here");
         return;
@@ -162,7 +163,7 @@ fn a_full_disk_behind_standard_output_is_a_failure() {
 }
 
 #[test]
-fn inspect_says_what_a_log_holds_and_which_map_would_bind_it() {
+fn inspect_shows_the_content_of_a_log_and_the_matching_map() {
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(folder.path(), 1, 20.0, 3).unwrap();
     let log = folder.path().join("flight-0001.mcap").to_str().unwrap().to_owned();
@@ -177,12 +178,12 @@ fn inspect_says_what_a_log_holds_and_which_map_would_bind_it() {
     assert_eq!(sum, fs::metadata(&log).unwrap().len());
     let channels = json["binding"]["channels"].as_array().unwrap();
     let position = channels.iter().find(|c| c["name"] == "position.gps").unwrap();
-    // 5 Hz for 20 s: the first at zero, and one that may fall on the end.
+    // 5 Hz for 20 s: the first at zero, and possibly one at the very end.
     assert!((100..=101).contains(&position["used"].as_u64().unwrap()), "{position}");
 }
 
 #[test]
-fn inspect_marks_a_log_that_was_cut_off_with_3() {
+fn inspect_ends_with_3_for_a_truncated_log() {
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(folder.path(), 1, 20.0, 3).unwrap();
     let log = folder.path().join("flight-0001.mcap");
@@ -193,14 +194,14 @@ fn inspect_marks_a_log_that_was_cut_off_with_3() {
 }
 
 #[test]
-fn the_demo_runs_and_says_which_page_to_open() {
+fn the_demo_runs_and_names_the_page_to_open() {
     let folder = tempfile::tempdir().unwrap();
     let demo = folder.path().join("demo");
-    let said = text(&run(["demo".as_ref(), demo.as_os_str(), "--run".as_ref()], 0).stdout);
+    let printed = text(&run(["demo".as_ref(), demo.as_os_str(), "--run".as_ref()], 0).stdout);
     let page = demo.join("report/index.html");
-    assert!(said.contains(&format!("open {}", page.display())), "{said}");
+    assert!(printed.contains(&format!("open {}", page.display())), "{printed}");
     assert!(page.exists());
-    // The page that the README names leads to the card of each sensor.
+    // The page named in the README links to the card of each sensor.
     let index = std::fs::read_to_string(demo.join("bench-report/index.html")).unwrap();
     for card in ["sim-0001/index.html", "sim-0002/index.html"] {
         assert!(index.contains(&format!("href=\"{card}\"")) && demo.join("bench-report").join(card).exists(), "{card}");
@@ -208,7 +209,7 @@ fn the_demo_runs_and_says_which_page_to_open() {
 }
 
 #[test]
-fn the_example_of_a_channel_map_is_printed() {
+fn the_example_channel_map_is_printed() {
     let text = text(&run(["maps", "--example"], 0).stdout);
     assert!(text.contains("#:schema") && text.contains("[[channel]]") && text.contains("height_above = "), "{text}");
 }
@@ -220,7 +221,7 @@ fn the_shipped_maps_are_listed() {
 }
 
 #[test]
-fn a_map_is_suggested_for_a_table_of_ones_own_and_refused_for_what_is_none() {
+fn a_map_is_suggested_for_a_custom_table_and_refused_for_a_non_table() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("own.csv");
     // Circles of 60 m in 25 s near the equator, where a degree is 111 km.
@@ -245,17 +246,17 @@ fn a_map_is_suggested_for_a_table_of_ones_own_and_refused_for_what_is_none() {
 }
 
 #[test]
-fn a_compensator_is_written_as_c_and_an_unstable_one_refused() {
+fn a_compensator_is_written_as_c_and_an_unstable_one_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
     let of = |name: &'static str, delay: &'static str| {
         ["compensator", name, "--delay-s", delay, "--step-s", "0.01", "--out", out].map(str::to_owned)
     };
-    let told = run(of("pade-2-2-foh", "0.4"), 0);
+    let written = run(of("pade-2-2-foh", "0.4"), 0);
     let source = std::fs::read_to_string(folder.path().join("position_delay.c")).unwrap();
     let header = std::fs::read_to_string(folder.path().join("position_delay.h")).unwrap();
     assert!(source.contains("Td     0.400000 s") && header.contains("position_delay_step"), "{source}");
-    assert!(text(&told.stdout).contains("Do not compensate twice"));
+    assert!(text(&written.stdout).contains("Do not compensate twice"));
     assert!(text(&run(of("pade-0-5-foh", "0.4"), 2).stderr).contains("unstable"));
     assert!(text(&run(of("pade-1-1-tustin", "-0.1"), 2).stderr).contains("positive delay"));
 }
@@ -313,12 +314,12 @@ impl Judging {
 }
 
 #[test]
-fn a_criterion_that_is_not_met_ends_with_4_and_another_limit_reads_no_log() {
+fn a_failed_criterion_ends_with_4_and_a_new_limit_reads_no_log() {
     let campaign = Judging::new();
     let missed = campaign.criteria("10 Hz", "2 s");
-    let said = campaign.run(&["--criteria", &missed], 4);
-    assert!(said.contains("criteria, flights by worst verdict: 1 FAIL"), "{said}");
-    assert!(said.contains("FAIL rate (position-rate ≥ 10 Hz): flight-0001.mcap"), "{said}");
+    let printed = campaign.run(&["--criteria", &missed], 4);
+    assert!(printed.contains("criteria, flights by worst verdict: 1 FAIL"), "{printed}");
+    assert!(printed.contains("FAIL rate (position-rate ≥ 10 Hz): flight-0001.mcap"), "{printed}");
     assert!(campaign.page().contains("≥ 10\u{a0}Hz"));
     let finding = &campaign.record()["criteria"]["findings"][0];
     assert_eq!((&finding["verdict"], &finding["limit"]), (&"fail".into(), &serde_json::json!({ "at-least": 10.0 })));
@@ -326,9 +327,9 @@ fn a_criterion_that_is_not_met_ends_with_4_and_another_limit_reads_no_log() {
     assert!(again.contains("nothing changed") && again.contains("1 FAIL"), "{again}");
 
     let met = campaign.criteria("4 Hz", "2 s");
-    let said = campaign.run(&["--criteria", &met], 0);
-    assert!(said.contains("0 flights to replay") && said.contains("1 page made"), "{said}");
-    assert!(said.contains("gravest verdict: 1 PASS") && !said.contains("FAIL"), "{said}");
+    let printed = campaign.run(&["--criteria", &met], 0);
+    assert!(printed.contains("0 flights to replay") && printed.contains("1 page made"), "{printed}");
+    assert!(printed.contains("gravest verdict: 1 PASS") && !printed.contains("FAIL"), "{printed}");
     assert!(!campaign.page().contains("≥ 10\u{a0}Hz"));
     let judged: serde_json::Value =
         serde_json::from_slice(&fs::read(campaign.folder.path().join("out/campaign.json")).unwrap()).unwrap();
@@ -339,7 +340,7 @@ fn a_criterion_that_is_not_met_ends_with_4_and_another_limit_reads_no_log() {
 }
 
 #[test]
-fn a_missed_criterion_outweighs_a_damaged_log() {
+fn a_failed_criterion_outweighs_a_damaged_log() {
     let campaign = Judging::new();
     let log = campaign.folder.path().join("flights/flight-0001.mcap");
     let bytes = fs::read(&log).unwrap();
@@ -349,7 +350,7 @@ fn a_missed_criterion_outweighs_a_damaged_log() {
 }
 
 #[test]
-fn criteria_can_be_named_by_the_pipeline_and_are_overruled_by_the_command() {
+fn criteria_in_the_pipeline_are_overridden_by_the_command() {
     let campaign = Judging::new();
     campaign.criteria("10 Hz", "2 s");
     let text = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"s\"\n[criteria]\nfile = \"c.toml\"\n";
@@ -368,7 +369,7 @@ fn criteria_can_be_named_by_the_pipeline_and_are_overruled_by_the_command() {
 }
 
 #[test]
-fn a_cluster_judges_by_the_criteria_of_the_plan() {
+fn a_cluster_uses_the_criteria_of_the_plan() {
     let campaign = Judging::new();
     let (flights, out) = (campaign.path("flights"), campaign.path("out"));
     let criteria = campaign.criteria("10 Hz", "2 s");
@@ -385,7 +386,7 @@ fn a_cluster_judges_by_the_criteria_of_the_plan() {
 }
 
 #[test]
-fn what_criteria_can_ask_is_listed_and_a_file_is_checked() {
+fn available_criteria_are_listed_and_a_file_is_checked() {
     let listed = text(&run(["criteria"], 0).stdout);
     assert!(listed.contains("error-rms") && listed.contains("needs compensator"), "{listed}");
     let folder = tempfile::tempdir().unwrap();
@@ -401,9 +402,9 @@ fn one_flight(folder: &Path) -> PathBuf {
     fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap()
 }
 
-/// Names of flights from two paths do not stand side by side in their order.
+/// The same flight given by two paths is not necessarily adjacent in the sorted order.
 #[test]
-fn a_flight_that_two_paths_give_is_measured_once() {
+fn a_flight_given_by_two_paths_is_measured_once() {
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(folder.path(), 2, 20.0, 1).unwrap();
     let log =
@@ -415,7 +416,7 @@ fn a_flight_that_two_paths_give_is_measured_once() {
 }
 
 #[test]
-fn what_is_good_of_a_cut_log_is_recovered_and_the_cut_ends_with_3() {
+fn a_truncated_log_is_recovered_and_the_command_ends_with_3() {
     let folder = tempfile::tempdir().unwrap();
     let log = one_flight(folder.path());
     let (whole, out) = (folder.path().join("whole.mcap"), folder.path().join("cut.mcap"));
@@ -440,15 +441,15 @@ fn channels_are_exported_as_every_kind_of_table() {
         let out = folder.path().join(format!("out-{kind}"));
         let arguments =
             ["export".as_ref(), log.as_os_str(), "--to".as_ref(), kind.as_ref(), "--out".as_ref(), out.as_os_str()];
-        let said = text(&run(arguments, 0).stdout);
-        assert!(said.contains("position.gps"), "{said}");
+        let printed = text(&run(arguments, 0).stdout);
+        assert!(printed.contains("position.gps"), "{printed}");
         let written = if place.is_empty() { out } else { out.join(place) };
         assert!(fs::metadata(written).unwrap().len() > 500, "{kind}");
     }
 }
 
 #[test]
-fn a_bucket_is_refused_in_one_sentence_by_a_build_without_buckets() {
+fn a_build_without_buckets_refuses_a_bucket_in_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let (flights, out) = (folder.path().join("flights"), folder.path().join("out"));
     fs::create_dir(&flights).unwrap();
@@ -461,10 +462,13 @@ fn a_bucket_is_refused_in_one_sentence_by_a_build_without_buckets() {
     ];
     for command in commands {
         let output = flightlag(command).current_dir(folder.path()).output().unwrap();
-        let told = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(told.starts_with("flightlag: s3://lab/") && told.contains("build it with `--features s3`"), "{told}");
-        assert_eq!(told.lines().count(), 1, "{told}");
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{error}");
+        assert!(
+            error.starts_with("flightlag: s3://lab/") && error.contains("build it with `--features s3`"),
+            "{error}"
+        );
+        assert_eq!(error.lines().count(), 1, "{error}");
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is written, and no folder called s3:");
 }

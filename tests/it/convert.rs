@@ -1,4 +1,4 @@
-//! What `export` and `recover` refuse, and what they leave then.
+//! What `export` and `recover` refuse, and what they leave in that case.
 
 use crate::program::{run, text, tree};
 use std::fs;
@@ -15,7 +15,7 @@ fn recover(log: &Path, out: &Path, exit: i32) -> String {
 }
 
 #[test]
-fn the_log_itself_is_refused_as_an_output_with_2_also_with_force() {
+fn the_log_itself_is_refused_as_an_output_even_with_force() {
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(folder.path(), 1, 10.0, 1).unwrap();
     let log = folder.path().join("flight-0001.mcap");
@@ -36,36 +36,36 @@ fn the_log_itself_is_refused_as_an_output_with_2_also_with_force() {
 
 #[cfg(unix)]
 #[test]
-fn what_is_neither_file_nor_folder_is_refused_with_2_and_stays() {
+fn special_files_are_refused_as_an_output_and_left_alone() {
     use std::os::unix::fs::FileTypeExt;
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(folder.path(), 1, 10.0, 1).unwrap();
     let (log, socket) = (folder.path().join("flight-0001.mcap"), folder.path().join("socket"));
     let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
-    for said in [export(&log, "mcap", &socket, 2), export(&log, "csv", &socket, 2), recover(&log, &socket, 2)] {
-        assert!(said.contains("a device, a pipe or a socket"), "{said}");
+    for printed in [export(&log, "mcap", &socket, 2), export(&log, "csv", &socket, 2), recover(&log, &socket, 2)] {
+        assert!(printed.contains("a device, a pipe or a socket"), "{printed}");
     }
     assert!(fs::symlink_metadata(&socket).unwrap().file_type().is_socket());
 }
 
-/// What `inspect` says of a log, but for its container: its size, the size of its messages, what stands beside them.
+/// The output of `inspect` for a log, without its container: its size, the size of its messages, its other contents.
 fn inspected(log: &Path) -> serde_json::Value {
-    let said = run(["inspect".as_ref(), log.as_os_str(), "--json".as_ref()], 0);
-    let mut said: serde_json::Value = serde_json::from_slice(&said.stdout).unwrap();
+    let printed = run(["inspect".as_ref(), log.as_os_str(), "--json".as_ref()], 0);
+    let mut printed: serde_json::Value = serde_json::from_slice(&printed.stdout).unwrap();
     for containers in ["bytes", "extras", "format"] {
-        said["health"].as_object_mut().unwrap().remove(containers);
+        printed["health"].as_object_mut().unwrap().remove(containers);
     }
-    said["flight"] = serde_json::Value::Null;
-    for topic in said["health"]["topics"].as_array_mut().unwrap() {
+    printed["flight"] = serde_json::Value::Null;
+    for topic in printed["health"]["topics"].as_array_mut().unwrap() {
         for of_the_container in ["payload_bytes", "vouched"] {
             topic.as_object_mut().unwrap().remove(of_the_container);
         }
     }
-    said
+    printed
 }
 
 #[test]
-fn a_recovered_real_log_is_inspected_as_the_original() {
+fn inspect_gives_the_same_for_a_recovered_real_log() {
     let logs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/logs");
     let folder = tempfile::tempdir().unwrap();
     for log in ["pyulog/test/sample_log_small.ulg", "DeLorean/data/00000135.BIN"] {

@@ -1,5 +1,5 @@
-//! What systems and users do to a run: disks that fail below a log, odd names and file-system shapes, two runs on one report,
-//! and the order, place and hour of a run. All cases: `just faults-runs`.
+//! Faults of systems and users during a run: failing disks, unusual names and file system shapes, two runs on one
+//! report, and the order, place and hour of a run. All cases: `just faults-runs`.
 #![cfg(target_os = "linux")]
 
 use crate::program::{assert_same, flightlag, results, run, text};
@@ -20,7 +20,7 @@ fn flights(count: usize) -> tempfile::TempDir {
     fs::write(folder.path().join("known.toml"), known).unwrap();
     fs::write(folder.path().join("other.toml"), known.replace("0.4", "0.3")).unwrap();
     simulate::write_campaign(&folder.path().join("flights"), count, 20.0, 7).unwrap();
-    // The times of files that are this new prove nothing yet.
+    // Modification times this recent prove nothing yet.
     std::thread::sleep(Duration::from_millis(80));
     folder
 }
@@ -59,7 +59,7 @@ fn one_of_each(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Runs the command on a log whose `nth` read fails. `None` if there is no such read, or no strace here.
+/// Runs the command on a log whose `nth` read fails. `None` if there is no such read, or strace is missing.
 fn with_failing_read(log: &Path, nth: usize, error: &str) -> Option<Output> {
     let trace = tempfile::NamedTempFile::new().unwrap();
     let program = flightlag([""]).get_program().to_owned();
@@ -70,7 +70,7 @@ fn with_failing_read(log: &Path, nth: usize, error: &str) -> Option<Output> {
     fs::read_to_string(trace.path()).unwrap().contains("INJECTED").then_some(output)
 }
 
-/// Reads that fail, each `step`-th; how many failed.
+/// Makes every `step`-th read fail; returns the number of failures.
 fn failing_reads(log: &Path, step: usize) -> usize {
     let name = log.file_name().unwrap().to_str().unwrap();
     let mut failed = 0;
@@ -79,11 +79,11 @@ fn failing_reads(log: &Path, step: usize) -> usize {
         for error in ["EIO", "ESTALE"] {
             let Some(output) = with_failing_read(log, nth, error) else { continue };
             (any, failed) = (true, failed + 1);
-            let (code, said) = (output.status.code(), text(&output.stderr));
-            // A look at the first bytes alone may do without the rest of them.
+            let (code, printed) = (output.status.code(), text(&output.stderr));
+            // Format detection from the first bytes may succeed without the remaining ones.
             let is_whole = code == Some(0) && text(&output.stdout).contains(" 0 damaged");
-            let is_error = code == Some(1) && said.contains(name) && said.contains("os error");
-            assert!(is_whole || is_error, "{name}, read {nth}, {error}: {code:?}\n{said}\n{}", text(&output.stdout));
+            let is_error = code == Some(1) && printed.contains(name) && printed.contains("os error");
+            assert!(is_whole || is_error, "{name}, read {nth}, {error}: {code:?}\n{printed}\n{}", text(&output.stdout));
         }
         if !any {
             break;
@@ -114,18 +114,18 @@ fn failing_logs(step: usize) {
 }
 
 #[test]
-fn a_disk_that_fails_below_a_log_is_an_error_with_the_file_and_no_damage() {
+fn a_failing_disk_is_an_error_naming_the_file_not_damage() {
     failing_logs(45);
 }
 
 #[test]
 #[ignore = "minutes; `just faults-runs`"]
-fn a_disk_that_fails_at_any_read_is_an_error_with_the_file_and_no_damage() {
+fn a_disk_failing_at_any_read_is_an_error_naming_the_file_not_damage() {
     failing_logs(1);
 }
 
 #[test]
-fn what_is_no_file_is_refused_by_every_command_and_nothing_waits_for_it() {
+fn special_files_are_refused_by_every_command_without_blocking() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     assert!(Command::new("mkfifo").arg(path("pipe.csv")).status().unwrap().success());
@@ -152,16 +152,16 @@ fn what_is_no_file_is_refused_by_every_command_and_nothing_waits_for_it() {
         ] {
             let mut command = flightlag(&arguments);
             let output = command.current_dir(folder.path()).stdin(Stdio::null()).output().unwrap();
-            let (code, said) = (output.status.code(), text(&output.stderr));
-            assert!(matches!(code, Some(1 | 2)), "{arguments:?}: {code:?} {said}");
+            let (code, printed) = (output.status.code(), text(&output.stderr));
+            assert!(matches!(code, Some(1 | 2)), "{arguments:?}: {code:?} {printed}");
             let name = log.file_name().map_or("-".into(), |name| name.to_string_lossy().into_owned());
-            assert!(said.contains(&name), "{arguments:?}: {said}");
+            assert!(printed.contains(&name), "{arguments:?}: {printed}");
             assert!(!out.exists(), "{arguments:?}");
         }
     }
 }
 
-/// A tree of every shape, with `count` logs that can be read.
+/// A tree with every shape, with `count` readable logs.
 fn odd_tree(root: &Path, log: &[u8]) -> usize {
     let plain: [&[u8]; 16] = [
         b"-rf.mcap",
@@ -189,7 +189,7 @@ fn odd_tree(root: &Path, log: &[u8]) -> usize {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, log).unwrap();
     }
-    // Not logs of their own: the same file by other names, and circles.
+    // Not separate logs: the same file under other names, and circular links.
     fs::hard_link(root.join("Twin.mcap"), root.join("zz-hard.mcap")).unwrap();
     std::os::unix::fs::symlink("Twin.mcap", root.join("zz-link.mcap")).unwrap();
     std::os::unix::fs::symlink(".", root.join("here")).unwrap();
@@ -197,7 +197,7 @@ fn odd_tree(root: &Path, log: &[u8]) -> usize {
     std::os::unix::fs::symlink("circle-a", root.join("circle-b")).unwrap();
     assert!(Command::new("mkfifo").arg(root.join("pipe.mcap")).status().unwrap().success());
     drop(std::os::unix::net::UnixListener::bind(root.join("socket.mcap")).unwrap());
-    // A path of more than 4096 bytes, which can only be made step by step.
+    // A path of more than 4096 bytes, which can only be created step by step.
     let deep =
         "d=$(printf 'd%.0s' $(seq 200)); for i in $(seq 24); do mkdir $d && cd $d || exit 1; done; cat > deep.mcap";
     let mut made = Command::new("bash").args(["-c", deep]).current_dir(root).stdin(Stdio::piped()).spawn().unwrap();
@@ -207,7 +207,7 @@ fn odd_tree(root: &Path, log: &[u8]) -> usize {
 }
 
 #[test]
-fn each_real_log_of_an_odd_tree_is_one_flight_with_a_page_of_its_own() {
+fn each_log_of_an_unusual_tree_is_one_flight_with_its_own_page() {
     let folder = flights(1);
     let log = one_of_each(&folder.path().join("flights"));
     let log = fs::read(log.iter().find(|log| log.extension() == Some(OsStr::new("mcap"))).unwrap()).unwrap();
@@ -222,14 +222,14 @@ fn each_real_log_of_an_odd_tree_is_one_flight_with_a_page_of_its_own() {
     assert_eq!(read.len(), count, "{:?}", read.iter().map(|row| &row.flight).collect::<Vec<_>>());
     assert_eq!(failed.len(), 3, "{:?}", failed.iter().map(|row| &row.flight).collect::<Vec<_>>());
     let pages: BTreeSet<String> = record.flights.iter().map(|row| row.page.to_string().to_lowercase()).collect();
-    assert_eq!(pages.len(), record.flights.len(), "no two pages are the same on a file system without capitals");
+    assert_eq!(pages.len(), record.flights.len(), "pages are unique on a case-insensitive file system");
     let root = report.canonicalize().unwrap();
     for row in &record.flights {
         assert!(report.join(&row.page).canonicalize().unwrap().starts_with(&root), "{}", row.page);
     }
 }
 
-/// What is begun while a campaign is under way on the same report.
+/// What is started while a campaign is running on the same report.
 const SECOND: [&str; 12] = [
     "same",
     "other pipeline",
@@ -245,8 +245,8 @@ const SECOND: [&str; 12] = [
     "files of tomorrow",
 ];
 
-/// Two runs on one report, the second so many milliseconds after the first. Each ends well or refuses; a run after both has
-/// the bytes of a run alone.
+/// Two runs on one report, the second `later_ms` milliseconds after the first. Each succeeds or refuses; a run after
+/// both gives the bytes of a single run.
 fn two_runs(folder: &Path, whole: &Path, kind: &str, later_ms: u64, out: &str) {
     let flights = folder.join("flights");
     let arguments = |more: &[&str]| campaign(folder, &flights, out, more);
@@ -283,18 +283,18 @@ fn two_runs(folder: &Path, whole: &Path, kind: &str, later_ms: u64, out: &str) {
     let second = quiet(second).output().unwrap();
     let first = first.wait_with_output().unwrap();
     for output in [&first, &second] {
-        let said = text(&output.stderr);
+        let printed = text(&output.stderr);
         let is_killed = kind == "killed first" && output.status.signal() == Some(9)
             || kind == "terminated first"
                 && matches!((output.status.code(), output.status.signal()), (Some(143), _) | (_, Some(15)))
             || kind == "interrupted first"
                 && matches!((output.status.code(), output.status.signal()), (Some(130), _) | (_, Some(2)));
         let refused =
-            matches!(output.status.code(), Some(1 | 2 | 75)) && !said.is_empty() && !said.contains("panicked");
-        assert!(output.status.success() || is_killed || refused, "{kind}, {later_ms} ms: {} {said}", output.status);
+            matches!(output.status.code(), Some(1 | 2 | 75)) && !printed.is_empty() && !printed.contains("panicked");
+        assert!(output.status.success() || is_killed || refused, "{kind}, {later_ms} ms: {} {printed}", output.status);
     }
     assert!(is_well(&first) || is_well(&second) || kind.ends_with(" first"), "{kind}, {later_ms} ms: both refuse");
-    // Whoever was first keeps the report of these flights.
+    // The first one keeps the report of these flights.
     let others_won = kind == "other flights" && !is_well(&first);
     let (flights, whole) = if others_won {
         (folder.join("flights-2"), whole.with_file_name("whole-2"))
@@ -303,7 +303,7 @@ fn two_runs(folder: &Path, whole: &Path, kind: &str, later_ms: u64, out: &str) {
     };
     run(campaign(folder, &flights, out, &["--quiet"]), 0);
     let (mut found, whole) = (results(&folder.join(out)), results(&whole));
-    // Results of the other settings or flights stay beside those of the report.
+    // Results of other settings or flights stay next to those of the report.
     if kind.starts_with("other ") {
         found.retain(|path, _| whole.contains_key(path) || !path.starts_with("by-key"));
     }
@@ -314,7 +314,7 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args(["-s", name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// Gives the files of a folder, if it is there, a time of a day ahead.
+/// Sets the times of the files in a folder, if it exists, a day ahead.
 fn touch_tomorrow(folder: &Path) {
     let tomorrow = SystemTime::now() + Duration::from_secs(86_400);
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -349,18 +349,18 @@ fn two_runs_on_one_report_never_mix() {
 
 #[test]
 #[ignore = "minutes; `just faults-runs`"]
-fn two_runs_of_any_kind_on_one_report_never_mix_at_fifty_moments() {
+fn two_runs_of_any_kind_on_one_report_never_mix_at_fifty_delays() {
     interleavings(&SECOND, 50);
 }
 
-/// Forgets what the system has read from disks, where that is allowed: the next run reads logs and program anew.
+/// Drops the disk cache where permitted: the next run reads logs and program from disk.
 fn with_cold_cache() {
     if let Err(error) = fs::write("/proc/sys/vm/drop_caches", "3") {
         println!("no cold cache: {error}");
     }
 }
 
-/// The same flights, so many times, with whatever must not matter.
+/// Repeats a run on the same flights, varying everything that must not matter.
 fn repeated(times: usize) {
     let folder = flights(4);
     run(campaign(folder.path(), &folder.path().join("flights"), "whole", &["--quiet"]), 0);
@@ -368,7 +368,7 @@ fn repeated(times: usize) {
     let zones = ["Asia/Kathmandu", "America/St_Johns", "UTC", ""];
     let languages = ["de_DE.UTF-8", "tr_TR.UTF-8", "C", "ja_JP.EUC-JP"];
     for turn in 0..times {
-        // Another place, and files that were made in another order: what a folder lists first is another one.
+        // Another place, and files created in another order: the folder lists them in a different order.
         let place = folder.path().join(format!("place-{turn}/{}", "deeper/".repeat(turn % 3)));
         let mut files = all_files(&folder.path().join("flights"));
         files.rotate_left(turn % 5);
@@ -387,7 +387,7 @@ fn repeated(times: usize) {
             &format!("out-{turn}"),
             &["--quiet", "--threads", threads],
         ));
-        // Others of this machine would notice it: not in the few runs of every day.
+        // It affects other users of this machine: not in the few runs of every day.
         if times >= 20 && turn % 4 == 3 {
             with_cold_cache();
         }
@@ -406,12 +406,12 @@ fn all_files(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 }
 
 #[test]
-fn place_order_threads_zone_and_language_change_no_byte() {
+fn place_order_threads_time_zone_and_language_change_no_byte() {
     repeated(3);
 }
 
 #[test]
 #[ignore = "minutes; `just faults-runs`"]
-fn twenty_runs_in_twenty_surroundings_have_the_same_bytes() {
+fn twenty_runs_in_twenty_environments_give_the_same_bytes() {
     repeated(20);
 }

@@ -1,4 +1,4 @@
-//! The page of a campaign in a real browser: its table is sorted, filtered, saved and walked by keys.
+//! The page of a campaign in a real browser: sorting, filtering, saving and keyboard navigation of its table.
 
 use crate::browser::Browser;
 use record::{CampaignRecord, FlightRow};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 #[path = "../../crates/report/tests/it/campaign_fixture.rs"]
 mod campaign_fixture;
 
-/// The page of so many flights on disk.
+/// The page of a number of flights on disk.
 struct Index {
     folder: tempfile::TempDir,
     record: CampaignRecord,
@@ -36,7 +36,7 @@ impl Index {
     }
 }
 
-/// Text of a column of the rows that are shown, from the top, with those that a reader has to scroll for.
+/// Text of a column of the shown rows, from the top, including those a reader has to scroll to.
 fn column(browser: &mut Browser, name: &str) -> Vec<String> {
     browser.eval("dispatchEvent(new Event('beforeprint'))");
     let rows = "[...document.querySelectorAll('#flights tbody tr')].filter((r) => r.offsetParent && !r.classList.contains('why'))";
@@ -71,7 +71,7 @@ fn is_quiet(browser: &mut Browser) {
 }
 
 #[test]
-fn verdicts_are_sorted_by_gravity_and_what_is_absent_comes_last() {
+fn verdicts_are_sorted_by_severity_with_absent_ones_last() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(200);
     browser.size(1440, 900, "light");
@@ -95,7 +95,7 @@ fn verdicts_are_sorted_by_gravity_and_what_is_absent_comes_last() {
         assert!(shown[known..].iter().all(|text| text == "—"), "{shown:?}");
         let numbers: Vec<f64> =
             shown[..known].iter().map(|t| t.split('\u{a0}').next().unwrap().parse().unwrap()).collect();
-        // They are sorted by all their digits, and shown to those that their uncertainty leaves, whole ms at most.
+        // They are sorted by full precision, and shown with the digits their uncertainty justifies, at most whole ms.
         let rise = |pair: &[f64]| if turn == 0 { pair[1] - pair[0] } else { pair[0] - pair[1] };
         assert!(numbers.windows(2).all(|pair| rise(pair) >= -1.0), "{numbers:?}");
     }
@@ -103,7 +103,7 @@ fn verdicts_are_sorted_by_gravity_and_what_is_absent_comes_last() {
 }
 
 #[test]
-fn facets_count_what_they_would_show_and_combine() {
+fn facets_show_their_counts_and_combine() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(200);
     browser.open(&index.page(), "");
@@ -159,13 +159,13 @@ fn words_numbers_and_reasons_filter_the_table() {
         assert_eq!(column(&mut browser, "Flight").len(), flights, "{query}");
         assert!(flights > 0 || query == "no-such-flight", "{query} tries nothing");
     }
-    // A reason of the list above shows its flights.
+    // A reason in the list above shows its flights.
     browser.open(&index.page(), "");
     browser.eval("document.querySelector('li[data-reason=two-delays-fit] a.show').click()");
     browser.until("location.hash.includes('reason')");
     browser.until(&format!("document.querySelector('.controls output').textContent.includes('{} of')", expected[6].1));
     assert_eq!(column(&mut browser, "Flight").len(), expected[6].1);
-    // A column that is not there filters nothing, and that is said.
+    // An unknown column filters nothing, and the page says so.
     browser.open(&index.page(), "#?q=foo%3E3");
     assert_eq!(column(&mut browser, "Flight").len(), 200);
     assert!(browser.text("document.querySelector('.controls output').textContent").contains("no column is called foo"));
@@ -173,7 +173,7 @@ fn words_numbers_and_reasons_filter_the_table() {
 }
 
 #[test]
-fn columns_are_chosen_and_the_csv_holds_what_is_shown_with_all_bits() {
+fn columns_can_be_chosen_and_the_csv_has_them_at_full_precision() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(40);
     browser.open(&index.page(), "");
@@ -216,7 +216,7 @@ fn columns_are_chosen_and_the_csv_holds_what_is_shown_with_all_bits() {
 }
 
 #[test]
-fn keys_walk_the_table_explain_a_flight_and_open_it() {
+fn keys_navigate_the_table_explain_a_flight_and_open_it() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(40);
     browser.size(1440, 900, "light");
@@ -237,7 +237,7 @@ fn keys_walk_the_table_explain_a_flight_and_open_it() {
     assert!(why.contains("No track to show"), "{why}");
     browser.key("e");
     assert_eq!(browser.number("document.querySelectorAll('#flights tr.why').length"), 0.0);
-    // A flight that was compensated shows where it flew, within 160 by 60 pixels.
+    // A compensated flight shows its track, within 160 by 60 pixels.
     browser.eval("document.querySelector('#flights tr[data-track] td').click()");
     let drawn = "document.querySelector('#flights tr.why svg.sketch')";
     let of = |browser: &mut Browser, side: &str| browser.number(&format!("{drawn}.getBoundingClientRect().{side}"));
@@ -262,7 +262,7 @@ fn keys_walk_the_table_explain_a_flight_and_open_it() {
 }
 
 #[test]
-fn head_and_first_column_stay_in_sight_and_no_width_overflows() {
+fn header_and_first_column_stay_visible_and_no_width_overflows() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(200);
     for (width, scheme) in [(1440, "light"), (800, "light"), (400, "dark")] {
@@ -282,7 +282,7 @@ fn head_and_first_column_stay_in_sight_and_no_width_overflows() {
 }
 
 #[test]
-fn numbers_of_the_page_are_those_of_the_record() {
+fn numbers_on_the_page_match_the_record() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(60);
     browser.open(&index.page(), "");
@@ -310,7 +310,7 @@ fn numbers_of_the_page_are_those_of_the_record() {
 }
 
 #[test]
-fn of_very_many_flights_each_page_of_a_thousand_works_and_links_lead_somewhere() {
+fn large_campaigns_are_paginated_and_their_links_resolve() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(2001);
     browser.open(&index.page(), "");
@@ -334,7 +334,7 @@ fn of_very_many_flights_each_page_of_a_thousand_works_and_links_lead_somewhere()
 }
 
 #[test]
-fn the_page_of_a_campaign_is_printed_in_portrait_with_eight_columns() {
+fn a_campaign_page_is_printed_in_portrait_with_eight_columns() {
     let Some(mut browser) = Browser::start() else { return };
     let index = Index::of(40);
     browser.open(&index.page(), "");

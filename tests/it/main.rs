@@ -1,4 +1,4 @@
-//! What only the whole can show.
+//! Tests of the whole program.
 
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 

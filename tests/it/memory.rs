@@ -1,7 +1,7 @@
-//! Peak memory of the command: 256 MiB above the columns that are asked for.
+//! Peak memory of the command: 256 MiB in addition to the requested columns.
 //!
-//! The usual tests have a quarter of the input, and of the bound what it leaves above the program itself. `just memory` has
-//! the whole ones.
+//! The default tests use a quarter of the input, and of the bound without the program itself. `just memory` uses
+//! all of both.
 #![cfg(target_os = "linux")]
 
 use crate::program::{flightlag, log_of_topics};
@@ -14,12 +14,12 @@ use std::process::Stdio;
 use std::time::Duration;
 
 const MIB: u64 = 1 << 20;
-/// What is promised above the columns.
+/// The promised limit in addition to the columns.
 const PROMISED: u64 = 256 * MIB;
-/// Of it, what the program takes before it reads anything, at most.
+/// The part of it that the program uses before it reads anything, at most.
 const PROGRAM: u64 = 48 * MIB;
 
-/// How much of an input is read.
+/// Fraction of an input that is read.
 #[derive(Clone, Copy, PartialEq)]
 enum Size {
     Quarter,
@@ -31,13 +31,13 @@ impl Size {
         if self == Size::Whole { whole } else { whole / 4 }
     }
 
-    /// Memory for columns of so many cells, bytes.
+    /// Limit with columns of this many cells, bytes.
     fn bound(self, cells: u64) -> u64 {
         PROGRAM + self.of(PROMISED - PROGRAM) + 8 * cells
     }
 }
 
-/// Runs the command to its end, with one of these exit codes. Gives the most memory that was resident.
+/// Runs the command to its end, with one of these exit codes. Returns its peak resident memory.
 fn peak(arguments: &[&str], paths: &[&Path], exits: &[i32]) -> u64 {
     let all = arguments.iter().map(OsString::from).chain(paths.iter().map(|path| path.into()));
     let mut command = flightlag(all.collect::<Vec<OsString>>());
@@ -45,9 +45,9 @@ fn peak(arguments: &[&str], paths: &[&Path], exits: &[i32]) -> u64 {
     let status = PathBuf::from(format!("/proc/{}/status", child.id()));
     let mut peak = 0;
     loop {
-        // Of a process that has ended nothing is said any more: the last look decides. What it holds only grows.
-        let said = fs::read_to_string(&status).unwrap_or_default();
-        let kib = said.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok());
+        // Nothing is reported after the process has ended: the last reading decides. The peak only grows.
+        let content = fs::read_to_string(&status).unwrap_or_default();
+        let kib = content.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok());
         peak = kib.unwrap_or(0_u64).max(peak);
         if let Some(exit) = child.try_wait().unwrap() {
             assert!(exits.contains(&exit.code().unwrap()), "{arguments:?}: {exit}");
@@ -64,7 +64,7 @@ fn assert_bound(what: &str, size: Size, cells: u64, peak: u64) {
     assert!(peak <= bound, "{what}: {} MiB, more than {} MiB", peak / MIB, bound / MIB);
 }
 
-/// Rows of a position each tenth of a second, in about so many bytes, and how many.
+/// Rows of a position every tenth of a second, in about `bytes` bytes; returns their number.
 fn places(out: &mut dyn Write, bytes: u64, open_quote: bool) -> u64 {
     out.write_all(b"time_s,latitude_deg,longitude_deg\n").unwrap();
     let (mut row, mut rows, mut written) = (String::new(), 0, 0);
@@ -99,15 +99,15 @@ fn table(bytes: u64, open_quote: bool) -> Table {
 fn tables(size: Size, bytes: u64) {
     for (open_quote, what) in [(false, "rows of a table"), (true, "rows below a quote that is never closed")] {
         let table = table(size.of(bytes), open_quote);
-        let said = format!("{what}, {} rows", table.rows);
+        let label = format!("{what}, {} rows", table.rows);
         let cells = 3 * table.rows;
-        assert_bound(&said, size, cells, peak(&["inspect"], &[&table.path], &[0, 3]));
+        assert_bound(&label, size, cells, peak(&["inspect"], &[&table.path], &[0, 3]));
         if size == Size::Whole {
-            assert_bound(&format!("{said}: delay"), size, cells, peak(&["delay"], &[&table.path], &[0, 1, 3]));
+            assert_bound(&format!("{label}: delay"), size, cells, peak(&["delay"], &[&table.path], &[0, 1, 3]));
             let out = table.folder.path().join("out");
             let paths = [table.path.as_path(), Path::new("--out"), &out];
             let whole = peak(&["export", "--topics", "--to", "csv"], &paths, &[0, 3]);
-            assert_bound(&format!("{said}: export"), size, cells, whole);
+            assert_bound(&format!("{label}: export"), size, cells, whole);
         }
     }
 }
@@ -115,7 +115,8 @@ fn tables(size: Size, bytes: u64) {
 /// Columns of [`flight`]; a text counts as a number.
 const FLIGHT: u64 = 6;
 
-/// Rows of a flight at 100 Hz in about so many bytes: a late position, a velocity, both with noise, and a mode; and how many.
+/// Rows of a flight at 100 Hz in about `bytes` bytes: a late position, a velocity, both with noise, and a mode; returns
+/// their number.
 fn flight(path: &Path, bytes: u64) -> u64 {
     let mut out = BufWriter::new(File::create(path).unwrap());
     out.write_all(b"time_s,latitude_deg,longitude_deg,vel_north_mps,vel_east_mps,mode\n").unwrap();
@@ -147,7 +148,7 @@ fn long_flight(size: Size, bytes: u64) {
     let log = folder.path().join("flight.csv");
     let rows = flight(&log, size.of(bytes));
     let out = folder.path().join("out");
-    // What the analysis takes does not grow beyond half a million samples, and a quarter has fewer.
+    // Memory of the analysis stops growing at half a million samples, and a quarter has fewer.
     if size == Size::Whole {
         let what = format!("delay, {rows} rows");
         assert_bound(&what, size, FLIGHT * rows, peak(&["delay"], &[&log], &[0]));
@@ -178,28 +179,28 @@ fn long_flight(size: Size, bytes: u64) {
 }
 
 #[test]
-fn a_long_flight_takes_the_memory_of_its_columns() {
+fn a_long_flight_uses_only_the_memory_of_its_columns() {
     long_flight(Size::Quarter, 64 << 20);
 }
 
 #[test]
 #[ignore = "a minute; `just memory`"]
-fn a_long_flight_of_256_mib_takes_the_memory_of_its_columns() {
+fn a_long_flight_of_256_mib_uses_only_the_memory_of_its_columns() {
     long_flight(Size::Whole, 256 << 20);
 }
 
 #[test]
-fn a_table_takes_the_memory_of_its_columns() {
+fn a_table_uses_only_the_memory_of_its_columns() {
     tables(Size::Quarter, 64 << 20);
 }
 
 #[test]
 #[ignore = "a minute; `just memory`"]
-fn a_table_of_256_mib_takes_the_memory_of_its_columns() {
+fn a_table_of_256_mib_uses_only_the_memory_of_its_columns() {
     tables(Size::Whole, 256 << 20);
 }
 
-/// A line without an end, as it stands and packed a thousandfold; nothing of it is a table.
+/// A line without an end, plain and compressed a thousandfold; no part of it is a table.
 fn one_line(size: Size, bytes: u64) {
     let folder = tempfile::tempdir().unwrap();
     let (plain, packed) = (folder.path().join("line.csv"), folder.path().join("line.csv.zst"));
@@ -221,13 +222,13 @@ fn one_line(size: Size, bytes: u64) {
 }
 
 #[test]
-fn a_line_without_end_is_not_taken_into_memory() {
+fn an_endless_line_is_not_read_into_memory() {
     one_line(Size::Quarter, 256 << 20);
 }
 
 #[test]
 #[ignore = "a minute; `just memory`"]
-fn a_line_of_a_gibibyte_is_not_taken_into_memory() {
+fn a_line_of_a_gibibyte_is_not_read_into_memory() {
     one_line(Size::Whole, 1 << 30);
 }
 
@@ -239,7 +240,7 @@ fn many_topics(size: Size, commands: &[&str]) {
     log_of_topics(&log, count);
     for to in commands {
         let whole = peak(&["export", "--topics", "--to", to], &[&log, Path::new("--out"), &out], &[0]);
-        // The first topics have statistics of their stamps, and take more than the others: half of the bound is for a quarter.
+        // The first topics have timestamp statistics, and use more than the others: half of the bound is for a quarter.
         let bound = PROMISED / if size == Size::Whole { 1 } else { 2 } + 8 * 2 * COLUMNS * count;
         println!("{count} topics as {to}: {} MiB of {} MiB", whole / MIB, bound / MIB);
         assert!(whole <= bound, "{count} topics as {to}: {} MiB, more than {} MiB", whole / MIB, bound / MIB);
@@ -259,7 +260,7 @@ fn a_log_of_65_000_topics_is_exported_topic_by_topic() {
 }
 
 #[test]
-fn a_sparse_log_of_a_hundred_gigabytes_takes_no_memory() {
+fn a_sparse_log_of_a_hundred_gigabytes_uses_no_memory() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("sparse.mcap");
     log_of_topics(&log, 10);

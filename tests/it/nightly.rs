@@ -1,4 +1,4 @@
-//! Nights as a team runs them: new, changed and unfinished logs, other settings, and two reports side by side.
+//! Nights as a team runs them: new, changed and unfinished logs, other settings, and a comparison of two reports.
 
 use crate::program::{flightlag, run, text};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// A folder with logs, a nightly file and what the nights leave.
+/// A folder with logs, a nightly file and the outputs of the nights.
 struct Nights {
     folder: tempfile::TempDir,
 }
@@ -40,11 +40,11 @@ impl Nights {
         fs::write(self.path("nightly.toml"), text).unwrap();
     }
 
-    /// Runs a night and gives its `night.json`.
+    /// Runs a night and returns its `night.json`.
     fn night(&self, exit: i32) -> Value {
         let config = self.path("nightly.toml");
-        let said = run(["nightly".as_ref(), config.as_os_str(), "--threads".as_ref(), "2".as_ref()], exit);
-        let lines = text(&said.stdout);
+        let printed = run(["nightly".as_ref(), config.as_os_str(), "--threads".as_ref(), "2".as_ref()], exit);
+        let lines = text(&printed.stdout);
         let summary = fs::read_to_string(self.path("out/summary.txt")).unwrap();
         assert_eq!(summary.lines().count(), 5, "{summary}");
         assert!(lines.starts_with(&summary), "{lines}");
@@ -58,7 +58,7 @@ impl Nights {
     }
 }
 
-/// Logs are left alone while they are written.
+/// Logs are skipped while they are being written.
 fn written_an_hour_ago(path: &Path) {
     let then = SystemTime::now() - Duration::from_secs(3600);
     File::options().write(true).open(path).unwrap().set_modified(then).unwrap();
@@ -69,7 +69,7 @@ fn names(list: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
+fn a_night_reports_what_is_new_changed_failing_and_left_and_why() {
     let nights = Nights::new(3);
     let logs = nights.logs();
     let other = tempfile::tempdir().unwrap();
@@ -82,7 +82,7 @@ fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
     assert_eq!(first["left"][0]["path"], "flight-0003.mcap");
     assert!(first["left"][0]["reason"].as_str().unwrap().starts_with("still being written"));
 
-    // It is finished; the first is another one now; a fourth is cut in the middle.
+    // It is finished; the first one was replaced; a fourth is truncated in the middle.
     written_an_hour_ago(&logs[2]);
     fs::copy(other.path().join("flight-0001.mcap"), &logs[0]).unwrap();
     written_an_hour_ago(&logs[0]);
@@ -118,7 +118,7 @@ fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
     nights.config("pipeline = \"p.toml\"");
     fs::remove_file(&cut).unwrap();
     let fourth = nights.night(4);
-    assert_eq!(fourth["before"], third["run_id"], "the last night, though it has no rows");
+    assert_eq!(fourth["before"], third["run_id"], "the last night, although it has no rows");
     let changes = &fourth["changes"];
     assert_eq!(names(&changes["gone"]), ["flight-0004.mcap"]);
     let rerun = changes["rerun"].as_array().unwrap();
@@ -136,12 +136,12 @@ fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
     latency_and_trend(&nights.path("out/history"), &nights.path("trend"));
 }
 
-/// A log that is touched keeps its result; one that is emptied has failed and is not gone; a folder that is emptied is a disk
-/// that is away.
+/// A touched log keeps its result. An emptied log has failed, but has not disappeared. An emptied folder is a disk that
+/// is not mounted.
 #[test]
-fn a_flight_keeps_its_result_until_its_log_is_finished_and_an_emptied_log_is_no_flight_any_more() {
+fn a_flight_keeps_its_result_until_its_log_is_complete_or_emptied() {
     let nights = Nights::new(3);
-    // Without its content this is no log by its name either.
+    // Without its content this is not a log by its name either.
     let simulated = simulate(&FlightSettings { duration_s: 60.0, ..FlightSettings::default() }).unwrap();
     let binary = Container::DataFlash.files(&simulated, "x").unwrap().remove(0);
     let binary_path = nights.path("logs").join("x.BIN");
@@ -164,9 +164,9 @@ fn a_flight_keeps_its_result_until_its_log_is_finished_and_an_emptied_log_is_no_
     let emptied = nights.night(3);
     assert_eq!(names(&emptied["changes"]["gone"]), [] as [&str; 0]);
     let failing = emptied["changes"]["failing"].as_array().unwrap();
-    let said: Vec<(&str, &str)> =
+    let printed: Vec<(&str, &str)> =
         failing.iter().map(|of| (of["flight"].as_str().unwrap(), of["words"][0].as_str().unwrap())).collect();
-    assert_eq!(said, [("flight-0001.mcap", "failed"), ("x.BIN", "failed")]);
+    assert_eq!(printed, [("flight-0001.mcap", "failed"), ("x.BIN", "failed")]);
     assert!(failing[1]["error"].as_str().unwrap().starts_with("no flight any more: "), "{failing:?}");
     fs::write(&binary_path, &binary.bytes).unwrap();
     written_an_hour_ago(&binary_path);
@@ -177,7 +177,7 @@ fn a_flight_keeps_its_result_until_its_log_is_finished_and_an_emptied_log_is_no_
     assert!(away["campaigns"][0]["error"].as_str().unwrap().contains("no flight found"), "{away}");
 }
 
-/// What a page links to beside itself. All of it has to be there.
+/// The files that a page links to. All of them must exist.
 fn files_linked(page: &Path) -> Vec<String> {
     let text = fs::read_to_string(page).unwrap();
     let links = text.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next());
@@ -187,7 +187,7 @@ fn files_linked(page: &Path) -> Vec<String> {
     files
 }
 
-/// The fleet file says who flew: the logs do not.
+/// The fleet file states who flew: the logs do not.
 fn latency_and_trend(history: &Path, out: &Path) {
     let table = text(&run(["history".as_ref(), history.as_os_str(), "--latency".as_ref()], 0).stdout);
     assert!(table.contains("± is U (k = 2) of the mean") && table.contains("5 Hz"), "{table}");
@@ -203,7 +203,7 @@ fn latency_and_trend(history: &Path, out: &Path) {
 }
 
 #[test]
-fn a_campaign_that_fails_does_not_stop_the_others_and_wrong_files_are_named_with_lines() {
+fn a_failed_campaign_does_not_stop_others_and_bad_files_are_reported() {
     let nights = Nights::new(1);
     fs::create_dir(nights.path("empty")).unwrap();
     nights.config("");
@@ -221,12 +221,12 @@ fn a_campaign_that_fails_does_not_stop_the_others_and_wrong_files_are_named_with
     let none = text(&run(["trend".as_ref(), nights.path("empty").as_os_str()], 2).stderr);
     assert!(none.contains("holds no history"), "{none}");
     let query = |arguments: &[&str]| text(&run([&["query"], arguments].concat(), 2).stderr);
-    assert!(query(&["delay_s > 0.3"]).contains("just query"), "the usual build has no queries, and says what has");
+    assert!(query(&["delay_s > 0.3"]).contains("just query"), "the default build has no queries, and says which has");
     assert!(query(&["dely_s > 0.3"]).contains("the nearest are delay_s"));
 }
 
 #[test]
-fn two_pipelines_over_the_same_flights_differ_by_their_settings_alone() {
+fn two_pipelines_over_the_same_flights_differ_only_by_settings() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     write_campaign(&folder.path().join("logs"), 2, 60.0, 5).unwrap();
@@ -246,10 +246,10 @@ fn two_pipelines_over_the_same_flights_differ_by_their_settings_alone() {
     let page = fs::read_to_string(folder.path().join("diff/index.html")).unwrap();
     assert!(page.contains("href=\"second/flights/flight-0001.mcap/index.html\""), "{page}");
     files_linked(&folder.path().join("diff/index.html"));
-    // The two reports by themselves, as text; and a folder that is no report.
+    // The two reports directly, as text; and a folder that is not a report.
     let (first, second) = (path("diff/first"), path("diff/second"));
-    let said = text(&run(["diff", &first, &second], 0).stdout);
-    assert!(said.contains("another result") && said.contains("delay.position_s: was 0.4, is 0.2"), "{said}");
+    let printed = text(&run(["diff", &first, &second], 0).stdout);
+    assert!(printed.contains("another result") && printed.contains("delay.position_s: was 0.4, is 0.2"), "{printed}");
     let same = text(&run(["diff", &first, &first], 0).stdout);
     assert!(same.contains("2 flights in both: 0 numbers moved"), "{same}");
     let wrong = text(&flightlag(["diff", &first, &logs]).output().unwrap().stderr);

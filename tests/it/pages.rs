@@ -1,4 +1,4 @@
-//! Pages in a real browser: they answer, can be explored, and ask for nothing.
+//! Pages in a real browser: they respond, can be explored, and load nothing else.
 
 use crate::browser::Browser;
 use crate::program::{flightlag, run, tree};
@@ -9,10 +9,10 @@ use simulate::{FlightSettings, SensorSettings, simulate};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Metres by which one fix of `spike_POS.csv` lies too far north.
+/// Metres by which one fix of `spike_POS.csv` is too far north.
 const SPIKE_M: f64 = 500.0;
 
-/// A report of two simulated flights that hold their truth, one with a wrong fix, and a log that is none.
+/// A report of two simulated flights with truth, one with a wrong fix, and of a file that is not a log.
 struct Report {
     folder: tempfile::TempDir,
 }
@@ -32,7 +32,7 @@ impl Report {
         report
     }
 
-    /// A report of one flight that lost two seconds of rows.
+    /// A report of one flight with two seconds of rows missing.
     fn make_with_gap() -> Report {
         let report = Report { folder: tempfile::tempdir().unwrap() };
         let flights = report.folder.path().join("flights");
@@ -50,7 +50,7 @@ impl Report {
         let out = path(report.folder.path().join("report"));
         let ran =
             flightlag(["campaign", &path(flights), "--out", &out, "--pipeline", &path(pipeline)]).output().unwrap();
-        // 3: what the gap does to the delay may count as a change.
+        // 3: the effect of the gap on the delay may count as a change.
         assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&ran.stderr));
         report
     }
@@ -63,7 +63,7 @@ impl Report {
         campaign::read_report(&self.folder.path().join("report")).unwrap().unwrap()
     }
 
-    /// Page and record of the flight whose name holds these words.
+    /// Page and record of the flight whose name contains these words.
     fn flight(&self, words: &str) -> (PathBuf, FlightRecord) {
         let campaign = self.campaign();
         let row = campaign.flights.iter().find(|row| row.flight.contains(words)).unwrap();
@@ -107,7 +107,7 @@ fn window(browser: &mut Browser) -> [f64; 2] {
     ["0", "1"].map(|k| browser.number(&format!("document.getElementById('explorer').explorer.window()[{k}]")))
 }
 
-/// A place on the first panel: shares of its width and height.
+/// A position on the first panel: fractions of its width and height.
 fn on_panel(browser: &mut Browser, panel: usize, share: f64) -> [f64; 2] {
     let over = format!("document.querySelectorAll('#explorer .u-over')[{panel}]");
     browser.eval(&format!("{over}.scrollIntoView({{ block: 'center' }})"));
@@ -117,7 +117,7 @@ fn on_panel(browser: &mut Browser, panel: usize, share: f64) -> [f64; 2] {
 }
 
 #[test]
-fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
+fn track_and_numbers_follow_zooming_panning_and_pointing() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, record) = report.flight("flight-0001");
@@ -126,7 +126,7 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
     let [from, to] = window(&mut browser);
     assert!((to - from - replay.coverage.duration_s).abs() < 1.0, "{from} to {to}");
 
-    // The whole flight: the numbers beside the track are those of the record.
+    // The whole flight: the numbers next to the track are those of the record.
     let error = |browser: &mut Browser, words: &str| {
         let rows = "[...document.querySelectorAll('#explorer .window tr')]";
         let text = browser.text(&format!("{rows}.find((r) => r.textContent.includes('{words}')).cells[1].textContent"));
@@ -150,7 +150,7 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
     let ends = browser.eval(&format!("{plots}.map((p) => [p.u.scales.x.min, p.u.scales.x.max])"));
     assert!(ends.as_array().unwrap().iter().all(|e| e == &serde_json::json!([a, b])), "{ends}");
 
-    // One cursor: pointing at one panel moves that of all, and the reader is told the values.
+    // One cursor: pointing at one panel moves it in all, and the values are shown.
     let place = on_panel(&mut browser, 3, 0.5);
     browser.mouse("mouseMoved", place, false);
     browser.until(&format!("{plots}.every((p) => Math.abs(p.u.cursor.left - {plots}[3].u.cursor.left) < 1)"));
@@ -158,7 +158,7 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
     let row_t = browser.number(&format!("{plots}[0].u.posToVal({plots}[0].u.cursor.left, 'x')"));
     assert!((row_t - (a + b) / 2.0).abs() < 0.02 * (b - a), "{row_t}");
 
-    // Keys: out twice is wider, 0 is all.
+    // Keys: zooming out twice is wider, 0 shows all.
     browser.eval("document.querySelector('#explorer .panels').focus()");
     browser.key("+");
     let [c, d] = window(&mut browser);
@@ -168,14 +168,14 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
     browser.key("0");
     assert_eq!(window(&mut browser), [from, to]);
 
-    // Shift and drag by a quarter of the width to the left: the window moves as much to the right.
+    // Shift-drag by a quarter of the width to the left: the window moves by as much to the right.
     browser.eval("document.getElementById('explorer').explorer.show(10, 30)");
     let (a, b) = (on_panel(&mut browser, 1, 0.5), on_panel(&mut browser, 1, 0.25));
     browser.shift_drag(a, b);
     let [a, b] = window(&mut browser);
     assert!((a - 15.0).abs() < 0.2 && (b - 35.0).abs() < 0.2, "{a} to {b}");
 
-    // Keys of the page: the list of keys, and a preset. What the list offers works.
+    // Keys of the page: the list of keys, and a preset. The keys listed work.
     browser.key("?");
     browser.until("document.querySelector('dialog').open");
     browser.key("?");
@@ -184,7 +184,7 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
     browser.key("t");
     let [a, b] = window(&mut browser);
     assert!(b - a <= 20.0 && b - a >= 10.0, "{a} to {b}");
-    // The figures that say the same are folded away.
+    // Figures with the same content are collapsed.
     assert_eq!(browser.eval("document.querySelector('details.twins').open"), false);
 
     // A preset.
@@ -198,19 +198,19 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
 }
 
 #[test]
-fn fingers_move_and_stretch_the_window_and_buttons_do_too() {
+fn fingers_and_buttons_pan_and_zoom_the_window() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, _) = report.flight("flight-0001");
     explore(&mut browser, &page);
     let whole = window(&mut browser);
     browser.eval("document.getElementById('explorer').explorer.show(10, 30)");
-    // A quarter of the width to the left: the window moves as much to the right.
+    // A quarter of the width to the left: the window moves by as much to the right.
     let (a, b) = (on_panel(&mut browser, 0, 0.5), on_panel(&mut browser, 0, 0.25));
     browser.touch(&[a], &[b]);
     let [from, to] = window(&mut browser);
     assert!((from - 15.0).abs() < 0.2 && (to - 35.0).abs() < 0.2, "{from} to {to}");
-    // Fingers at 3/8 and 5/8 that end at 1/4 and 3/4: half the window about its middle.
+    // Fingers from 3/8 and 5/8 to 1/4 and 3/4: half the window about its middle.
     let places = [0.375, 0.625, 0.25, 0.75].map(|share| on_panel(&mut browser, 0, share));
     browser.touch(&places[..2], &places[2..]);
     let [from, to] = window(&mut browser);
@@ -224,7 +224,7 @@ fn fingers_move_and_stretch_the_window_and_buttons_do_too() {
     let [a, b] = press("key −");
     assert!((b - a - (to - from)).abs() < 0.1, "{a} to {b}");
     assert_eq!(press("key 0"), whole);
-    // It ends where the flight does, as wide as it was.
+    // It stops at the end of the flight, with its width unchanged.
     browser.eval("document.getElementById('explorer').explorer.show(2, 12)");
     let (a, b) = (on_panel(&mut browser, 0, 0.2), on_panel(&mut browser, 0, 0.9));
     browser.touch(&[a], &[b]);
@@ -234,7 +234,7 @@ fn fingers_move_and_stretch_the_window_and_buttons_do_too() {
 }
 
 #[test]
-fn words_of_figures_are_large_enough_to_be_read_at_every_width() {
+fn figure_text_is_large_enough_at_every_width() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     for page in report.pages() {
@@ -249,7 +249,7 @@ fn words_of_figures_are_large_enough_to_be_read_at_every_width() {
 }
 
 #[test]
-fn a_wrong_fix_of_one_row_shows_at_every_zoom() {
+fn a_single_wrong_fix_is_visible_at_every_zoom() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, _) = report.flight("spike");
@@ -273,7 +273,7 @@ fn a_wrong_fix_of_one_row_shows_at_every_zoom() {
 }
 
 #[test]
-fn a_time_in_the_table_of_anomalies_opens_it_in_the_explorer() {
+fn an_anomaly_time_opens_it_in_the_explorer() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make_with_gap();
     let (page, record) = report.flight("gap");
@@ -288,7 +288,7 @@ fn a_time_in_the_table_of_anomalies_opens_it_in_the_explorer() {
 }
 
 #[test]
-fn axe_finds_nothing_on_any_page_wide_or_narrow_light_or_dark() {
+fn axe_finds_no_fault_on_any_page_at_any_width_or_scheme() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     for page in report.pages() {
@@ -303,7 +303,7 @@ fn axe_finds_nothing_on_any_page_wide_or_narrow_light_or_dark() {
 }
 
 #[test]
-fn the_table_of_flights_is_filtered_sorted_and_remembered_in_the_address() {
+fn the_flight_table_filters_sorts_and_keeps_its_state_in_the_address() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     browser.size(1440, 900, "light");
@@ -331,12 +331,12 @@ fn the_table_of_flights_is_filtered_sorted_and_remembered_in_the_address() {
 }
 
 #[test]
-fn a_table_is_saved_with_all_digits_and_its_uncertainties_in_a_column_of_their_own() {
+fn a_table_is_saved_at_full_precision_with_uncertainty_columns() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, record) = report.flight("flight-0001");
     browser.open(&page, "");
-    // What would be saved is taken before the browser saves it.
+    // Intercepts the file before the browser saves it.
     browser.eval("URL.createObjectURL = (blob) => { window.saved = blob.text(); return '#'; }");
     browser.eval("HTMLAnchorElement.prototype.click = function () { window.name = this.download; }");
     let table = "[...document.querySelectorAll('.scroll > table')].find((t) => t.caption.textContent.startsWith('Compensators'))";
@@ -354,7 +354,7 @@ fn a_table_is_saved_with_all_digits_and_its_uncertainties_in_a_column_of_their_o
 }
 
 #[test]
-fn no_page_asks_for_anything_overflows_or_points_nowhere() {
+fn pages_load_nothing_else_do_not_overflow_and_have_no_dead_links() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     for page in report.pages() {
@@ -392,7 +392,7 @@ fn percent_decoded(link: &str) -> String {
 }
 
 #[test]
-fn a_flight_is_printed_on_few_pages_without_what_needs_a_screen() {
+fn a_flight_prints_on_few_pages_without_screen_only_parts() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();
     let (page, _) = report.flight("flight-0001");

@@ -1,4 +1,5 @@
-//! The command runs on Windows too: what only Unix has stands in few files, each with something else for other systems.
+//! The command runs on Windows too: Unix-only code is confined to few files, each with an alternative for other
+//! systems.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,7 +28,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn only_the_files_named_for_it_use_what_one_system_alone_has() {
+fn only_the_listed_files_use_platform_specific_code() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
     let mut named = vec![];
     for entry in fs::read_dir(&crates).unwrap() {

@@ -1,4 +1,4 @@
-//! The command itself, as a user runs it.
+//! The command itself, as run by a user.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-/// The program, built from the code beside this test.
+/// The program, built from the code of this workspace.
 fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
@@ -24,7 +24,7 @@ fn program() -> &'static Path {
     })
 }
 
-/// `flightlag`, about to be run in an environment that decides nothing.
+/// `flightlag` in a neutral environment.
 pub fn flightlag<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Command {
     let mut command = Command::new(program());
     command.args(arguments).env_remove("SLURM_CPUS_PER_TASK");
@@ -60,7 +60,7 @@ pub fn tree(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     tree
 }
 
-/// What follows from logs, settings and build: not the hour, and not what this machine remembers.
+/// The results that depend only on logs, settings and build: not on the hour, nor on this machine's caches.
 pub fn results(report: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut tree = tree(report);
     let of_earlier_runs = ["run.json", "since-last-run.json", "since-last-run.html"].map(Path::new);
@@ -68,7 +68,7 @@ pub fn results(report: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     tree
 }
 
-/// A log of many topics with two messages each.
+/// A log with many topics of two messages each.
 pub fn log_of_topics(path: &Path, topics: u64) {
     let mut writer = mcap::Writer::new(BufWriter::new(File::create(path).unwrap())).unwrap();
     let schema =
@@ -86,7 +86,7 @@ pub fn log_of_topics(path: &Path, topics: u64) {
     writer.finish().unwrap();
 }
 
-/// Says which file differs instead of printing them all.
+/// Reports which file differs instead of printing them all.
 pub fn assert_same(one: &BTreeMap<PathBuf, Vec<u8>>, other: &BTreeMap<PathBuf, Vec<u8>>) {
     let names = |t: &BTreeMap<PathBuf, Vec<u8>>| t.keys().cloned().collect::<Vec<_>>();
     assert_eq!(names(one), names(other));

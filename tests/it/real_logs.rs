@@ -1,4 +1,4 @@
-//! Whole campaigns over real logs of others, where they are at hand.
+//! Whole campaigns over real logs from other sources, if available.
 
 use crate::program::{flightlag, results, text};
 use record::{CampaignRecord, EffectVerdict, Finding, FlightRecord, FlightRow, Outcome};
@@ -6,11 +6,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A folder of the real logs, or a word that the test was skipped.
+/// A folder of real logs, or a message that the test was skipped.
 fn logs(folder: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/logs").join(folder);
     if !path.is_dir() {
-        // Straight to standard error: what is printed, the test runner keeps to itself when a test passes.
+        // Directly to standard error: the test runner hides standard output of tests that pass.
         let _ = writeln!(std::io::stderr(), "skipped: {} is not there", path.display());
         return None;
     }
@@ -57,9 +57,9 @@ impl Report {
     }
 }
 
-/// One real flight in nine containers: what was found is the same to the last bit.
+/// One real flight in nine containers: the findings are bit-identical.
 #[test]
-fn the_intact_containers_of_a_real_flight_give_one_record_apart_from_provenance() {
+fn intact_containers_of_a_real_flight_give_one_record() {
     let Some(folder) = logs("derived-alfa") else { return };
     let report = Report::stated(&folder, 0.2166);
     let intact = [
@@ -81,13 +81,13 @@ fn the_intact_containers_of_a_real_flight_give_one_record_apart_from_provenance(
         assert_eq!(record.log.unwrap().messages, 2196, "{name}");
         assert!(!report.row(name).lossy, "{name} is whole");
     }
-    // An unindexed bag holds all messages too; that nobody closed it is a loss all the same.
+    // An unindexed bag contains all messages too; that it was never closed is still a loss.
     assert_eq!(report.record("alfa_lz4_unindexed.bag").replay, first.replay);
 }
 
-/// Recoverable messages by the independent salvage that came with the logs.
+/// Recoverable messages according to the independent salvage supplied with the logs.
 #[test]
-fn damaged_copies_of_a_real_flight_give_what_is_left_and_a_red_mark() {
+fn damaged_copies_of_a_real_flight_are_salvaged_and_marked_red() {
     let Some(folder) = logs("derived-alfa") else { return };
     let report = Report::of(&folder);
     assert_eq!(report.exit, Some(3));
@@ -104,14 +104,16 @@ fn damaged_copies_of_a_real_flight_give_what_is_left_and_a_red_mark() {
         assert!(log.messages >= least, "{name}: {} messages, {least} can be recovered", log.messages);
         let b = log.bytes;
         assert_eq!(b.sum(), b.size, "{name}");
-        // Junk behind the last record is less than 0.1 % of the log and leaves no long hole: a minor loss, which is amber.
+        // Junk after the last record is less than 0.1 % of the log and leaves no long gap: a minor loss, shown in
+        // amber.
         let row = report.row(name);
-        assert!(row.lossy || row.minor_loss, "{name} is marked");
+        assert!(row.lossy || row.minor_loss, "{name} is marked as lossy");
     }
 }
 
-/// Delays of a position against a velocity by another estimator, as `REFERENCE.csv` has them: folder, flight, position,
-/// velocity, ms, their standard error in ms. Those of the DeLorean flights, against truth, are below; comma2k19 is not read.
+/// Delays of a position against a velocity by another estimator, from `REFERENCE.csv`: folder, flight, position,
+/// velocity, ms, their standard error in ms. Those of the DeLorean flights, against truth, are below; comma2k19 is not
+/// read.
 const REFERENCE: &[(&str, &str, &str, &str, f64, f64)] = &[
     ("ALFA", "alfa-cpp/csv/carbonZ_2018-07-18-15-53-31_1_engine_failure", GPS.0, GPS.1, 4.0, 3.5),
     ("ALFA", "alfa-cpp/csv/carbonZ_2018-07-18-15-53-31_1_engine_failure", GPS.0, "velocity.ekf", 216.6, 15.6),
@@ -148,9 +150,9 @@ fn assert_near_reference(report: &Report, folder: &str) {
     }
 }
 
-/// Whatever is in these folders: a result or a reason for each flight, no panic, and delays as others measured them.
+/// All flights of these folders: a result or a reason each, no panic, and delays that agree with other measurements.
 #[test]
-fn every_real_flight_gets_a_result_or_a_reason_and_its_delay_agrees_with_the_reference() {
+fn every_real_flight_gets_a_result_or_a_reason_and_agrees_with_reference() {
     for folder in [
         "ALFA",
         "PyFlightCoach-FlightData",
@@ -186,9 +188,10 @@ fn every_real_flight_gets_a_result_or_a_reason_and_its_delay_agrees_with_the_ref
     }
 }
 
-/// The reference delays of these logs are stated beside them; these are facts of the logs, not of us.
+/// The reference delays of these logs are stated in a file next to them; they are facts about the logs, not our
+/// results.
 #[test]
-fn the_real_mti_g_that_does_not_travel_is_not_measurable() {
+fn a_real_mti_g_that_does_not_travel_is_not_measurable() {
     let Some(folder) = logs("PlotJuggler") else { return };
     let report = Report::of(&folder);
     let row = report.row("datasamples/tilt_laser.bag");
@@ -196,9 +199,9 @@ fn the_real_mti_g_that_does_not_travel_is_not_measurable() {
     assert_eq!(row.map.as_deref(), Some("xsens-mtig"));
 }
 
-/// The same flight as ROS 2 bags in SQLite: plain, compressed message by message, compressed as a file.
+/// The same flight as ROS 2 bags in SQLite: plain, compressed per message, compressed per file.
 #[test]
-fn ros_2_bags_of_a_real_flight_give_the_record_of_its_ros_1_bag() {
+fn ros_2_bags_of_a_real_flight_give_the_same_record_as_its_ros_1_bag() {
     let Some(folder) = logs("derived-alfa") else { return };
     let report = Report::stated(&folder, 0.2166);
     let first = report.record("alfa_none.bag");
@@ -217,10 +220,10 @@ fn ros_2_bags_of_a_real_flight_give_the_record_of_its_ros_1_bag() {
 /// Truth of the DeLorean flights, s.
 const DELOREAN_S: f64 = 0.2033;
 
-/// Lateness without the reference: within 15 ms of the truth, inside the interval; the default brings the error down to what
-/// the true delay would leave.
+/// Lateness without the reference: within 15 ms of the truth, inside the interval; the default reduces the error to
+/// what the true delay would leave.
 #[test]
-fn the_lateness_of_a_simulated_copter_is_the_truth_and_the_default_removes_it() {
+fn lateness_of_a_simulated_copter_is_found_and_removed_by_default() {
     let Some(folder) = logs("DeLorean") else { return };
     let report = Report::of(&folder);
     let moving: Vec<&FlightRow> =
@@ -239,9 +242,9 @@ fn the_lateness_of_a_simulated_copter_is_the_truth_and_the_default_removes_it() 
     assert_eq!(report.campaign.totals.harmed, 0);
 }
 
-/// Whatever is stated for these flights, each that it harms says so.
+/// Whatever delay is stated for these flights, each flight it harms is reported as such.
 #[test]
-fn a_stated_delay_that_harms_a_flight_is_called_harm_and_ends_with_4() {
+fn a_stated_delay_that_harms_a_flight_is_reported_and_ends_with_4() {
     for folder in ["SSScoring", "flightlogstats-G1000"] {
         let Some(path) = logs(folder) else { return };
         let report = Report::stated(&path, 0.4);
@@ -255,10 +258,10 @@ fn a_stated_delay_that_harms_a_flight_is_called_harm_and_ends_with_4() {
     }
 }
 
-/// ArduCopter in its simulator: the receiver is one period of 200 ms late, and an independent estimate against the
+/// ArduCopter in its simulator: the receiver is one period of 200 ms late. An independent estimate against the
 /// simulator's truth is 203.3 ms (203.2 to 203.6).
 #[test]
-fn the_receiver_of_a_simulated_copter_is_one_period_late_where_it_moves_and_not_measurable_where_it_stands() {
+fn a_simulated_copters_receiver_is_one_period_late_if_it_moves() {
     let Some(folder) = logs("DeLorean") else { return };
     let report = Report::of(&folder);
     for number in ["002", "117", "129", "130", "131", "135", "139", "143", "159", "160", "161"] {
@@ -297,7 +300,7 @@ fn ulog(path: &Path) -> ingest::Log {
     log
 }
 
-/// The values of a field added up in the order of the log, so that not one bit may differ.
+/// The values of a field summed in log order, so that every bit counts.
 fn sum_of(log: &ingest::Log, topic: &str, field: &str) -> f64 {
     let table = log.tables.iter().find(|t| t.topic.name == topic).unwrap();
     let column = table.column(field).unwrap();
@@ -306,7 +309,7 @@ fn sum_of(log: &ingest::Log, topic: &str, field: &str) -> f64 {
 
 /// Rows, parameters and texts that pyulog 1.3.0 finds, and the sum of one field.
 #[test]
-fn intact_ulogs_hold_what_pyulog_finds_in_them() {
+fn intact_ulogs_match_pyulog() {
     let expected = [
         ("foxglove-mcap/test_ulog.ulg", 4272, 1157, 7, "vehicle_attitude", "q[3]", -30.415_827_901_684_68),
         (
@@ -361,7 +364,7 @@ fn intact_ulogs_hold_what_pyulog_finds_in_them() {
         let about = &log.health.about;
         assert_eq!((about.parameters, about.texts.len()), (parameters, texts), "{file}");
         assert_eq!(sum_of(&log, topic, field), sum, "{file}: {topic}.{field}");
-        // Its last message is cut, of which pyulog says nothing.
+        // Its last message is truncated, which pyulog does not report.
         let cut = file.ends_with("sample_first_version.ulg");
         assert_eq!((log.health.bytes.tail_cut > 0, log.notices.any_loss()), (cut, false), "{file}: {:?}", log.notices);
     }
@@ -369,7 +372,7 @@ fn intact_ulogs_hold_what_pyulog_finds_in_them() {
 
 /// Rows that pyulog 1.3.0 can recover.
 #[test]
-fn damaged_ulogs_give_at_least_what_pyulog_recovers() {
+fn damaged_ulogs_give_at_least_as_much_as_pyulog() {
     let Some(folder) = logs("px4-ulog-rs/tests/fixtures") else { return };
     for (file, least) in [("corrupt_actuator_armed_wrong_size.ulg", 9539), ("corrupt_format_not_utf8.ulg", 61_964)] {
         let log = ulog(&folder.join(file));
@@ -378,10 +381,10 @@ fn damaged_ulogs_give_at_least_what_pyulog_recovers() {
     }
 }
 
-/// The lines of the texts beside the logs, which say the second, the level and the words; but not those of events
-/// (without a module in brackets), whose words are no text in the log.
+/// The lines of the text files next to the logs, with second, level and text; except those of events (without a module
+/// in brackets), whose text is not in the log.
 #[test]
-fn logged_texts_are_those_that_lie_beside_the_ulogs() {
+fn logged_texts_match_the_text_files_of_the_ulogs() {
     let Some(folder) = logs("pyulog/test") else { return };
     for name in [
         "sample",
@@ -406,9 +409,10 @@ fn logged_texts_are_those_that_lie_beside_the_ulogs() {
     }
 }
 
-/// What `ulog_info` of pyulog says, in the texts beside the logs: information, messages and bytes of every topic, dropouts.
+/// The output of pyulog's `ulog_info`, from text files next to the logs: information, messages and bytes of every
+/// topic, dropouts.
 #[test]
-fn information_counts_and_dropouts_are_those_that_lie_beside_the_ulogs() {
+fn information_counts_and_dropouts_match_ulog_info() {
     let Some(folder) = logs("pyulog/test") else { return };
     for (name, lines, topics) in [("sample", 4, 15), ("sample_appended_multiple", 90, 20)] {
         let log = ulog(&folder.join(format!("{name}.ulg")));
@@ -416,7 +420,7 @@ fn information_counts_and_dropouts_are_those_that_lie_beside_the_ulogs() {
         let (head, table) = text.split_once("Name (multi id").unwrap();
         let information: Vec<&str> = head.lines().filter_map(|line| line.strip_prefix(' ')).collect();
         for line in &information {
-            // Of what is logged in parts, the number of parts is listed.
+            // For a value logged in parts, the number of parts is listed.
             let parts = format!("{} (", line.split(':').next().unwrap());
             let listed = log.health.extras.iter().any(|extra| extra == line || extra.starts_with(&parts));
             assert!(listed, "{name}: {line:?}");
@@ -436,8 +440,8 @@ fn information_counts_and_dropouts_are_those_that_lie_beside_the_ulogs() {
         assert_eq!((information.len(), log.health.extras.len(), rows.len()), (lines, lines, topics), "{name}");
         let dropouts = log.notices.iter().find(|n| n.code == "dropout");
         match head.lines().find_map(|line| line.strip_prefix("Dropouts: count: ")) {
-            Some(said) => {
-                let (count, rest) = said.split_once(',').unwrap();
+            Some(stated) => {
+                let (count, rest) = stated.split_once(',').unwrap();
                 let longest = rest.split_once("max: ").unwrap().1.split(',').next().unwrap();
                 let ours = dropouts.unwrap();
                 assert_eq!(ours.count.to_string(), count, "{name}");
@@ -448,9 +452,9 @@ fn information_counts_and_dropouts_are_those_that_lie_beside_the_ulogs() {
     }
 }
 
-/// The CSV exports beside the logs of yule_log, cell by cell; two of them leave out the first sample.
+/// The CSV exports next to the logs of yule_log, cell by cell; two of them omit the first sample.
 #[test]
-fn values_are_those_of_the_tables_that_lie_beside_the_ulogs() {
+fn values_match_the_csv_exports_of_the_ulogs() {
     let Some(folder) = logs("yule_log/core") else { return };
     for (log, table, left_out) in [
         ("data/powers", "data/powers", 1),

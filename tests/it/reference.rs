@@ -1,4 +1,4 @@
-//! The second file of a flight: a PPK solution beside an own table.
+//! The second file of a flight: a PPK solution next to an own table.
 
 use crate::program::{flightlag, text};
 use flight::{Channel, Flight, Stamp};
@@ -31,7 +31,7 @@ fn rows(flight: &Flight, channel: &Channel) -> Vec<(f64, [f64; 3])> {
     stamps.iter().enumerate().map(|(row, s)| (s.seconds_since(first), at(row))).collect()
 }
 
-/// A table of the position with the newest velocity, whose clock begins at `start_s`.
+/// A table of the position with the latest velocity, whose clock starts at `start_s`.
 pub fn write_table(flight: &Flight, path: &Path, start_s: f64) {
     let velocity = rows(flight, &flight.channels["velocity.gps"]);
     let mut out = "time,lat,lon,alt\n".to_owned();
@@ -51,7 +51,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap().to_string_lossy().trim_end_matches("_POS").to_owned()
 }
 
-/// The truth as RTKLIB writes it: GPS time.
+/// The truth in RTKLIB format: GPS time.
 fn write_pos(flight: &Flight, path: &Path) {
     let mut out =
         "% program   : rnx2rtkp\n%\n%  GPST          latitude(deg) longitude(deg)  height(m)   Q  ns\n".to_owned();
@@ -76,20 +76,20 @@ fn is_late(flight: &serde_json::Value) {
 }
 
 #[test]
-fn lateness_against_a_second_file_of_the_same_clock_is_absolute() {
+fn lateness_against_a_reference_with_the_same_clock_is_absolute() {
     let folder = tempfile::tempdir().unwrap();
     let flight = flown(1);
     write_table(&flight, &folder.path().join("a_POS.csv"), START_S as f64);
     write_pos(&flight, &folder.path().join("a.pos"));
     let alone = answer(folder.path(), &["."]);
-    // The position and the velocity are one flight, the solution is another without a velocity.
+    // The position and the velocity are one flight, the solution without a velocity is another.
     let names = |found: &serde_json::Value| -> Vec<String> {
         found["flights"].as_array().unwrap().iter().map(|f| f["flight"].as_str().unwrap().to_owned()).collect()
     };
     assert_eq!(names(&alone), ["a", "a.pos"]);
     assert_eq!(alone["flights"][0]["datum"], "relative to velocity.gps");
     let both = answer(folder.path(), &[".", "--reference", "{stem}.pos"]);
-    assert_eq!(names(&both), ["a"], "a reference is no flight of its own");
+    assert_eq!(names(&both), ["a"], "a reference is not a separate flight");
     assert_eq!(both["flights"][0]["datum"], "reference");
     is_late(&both["flights"][0]);
     assert!(both["flights"][0]["words"].as_str().unwrap().contains("late against the reference"));
@@ -97,7 +97,7 @@ fn lateness_against_a_second_file_of_the_same_clock_is_absolute() {
 }
 
 #[test]
-fn a_second_file_with_a_clock_of_its_own_is_tied_by_the_velocity() {
+fn a_reference_with_its_own_clock_is_tied_by_the_velocity() {
     let folder = tempfile::tempdir().unwrap();
     let flight = flown(2);
     write_table(&flight, &folder.path().join("b_POS.csv"), 17.0);
@@ -107,14 +107,14 @@ fn a_second_file_with_a_clock_of_its_own_is_tied_by_the_velocity() {
     assert_eq!(line["datum"], "relative to velocity.gps");
     is_late(line);
     let words = line["reference_file"].as_str().unwrap();
-    // The log says 17 s where the solution says 12:00:18 GPS time: the offset is all that lies between.
+    // The log says 17 s where the solution says 12:00:18 GPS time: the offset is the whole difference.
     let gps_s = START_S + 18 - 315_964_800;
     let offset: f64 = words.split(" is ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!((offset - (17.0 - gps_s as f64)).abs() < 0.01, "{words}");
     assert_eq!(line["error_raw_m"].as_f64().map(|m| m > 1.0), Some(true));
 }
 
-/// Compiles C files with all compilers of this machine, without a warning and together in one program.
+/// Compiles C files with all compilers of this machine, without warnings and together in one program.
 fn compiles(folder: &Path, sources: &[&str]) {
     for compiler in ["gcc", "clang"] {
         let strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-shared", "-fPIC", "-o", "all.so"];
@@ -126,7 +126,7 @@ fn compiles(folder: &Path, sources: &[&str]) {
 }
 
 #[test]
-fn a_campaign_writes_its_delay_as_c_that_compiles_without_a_warning() {
+fn a_campaign_writes_its_delay_as_c_that_compiles_without_warnings() {
     let folder = tempfile::tempdir().unwrap();
     let flights = folder.path().join("flights");
     fs::create_dir(&flights).unwrap();
@@ -140,7 +140,7 @@ fn a_campaign_writes_its_delay_as_c_that_compiles_without_a_warning() {
         flightlag([&asked, reference].concat()).current_dir(folder.path()).output().unwrap()
     };
     let unknown = campaign(&[]);
-    assert_eq!(unknown.status.code(), Some(1), "a lateness relative to the velocity is none to compensate");
+    assert_eq!(unknown.status.code(), Some(1), "a lateness relative to the velocity cannot be compensated");
     let why = text(&unknown.stderr);
     assert!(why.contains("no C was written: how late the position is must be known against the IMU"), "{why}");
     assert!(!folder.path().join("c").exists() && folder.path().join("out/index.html").exists());
@@ -153,13 +153,13 @@ fn a_campaign_writes_its_delay_as_c_that_compiles_without_a_warning() {
     let header = fs::read_to_string(folder.path().join("c/position_delay_pade.h")).unwrap();
     assert!(header.contains("2 flights of ") && header.contains("against the reference, 95 % "), "{header}");
     compiles(&folder.path().join("c"), &["position_delay.c", "position_delay_pade.c"]);
-    // The command on the page makes the same report again.
+    // The command on the page reproduces the report.
     let record = fs::read_to_string(folder.path().join("out/campaign.json")).unwrap();
     assert!(record.contains("--reference '{stem}.pos' --out REPORT"), "{record:.2000}");
 }
 
 #[test]
-fn a_campaign_takes_the_second_file_of_each_flight() {
+fn a_campaign_uses_the_reference_file_of_each_flight() {
     let folder = tempfile::tempdir().unwrap();
     let flights = folder.path().join("flights");
     fs::create_dir(&flights).unwrap();
@@ -178,8 +178,8 @@ fn a_campaign_takes_the_second_file_of_each_flight() {
         assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
         text(&output.stdout)
     };
-    let told = campaign();
-    assert!(told.contains("late against reference (2 of 2 flights)"), "{told}");
+    let printed = campaign();
+    assert!(printed.contains("late against reference (2 of 2 flights)"), "{printed}");
     let record = || {
         let found = fs::read_dir(folder.path().join("out/flights")).unwrap().flatten();
         let page = found.map(|e| e.path().join("index.html")).find(|p| p.to_string_lossy().contains("one")).unwrap();
@@ -190,7 +190,7 @@ fn a_campaign_takes_the_second_file_of_each_flight() {
     assert!(before["inputs"].as_array().unwrap().iter().any(|f| f["name"] == "one_ppk.pos"));
     campaign();
     assert_eq!(record(), before);
-    // Another solution is another result.
+    // Another solution gives another result.
     let solution = fs::read_to_string(flights.join("one_ppk.pos")).unwrap();
     fs::write(flights.join("one_ppk.pos"), solution.replace("  1  12\n", "  2  12\n")).unwrap();
     campaign();
@@ -198,7 +198,7 @@ fn a_campaign_takes_the_second_file_of_each_flight() {
 }
 
 #[test]
-fn a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason() {
+fn an_unusable_reference_file_is_an_alarm_with_its_reason() {
     let folder = tempfile::tempdir().unwrap();
     let flight = flown(6);
     write_table(&flight, &folder.path().join("c_POS.csv"), START_S as f64);
@@ -237,7 +237,7 @@ fn a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason() {
     assert!(text(&several.stderr).contains("give a pattern in which {stem} stands for"), "{}", text(&several.stderr));
 }
 
-/// The truth as a second file without names for its axes: east, north, up, in the clock of a motion capture.
+/// The truth as a second file without axis names: east, north, up, in the clock of a motion capture system.
 fn write_mocap(flight: &Flight, path: &Path, start_s: f64) {
     let frame = flight::LocalFrame::new(flight::Geodetic { latitude: 0.0, longitude: 0.0, height: 0.0 });
     let all = rows(flight, &flight.channels["position.truth"]);
@@ -256,7 +256,7 @@ fn write_mocap(flight: &Flight, path: &Path, start_s: f64) {
 }
 
 #[test]
-fn a_second_file_that_decides_nothing_alone_is_judged_by_the_motion_of_the_log() {
+fn an_ambiguous_reference_file_is_resolved_by_the_motion_of_the_log() {
     let folder = tempfile::tempdir().unwrap();
     let flight = flown(7);
     write_table(&flight, &folder.path().join("d_POS.csv"), START_S as f64);
@@ -266,13 +266,13 @@ fn a_second_file_that_decides_nothing_alone_is_judged_by_the_motion_of_the_log()
     assert_eq!(line["datum"], "reference", "{line:#}");
     is_late(line);
     assert!(line["reference_file"].as_str().unwrap().contains("north = vn [m/s], east = ve [m/s]"), "{line:#}");
-    // A motion capture whose axes nobody names, with a clock of its own.
+    // A motion capture with unnamed axes and its own clock.
     write_mocap(&flight, &folder.path().join("mocap.csv"), 1234.0);
     let found = answer(folder.path(), &[".", "--reference", "mocap.csv"]);
     let line = &found["flights"][0];
     assert!(line["reference_file"].as_str().unwrap().contains("north = Y [m], east = X [m]"), "{line:#}");
     is_late(line);
-    // In other units it is refused with what to do.
+    // In other units it is rejected with advice.
     let text = fs::read_to_string(folder.path().join("d_VEL.csv")).unwrap();
     let in_kmh = |line: &str| {
         let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
@@ -284,8 +284,11 @@ fn a_second_file_that_decides_nothing_alone_is_judged_by_the_motion_of_the_log()
     let asked = ["delay", "d_POS.csv", "--reference", "kmh/fast.csv", "--reference-clock", "same"];
     let refused = flightlag(asked).current_dir(folder.path()).output().unwrap();
     assert_eq!(refused.status.code(), Some(1), "without a velocity nothing is measured");
-    let said = text_of(&refused);
-    assert!(said.contains("it moves 3.6") && said.contains("state the unit in the name of its column"), "{said}");
+    let printed = text_of(&refused);
+    assert!(
+        printed.contains("it moves 3.6") && printed.contains("state the unit in the name of its column"),
+        "{printed}"
+    );
 }
 
 fn text_of(output: &std::process::Output) -> String {
@@ -293,7 +296,7 @@ fn text_of(output: &std::process::Output) -> String {
 }
 
 #[test]
-fn a_clock_that_is_not_shared_is_no_error_of_a_thousand_metres() {
+fn an_unshared_clock_is_not_an_error_of_a_thousand_metres() {
     let folder = tempfile::tempdir().unwrap();
     let flight = flown(8);
     write_table(&flight, &folder.path().join("e_POS.csv"), 17.0);
@@ -301,8 +304,8 @@ fn a_clock_that_is_not_shared_is_no_error_of_a_thousand_metres() {
     let asked = ["delay", ".", "--reference", "mocap.csv", "--reference-clock", "same"];
     let refused = flightlag(asked).current_dir(folder.path()).output().unwrap();
     assert_eq!(refused.status.code(), Some(3), "{}", text_of(&refused));
-    let said = text(&refused.stdout);
-    let first = said.lines().next().unwrap();
-    assert!(first.starts_with("reference file mocap.csv is not used: its clock is not that of the log"), "{said}");
-    assert!(first.contains("-92."), "{said}");
+    let printed = text(&refused.stdout);
+    let first = printed.lines().next().unwrap();
+    assert!(first.starts_with("reference file mocap.csv is not used: its clock is not that of the log"), "{printed}");
+    assert!(first.contains("-92."), "{printed}");
 }

@@ -1,4 +1,4 @@
-//! What programs read: the published schemas hold for what is written, and the pages say no number that it does not hold.
+//! Machine-readable output: it matches the published schemas, and the pages contain no number that is not in it.
 
 use crate::program::{run, text};
 use serde_json::Value;
@@ -27,12 +27,13 @@ fn reports() -> Reports {
     let (flights, campaign) = (words(&path("flights")), words(&path("report")));
     let (pipeline, criteria) = (words(&path("p.toml")), words(&criteria));
     let order = ["campaign", &flights, "--out", &campaign, "--pipeline", &pipeline, "--criteria", &criteria, "--json"];
-    let mut said = text(&crate::program::flightlag(order).output().unwrap().stdout);
+    let mut printed = text(&crate::program::flightlag(order).output().unwrap().stdout);
     run(["demo", &words(&path("demo")), "--quiet"], 0);
     let bench = words(&path("bench"));
     let record = words(&path("demo/bench/gps-1.mcap"));
-    said += &text(&crate::program::flightlag(["bench", &record, "--out", &bench, "--json"]).output().unwrap().stdout);
-    let events = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    printed +=
+        &text(&crate::program::flightlag(["bench", &record, "--out", &bench, "--json"]).output().unwrap().stdout);
+    let events = printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     Reports { campaign: campaign.into(), bench: bench.into(), events, _folder: folder }
 }
 
@@ -66,9 +67,9 @@ fn assert_valid(schema: &str, values: &[Value]) {
     assert!(!validator.is_valid(&stray), "{schema} takes anything");
 }
 
-/// `FLIGHTLAG_BLESS=1` writes them again.
+/// `FLIGHTLAG_BLESS=1` rewrites them.
 #[test]
-fn the_published_schemas_are_those_of_the_types() {
+fn the_published_schemas_match_the_types() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     for (file, generated) in campaign::schemas().into_iter().chain(history::schemas()) {
         let path = root.join(file);
@@ -80,7 +81,7 @@ fn the_published_schemas_are_those_of_the_types() {
 }
 
 #[test]
-fn every_published_schema_is_printed_by_the_command() {
+fn the_command_prints_every_published_schema() {
     for (file, generated) in campaign::schemas().into_iter().chain(history::schemas()) {
         let name = file.rsplit('/').next().unwrap().trim_end_matches(".schema.json");
         assert!(text(&run(["schema", name], 0).stdout) == generated, "{name}");
@@ -88,7 +89,7 @@ fn every_published_schema_is_printed_by_the_command() {
 }
 
 #[test]
-fn records_and_events_keep_to_their_published_schemas_and_the_index_says_no_other_number() {
+fn records_and_events_match_their_schemas_and_the_index_matches_them() {
     let reports = reports();
     let campaign = json(&reports.campaign.join("campaign.json"));
     let flights = folders(&reports.campaign, "flights");
@@ -106,7 +107,7 @@ fn records_and_events_keep_to_their_published_schemas_and_the_index_says_no_othe
 }
 
 #[test]
-fn the_pages_of_flights_and_benches_say_no_number_that_is_not_in_their_record() {
+fn pages_contain_no_number_that_is_not_in_their_record() {
     let reports = reports();
     for folder in folders(&reports.campaign, "flights") {
         flight_record(&folder).iter().for_each(|record| assert_numbers(&folder.join("index.html"), record));
@@ -116,11 +117,11 @@ fn the_pages_of_flights_and_benches_say_no_number_that_is_not_in_their_record() 
     }
 }
 
-/// Between the unit of a record and that of a page: ms, µs or µT, mm, %, degrees, ms/min, and U with k = 2.
+/// Factors between the unit of a record and that of a page: ms, µs or µT, mm, %, degrees, ms/min, and U with k = 2.
 const FACTORS: [f64; 9] = [1.0, 1e3, 1e6, 1e2, 2.0, 2e3, 180.0 / std::f64::consts::PI, 1e9, 6e4];
 
-/// Every number of a page that has all its digits in the markup is one of the record, in another unit perhaps. Other cells
-/// are sorted by ranks, which are no numbers of the record.
+/// Every full-precision number in the markup of a page is in the record, possibly in another unit. Other cells
+/// are sorted by ranks, which are not numbers of the record.
 fn assert_numbers(page: &Path, record: &Value) {
     let mut known = vec![];
     numbers(record, &mut known);

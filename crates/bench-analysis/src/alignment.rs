@@ -1,7 +1,8 @@
-//! What the rig leaves open and the record shows: sign and zero of the encoder, azimuth of the swing's plane.
+//! Fits what the rig file leaves open: sign and zero of the encoder, azimuth of the swing's plane.
 //!
-//! Every channel is first laid over the encoder's angle with all its coefficients free (see `pattern`), so that a
-//! late channel says as much as one on time. Sign, zero and azimuth are then read off the coefficients (design note 1.6).
+//! Every channel is first aligned with the encoder's angle with all its coefficients free (see `pattern`), so that a
+//! late channel carries as much information as one on time. Sign, zero and azimuth then follow from the coefficients
+//! (design note 1.6).
 
 mod azimuth;
 mod clue;
@@ -20,34 +21,35 @@ pub(crate) use clue::{Circle, Clue, clues};
 pub(crate) use force::ForceFit;
 pub(crate) use zero::force_fit;
 
-/// How the bar's angle follows from the encoder, and where it swings.
+/// Relation of the bar's angle to the encoder, and the plane of the swing.
 #[derive(Debug, Clone)]
 pub struct Alignment {
     /// +1 or −1.
     pub sign: f64,
-    /// Where it comes from.
+    /// Source of the sign.
     pub sign_source: String,
     /// Bar angle at encoder zero, rad, in (−π, π].
     pub zero_rad: Estimate,
-    /// Where it comes from.
+    /// Source of the zero.
     pub zero_source: String,
-    /// Azimuth of the swing's plane from north over east, rad, in (−π, π]; `None` if nothing shows it.
+    /// Azimuth of the swing's plane from north over east, rad, in (−π, π]; `None` if no channel shows it.
     pub azimuth_rad: Option<Estimate>,
-    /// Where it comes from, or why it is missing.
+    /// Source of the azimuth, or why it is unknown.
     pub azimuth_source: String,
-    /// Delay at which each channel was laid over the encoder, s: good to a few milliseconds, without interval.
+    /// Delay at which each channel was aligned with the encoder, s: good to a few milliseconds, without interval.
     pub coarse_delay_s: BTreeMap<String, f64>,
-    /// Zero as each channel shows it alone, rad, by channel: to compare.
+    /// Zero according to each channel alone, rad, by channel, for comparison.
     pub zeros: Vec<(String, Estimate)>,
-    /// Azimuth as each channel shows it alone, rad.
+    /// Azimuth according to each channel alone, rad.
     pub azimuths: Vec<(String, Estimate)>,
-    /// What had to be assumed.
+    /// Assumptions made.
     pub notices: Notices,
     pub(crate) clues: Vec<Clue>,
 }
 
-/// Finds what the rig leaves open from the channels of `sensor`, whose stamps are in the encoder's clock. `motion` is
-/// [`Motion::of`] the encoder, not yet oriented. What nothing shows is assumed, said in the source and raised as a warning.
+/// Fits what the rig file leaves open from the channels of `sensor`, whose timestamps are in the encoder's clock.
+/// `motion` is [`Motion::of`] the encoder, not yet oriented. What no channel shows is assumed, named in the source and
+/// reported as a warning.
 #[must_use]
 pub fn align(motion: &Motion, sensor: &Flight, rig: &Rig, around: &Surroundings) -> Alignment {
     let clues = clues(motion, sensor, rig, around);

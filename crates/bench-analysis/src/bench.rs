@@ -1,4 +1,4 @@
-//! One bench record from two flights: the encoder's and the sensor's.
+//! Builds one bench record from two flights: the encoder's and the sensor's.
 
 use crate::alignment::{Alignment, align};
 use crate::card::MagneticEvidence;
@@ -25,32 +25,32 @@ use record::{
 };
 use signal::{DelayFit, DelaySettings, Gain, Measurement, Sign, fit_delay};
 
-/// A bar that turns slower than this many counts a second stands still.
+/// A bar slower than this many counts per second is at rest.
 const STILL_COUNTS_PER_S: f64 = 1.0;
-/// A skew is told aloud beyond so many standard uncertainties.
+/// A skew larger than this many standard uncertainties is reported as a warning.
 const CLEAR_SKEW: f64 = 3.0;
 
-/// What is measured.
+/// Input of a measurement.
 #[derive(Debug, Clone, Copy)]
 pub struct BenchInput<'a> {
-    /// The flight that holds the encoder.
+    /// The flight with the encoder.
     pub encoder: &'a Flight,
-    /// The flight that holds the sensor; it may be the same.
+    /// The flight with the sensor; may be the same.
     pub sensor: &'a Flight,
-    /// Whether one logger stamped both.
+    /// Whether one logger timestamped both.
     pub one_log: bool,
 }
 
-/// What came of it.
+/// Result of a measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bench {
-    /// What was found.
+    /// Findings.
     pub findings: BenchFindings,
-    /// What it shows of its magnetometer, for a card of several records.
+    /// Evidence about its magnetometer, for a card of several records.
     pub magnetic: MagneticEvidence,
-    /// UTC day of the record, `yyyy-mm-dd`, if stamps or rig say so.
+    /// UTC day of the record, `yyyy-mm-dd`, if timestamps or rig file give it.
     pub date: Option<String>,
-    /// What a reader must know.
+    /// Notices for the reader.
     pub notices: Notices,
 }
 
@@ -65,10 +65,10 @@ pub enum BenchRefusal {
     Smooth {
         /// The channel.
         channel: String,
-        /// Why.
+        /// Reason.
         source: signal::SmoothError,
     },
-    /// Stamps of encoder and sensor cannot be brought together.
+    /// The clocks of encoder and sensor cannot be aligned.
     #[error("{0}")]
     Clock(String),
     /// No channel of the sensor moves with the bar.
@@ -79,7 +79,7 @@ pub enum BenchRefusal {
 /// Measures every channel of the sensor against the encoder.
 ///
 /// # Errors
-/// A [`BenchRefusal`] when no channel can be measured, with the reason.
+/// A [`BenchRefusal`] with the reason if no channel can be measured.
 pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let (encoder_name, encoder) = encoder_channel(input.encoder, rig)?;
     let series = EncoderSeries::of(encoder_name, encoder, rig)?;
@@ -113,7 +113,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
         );
         quality.checks.push(check);
     }
-    tell_of_outliers(&channels, &mut notices);
+    report_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
     let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);
     notices.extend(turn_notices);
@@ -138,13 +138,13 @@ fn smoothed(channel: &str, series: EncoderSeries) -> Result<Motion, BenchRefusal
     Motion::of(series).map_err(|source| BenchRefusal::Smooth { channel: channel.to_owned(), source })
 }
 
-/// The sensor in time and on the bar.
+/// The sensor, aligned in time and placed on the bar.
 struct Placed {
     timing: Timing,
-    /// With its stamps put right, where that is needed.
+    /// With corrected timestamps, where needed.
     corrected: Option<Flight>,
     alignment: Alignment,
-    /// Of the bar, oriented by the alignment.
+    /// Motion of the bar, oriented by the alignment.
     motion: Motion,
 }
 
@@ -171,7 +171,7 @@ fn tied(input: &BenchInput<'_>, raw: &Motion, clock: Clock, rig: &Rig) -> Result
     tie(input.sensor, encoder, rig, input.one_log).map_err(BenchRefusal::Clock)
 }
 
-/// UTC day of the first stamp that counts UTC, else that of the rig.
+/// UTC day of the first UTC timestamp; the day of the rig file as fallback.
 fn day_of(input: &BenchInput<'_>, rig: &Rig) -> Option<Date> {
     let of = |flight: &Flight| {
         let channels = flight.channels.values();
@@ -183,7 +183,7 @@ fn day_of(input: &BenchInput<'_>, rig: &Rig) -> Option<Date> {
         let instant = jiff::Timestamp::from_nanosecond(i128::from(stamp.0)).ok()?;
         Some(instant.to_zoned(jiff::tz::TimeZone::UTC).date())
     };
-    // A simulation that counts from zero claims to be in 1970.
+    // A simulation that counts from zero appears to be in 1970.
     first.and_then(utc).filter(|day| day.year() > 1980).or(rig.site.date)
 }
 
@@ -192,12 +192,12 @@ fn accelerometer_arm(sensor: &Flight, rig: &Rig) -> [f64; 3] {
     rig.mount_of(found.map_or("specific-force.imu", |(name, _)| name)).lever_arm_m
 }
 
-/// Skew and anchor of the sensor's clock, found by the channels together.
+/// Skew and anchor of the sensor's clock, estimated jointly from the channels.
 struct Timing {
-    /// Joint over all channels with a delay (design note 6): what is added to a second of the sensor's clock to give one
-    /// of the encoder's.
+    /// Joint over all channels with a delay (design note 6): the seconds added to a second of the sensor's clock to get
+    /// one of the encoder's.
     skew: Finding<Estimate>,
-    /// Lag of the anchor as the logs stand, s.
+    /// Lag of the anchor in the uncorrected logs, s.
     anchor_lag_s: Option<Estimate>,
     middle_s: f64,
 }
@@ -221,13 +221,13 @@ impl Timing {
                     Some(Estimate { value: at_middle, standard_uncertainty: Some(fit.standard_uncertainty_s) });
             }
         }
-        // One clock has one skew: all its channels say the same.
+        // One clock has one skew, common to all its channels.
         let skew = weighted_mean(&skews)
             .map_or_else(|| Finding::CannotTell("no channel could be fitted with a skew".to_owned()), Finding::Found);
         Timing { skew, anchor_lag_s, middle_s }
     }
 
-    /// Where two clocks ran, the sensor's stamps are put right by the joint skew and by the anchor's lag.
+    /// If there are two clocks, corrects the sensor's timestamps by the joint skew and by the anchor's lag.
     fn correct(&self, tied: &Tied, motion: &Motion) -> Option<Flight> {
         if !matches!(tied.basis, TimeBasis::Anchor { .. }) {
             return None;
@@ -237,7 +237,7 @@ impl Timing {
         Some(moved(&tied.flight, motion.origin(), -lag_s, skew, self.middle_s))
     }
 
-    /// Seconds that the sensor's clock gains per second: the stamps have to be shortened by as much.
+    /// Seconds that the sensor's clock gains per second: the timestamps are shortened by this much.
     fn gained(&self) -> Finding<Estimate> {
         match &self.skew {
             Finding::Found(skew) => Finding::Found(Estimate { value: -skew.value, ..*skew }),
@@ -270,7 +270,7 @@ impl Timing {
     }
 }
 
-/// The delay of one channel, all its excited components together, if it converges.
+/// The delay of one channel, from all its excited components together, if the fit converges.
 fn fit_of(channel: &ChannelReference, hidden: Hidden<'_>, tied: &Tied, settings: &DelaySettings) -> Option<DelayFit> {
     let mut rows = tied.flight.channels.get(&channel.name)?.update_rows();
     rows.retain(|&row| channel.t_s.get(row).is_some_and(|t| !hidden.hides(*t)));
@@ -328,15 +328,15 @@ fn channels(
     references.channels.iter().filter_map(of).collect()
 }
 
-/// Samples of the channels that show an instant within a gap of the encoder.
+/// Samples of the channels whose true instant is within a gap of the encoder.
 fn hidden_samples(channels: &[ChannelDynamics]) -> u64 {
     channels.iter().flat_map(|c| &c.rejected).filter(|r| r.reason == SILENT).map(|r| r.count).sum()
 }
 
-/// Share of samples that a channel may hold back as outliers without a word.
+/// Share of samples that may be downweighted as outliers in a channel before it is reported.
 const MANY_OUTLIERS: f64 = 0.05;
 
-fn tell_of_outliers(channels: &[ChannelDynamics], notices: &mut Notices) {
+fn report_outliers(channels: &[ChannelDynamics], notices: &mut Notices) {
     for channel in channels {
         let Some(share) = channel.checks.as_ref().map(|c| c.outlier_share).filter(|s| *s > MANY_OUTLIERS) else {
             continue;
@@ -363,8 +363,9 @@ fn sensed(component: &ComponentReference) -> SensedComponent<'_> {
     }
 }
 
-/// Gains of channels that move with the tip against those that turn with it: like with like, for bending grows with the
-/// square of frequency and a rate weighs fast motion more than an angle does.
+/// Compares gains of channels that translate with the tip with those that rotate with it, position with angle and
+/// velocity with rate: bending grows with the square of frequency, and a rate weights fast motion more than an angle
+/// does.
 fn bending(
     channels: &[ChannelDynamics],
     references: &References,
@@ -396,7 +397,7 @@ fn rms_frequencies(motion: &Motion) -> (f64, f64) {
     (angle.rms_frequency_hz().unwrap_or(0.0), rate.rms_frequency_hz().unwrap_or(0.0))
 }
 
-/// Where the channels of the record are measured.
+/// Places on the bar where the channels of the record are measured.
 fn geometry(rig: &Rig, channels: &[ChannelDynamics]) -> RigGeometry {
     let mut parts: Vec<RigPart> = vec![];
     for channel in channels {

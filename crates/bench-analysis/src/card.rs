@@ -1,4 +1,4 @@
-//! Sensor cards: read with checks, written for people, and combined from several records of one sensor.
+//! Sensor cards: validated reading, readable writing, and combination of several records of one sensor.
 
 mod combine;
 #[cfg(test)]
@@ -16,14 +16,14 @@ pub use iron::{MagneticEvidence, card_magnetometer};
 
 use std::path::PathBuf;
 
-/// A sensor card is wrong, or records do not make one; and where.
+/// An error in a sensor card, or in the records for one, with its location.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
 pub struct CardError {
     /// The card, or the record.
     pub file: PathBuf,
-    /// Line, from 1, where there is one.
+    /// Line, from 1, if known.
     pub line: Option<usize>,
-    /// What is wrong, and what would be right.
+    /// What is wrong, and what is expected.
     pub what: String,
 }

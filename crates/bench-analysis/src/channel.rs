@@ -23,17 +23,17 @@ use signal::{
 
 /// Lags of the autocorrelation that are shown and tested.
 const ACF_LAGS: usize = 40;
-/// Another minimum within this many units of chi-squared is told.
+/// Another minimum within this many units of chi-squared is reported.
 const SECOND_MINIMUM_EXCESS: f64 = 9.0;
-/// Points of the objective's curves.
+/// Number of points of the objective's curves.
 const OBJECTIVE_POINTS: usize = 251;
-/// The objective near its minimum is drawn this many standard uncertainties to either side.
+/// The objective near its minimum is drawn up to this many standard uncertainties to either side.
 const NEAR_U: f64 = 5.0;
 
-/// Why a channel without a fit has no more to show.
+/// Why a channel without a fit has no further results.
 const NOT_TRIED: &str = "the channel could not be measured";
 
-/// Everything that the record says of the channel.
+/// All results of the record for the channel.
 pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -> ChannelDynamics {
     let updates = Updates::of(channel);
     let mut found = blank(channel, bench, &updates);
@@ -91,7 +91,7 @@ fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updat
         clock: channel.time.clock,
         basis: bench.basis.clone(),
         samples: (updates.t.len() + updates.hidden.len()) as u64,
-        rejected: silent(updates).into_iter().collect(),
+        rejected: in_gaps(updates).into_iter().collect(),
         rate_hz: rate_hz(&channel.t),
         update_rate_hz: updates.rate_hz(),
         held_rows: (updates.rows - updates.t.len() - updates.hidden.len()) as u64,
@@ -111,7 +111,7 @@ fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updat
     }
 }
 
-/// A component of which nothing but its curve is known.
+/// A component for which only the curve is known.
 fn undetermined(
     channel: &SensedChannel<'_>,
     component: &SensedComponent<'_>,
@@ -139,12 +139,12 @@ pub(crate) fn estimate(uncertain: Uncertain) -> Estimate {
     Estimate { value: uncertain.value, standard_uncertainty: Some(uncertain.standard_uncertainty) }
 }
 
-/// What the noise of a fit cannot know of its delay.
+/// Uncertainty of the delay that the noise of a fit does not include.
 #[derive(Clone, Copy)]
 struct Beyond {
     /// Standard uncertainty from the reference, s.
     reference_s: f64,
-    /// How far the delay is from constant, s.
+    /// Deviation of the delay from constant, s.
     change_s: f64,
 }
 
@@ -185,7 +185,7 @@ fn delay_finding(
     }
 }
 
-/// A held value is seen at the first row after it changed: up to one row late, evenly spread.
+/// A held value is seen at the first row after its change: up to one row late, uniformly distributed.
 fn stamp_uncertainty(channel: &SensedChannel<'_>, updates: &Updates) -> f64 {
     let row_s = if channel.channel.is_held() { updates.row_step_s.unwrap_or(0.0) } else { 0.0 };
     row_s / 12f64.sqrt()
@@ -227,7 +227,7 @@ fn held_fit(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Up
         (of(&channel.t), updates.excited.iter().map(|&k| of(channel.components[k].values)).collect());
     let whole: Vec<Measurement<'_>> =
         updates.excited.iter().zip(&columns).map(|(&k, y)| measurement(&channel.components[k], &t, y)).collect();
-    // As a loop sees it, row by row: no row is less worth for repeating the one before.
+    // Row by row, as a control loop sees it: a row counts in full even if it repeats the previous one.
     let settings = DelaySettings { noise: NoiseRule::White, robust: false, ..bench.settings() };
     let fit = fit_delay(&whole, &settings).ok()?;
     Some(Estimate { value: fit.delay_s, standard_uncertainty: Some(fit.standard_uncertainty_s) })
@@ -263,7 +263,7 @@ fn judge(
     (judgement.verdict, judgement.reason + &relative + &ambiguous.unwrap_or_default())
 }
 
-/// Why the rounds of delay and noise did not end, as far as the last one shows it.
+/// Why delay and noise did not converge, as far as the last round shows it.
 fn unsettled(fit: &DelayFit) -> String {
     let noise = fit.components.first().map_or_else(String::new, |c| {
         format!(" Its residual wanders with a time constant of {:.2} s", c.noise.time_constant_s)
@@ -277,10 +277,10 @@ fn unsettled(fit: &DelayFit) -> String {
     )
 }
 
-/// The reason of a row that shows an instant within a gap of the encoder.
+/// The reason for a row whose true instant is within a gap of the encoder.
 pub(crate) const SILENT: &str = "the encoder has a gap at its true time";
 
-fn silent(updates: &Updates) -> Option<RejectCount> {
+fn in_gaps(updates: &Updates) -> Option<RejectCount> {
     let first = format!("row {}", updates.hidden.first()?);
     Some(RejectCount { reason: SILENT.to_owned(), count: updates.hidden.len() as u64, first })
 }
@@ -329,14 +329,14 @@ fn components(
                 curves,
                 zoom,
                 residual: fitted.map(crate::curves::residual_curve),
-                overlay: fitted.map(|f| laid(component, bench, fit, f).overlay()),
+                overlay: fitted.map(|f| overlaid(component, bench, fit, f).overlay()),
                 ..undetermined(channel, component, bench)
             }
         })
         .collect()
 }
 
-fn laid<'a>(
+fn overlaid<'a>(
     component: &SensedComponent<'a>,
     bench: &Circumstances<'_>,
     fit: &DelayFit,
@@ -351,7 +351,7 @@ fn laid<'a>(
     }
 }
 
-/// Measured over reference, with what the reference's own error adds.
+/// Ratio measured/reference, including the reference's own error.
 fn gain(
     f: &ComponentFit,
     fit: &DelayFit,
@@ -364,7 +364,7 @@ fn gain(
     Estimate { value: f.gain.value, standard_uncertainty: Some(standard_uncertainty) }
 }
 
-/// Rows of the channel during which the bar stands still for five seconds or more.
+/// Rows of the channel while the bar is at rest for five seconds or more.
 fn still_rows(bench: &Circumstances<'_>, t: &[f64]) -> Vec<std::ops::Range<usize>> {
     const LEAST_S: f64 = 5.0;
     let of_row = |at: f64| t.partition_point(|&x| x < at);
@@ -404,7 +404,7 @@ fn checks(measurements: &[Measurement<'_>], fit: &DelayFit, search_s: (f64, f64)
     }
 }
 
-/// Share of the used rows more than four standard deviations off: Huber's weight is 1.345 over the deviations.
+/// Share of the used rows more than four standard deviations off: Huber's weight is 1.345 divided by the deviation.
 fn outlier_share(fit: &DelayFit) -> f64 {
     const FAR: f64 = 1.345 / 4.0;
     let weights: Vec<f64> = fit.components.iter().flat_map(|c| c.weights.iter().copied()).collect();
@@ -423,7 +423,7 @@ fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64,
 
 fn jitter(fit: &DelayFit) -> Finding<Estimate> {
     let of = |c: &ComponentFit| jitter_from_residuals(&c.t_used, &c.residuals, &c.slope, &c.noise);
-    // The component with the steepest signal over its noise shows jitter best.
+    // The component with the steepest signal relative to its noise shows jitter best.
     let steepness = |c: &ComponentFit| c.slope.iter().map(|s| s * s).sum::<f64>() / c.noise.std().powi(2);
     let best = fit.components.iter().max_by(|a, b| steepness(a).total_cmp(&steepness(b)));
     match best.and_then(of) {

@@ -1,8 +1,8 @@
-//! Ties the sensor's stamps to the encoder's clock (design note 6).
+//! Maps the sensor's timestamps to the encoder's clock (design note 6).
 //!
-//! One logger: stamps of the encoder's own clock are taken as they are; stamps of a device's clock are mapped by a
-//! pulse per second, else by the lower hull of the arrivals. Two loggers, or no way across: the recordings are laid
-//! over each other by the bar's rate, and every delay is relative to the anchor channel.
+//! One logger: timestamps of the encoder's own clock are used unchanged; timestamps of a device's clock are mapped by a
+//! pulse per second, or by the lower hull of the arrivals as fallback. Two loggers, or no mapping: the recordings are
+//! aligned by the bar's rate, and every delay is relative to the anchor channel.
 
 use crate::rig::{Rig, StampChoice};
 use crate::verdict::millis;
@@ -13,20 +13,20 @@ use record::{Finding, HullFinding, LatencyHistogram, PpsFinding, TimeBasis};
 use signal::{CoarseLag, HullLine, PiecewiseClock, coarse_lag, lower_hull, percentile_of_sorted};
 use std::collections::BTreeMap;
 
-/// Fewer pairs of stamps make no hull.
+/// Minimum number of timestamp pairs for a hull.
 const LEAST_HULL_STAMPS: usize = 30;
-/// Grid on which two recordings of the bar's rate are laid over each other, Hz.
+/// Grid for aligning two recordings of the bar's rate, Hz.
 const COARSE_RATE_HZ: f64 = 50.0;
 /// Peaks closer than this to the best are the same peak, s.
 const SAME_PEAK_S: f64 = 0.25;
-/// A correlation below this is no alignment.
+/// Minimum correlation of an alignment.
 const LEAST_CORRELATION: f64 = 0.7;
-/// Another alignment nearly as good is told.
+/// Another alignment whose correlation is at least this share of the best one is reported.
 const RIVAL_SHARE: f64 = 0.95;
-/// Bins of a latency histogram, up to the 99th percentile.
+/// Number of bins of a latency histogram, up to the 99th percentile.
 const HISTOGRAM_BINS: usize = 40;
 
-/// The encoder: when, and how fast the bar turned, rad/s.
+/// The encoder: time and rate of the bar, rad/s.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct EncoderRate<'a> {
     pub(crate) clock: Clock,
@@ -36,43 +36,43 @@ pub(crate) struct EncoderRate<'a> {
     pub(crate) rate: &'a [f64],
 }
 
-/// With which stamps a channel is measured.
+/// Which timestamps are used to measure a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ChannelTime {
     pub(crate) kind: StampKind,
     /// The clock of these stamps as logged.
     pub(crate) clock: Clock,
-    /// Arrival less device time, if both are logged.
+    /// Arrival minus device time, if both are logged.
     pub(crate) latency: Finding<LatencyHistogram>,
 }
 
 /// The sensor's channels in the encoder's clock.
 #[derive(Debug)]
 pub(crate) struct Tied {
-    /// Channels whose stamps were mapped. Those that cannot be tied are missing, with a notice.
+    /// Channels with mapped timestamps. Those that cannot be mapped are missing, with a notice.
     pub(crate) flight: Flight,
     pub(crate) times: BTreeMap<String, ChannelTime>,
     pub(crate) basis: TimeBasis,
-    /// What is absolute and what is relative.
+    /// Which delays are absolute and which are relative.
     pub(crate) statement: String,
     pub(crate) hull: Option<HullFinding>,
     pub(crate) pps: Option<PpsFinding>,
     pub(crate) notices: Notices,
 }
 
-/// Ties every channel of `sensor` to the encoder's clock. `one_log`: one logger stamped both.
+/// Maps every channel of `sensor` to the encoder's clock. `one_log`: one logger timestamped both.
 ///
 /// # Errors
-/// The recordings cannot be laid over each other, in words.
+/// The recordings cannot be aligned; the text gives the reason.
 pub(crate) fn tie(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig, one_log: bool) -> Result<Tied, String> {
     let shared = rig.clock.shared.unwrap_or(one_log);
     let tied = if shared { tie_by_logger(sensor, encoder, rig) } else { None };
     tied.map_or_else(|| tie_by_anchor(sensor, encoder, rig), Ok)
 }
 
-/// The same channels with stamps moved by `shift_s` plus `skew` times the distance from `middle_s`, all in the encoder's
-/// clock: what the anchor and the joint skew are corrected with.
-/// Rows that no longer rise are dropped, with a notice of the flight.
+/// The same channels with timestamps moved by `shift_s` plus `skew` times the distance from `middle_s`, all in the
+/// encoder's clock: the correction for the anchor and the joint skew. Rows that no longer increase are dropped, with a
+/// notice of the flight.
 pub(crate) fn moved(flight: &Flight, origin: Stamp, shift_s: f64, skew: f64, middle_s: f64) -> Flight {
     let to = |stamp: Stamp| {
         let t = stamp.seconds_since(origin);
@@ -87,7 +87,7 @@ pub(crate) fn moved(flight: &Flight, origin: Stamp, shift_s: f64, skew: f64, mid
     Flight { channels, notices, utc: flight.utc.clone() }
 }
 
-/// One kind of stamp of a channel.
+/// One kind of timestamps of a channel.
 #[derive(Debug, Clone)]
 struct Stamps<'a> {
     kind: StampKind,
@@ -105,7 +105,7 @@ fn all_stamps(channel: &Channel) -> impl Iterator<Item = Stamps<'_>> {
     std::iter::once(primary(channel)).chain(others)
 }
 
-/// The stamps that the rig asks for: those of a kind, or those that the channel map chose.
+/// The timestamps that the rig file selects: those of a kind, or those chosen by the channel map.
 fn asked_for<'a>(channel: &'a Channel, rig: &Rig) -> Option<Stamps<'a>> {
     let kind = match rig.clock.stamps {
         StampChoice::Auto => return Some(primary(channel)),
@@ -121,13 +121,13 @@ fn sensed(flight: &Flight) -> impl Iterator<Item = (&String, &Channel)> {
     flight.channels.iter().filter(|(_, channel)| is_sensed(channel.quantity))
 }
 
-/// Whether the bar moves what a channel holds.
+/// Whether the swing of the bar affects the quantity of a channel.
 pub(crate) fn is_sensed(quantity: Quantity) -> bool {
     use Quantity::{EncoderAngle, EncoderCount, Pulse, Scalar};
     !matches!(quantity, EncoderAngle | EncoderCount | Pulse | Scalar)
 }
 
-/// `None` if no channel can be tied this way.
+/// `None` if no channel can be mapped this way.
 fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option<Tied> {
     let mut notices = Notices::new();
     let mut flight = Flight::default();
@@ -165,17 +165,17 @@ fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option
     })
 }
 
-/// What leads from the clocks of devices to the encoder's.
+/// Mappings from device clocks to the encoder's.
 struct Bridge<'a> {
     encoder: EncoderRate<'a>,
-    /// Channel of the pulse, and the clock that it gives.
+    /// Channel of the pulse, and the resulting clock.
     pps: Option<(&'a str, PiecewiseClock)>,
     hulls: BTreeMap<u8, Hull>,
     used: Ways,
 }
 
 impl Bridge<'_> {
-    /// The channel in the encoder's clock; `None`, with a notice, if nothing leads there.
+    /// The channel in the encoder's clock; `None`, with a notice, if there is no mapping.
     fn mapped(&mut self, name: &str, channel: &Channel, stamps: &Stamps<'_>, notices: &mut Notices) -> Option<Channel> {
         let encoder = self.encoder;
         if stamps.clock == encoder.clock {
@@ -200,7 +200,7 @@ impl Bridge<'_> {
     }
 }
 
-/// Which ways across were used.
+/// Which mappings were used.
 #[derive(Debug, Default)]
 struct Ways {
     direct: bool,
@@ -231,7 +231,7 @@ impl Ways {
     }
 }
 
-/// Clocks have no order of their own.
+/// Sort key, as clocks have no order of their own.
 fn clock_key(clock: Clock) -> u8 {
     match clock {
         Clock::Unix => 0,
@@ -241,7 +241,7 @@ fn clock_key(clock: Clock) -> u8 {
     }
 }
 
-/// The pulse per second that the encoder's logger stamped, in seconds after the encoder's origin.
+/// The pulse per second timestamped by the encoder's logger, in seconds after the encoder's origin.
 fn pulse_clock<'a>(
     sensor: &'a Flight,
     encoder: EncoderRate<'_>,
@@ -283,7 +283,7 @@ struct Hull {
 }
 
 impl Hull {
-    /// Arrival of the fastest message that left at `stamp`.
+    /// Arrival of the fastest message sent at `stamp`.
     fn map(&self, stamp: Stamp) -> Stamp {
         let device_s = stamp.seconds_since(self.device_origin);
         let offset_s = self.line.offset_at_middle_s + self.line.skew * (device_s - self.line.middle_s);
@@ -291,7 +291,7 @@ impl Hull {
     }
 }
 
-/// A hull for each other clock than that of the arrival, over all channels that log both its time and their arrival.
+/// A hull for each clock other than that of the arrival, over all channels that log both its time and their arrival.
 fn hulls(sensor: &Flight, arrival_clock: Clock, notices: &mut Notices) -> BTreeMap<u8, Hull> {
     let mut pairs: BTreeMap<u8, Vec<(Stamp, Stamp)>> = BTreeMap::new();
     let mut names: BTreeMap<u8, (&str, Clock)> = BTreeMap::new();
@@ -340,7 +340,7 @@ fn hull_of(pairs: &[(Stamp, Stamp)], name: &str, device: Clock, arrival: Clock) 
     Some(Hull { line, device_origin, arrival_origin, finding })
 }
 
-/// Arrival less device time on the rows of a channel: absolute if one clock counts both, else above the fastest.
+/// Arrival minus device time on the rows of a channel: absolute if both use one clock, otherwise above the fastest.
 fn latency(channel: &Channel, hull: Option<&Hull>) -> Finding<LatencyHistogram> {
     let device = primary(channel);
     let Some(arrival) = all_stamps(channel).filter(|s| s.kind > device.kind).max_by_key(|s| s.kind) else {
@@ -351,7 +351,7 @@ fn latency(channel: &Channel, hull: Option<&Hull>) -> Finding<LatencyHistogram> 
     found.map_or_else(Finding::CannotTell, Finding::Found)
 }
 
-/// `None` if two clocks count and nothing ties them.
+/// `None` if there are two clocks without a mapping.
 fn histogram(device: &Stamps<'_>, arrival: &Stamps<'_>, hull: Option<&Hull>) -> Option<LatencyHistogram> {
     let pairs = || device.stamps.iter().zip(arrival.stamps);
     let (latencies, text): (Vec<f64>, _) = if arrival.clock == device.clock {
@@ -385,15 +385,15 @@ fn distribution(values: &[f64]) -> Option<Distribution> {
     Some(Distribution { min: at(0.0)?, p01: at(0.01)?, median: at(0.5)?, p99: at(0.99)?, max: at(1.0)? })
 }
 
-/// Lays the recordings over each other by the size of the bar's rate as encoder and anchor saw it.
+/// Aligns the recordings by the size of the bar's rate as measured by encoder and anchor.
 fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result<Tied, String> {
     let (name, anchor) = anchor(sensor, rig)?;
     let (stamps, device_origin) = anchor_stamps(name, anchor, rig)?;
-    let coarse = laid_over((name, anchor), &stamps, device_origin, encoder)?;
+    let coarse = coarsely_aligned((name, anchor), &stamps, device_origin, encoder)?;
     let mut notices = Notices::new();
     warn_of_rival(name, &coarse, &mut notices);
     let map = |s: Stamp| encoder.origin.plus_seconds(s.seconds_since(device_origin) + coarse.shift_s);
-    // The sensor's own logger may have stamped the arrivals with a third clock.
+    // The sensor's own logger may have timestamped the arrivals with a third clock.
     let arrival_clock = all_stamps(anchor).map(|s| s.clock).find(|clock| *clock != stamps.clock);
     let hulls = arrival_clock.map(|clock| hulls(sensor, clock, &mut notices)).unwrap_or_default();
     let hull = hulls.get(&clock_key(stamps.clock));
@@ -416,7 +416,7 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
     Ok(Tied { flight, times, basis, statement, hull, pps: None, notices })
 }
 
-/// Stamps of the anchor, and the first of them.
+/// Timestamps of the anchor, and the first of them.
 fn anchor_stamps<'a>(name: &str, anchor: &'a Channel, rig: &Rig) -> Result<(Stamps<'a>, Stamp), String> {
     let stamps = asked_for(anchor, rig)
         .ok_or_else(|| format!("the anchor {name} has no stamps of the kind that the rig asks for"))?;
@@ -432,7 +432,7 @@ fn statement_of_anchor(name: &str) -> String {
 }
 
 /// The shift at which the sizes of the bar's rate agree best.
-fn laid_over(
+fn coarsely_aligned(
     (name, anchor): (&str, &Channel),
     stamps: &Stamps<'_>,
     device_origin: Stamp,
@@ -487,7 +487,7 @@ fn warn_of_rival(name: &str, lag: &CoarseLag, notices: &mut Notices) {
     }
 }
 
-/// The channel over other stamps. Rows whose new stamps do not rise are dropped and counted.
+/// The channel with new timestamps. Rows whose new timestamps do not increase are dropped and counted.
 fn retimed(
     name: &str,
     channel: &Channel,
@@ -521,7 +521,7 @@ fn retimed(
             present: channel.present.clone(),
             source: channel.source.clone(),
         }),
-        // Stamps were made to rise and values were finite; should they ever not fit, say so.
+        // Timestamps were made to increase and values were finite; if they ever do not fit, this reports it.
         Err(error) => {
             notices.push(Code::RejectedRow, name, rows.len() as u64, error.to_string());
             None

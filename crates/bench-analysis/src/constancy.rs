@@ -1,4 +1,4 @@
-//! Whether the delay of a channel stays the same over the record (design note 3.9).
+//! Checks whether the delay of a channel is constant over the record (design note 3.9).
 
 use crate::verdict::{millis, probability};
 use record::{Estimate, Finding, ModelFinding, Stationarity};
@@ -9,31 +9,32 @@ use signal::{
 
 /// Windows of the delay over the record, s; half overlapping.
 const WINDOW_S: f64 = 15.0;
-/// Below this probability the text says that the delay changes.
-const SAID: f64 = 0.01;
+/// Below this probability the text states that the delay changes.
+const REPORTED_P: f64 = 0.01;
 /// Below this one the delay counts as changing: 1 of 752 channels with a constant delay, in simulations.
-const SURE: f64 = 0.001;
-/// Below this one the windows are fitted each with a noise of its own: a step is part of the noise of the whole record, and hides
-/// itself.
-const DOUBTED: f64 = 0.05;
-/// Half an interval of 95 % in standard uncertainties.
+const CERTAIN_P: f64 = 0.001;
+/// Below this one each window is fitted with its own noise, because a step becomes part of the noise of the whole
+/// record and hides itself.
+const DOUBTFUL_P: f64 = 0.05;
+/// Half of a 95 % interval in standard uncertainties.
 const HALF_95: f64 = 1.96;
-/// A lag that explains a change leaves less than this share of its range.
+/// A lag explains a change if it leaves less than this share of its range.
 const LAG_EXPLAINS: f64 = 0.75;
-/// Fewer rows of a window do not show its noise.
+/// Minimum number of rows for the noise of a window.
 const LEAST_ROWS: usize = 60;
-/// Grid of a reference behind a lag, s.
+/// Grid of a lagged reference, s.
 const GRID_S: f64 = 0.01;
 
-/// What is found, and how far the delay is from constant.
+/// The finding, and the deviation of the delay from constant.
 pub(crate) struct Constancy {
     pub(crate) finding: Finding<Stationarity>,
-    /// Standard uncertainty of the delay that covers the delay of every window, s; `None` where nothing surely changes.
+    /// Standard uncertainty that covers the delay of every window, s; `None` if no change is certain.
     pub(crate) change_s: Option<f64>,
 }
 
-/// The delay in windows, against one delay for all. Behind a lag a hand that changes its speed changes the delay that fits
-/// best: only what is left with the lag of the `model` in the reference is a change of the channel.
+/// The delay in windows, compared with one delay for all. With a lag, a hand that changes its speed changes the
+/// best-fitting delay: only the change that remains with the lag of the `model` in the reference is a change of the
+/// channel.
 pub(crate) fn constancy(
     measurements: &[Measurement<'_>],
     fit: &DelayFit,
@@ -46,15 +47,18 @@ pub(crate) fn constancy(
         let text = format!("fewer than two windows of {WINDOW_S} s with enough motion");
         return Constancy { finding: Finding::CannotTell(text), change_s: None };
     };
-    let own_p =
-        if (SURE..DOUBTED).contains(&constant_p) { each_alone(measurements, fit, settings, &apart) } else { None };
-    let constant_p = own_p.filter(|p| *p < SURE).unwrap_or(constant_p);
-    let by_the_lag = constant_p < SAID && !changes_behind_lag(measurements, settings, model, &apart);
-    let changes = constant_p < SURE && !by_the_lag;
+    let own_p = if (CERTAIN_P..DOUBTFUL_P).contains(&constant_p) {
+        each_alone(measurements, fit, settings, &apart)
+    } else {
+        None
+    };
+    let constant_p = own_p.filter(|p| *p < CERTAIN_P).unwrap_or(constant_p);
+    let by_the_lag = constant_p < REPORTED_P && !changes_behind_lag(measurements, settings, model, &apart);
+    let changes = constant_p < CERTAIN_P && !by_the_lag;
     let least = windows.iter().map(|w| w.delay_s).fold(f64::INFINITY, f64::min);
     let most = windows.iter().map(|w| w.delay_s).fold(f64::NEG_INFINITY, f64::max);
     let found = match constant_p {
-        p if p >= SAID => "No change over the record".to_owned(),
+        p if p >= REPORTED_P => "No change over the record".to_owned(),
         _ if by_the_lag => "The delay that fits best changes with the motion, as the lag makes it".to_owned(),
         _ => format!("The delay changes over the record, between {} and {} ms", millis(least), millis(most)),
     };
@@ -75,7 +79,7 @@ pub(crate) fn constancy(
     Constancy { finding, change_s: changes.then_some(farthest_s / HALF_95) }
 }
 
-/// Probability that windows fitted alone have one delay; `None` with fewer than two that can be.
+/// Probability that separately fitted windows have one delay; `None` with fewer than two such windows.
 fn each_alone(
     measurements: &[Measurement<'_>],
     fit: &DelayFit,
@@ -98,7 +102,7 @@ fn each_alone(
     homogeneity(&windows).map(|(_, p)| p)
 }
 
-/// Whether the delay also changes where the lag of the best model is part of the reference; without a lag, it does.
+/// Whether the delay also changes with the lag of the best model in the reference; always true without a lag.
 fn changes_behind_lag(
     measurements: &[Measurement<'_>],
     settings: &DelaySettings,
@@ -112,24 +116,24 @@ fn changes_behind_lag(
     }
     let lagged = |m: &Measurement<'_>| LaggedReference::new(m.reference, &lags, GRID_S);
     let Some(references) = measurements.iter().map(lagged).collect::<Option<Vec<_>>>() else { return true };
-    let behind: Vec<Measurement<'_>> =
+    let lagged: Vec<Measurement<'_>> =
         measurements.iter().zip(&references).map(|(m, reference)| Measurement { reference, ..*m }).collect();
-    let Ok(fit) = fit_delay(&behind, settings) else { return true };
-    // A lag that was fitted to a step leaves the windows apart, but with so much noise that no chi-squared shows it.
+    let Ok(fit) = fit_delay(&lagged, settings) else { return true };
+    // A lag fitted to a step keeps the windows apart, but with so much noise that chi-squared does not show it.
     let sharper = |window: SegmentDelay| {
         let same = apart.iter().find(|w| (w.middle_s - window.middle_s).abs() < 0.5 * WINDOW_S);
         let known_s = same.map_or(f64::INFINITY, |w| w.standard_uncertainty_s);
         SegmentDelay { standard_uncertainty_s: window.standard_uncertainty_s.min(known_s), ..window }
     };
-    let windows: Vec<SegmentDelay> = delay_by_segment(&behind, &fit, WINDOW_S, 0.0).into_iter().map(sharper).collect();
+    let windows: Vec<SegmentDelay> = delay_by_segment(&lagged, &fit, WINDOW_S, 0.0).into_iter().map(sharper).collect();
     let range = |all: &[SegmentDelay]| {
         let bound = |f: fn(f64, f64) -> f64, from: f64| all.iter().map(|w| w.delay_s).fold(from, f);
         bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY)
     };
-    range(&windows) > LAG_EXPLAINS * range(apart) || homogeneity(&windows).is_none_or(|(_, p)| p < SURE)
+    range(&windows) > LAG_EXPLAINS * range(apart) || homogeneity(&windows).is_none_or(|(_, p)| p < CERTAIN_P)
 }
 
-/// Weighted straight line through the delays of windows that do not overlap, s/s.
+/// Weighted straight line through the delays of non-overlapping windows, s/s.
 fn slope(windows: &[SegmentDelay]) -> Estimate {
     let weight = |w: &SegmentDelay| w.standard_uncertainty_s.powi(-2);
     let total: f64 = windows.iter().map(weight).sum();

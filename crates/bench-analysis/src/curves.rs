@@ -5,9 +5,9 @@ use crate::sensed::{SensedChannel, SensedComponent};
 use record::Curve;
 use signal::{ComponentFit, DelayFit, Reference, min_max};
 
-/// A curve over the whole record keeps at most four rows of each of so many stretches.
+/// A curve over the whole record keeps at most four rows in each of this many segments.
 const BINS: usize = 300;
-/// Points of a reference over the whole record.
+/// Number of points of a reference over the whole record.
 const REFERENCE_POINTS: usize = 1200;
 /// Reference rows per second in the zoom.
 const ZOOM_RATE_HZ: f64 = 100.0;
@@ -16,8 +16,8 @@ const ZOOM_S: f64 = 10.0;
 /// The zoom is moved in steps of this, s.
 const ZOOM_STEP_S: f64 = 0.5;
 
-/// Reference at the true time, reference as delayed and scaled by the fit, measured: over the whole record, and over
-/// the stretch `zoom`.
+/// Reference at the true time, reference delayed and scaled by the fit, measured: over the whole record, and over the
+/// segment `zoom`.
 pub(crate) fn component_curves(
     channel: &SensedChannel<'_>,
     component: &SensedComponent<'_>,
@@ -44,7 +44,7 @@ fn curves(
 ) -> Vec<Curve> {
     let (from, to) = component.reference.span();
     let gaps = channel.hidden.gaps;
-    // Nobody measured the motion in a gap: nothing is drawn there.
+    // The motion in a gap was not measured, so nothing is drawn there.
     let is_known = |t: &f64| (from..=to).contains(t) && !gap::contains(gaps, *t);
     let steps = ((end - start) / step).floor().max(0.0) as usize;
     let all: Vec<f64> = (0..=steps).map(|k| start + k as f64 * step).collect();
@@ -70,7 +70,7 @@ fn fitted(t: f64, reference: &dyn Reference, fit: &DelayFit, component: &Compone
     component.gain.value * reference.value_and_rate(t - fit.delay_s).0 + component.offset.value + drift
 }
 
-/// The stretch in which the bar moves most, away from gaps where there is such a one: one for all channels, so that they can be
+/// The segment with the most motion, away from gaps if possible: one for all channels, to allow comparison.
 /// compared.
 pub(crate) fn liveliest(t: &[f64], rate: &[f64], gaps: &[(f64, f64)]) -> (f64, f64) {
     let (Some(&from), Some(&to)) = (t.first(), t.last()) else { return (0.0, 0.0) };
@@ -86,7 +86,7 @@ pub(crate) fn liveliest(t: &[f64], rate: &[f64], gaps: &[(f64, f64)]) -> (f64, f
     (start, (start + ZOOM_S).min(to))
 }
 
-/// A curve of at most four rows of each of 300 stretches, with pen-ups where samples are missing.
+/// A curve of at most four rows in each of 300 segments, with pen-ups where samples are missing.
 pub(crate) fn curve(name: &str, t: &[f64], y: &[f64]) -> Curve {
     let kept = min_max(t, y, BINS);
     Curve {
@@ -98,7 +98,7 @@ pub(crate) fn curve(name: &str, t: &[f64], y: &[f64]) -> Curve {
     }
 }
 
-/// Kept rows before which data are missing: the step to the row before is far longer than usual.
+/// Kept rows preceded by missing data: the step to the previous row is far longer than usual.
 fn breaks(t: &[f64], kept: &[usize]) -> Vec<u32> {
     const GAP: f64 = 2.5;
     let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();

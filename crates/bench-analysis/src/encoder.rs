@@ -1,57 +1,57 @@
-//! The encoder's channel as an angle: counts per revolution, turns unwrapped, glitches left out.
+//! The encoder's channel as an angle: counts per revolution, turns unwrapped, glitches removed.
 
 use crate::rig::Rig;
 use crate::slip::{Slip, slips};
 use flight::{Channel, Code, Flight, Notices, Quantity, RejectCount, Severity, Stamp};
 use std::f64::consts::TAU;
 
-/// No hand turns a bar faster, rad/s: a step beyond it is a count that turned over, or a glitch.
+/// Maximum rate of a hand-driven bar, rad/s: a larger step is a wrap-around or a glitch.
 const FASTEST_RAD_PER_S: f64 = 30.0;
-/// Steps of this many counts are always possible.
+/// Steps up to this many counts are always plausible.
 const LEAST_PLAUSIBLE_COUNTS: f64 = 8.0;
-/// Counters turn over at these powers of two.
+/// Counters wrap around at these powers of two.
 const COUNTER_BITS: [i32; 4] = [16, 20, 24, 32];
-/// Fewest rows that make a record.
+/// Minimum number of rows of a record.
 const LEAST_ROWS: usize = 50;
 
 /// The encoder as an angle without sign and zero: counts times the angle of one count.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EncoderSeries {
-    /// Channel it came from.
+    /// Source channel.
     pub channel: String,
-    /// Seconds after the first stamp of the channel.
+    /// Seconds after the first timestamp of the channel.
     pub t_s: Vec<f64>,
-    /// Angle turned, rad, continuous; the encoder's own sign and zero.
+    /// Rotation angle, rad, continuous; the encoder's own sign and zero.
     pub angle_rad: Vec<f64>,
     /// Counts per revolution.
     pub counts_per_rev: f64,
-    /// Where that number comes from, in words.
+    /// Source of that number.
     pub counts_source: String,
-    /// The stamp that is time zero.
+    /// The timestamp of time zero.
     pub origin: Stamp,
-    /// Rows left out, by reason.
+    /// Rejected rows, by reason.
     pub rejected: Vec<RejectCount>,
-    /// Where counts were lost or gained. The series is the longest part without.
+    /// Places of lost or gained counts. The series is the longest part without any.
     pub slips: Vec<Slip>,
-    /// What was repaired or assumed.
+    /// Repairs and assumptions.
     pub notices: Notices,
 }
 
 /// Why an encoder cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EncoderError {
-    /// The rig names a channel that is not there or is no encoder.
+    /// The rig file names a channel that is missing or is not an encoder.
     #[error("the rig's encoder channel `{name}` is not in the log; it holds {}", listed(.there))]
     NoSuchChannel {
-        /// As the rig says.
+        /// Name in the rig file.
         name: String,
-        /// Encoders of the log.
+        /// Encoders in the log.
         there: Vec<String>,
     },
-    /// The log holds none.
+    /// The log has no encoder.
     #[error("the log holds no encoder (a channel of encoder-count or encoder-angle)")]
     NoEncoder,
-    /// The log holds several.
+    /// The log has several encoders.
     #[error("the log holds several encoders ({}); let encoder.channel of the rig say which", listed(.there))]
     Several {
         /// Their names.
@@ -63,12 +63,12 @@ pub enum EncoderError {
         /// The channel.
         channel: String,
     },
-    /// Too little to smooth.
+    /// Too few rows to smooth.
     #[error("{channel} has {rows} rows: at least {least} are needed", least = LEAST_ROWS)]
     TooShort {
         /// The channel.
         channel: String,
-        /// Its rows.
+        /// Number of rows.
         rows: usize,
     },
     /// The bar does not move.
@@ -83,10 +83,10 @@ fn listed(names: &[String]) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
-/// The encoder's channel of `flight`: the one that the rig names, else the only one.
+/// The encoder's channel of `flight`: the one named in the rig file; the default is the only one.
 ///
 /// # Errors
-/// [`EncoderError`]: none, several, or not the one that is named.
+/// [`EncoderError`]: no encoder, several, or not the named one.
 pub fn encoder_channel<'a>(flight: &'a Flight, rig: &Rig) -> Result<(&'a str, &'a Channel), EncoderError> {
     let is_encoder = |c: &Channel| matches!(c.quantity, Quantity::EncoderCount | Quantity::EncoderAngle);
     let all: Vec<(&str, &Channel)> =
@@ -120,7 +120,7 @@ impl EncoderSeries {
         let scale = scale_of(name, channel.quantity, raw, rig, &mut notices)?;
         let turned: Vec<f64> = raw.iter().map(|v| v * scale.rad_per_unit).collect();
         let lsb = TAU / scale.counts_per_rev;
-        let unwrapped = unwrap_turns(&t_s, &turned, lsb, &turnovers(&scale), name, &mut notices);
+        let unwrapped = unwrap_turns(&t_s, &turned, lsb, &wrap_angles(&scale), name, &mut notices);
         let kept = without_spikes(&t_s, &unwrapped, lsb);
         let left_out = rows - kept.len();
         let mut rejected = vec![];
@@ -151,7 +151,7 @@ impl EncoderSeries {
         Ok(series.without_slips())
     }
 
-    /// The longest part between two slips. The other parts are about another zero.
+    /// The longest part between two slips. The other parts have a different zero.
     fn without_slips(mut self) -> EncoderSeries {
         self.slips = slips(&self.t_s, &self.angle_rad, self.lsb_rad());
         if self.slips.is_empty() {
@@ -208,12 +208,12 @@ impl EncoderSeries {
     }
 }
 
-/// How a reading becomes an angle.
+/// Conversion of a reading to an angle.
 struct Scale {
     rad_per_unit: f64,
     counts_per_rev: f64,
     source: String,
-    /// Whether the log holds bare counts.
+    /// Whether the log has bare counts.
     is_count: bool,
 }
 
@@ -232,14 +232,14 @@ fn scale_of(
         None => inferred_counts(raw).ok_or_else(|| EncoderError::Still { channel: name.to_owned() })?,
     };
     if let (Some(stated), false) = (stated, is_count) {
-        tell_of_other_steps(name, stated, raw, notices);
+        warn_of_other_steps(name, stated, raw, notices);
     }
     let rad_per_unit = if is_count { TAU / counts_per_rev } else { 1.0 };
     Ok(Scale { rad_per_unit, counts_per_rev, source, is_count })
 }
 
-/// An angle whose steps are not those of the stated encoder is said aloud (lines for counts, or ×4 forgotten).
-fn tell_of_other_steps(name: &str, stated: f64, raw: &[f64], notices: &mut Notices) {
+/// Warns if the steps of an angle do not match the stated encoder (lines for counts, or ×4 forgotten).
+fn warn_of_other_steps(name: &str, stated: f64, raw: &[f64], notices: &mut Notices) {
     let Some(seen) = lattice_counts(raw) else { return };
     if (seen / stated - 1.0).abs() > 0.01 {
         let text = format!("the angle moves in steps of {seen:.0} per revolution where the rig says {stated:.0}");
@@ -247,7 +247,7 @@ fn tell_of_other_steps(name: &str, stated: f64, raw: &[f64], notices: &mut Notic
     }
 }
 
-/// Counts per revolution from the steps of an angle, with how it was found; `None` if nothing moves.
+/// Counts per revolution inferred from the steps of an angle, and how; `None` without motion.
 fn inferred_counts(raw: &[f64]) -> Option<(f64, String)> {
     if let Some(counts) = lattice_counts(raw) {
         let source = format!("inferred: the angle moves in steps of {:.4}°", 360.0 / counts);
@@ -262,18 +262,18 @@ fn inferred_counts(raw: &[f64]) -> Option<(f64, String)> {
     Some((counts, source))
 }
 
-/// The finest whole number of steps per revolution on which the angles lie; `None` if they lie on none.
+/// The finest whole number of steps per revolution that fits the angles; `None` if no lattice fits.
 ///
 /// Angles on a lattice of N steps make `|mean exp(iNx)|` one; text rounding by σ lowers it to exp(−(Nσ)²/2).
 fn lattice_counts(raw: &[f64]) -> Option<f64> {
-    /// Of this many samples, at most; prime strides would be no better.
+    /// Maximum number of samples; prime strides would be no better.
     const SAMPLES: usize = 600;
     const LEAST_CONCENTRATION: f64 = 0.8;
     let range =
         raw.iter().copied().fold(f64::NEG_INFINITY, f64::max) - raw.iter().copied().fold(f64::INFINITY, f64::min);
     let smallest = smallest_step(raw)?;
     let finest = TAU / smallest;
-    // Fewer than a dozen steps over the whole swing are no lattice that could be told.
+    // Fewer than a dozen steps over the whole swing cannot be recognized as a lattice.
     let coarsest = (12.0 * TAU / range).max(finest / 3.0).max(4.0);
     if finest * 4.0 < coarsest || finest > 1e6 {
         return None;
@@ -298,7 +298,7 @@ fn lattice_counts(raw: &[f64]) -> Option<f64> {
     Some(top_of_hill(concentration, first))
 }
 
-/// The whole number around `start` at which `height` is largest: an arc does not tell neighbours sharply.
+/// The whole number around `start` at which `height` is largest: an arc does not separate neighbours sharply.
 fn top_of_hill(height: impl Fn(f64) -> f64, start: f64) -> f64 {
     let climbed = |from: f64, step: f64| {
         let mut at = from;
@@ -310,23 +310,23 @@ fn top_of_hill(height: impl Fn(f64) -> f64, start: f64) -> f64 {
     climbed(climbed(start, 1.0), -1.0)
 }
 
-/// The smallest difference between two of the values, rounding aside; `None` if they are all alike.
+/// The smallest difference between two of the values, except rounding; `None` if they are all equal.
 fn smallest_step(raw: &[f64]) -> Option<f64> {
-    /// Text with seven decimals of a degree is this fine, rad.
+    /// Resolution of text with seven decimals of a degree, rad.
     const ROUNDING: f64 = 1e-8;
     let mut sorted = raw.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > ROUNDING).min_by(f64::total_cmp)
 }
 
-/// Scatter of a smooth series from its second differences, robust.
+/// Robust scatter of a smooth series from its second differences.
 fn second_difference_sigma(raw: &[f64]) -> f64 {
     let second: Vec<f64> = raw.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
     signal::robust_sigma(&second).unwrap_or(0.0) / 6f64.sqrt()
 }
 
-/// Angles at which this reading may turn over, with their names.
-fn turnovers(scale: &Scale) -> Vec<(f64, String)> {
+/// Angles at which this reading may wrap around, with their names.
+fn wrap_angles(scale: &Scale) -> Vec<(f64, String)> {
     let one_turn = (TAU, "one revolution".to_owned());
     if !scale.is_count {
         return vec![one_turn];
@@ -335,12 +335,12 @@ fn turnovers(scale: &Scale) -> Vec<(f64, String)> {
     std::iter::once(one_turn).chain(counters).collect()
 }
 
-/// The fastest step that a bar can make in `dt`.
+/// The largest plausible step of a bar in `dt`.
 fn plausible(dt: f64, lsb: f64) -> f64 {
     FASTEST_RAD_PER_S * dt + LEAST_PLAUSIBLE_COUNTS * lsb
 }
 
-/// The angle without turn-overs. The modulus is the one that explains most of the impossible steps.
+/// The angle without wrap-arounds. The modulus is the one that explains most of the impossible steps.
 fn unwrap_turns(
     t: &[f64],
     angle: &[f64],
@@ -352,12 +352,12 @@ fn unwrap_turns(
     let range =
         angle.iter().copied().fold(f64::NEG_INFINITY, f64::max) - angle.iter().copied().fold(f64::INFINITY, f64::min);
     let explained = |modulus: f64| {
-        let turned_over = |k: usize| {
+        let wrapped_around = |k: usize| {
             let (step, limit) = (angle[k] - angle[k - 1], plausible(t[k] - t[k - 1], lsb));
-            // Beyond half a turn nothing can be told from the step alone.
+            // Above half a turn the step alone is ambiguous.
             step.abs() > limit && limit < 0.5 * modulus && (step.abs() - modulus).abs() <= limit
         };
-        (1..angle.len()).filter(|&k| turned_over(k)).count()
+        (1..angle.len()).filter(|&k| wrapped_around(k)).count()
     };
     let candidates = moduli.iter().filter(|(modulus, _)| range <= modulus * (1.0 + 1e-9) + lsb);
     let best = candidates.map(|(modulus, name)| (explained(*modulus), *modulus, name)).max_by_key(|c| c.0);
@@ -375,7 +375,7 @@ fn unwrap_turns(
     unwrapped
 }
 
-/// Rows that do not leap away from both neighbours and back, faster than any bar turns.
+/// Rows that do not jump away from both neighbours and back, faster than any bar turns.
 fn without_spikes(t: &[f64], angle: &[f64], lsb: f64) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::with_capacity(angle.len());
     for row in 0..angle.len() {

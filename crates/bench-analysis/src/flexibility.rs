@@ -1,18 +1,18 @@
-//! Whether the bar bends, and at which frequency it would ring (design note 1.6).
+//! Checks whether the bar bends, and at which natural frequency (design note 1.6).
 
 use crate::alignment::estimate;
 use flight::with_minus;
 use record::{Estimate, Finding, Flexibility};
 
-/// Modal factor Γ of tip deflection against root rotation, for tip masses from none to any: 1.1377 to 1.
+/// Modal factor Γ of tip deflection against root rotation, for any tip mass from zero up: 1.1377 to 1.
 const GAMMA: (f64, f64) = (1.0, 1.1377);
 /// Slope factor κ over the same range: 1.3765 to 1.5.
 const KAPPA: (f64, f64) = (1.3765, 1.5);
-/// A gain must differ from one by this many standard uncertainties to speak of bending.
+/// Number of standard uncertainties by which a gain must differ from one to indicate bending.
 const CLEAR: f64 = 3.0;
 
 /// Response of a bar that bends in its first mode, `1 + Γ r²/(1 − r² + 2iζr)` with `r = f/f_n`: magnitude and argument
-/// (rad). Γ stands for translation of the tip, κΓ for its rotation.
+/// (rad). Γ is for translation of the tip, κΓ for its rotation.
 #[must_use]
 pub fn bending_response(frequency_hz: f64, first_mode_hz: f64, damping: f64, gamma: f64) -> (f64, f64) {
     let r = frequency_hz / first_mode_hz;
@@ -22,16 +22,16 @@ pub fn bending_response(frequency_hz: f64, first_mode_hz: f64, damping: f64, gam
     (re.hypot(im), im.atan2(re))
 }
 
-/// The first mode that makes a gain above one at `frequency_hz`, well below resonance: `1 + Γ r²/(1 − r²)`. `None`
-/// for gains of one and less.
+/// The first mode that explains a gain above one at `frequency_hz`, well below resonance: `1 + Γ r²/(1 − r²)`. `None`
+/// for gains of one or less.
 #[must_use]
 pub fn first_mode_of_gain(gain: f64, gamma: f64, frequency_hz: f64) -> Option<f64> {
     let x = (gain - 1.0) / gamma;
     (x > 0.0).then(|| frequency_hz * ((1.0 + x) / x).sqrt())
 }
 
-/// Compares the gains of channels that translate with the tip (position, velocity, height) with those that turn with it
-/// (attitude, rate, field with a known reference). `frequency_hz` is the rms frequency of the bar's angle.
+/// Compares the gains of channels that translate with the tip (position, velocity, height) with those that rotate with
+/// it (attitude, rate, field with a known reference). `frequency_hz` is the rms frequency of the bar's angle.
 #[must_use]
 pub fn flexibility(
     translation: &[Estimate],
@@ -58,7 +58,7 @@ fn with_u(e: &Estimate, decimals: usize) -> String {
     with_minus(&format!("{:.decimals$} ± {:.decimals$}", e.value, 2.0 * u(e)))
 }
 
-/// Inverse-variance mean; its uncertainty is widened (Birge) where the values scatter more than they claim.
+/// Inverse-variance mean; its uncertainty is widened (Birge) if the values scatter more than stated.
 pub(crate) fn weighted_mean(values: &[Estimate]) -> Option<Estimate> {
     let usable: Vec<(f64, f64)> =
         values.iter().filter(|g| u(g).is_finite() && u(g) > 0.0).map(|g| (g.value, u(g).powi(-2))).collect();
@@ -82,12 +82,12 @@ fn ratio(translation: Estimate, rotation: Estimate) -> Finding<Estimate> {
     Finding::Found(estimate(value, (u(&rotation) / p).hypot(value * u(&translation) / p)))
 }
 
-/// The ratio is that of a bar, within two standard uncertainties.
+/// Whether the ratio is that of a bar, within two standard uncertainties.
 fn bends(ratio: &Finding<Estimate>) -> Option<bool> {
     ratio.found().map(|e| e.value + 2.0 * u(e) >= KAPPA.0 && e.value - 2.0 * u(e) <= KAPPA.1)
 }
 
-/// Both gains speak of one mode: rotation with κΓ, translation with Γ. Γ and κ are known to a range, taken as uniform.
+/// Both gains come from one mode: rotation with κΓ, translation with Γ. Γ and κ are known to a range, taken as uniform.
 fn first_mode(p: Estimate, r: Estimate, ratio: &Finding<Estimate>, frequency_hz: f64) -> Finding<Estimate> {
     let middle = |(low, high): (f64, f64)| 0.5 * (low + high);
     let share = |(low, high): (f64, f64)| (high - low) / 12f64.sqrt() / (0.5 * (low + high));

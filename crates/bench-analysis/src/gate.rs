@@ -1,4 +1,4 @@
-//! The quality of a record, judged before any verdict (design note 1.6, 3.3).
+//! Quality checks of a record before any verdict (design note 1.6, 3.3).
 
 use crate::kinematics::{BarState, specific_force};
 use crate::motion::Motion;
@@ -7,20 +7,20 @@ use flight::{Channel, Flight, Quantity};
 use record::{COUNTS_OR_STAMPS_WRONG, ENCODER_RESIDUAL, ENCODER_SLIP, GateCheck, QualityGate};
 use signal::{Spectrum, power_spectrum};
 
-/// Below this amplitude nothing moves enough, rad.
+/// Below this amplitude there is too little motion, rad.
 const LEAST_AMPLITUDE: f64 = 2.0 * std::f64::consts::PI / 180.0;
-/// An amplitude that shows every channel well, rad.
+/// An amplitude sufficient for every channel, rad.
 const GOOD_AMPLITUDE: f64 = 20.0 * std::f64::consts::PI / 180.0;
-/// Fewer swings cannot tell a delay from a transient.
+/// With fewer swings a delay cannot be distinguished from a transient.
 const LEAST_SWINGS: u64 = 2;
 const GOOD_SWINGS: u64 = 10;
 /// Encoder samples per period of the rms frequency.
 const GOOD_SAMPLES_PER_SWING: f64 = 20.0;
 /// Residuals of a perfect quantiser are 1/√12 = 0.289 counts.
 const GOOD_RESIDUAL_COUNTS: [f64; 2] = [0.15, 0.6];
-/// Share of rows at the very end of the range that looks like saturation.
+/// Share of rows at the very end of the range that indicates saturation.
 const SATURATED_SHARE: f64 = 0.01;
-/// Tangential specific force below this share of its two parts cancels: the accelerometer's x axis sees nothing.
+/// Tangential specific force below this share of its two parts cancels: the accelerometer's x axis has no signal.
 const NULL_SHARE: f64 = 0.1;
 /// Grid of the spectrum, Hz.
 const SPECTRUM_RATE_HZ: f64 = 50.0;
@@ -66,12 +66,12 @@ pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f
     Gate { quality, closed }
 }
 
-/// The bar over a part of the record, evenly spaced.
+/// States of the bar over a part of the record, evenly spaced.
 fn states_of(motion: &Motion, part: (f64, f64)) -> Vec<BarState> {
     motion.grid(part, SPECTRUM_RATE_HZ).iter().filter_map(|&t| motion.at(t)).collect()
 }
 
-/// Where the power of the bar's angle and of its rate lies, over the longest part without a gap.
+/// Frequency distribution of the bar's angle and rate, over the longest part without a gap.
 pub(crate) struct Spectra {
     pub(crate) angle: Spectrum,
     pub(crate) rate: Spectrum,
@@ -85,7 +85,7 @@ pub(crate) fn spectra(motion: &Motion) -> Spectra {
     Spectra { angle: of(|s| s.angle), rate: of(|s| s.rate) }
 }
 
-/// The gaps of the encoder, and how many samples of the channels were left out for them; `None` without a gap.
+/// The gaps of the encoder, and how many channel samples they affect; `None` without a gap.
 pub(crate) fn gap_check(motion: &Motion, left_out: u64) -> Option<GateCheck> {
     let gaps = motion.gaps();
     let (start, end) = gaps.iter().copied().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)))?;
@@ -100,7 +100,7 @@ pub(crate) fn gap_check(motion: &Motion, left_out: u64) -> Option<GateCheck> {
     Some(check("encoder gaps", false, text))
 }
 
-/// Why a record with so few reversals is refused. `turned` is the angle from its first to its last sample, rad.
+/// Why a record with this few reversals is rejected. `turned` is the angle from its first to its last sample, rad.
 fn too_few(swings: u64, turned: f64) -> String {
     let turns = (turned / std::f64::consts::TAU).abs();
     if turns < 1.0 {
@@ -165,7 +165,7 @@ fn slip_check(motion: &Motion) -> Option<GateCheck> {
     })
 }
 
-/// A free hanging pendulum has no tangential specific force at all: `L ξ″ + g sin ξ = 0`.
+/// A freely hanging pendulum has no tangential specific force at all: `L ξ″ + g sin ξ = 0`.
 fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f64) -> Option<GateCheck> {
     sensor.channels.values().find(|c| c.quantity == Quantity::SpecificForce)?;
     let rms = |f: &dyn Fn(&BarState) -> f64| {
@@ -181,10 +181,10 @@ fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f6
     Some(check("accelerometer x not in its null", passed, text + advice))
 }
 
-/// A bar that turns slower than this share of its fastest rests, and its sensors repeat what they read.
+/// Below this share of its maximum rate the bar rests, and its sensors repeat their readings.
 const STILL_SHARE: f64 = 0.05;
 
-/// Updates at the very end of a component's range, several in a row, while the bar moves.
+/// Checks for updates at the very end of a component's range, several in a row, while the bar moves.
 fn saturation_check(name: &str, channel: &Channel, motion: &Motion) -> Option<GateCheck> {
     let t = channel.series.timeline().seconds_since(motion.origin());
     let fastest = motion.states().map(|(_, s)| s.rate.abs()).fold(0.0, f64::max);
@@ -199,7 +199,7 @@ fn saturation_check(name: &str, channel: &Channel, motion: &Motion) -> Option<Ga
     })
 }
 
-/// Share of rows that belong to runs of three or more equal values at the largest or smallest value.
+/// Share of rows in runs of three or more equal values at the largest or smallest value.
 fn saturated_share(y: &[f64]) -> f64 {
     const LEAST_RUN: usize = 3;
     let ends = y.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)]);
@@ -210,7 +210,7 @@ fn saturated_share(y: &[f64]) -> f64 {
     runs.map(<[f64]>::len).sum::<usize>() as f64 / y.len() as f64
 }
 
-/// Pairs of reversals by more than a tenth of the amplitude.
+/// Number of pairs of reversals by more than a tenth of the amplitude.
 fn swings(angles: &[f64], amplitude: f64) -> u64 {
     let threshold = 0.1 * amplitude;
     let Some(&first) = angles.first().filter(|_| threshold > 0.0) else { return 0 };
@@ -253,10 +253,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn swings_are_counted_once_however_noisy() {
+    fn swings_are_counted_once_despite_noise() {
         let angle = |t: f64| (std::f64::consts::TAU * 0.5 * t).sin() + 0.01 * (40.0 * t).sin();
         let angles: Vec<f64> = (0..1000).map(|k| angle(f64::from(k) * 0.02)).collect();
-        // 20 s at 0.5 Hz: ten periods, twenty reversals less the ends.
+        // 20 s at 0.5 Hz: ten periods, twenty reversals minus the ends.
         assert!((9..=10).contains(&swings(&angles, 1.0)));
         assert_eq!(swings(&[0.3; 50], 0.0), 0);
     }

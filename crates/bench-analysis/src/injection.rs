@@ -1,13 +1,13 @@
-//! Known delays and gains put into the data themselves, and found again.
+//! Injects known delays and gains into the data and checks that they are recovered.
 //!
-//! The first half of the record is left as it is; the second half is handed on later and scaled, as a slow link with
-//! a wrong scale would do. The difference of two independent estimates must be what was put in.
+//! The first half of the record is left as it is; the second half is delayed and scaled, like a slow link with a wrong
+//! scale. The difference of two independent estimates must equal the injected values.
 
 use crate::sensed::Circumstances;
 use record::{Estimate, Finding, Injection, Recovery};
 use signal::{DelayFit, DelaySettings, Measurement, fit_delay};
 
-/// Every delay of the rig's list is injected once, with its gain.
+/// Injects every delay of the rig's list once, with its gain.
 pub(crate) fn inject(
     measurements: &[Measurement<'_>],
     settings: &DelaySettings,
@@ -33,7 +33,7 @@ pub(crate) fn inject(
     bench.inject_s.iter().copied().map(one).collect()
 }
 
-/// The same list for a channel into which nothing can be put.
+/// The same list for a channel that cannot be injected.
 pub(crate) fn not_injected(bench: &Circumstances<'_>, why: &str) -> Vec<Injection> {
     bench.inject_s.iter().map(|&delay_s| injection(delay_s, bench.inject_gain, Err(why.to_owned()))).collect()
 }
@@ -42,7 +42,7 @@ fn injection(injected_s: f64, injected_gain: f64, recovered: Result<Recovery, St
     Injection { injected_s, injected_gain, recovered: recovered.map_or_else(Finding::CannotTell, Finding::Found) }
 }
 
-/// The instant that halves the squared path of the bar: both halves say as much.
+/// The instant that halves the squared path of the bar: both halves carry the same information.
 fn moving_middle(bench: &Circumstances<'_>) -> Option<f64> {
     let total: f64 = bench.rate.iter().map(|r| r * r).sum();
     let mut sum = 0.0;

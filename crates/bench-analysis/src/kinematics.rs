@@ -1,4 +1,4 @@
-//! What an ideal sensor on the bar reads, from the bar's motion (design note 1.1 to 1.4; Park & Lee 2010, eq. 1 and 2).
+//! Readings of an ideal sensor on the bar from its motion (design note 1.1 to 1.4; Park & Lee 2010, eq. 1 and 2).
 //!
 //! Frames: north-east-down (NED); the swing's plane at azimuth η from north over east; body x y z fixed to bar and
 //! sensor, y along the axis of rotation, z down at bar angle ξ = 0. The lever arm r goes from the pivot to the
@@ -23,7 +23,7 @@ pub struct BarState {
     pub jerk: f64,
 }
 
-/// Three components, with their slopes against the bar's state: what is needed to carry uncertainty over.
+/// Three components, with their slopes against the bar's state, as needed to propagate uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensed {
     /// x, y, z or north, east, down.
@@ -119,8 +119,8 @@ pub fn specific_force(state: &BarState, arm_m: [f64; 3], gravity: f64) -> Sensed
     }
 }
 
-/// Angular rate, body axes, rad/s: `(0, ξ′, 0)`, and the Earth's rotation as well where `earth` gives the
-/// latitude (rad) for a gyro good enough to see it.
+/// Angular rate, body axes, rad/s: `(0, ξ′, 0)`, plus the Earth's rotation if `earth` gives the latitude (rad), for a
+/// gyro sensitive enough to measure it.
 #[must_use]
 pub fn angular_rate(state: &BarState, azimuth: f64, earth: Option<f64>) -> Sensed {
     let turning = earth.map_or([0.0; 3], |latitude| {
@@ -139,7 +139,7 @@ pub fn magnetic_field(state: &BarState, azimuth: f64, field_ned: [f64; 3]) -> Se
     turned_into_body(state, azimuth, field_ned)
 }
 
-/// Attitude as unit quaternion w, x, y, z that turns body to NED; continuous in both angles.
+/// Attitude as unit quaternion w, x, y, z that rotates body to NED; continuous in both angles.
 #[must_use]
 pub fn attitude(angle: f64, azimuth: f64) -> [f64; 4] {
     let (sin_e, cos_e) = (0.5 * azimuth).sin_cos();
@@ -147,8 +147,8 @@ pub fn attitude(angle: f64, azimuth: f64) -> [f64; 4] {
     [cos_e * cos_x, -sin_e * sin_x, cos_e * sin_x, sin_e * cos_x]
 }
 
-/// Roll, pitch, yaw (3-2-1 Euler angles of `C`), rad. At ξ = ±90° roll and yaw are not defined: compare
-/// quaternions, or [`swing_angle`], beyond 80°.
+/// Roll, pitch, yaw (3-2-1 Euler angles of `C`), rad. At ξ = ±90° roll and yaw are undefined: above 80°, compare
+/// quaternions or [`swing_angle`].
 #[must_use]
 pub fn euler(angle: f64, azimuth: f64) -> [f64; 3] {
     let (s, c) = angle.sin_cos();
@@ -156,15 +156,15 @@ pub fn euler(angle: f64, azimuth: f64) -> [f64; 3] {
     [turned, s.clamp(-1.0, 1.0).asin(), wrapped(azimuth + turned)]
 }
 
-/// The bar's angle as an attitude shows it, rad in (−π, π]: the direction of the vertical in the body's x-z plane,
-/// `atan2(−d_x, d_z)`. Equal to ξ at every angle (no gimbal lock), and free of the heading and its errors.
+/// The bar's angle from an attitude, rad in (−π, π]: the direction of the vertical in the body's x-z plane,
+/// `atan2(−d_x, d_z)`. Equal to ξ at every angle (no gimbal lock), and independent of the heading and its errors.
 #[must_use]
 pub fn swing_angle(quaternion: [f64; 4]) -> f64 {
     let [w, x, y, z] = quaternion;
     (2.0 * (w * y - x * z)).atan2(w * w - x * x - y * y + z * z)
 }
 
-/// The azimuth of the swing's plane as an attitude shows it, rad in (−π, π]: the direction of the body's y axis less 90°.
+/// The azimuth of the swing's plane from an attitude, rad in (−π, π]: the direction of the body's y axis minus 90°.
 /// Defined at every bar angle.
 #[must_use]
 pub fn swing_azimuth(quaternion: [f64; 4]) -> f64 {

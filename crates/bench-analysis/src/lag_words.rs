@@ -1,20 +1,20 @@
-//! Delay or lag: the choice as a finding, and in words.
+//! The choice between delay and lag as a finding, and in words.
 
 use crate::verdict::millis;
 use record::{Estimate, Finding, ModelCandidate, ModelFinding};
 use signal::{LagCandidate, LagChoice, LagModel, Uncertain};
 
-/// The shortest lag that is fitted, s: one that ends there is none.
+/// The shortest fitted lag, s: a result at this limit means no lag.
 const SHORTEST_LAG_S: f64 = 1e-4;
-/// Another candidate this much worse in BIC is out.
+/// Another candidate this much worse in BIC is ruled out.
 const DISTINGUISHED: f64 = 6.0;
 
 fn estimate(uncertain: Uncertain) -> Estimate {
     Estimate { value: uncertain.value, standard_uncertainty: Some(uncertain.standard_uncertainty) }
 }
 
-/// The choice for a record. No model where delay and lags together may be zero, or the lag ends at the shortest that is
-/// fitted.
+/// The choice for a record. There is no model if delay and lags together may be zero, or the lag ends at the shortest
+/// fitted value.
 pub(crate) fn model(choice: &LagChoice) -> Finding<ModelFinding> {
     let Some(best) = choice.candidates.first() else {
         return Finding::CannotTell("no model of delay and lag could be fitted".to_owned());
@@ -59,7 +59,7 @@ fn text(choice: &LagChoice, best: &LagCandidate) -> String {
     }
 }
 
-/// The numbers of the chosen model, where it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2)`.
+/// The numbers of the chosen model, if it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2)`.
 pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
     let number = |e: &Estimate| {
@@ -75,8 +75,8 @@ pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     Some(format!("{delay}{lags} (k = 2), so that slow motion is {} late", number(&model.sum_s)))
 }
 
-/// The reason of a verdict with what it must not leave out where the lateness is not, or not surely, a pure delay: `reason`
-/// is of the pure delay that fits best.
+/// The reason of a verdict, completed if the lateness is not, or not certainly, a pure delay: `reason` is for the pure
+/// delay that fits best.
 pub(crate) fn with_model(reason: &str, delay_s: f64, model: Option<&ModelFinding>) -> String {
     match model {
         None => reason.to_owned(),

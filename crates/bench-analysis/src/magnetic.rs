@@ -7,7 +7,7 @@ use flight::Geodetic;
 const DEGREE: usize = 12;
 /// Reference radius of the model, m.
 const REFERENCE_RADIUS_M: f64 = 6_371_200.0;
-/// A model is made for this long, years.
+/// Validity of a model, years.
 const VALID_YEARS: f64 = 5.0;
 
 /// Name, epoch (decimal year) and coefficients of the models compiled in, oldest first.
@@ -37,7 +37,7 @@ struct Term {
     h_rate: f64,
 }
 
-/// A field, and whether its model was made for that date.
+/// A field, and whether its model is valid for that date.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelField {
     /// North, east, down, T.
@@ -46,12 +46,12 @@ pub struct ModelField {
     pub model: &'static str,
     /// First and last decimal year of the model.
     pub valid_years: [f64; 2],
-    /// Whether the date is within them; if not, the nearest model was stretched.
+    /// Whether the date is within them; if not, the nearest model was extrapolated.
     pub is_valid: bool,
 }
 
 impl MagneticModel {
-    /// The model made for `decimal_year`, else the one whose years are nearest.
+    /// The model for `decimal_year`, or the one with the nearest years as fallback.
     #[must_use]
     pub fn for_year(decimal_year: f64) -> MagneticModel {
         let newest_started = MODELS.iter().rev().find(|(_, epoch, _)| *epoch <= decimal_year).unwrap_or(&MODELS[0]);
@@ -59,20 +59,20 @@ impl MagneticModel {
         MagneticModel { name, epoch, terms: coefficients.lines().filter_map(term).collect() }
     }
 
-    /// Its name, as `WMM2020`.
+    /// Its name, such as `WMM2020`.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// First and last decimal year that it was made for.
+    /// First and last decimal year of its validity.
     #[must_use]
     pub fn valid_years(&self) -> [f64; 2] {
         [self.epoch, self.epoch + VALID_YEARS]
     }
 
-    /// North, east, down at `place` and `decimal_year`, T (the WMM2020 report, equations 4 to 19). At a pole,
-    /// north is that of the place's longitude.
+    /// North, east, down at `place` and `decimal_year`, T (the WMM2020 report, equations 4 to 19). At a pole, north is
+    /// that of the given longitude.
     #[must_use]
     pub fn field(&self, place: Geodetic, decimal_year: f64) -> [f64; 3] {
         let ecef = place.to_ecef();
@@ -115,7 +115,7 @@ pub fn decimal_year(day: jiff::civil::Date) -> f64 {
     f64::from(day.year()) + f64::from(day.day_of_year() - 1) / days
 }
 
-/// A line `n m g h g' h'`; `None` for the headline and the end marks.
+/// A line `n m g h g' h'`; `None` for the header and the end marks.
 fn term(line: &str) -> Option<Term> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let [degree, order, g, h, g_rate, h_rate] = words[..] else { return None };
@@ -137,7 +137,7 @@ struct Legendre {
     value: Table,
     /// Derivative by latitude.
     slope: Table,
-    /// Divided by the cosine of the latitude, without dividing: finite at the poles. Zero for order 0.
+    /// Divided by the cosine of the latitude, computed without division: finite at the poles. Zero for order 0.
     over_cosine: Table,
 }
 
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn outside_the_years_of_all_models_the_nearest_is_used_and_said_to_be_stretched() {
+    fn outside_all_models_the_nearest_is_extrapolated_and_marked() {
         let place = Geodetic::from_degrees(37.6, 126.86, 20.0);
         for (year, name, valid) in [
             (1999.0, "WMM2010", false),

@@ -1,7 +1,7 @@
-//! Hard and soft iron of a magnetometer, as far as the azimuths of the swings show them (design note 1.6, 9).
+//! Hard and soft iron of a magnetometer, as far as the azimuths of the swings determine them (design note 1.6, 9).
 //!
-//! The sensor reads `m = S Cᵀ b + h`: field b, soft iron and scale S, hard iron h. One azimuth shows how m moves in the
-//! swing's plane, and no more: what the field across the plane does through S looks like hard iron.
+//! The sensor reads `m = S Cᵀ b + h`: field b, soft iron and scale S, hard iron h. One azimuth only shows how m moves
+//! in the swing's plane: the effect of the field across the plane through S looks like hard iron.
 
 mod azimuths;
 mod full;
@@ -18,23 +18,23 @@ use signal::{Regression, regress};
 
 pub(crate) use swings::magnetic_swings;
 
-/// A magnetometer over one swing: the bar's angle at the time when each row was true, and the rows in body axes.
+/// A magnetometer over one swing: the bar's angle at the true instant of each row, and the rows in body axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MagneticSwing {
     /// Name of the channel.
     pub channel: String,
-    /// Azimuth of the swing's plane, rad; without uncertainty where the rig file states it.
+    /// Azimuth of the swing's plane, rad; without uncertainty if the rig file states it.
     pub azimuth: Estimate,
     /// Bar angle, rad.
     pub angle_rad: Vec<f64>,
     /// x, y, z in the channel's unit; each as long as the angles.
     pub field: [Vec<f64>; 3],
-    /// Whether the unit is tesla; else a scale of the sensor's own.
+    /// Whether the unit is tesla; otherwise a sensor-specific scale.
     pub is_tesla: bool,
 }
 
-/// Calibrates one magnetometer from one or more swings: in full where their azimuths show it (three or more; a swing
-/// there and back the other way round counts as two), else within the plane.
+/// Calibrates one magnetometer from one or more swings: in full if their azimuths allow it (three or more; a swing
+/// there and back the other way round counts as two), otherwise within the plane.
 #[must_use]
 pub fn calibrate_magnetometer(swings: &[MagneticSwing], around: &Surroundings) -> Finding<MagnetometerFinding> {
     if swings.is_empty() {
@@ -51,13 +51,13 @@ pub fn calibrate_magnetometer(swings: &[MagneticSwing], around: &Surroundings) -
 /// Hard and soft iron of all axes.
 ///
 /// # Errors
-/// In words: the azimuths do not show it, and which would; or the axes cannot be right.
+/// The azimuths do not determine it, and which would; or the axes cannot be right.
 pub(crate) fn iron(swings: &[MagneticSwing], around: &Surroundings) -> Result<IronCalibration, String> {
     let fit = full::full(swings).map_err(NotFull::why)?;
     Ok(fit.calibration(swings, around))
 }
 
-/// The field to compare with, T.
+/// The field for comparison, T.
 pub(crate) fn expected(around: &Surroundings) -> Option<Vector3<f64>> {
     around.field_t.or(around.model.as_ref().map(|m| m.ned_t)).map(Vector3::from)
 }
@@ -84,13 +84,13 @@ impl Ellipse {
         [c[0], c[1], c[2]]
     }
 
-    /// The field along the plane and down that fits best if the sensor is perfect up to its scale.
+    /// The best field along the plane and down if the sensor is perfect up to its scale.
     fn field(&self) -> (f64, f64) {
         let ([_, x_cos, x_sin], [_, z_cos, z_sin]) = (self.axis(0), self.axis(2));
         (0.5 * (x_cos + z_sin), 0.5 * (z_cos - x_sin))
     }
 
-    /// Variances of [`Ellipse::field`], axes taken as independent.
+    /// Variances of [`Ellipse::field`], axes assumed independent.
     fn field_variance(&self) -> (f64, f64) {
         let v = |axis: usize, k: usize| self.axes[axis].covariance[k][k];
         (0.25 * (v(0, 1) + v(2, 2)), 0.25 * (v(2, 1) + v(0, 2)))
@@ -102,7 +102,7 @@ impl Ellipse {
     }
 }
 
-/// `why` there is no more than that.
+/// `why` states the reason for the limited result.
 fn planar(swings: &[MagneticSwing], around: &Surroundings, why: &str) -> Result<MagnetometerFinding, String> {
     let azimuths = distinct(swings);
     let swing = swings.iter().max_by_key(|s| s.angle_rad.len()).ok_or("no swing")?;

@@ -11,15 +11,15 @@ use signal::{SmoothError, SmoothedMotion};
 pub struct Motion {
     encoder: EncoderSeries,
     smoothed: SmoothedMotion,
-    /// Where the encoder was silent for long, s.
+    /// Gaps of the encoder, s.
     gaps: Vec<(f64, f64)>,
     sign: f64,
     zero_rad: f64,
 }
 
 impl Motion {
-    /// Smooths the encoder with a four-state model (white snap), its spectral density by generalised
-    /// cross-validation. Sign +1 and zero 0 until [`Motion::oriented`] says otherwise.
+    /// Smooths the encoder with a four-state model (white snap), its spectral density by generalised cross-validation.
+    /// Sign +1 and zero 0 until [`Motion::oriented`] sets them.
     ///
     /// # Errors
     /// [`SmoothError`]: too few samples.
@@ -37,7 +37,7 @@ impl Motion {
         self
     }
 
-    /// The encoder behind it.
+    /// The underlying encoder.
     #[must_use]
     pub fn encoder(&self) -> &EncoderSeries {
         &self.encoder
@@ -61,44 +61,44 @@ impl Motion {
         self.smoothed.log10_q
     }
 
-    /// Rms of encoder less smoothed, in counts.
+    /// Rms of encoder minus smoothed, in counts.
     #[must_use]
     pub fn residual_rms_counts(&self) -> f64 {
         self.smoothed.residual_rms / self.encoder.lsb_rad()
     }
 
-    /// First and last instant, s after the encoder's first stamp.
+    /// First and last instant, s after the encoder's first timestamp.
     #[must_use]
     pub fn span(&self) -> (f64, f64) {
         self.smoothed.span()
     }
 
-    /// The stamp that is time zero.
+    /// The timestamp of time zero.
     #[must_use]
     pub fn origin(&self) -> Stamp {
         self.encoder.origin
     }
 
-    /// The bar at `t` (s); `None` outside the record.
+    /// The state of the bar at `t` (s); `None` outside the record.
     #[must_use]
     pub fn at(&self, t: f64) -> Option<BarState> {
         self.smoothed.at(t).map(|state| self.turned(state))
     }
 
-    /// The bar at `t` (s); `None` also where the encoder was silent for long.
+    /// The state of the bar at `t` (s); `None` outside the record and in gaps of the encoder.
     #[must_use]
     pub fn seen_at(&self, t: f64) -> Option<BarState> {
         gap::outside(&self.gaps, t, self.at(t))
     }
 
-    /// Where the encoder was silent for longer than a quarter of a swing, or a second: the instants of its samples before and
-    /// after, s.
+    /// Gaps of the encoder longer than a quarter of a swing, or a second: the instants of its samples before and after,
+    /// s.
     #[must_use]
     pub fn gaps(&self) -> &[(f64, f64)] {
         &self.gaps
     }
 
-    /// Stretches between the gaps: first and last instant of each, s.
+    /// Parts between the gaps: first and last instant of each, s.
     #[must_use]
     pub fn parts(&self) -> Vec<(f64, f64)> {
         let (first, last) = self.span();
@@ -119,12 +119,12 @@ impl Motion {
         self.smoothed.covariance_at(t)
     }
 
-    /// The bar at every sample of the encoder.
+    /// The state of the bar at every sample of the encoder.
     pub fn states(&self) -> impl Iterator<Item = (f64, BarState)> + '_ {
         self.smoothed.t.iter().zip(&self.smoothed.state).map(|(t, state)| (*t, self.turned(*state)))
     }
 
-    /// Bar angle as the encoder says, not smoothed: seconds and rad.
+    /// Raw bar angle from the encoder: seconds and rad.
     #[must_use]
     pub fn encoder_angle(&self) -> (&[f64], Vec<f64>) {
         (&self.encoder.t_s, self.encoder.angle_rad.iter().map(|a| self.sign * a + self.zero_rad).collect())
@@ -140,33 +140,33 @@ impl Motion {
         })
     }
 
-    /// Least and largest bar angle, rad.
+    /// Smallest and largest bar angle, rad.
     #[must_use]
     pub fn angle_range(&self) -> [f64; 2] {
         self.states()
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (_, s)| [low.min(s.angle), high.max(s.angle)])
     }
 
-    /// Stamps spread evenly over a part of the record at `rate_hz`, its last instant included.
+    /// Evenly spaced timestamps over a part of the record at `rate_hz`, including its last instant.
     #[must_use]
     pub fn grid(&self, (first, last): (f64, f64), rate_hz: f64) -> Vec<f64> {
         let steps = ((last - first) * rate_hz).ceil().max(1.0) as usize;
         (0..=steps).map(|k| (first + (last - first) * k as f64 / steps as f64).min(last)).collect()
     }
 
-    /// Samples over which a reading is usually held: they err together.
+    /// Number of samples over which a reading is usually held: they have a common error.
     pub(crate) fn held(&self) -> usize {
         signal::usual_run(&self.encoder.angle_rad)
     }
 
-    /// What the smoother makes of other readings at the encoder's stamps, with all its settings as they are; it is linear.
+    /// The smoother's result for other readings at the encoder's timestamps, with unchanged settings; it is linear.
     pub(crate) fn smoothed_as_the_encoder(&self, readings: &[f64]) -> Option<SmoothedMotion> {
         let variance = self.encoder.variance() * self.held() as f64;
         signal::smooth(&self.encoder.t_s, readings, variance, self.smoothed.log10_q).ok()
     }
 
-    /// What smoother and encoder would make of the motion found here, if count zero stood a share `phase` (0 to 1) of a count
-    /// elsewhere.
+    /// The result of smoother and encoder for the motion found here, if count zero were shifted by a share `phase` (0
+    /// to 1) of a count.
     pub(crate) fn measured_again(&self, phase: f64) -> Option<SmoothedMotion> {
         let lsb = self.encoder.lsb_rad();
         let count = |angle: f64| lsb * ((angle / lsb + phase).round() - phase);
@@ -174,7 +174,7 @@ impl Motion {
         self.smoothed_as_the_encoder(&readings)
     }
 
-    /// The motion as it was smoothed, without sign and zero.
+    /// The smoothed motion without sign and zero.
     pub(crate) fn smoothed(&self) -> &SmoothedMotion {
         &self.smoothed
     }

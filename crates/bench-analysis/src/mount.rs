@@ -1,4 +1,4 @@
-//! How the sensor sits on the bar, as the record shows it beside what the rig says (design note 1.6).
+//! The mounting of the sensor on the bar: compares the record with the rig file (design note 1.6).
 
 mod accelerometer;
 mod circle;
@@ -12,32 +12,32 @@ use crate::surroundings::Surroundings;
 use flight::{Code, Notices, Quantity};
 use record::{ChannelDynamics, Estimate, Finding, MountCheck, MountFinding, SIDE_OF_PIVOT};
 
-/// Angles of zero and azimuth agree within this on top of their uncertainties (1°).
+/// Tolerance for angles of zero and azimuth in addition to their uncertainties (1°).
 const ANGLE_TOLERANCE_RAD: f64 = 0.0175;
-/// Lengths agree within this share.
+/// Relative tolerance for lengths.
 const LENGTH_TOLERANCE: f64 = 0.01;
-/// Lever arms agree within this, m.
+/// Tolerance for lever arms, m.
 const ARM_TOLERANCE_M: f64 = 0.005;
-/// Scales agree within this.
+/// Relative tolerance for scales.
 const SCALE_TOLERANCE: f64 = 0.01;
-/// Misalignment that needs no remark (1°).
+/// Misalignment that is not reported (1°).
 const MISALIGNMENT_TOLERANCE_RAD: f64 = 0.0175;
 
-/// Source of an angle that the rig file states.
+/// Source of an angle stated in the rig file.
 const STATED: &str = "rig file";
-/// A bar that bends swings its tip further than it is long, by less than this share at the paces of a hand.
+/// A bending bar makes its tip swing further than its length, by less than this share at hand speeds.
 const BENDING: f64 = 0.05;
 
-/// What each check is made from.
-struct Look<'a> {
+/// Input of the checks.
+struct Inputs<'a> {
     /// The rig file states a first mode: the bar is known to bend.
     bends: bool,
     around: &'a Surroundings,
     alignment: &'a Alignment,
 }
 
-/// Compares mount, lever arms, biases and scales with the rig, and calibrates the magnetometer on its `swings`. `channels` say which
-/// of them are slow of themselves.
+/// Compares mount, lever arms, biases and scales with the rig file, and calibrates the magnetometer on its `swings`.
+/// `channels` states which of them are slow by themselves.
 #[must_use]
 pub fn mount_finding(
     rig: &Rig,
@@ -46,14 +46,14 @@ pub fn mount_finding(
     swings: &[MagneticSwing],
     channels: &[ChannelDynamics],
 ) -> (MountFinding, Notices) {
-    let look = Look { bends: rig.bar.first_mode_hz.is_some(), around, alignment };
-    let detected = detected(&look);
-    let mut checks = angle_checks(&look);
+    let inputs = Inputs { bends: rig.bar.first_mode_hz.is_some(), around, alignment };
+    let detected = detected(&inputs);
+    let mut checks = angle_checks(&inputs);
     for clue in &alignment.clues {
-        checks.extend(look.checks(clue));
+        checks.extend(inputs.checks(clue));
     }
     ask_for_witnesses(&mut checks);
-    let own: Vec<&str> = channels.iter().filter(|c| explains_itself(c)).map(|c| c.name.as_str()).collect();
+    let own: Vec<&str> = channels.iter().filter(|c| is_own_effect(c)).map(|c| c.name.as_str()).collect();
     for check in checks.iter_mut().filter(|check| own.iter().any(|name| check.name.ends_with(name))) {
         check.of_rig = false;
     }
@@ -73,13 +73,13 @@ pub fn mount_finding(
     (finding, notices)
 }
 
-/// Whether what a channel shows of the rig is its own doing: it could not be measured, or it lags, which makes its swing smaller.
-fn explains_itself(channel: &ChannelDynamics) -> bool {
+/// Whether a deviation from the rig file is the channel's own: it was not measurable, or its lag shrinks its swing.
+fn is_own_effect(channel: &ChannelDynamics) -> bool {
     channel.delay.is_none() || channel.lags().is_some()
 }
 
-impl Look<'_> {
-    /// A length beside that of the rig, whole length `of_m`. One that a bend explains is no contradiction.
+impl Inputs<'_> {
+    /// A length against the rig file's, whole length `of_m`. A difference explained by bending is no contradiction.
     fn length_check(
         &self,
         name: String,
@@ -105,11 +105,11 @@ impl Look<'_> {
     }
 }
 
-/// Where the sensor is and which way up, in the middle of the swing.
+/// Position and orientation of the sensor in the middle of the swing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Side {
     below: bool,
-    /// Only an accelerometer knows.
+    /// Only an accelerometer shows this.
     upside_down: Option<bool>,
 }
 
@@ -123,12 +123,12 @@ impl Side {
     }
 }
 
-fn detected(look: &Look<'_>) -> Option<Side> {
-    let by_force = look.alignment.clues.iter().find_map(|c| accelerometer::side(look, c));
-    by_force.or_else(|| look.alignment.clues.iter().find_map(|c| circle::side(look, c)))
+fn detected(inputs: &Inputs<'_>) -> Option<Side> {
+    let by_force = inputs.alignment.clues.iter().find_map(|c| accelerometer::side(inputs, c));
+    by_force.or_else(|| inputs.alignment.clues.iter().find_map(|c| circle::side(inputs, c)))
 }
 
-/// A bar on the other side of the pivot than its lever arm says makes every gain negative.
+/// A bar on the opposite side of the pivot than its lever arm states makes every gain negative.
 fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notices {
     let mut notices = Notices::new();
     let wrong = finding.checks.iter().filter(|c| c.contradicts_rig());
@@ -146,9 +146,9 @@ fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notice
     notices
 }
 
-/// Zero and azimuth as each channel shows them, against those in use.
-fn angle_checks(look: &Look<'_>) -> Vec<MountCheck> {
-    let alignment = look.alignment;
+/// Zero and azimuth from each channel, compared with those in use.
+fn angle_checks(inputs: &Inputs<'_>) -> Vec<MountCheck> {
+    let alignment = inputs.alignment;
     let zeros = alignment.zeros.iter().map(|(channel, found)| {
         angle_check(format!("encoder zero by {channel}"), *found, alignment.zero_rad, &alignment.zero_source)
     });
@@ -156,20 +156,20 @@ fn angle_checks(look: &Look<'_>) -> Vec<MountCheck> {
         let used = alignment.azimuth_rad?;
         Some(angle_check(format!("azimuth by {channel}"), *found, used, &alignment.azimuth_source))
     });
-    // A barometer is slow: what it is off by is its own.
+    // A barometer is slow: its deviation is its own.
     let is_slow =
         |name: &str| alignment.clues.iter().any(|c| c.quantity == Quantity::Height && name.ends_with(&c.name));
     zeros.chain(azimuths).map(|check| MountCheck { of_rig: check.of_rig && !is_slow(&check.name), ..check }).collect()
 }
 
 fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> MountCheck {
-    // On the same turn as what is in use, so that −179.9° and 180° read as neighbours.
+    // On the same turn as the value in use, so that −179.9° and 180° are neighbours.
     let difference = wrapped(found.value - used.value);
     let value = Estimate { value: used.value + difference, ..found };
     let agrees =
         difference.abs() <= 3.0 * u(&found).hypot(used.standard_uncertainty.unwrap_or(0.0)) + ANGLE_TOLERANCE_RAD;
     let of_rig = source == STATED;
-    // The surest channel is not compared with itself.
+    // The most certain channel is not compared with itself.
     let is_in_use = !of_rig && found.value == used.value;
     let text = match is_in_use {
         true => format!("in use: {source}"),
@@ -186,8 +186,8 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
     }
 }
 
-/// The radius of a channel's circle is the bar's length times the channel's gain, and a lag or clipping makes that smaller: a
-/// short one contradicts the rig file only where another channel shows the same length.
+/// The radius of a channel's circle is the bar's length times the channel's gain, and a lag or clipping reduces it: a
+/// short one contradicts the rig file only if another channel shows the same length.
 fn ask_for_witnesses(checks: &mut [MountCheck]) {
     let ratio = |c: &MountCheck| {
         let differs = c.unit == "m" && c.agrees == Some(false);
@@ -213,19 +213,19 @@ fn u(e: &Estimate) -> f64 {
     e.standard_uncertainty.unwrap_or(0.0)
 }
 
-/// A fitted number beside what the rig says.
+/// A fitted number compared with the rig file.
 fn check(name: String, unit: &str, fitted: Estimate, stated: Option<f64>, tolerance: f64, text: String) -> MountCheck {
     let agrees = stated.map(|s| (fitted.value - s).abs() <= 3.0 * u(&fitted) + tolerance);
     MountCheck { name, unit: unit.to_owned(), fitted: Finding::Found(fitted), stated, agrees, of_rig: true, text }
 }
 
-/// A scale beside one: where it is another, that is the sensor, not the rig.
+/// A scale compared with one: a difference is the sensor's, not the rig's.
 fn scale_check(name: String, fitted: Estimate, text: String) -> MountCheck {
     MountCheck { of_rig: false, ..check(name, "1", fitted, Some(1.0), SCALE_TOLERANCE, text) }
 }
 
-/// What cannot be told, and why.
-fn untold(name: String, unit: &str, why: &str) -> MountCheck {
+/// An unknown quantity, and why it is unknown.
+fn unknown(name: String, unit: &str, why: &str) -> MountCheck {
     MountCheck {
         name,
         unit: unit.to_owned(),
@@ -246,7 +246,7 @@ fn coefficient(fit: &signal::Regression, k: usize) -> Estimate {
 mod tests {
     use super::*;
 
-    /// Which of these lengths, found beside 1.3 m, contradict the rig file.
+    /// Which of these lengths, for a stated 1.3 m, contradict the rig file.
     fn contradict<const N: usize>(found: [(&str, f64); N]) -> [bool; N] {
         let of = |(name, length): (&str, f64)| {
             let fitted = Estimate { value: length, standard_uncertainty: Some(0.003) };
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_circle_of_one_channel_alone_is_that_channels_gain_or_lag() {
+    fn a_short_circle_of_a_single_channel_is_its_gain_or_lag() {
         let (position, velocity) = ("distance from the axis by position", "distance from the axis by velocity");
         assert_eq!(contradict([(velocity, 1.25)]), [false]);
         assert_eq!(contradict([(velocity, 1.25), (position, 1.3), ("lever arm z", 1.3)]), [false; 3]);
@@ -266,7 +266,7 @@ mod tests {
         // The bar is 5 cm shorter than the rig file says.
         assert_eq!(contradict([(velocity, 1.25), (position, 1.252)]), [true; 2]);
         assert_eq!(contradict([(velocity, 1.25), ("lever arm z", 1.248)]), [true; 2]);
-        // No lag makes a circle larger.
+        // A lag does not make a circle larger.
         assert_eq!(contradict([(velocity, 1.35)]), [true]);
     }
 }

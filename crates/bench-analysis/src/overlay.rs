@@ -1,29 +1,29 @@
-//! Measured values laid on the reference: without offset, drift and slow wander, at the delay found and at others.
+//! Measured values overlaid on the reference: without offset, drift and slow wander, at the fitted delay and at others.
 
 use crate::curves::curve;
 use record::{Overlay, ShiftCurve, WanderTaken};
 use signal::{ComponentFit, Reference};
 use std::f64::consts::TAU;
 
-/// Shifts reach this far to either side at least, s.
+/// Minimum range of the shifts to either side, s.
 const LEAST_SHIFT_S: f64 = 0.5;
-/// Further than the delay found by this, s.
+/// Range above the fitted delay, s.
 const BEYOND_DELAY_S: f64 = 0.2;
 /// Step between shifts, s.
 const STEP_S: f64 = 0.005;
-/// Rows that are enough for an rms.
+/// Number of rows sufficient for an rms.
 const MOST_ROWS: usize = 4000;
 /// Periods of the swing in the window of the slow wander.
 const PERIODS: f64 = 4.0;
-/// Rows per second of the reference that is drawn.
+/// Rows per second of the drawn reference.
 const REFERENCE_HZ: f64 = 100.0;
 
-/// One fitted component, and where it is looked at.
+/// One fitted component, and its view.
 pub(crate) struct Laid<'a> {
     pub(crate) reference: &'a dyn Reference,
     pub(crate) fit: &'a ComponentFit,
     pub(crate) delay_s: f64,
-    /// Stretch that is drawn, s.
+    /// Drawn segment, s.
     pub(crate) zoom: (f64, f64),
     /// Mean period of the bar's angle, s.
     pub(crate) period_s: f64,
@@ -69,7 +69,7 @@ impl Laid<'_> {
         curve("reference", &t, &r)
     }
 
-    /// Measured less offset and drift as fitted: what is left is the scaled, delayed reference and noise.
+    /// Measured minus fitted offset and drift: the scaled, delayed reference and noise.
     fn without_offset(&self, row: usize) -> f64 {
         self.fit.residuals[row] + self.scaled(self.fit.t_used[row] - self.delay_s)
     }
@@ -98,12 +98,12 @@ impl Laid<'_> {
     }
 }
 
-/// Mean of `e` around each stamp with a Hann window of full width `window_s`, by running sums; the plain mean where the
-/// window is infinite.
+/// Mean of `e` around each timestamp with a Hann window of full width `window_s`, by running sums; the plain mean for
+/// an infinite window.
 fn slow_part(t: &[f64], e: &[f64], weights: &[f64], window_s: f64) -> Vec<f64> {
     let half = 0.5 * window_s;
     let omega = if window_s.is_finite() { TAU / window_s } else { 0.0 };
-    // (1 + cos ω(t − t₀))/2 comes apart into sums that do not know t₀.
+    // (1 + cos ω(t − t₀))/2 splits into sums that do not depend on t₀.
     let terms = t.iter().zip(e).zip(weights).map(|((&t, &e), &w)| {
         let (sin, cos) = (omega * t).sin_cos();
         [w * e, w * e * cos, w * e * sin, w, w * cos, w * sin]
@@ -133,7 +133,7 @@ fn range(values: &[f64]) -> f64 {
     if high >= low { high - low } else { 0.0 }
 }
 
-/// Five significant digits: what a figure can show.
+/// Five significant digits: the resolution of a figure.
 fn significant(value: f64) -> f64 {
     format!("{value:.4e}").parse().unwrap_or(value)
 }
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slow_ramp_is_taken_out_and_the_swing_is_left() {
+    fn a_slow_ramp_is_removed_and_the_swing_remains() {
         let t: Vec<f64> = (0..6000).map(|k| f64::from(k) * 0.01).collect();
         let period = 1.7;
         let swing: Vec<f64> = t.iter().map(|t| (TAU * t / period).sin()).collect();

@@ -1,14 +1,14 @@
-//! What a channel must look like whatever the rig: combinations of functions of the encoder's angle alone.
+//! Expected shape of a channel for any rig: combinations of functions of the encoder's angle alone.
 //!
 //! Sign, zero, azimuth, lever arm, bias and scale all enter these combinations as coefficients, so a channel can be
-//! aligned in time, and asked, before any of them is known.
+//! aligned in time and used as evidence before any of them is known.
 
 use crate::gap::Hidden;
 use crate::kinematics::BarState;
 use crate::motion::Motion;
 use signal::{Regression, regress};
 
-/// Functions of the bar's motion that a component is a combination of.
+/// Functions of the bar's motion that make up a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pattern {
     /// 1, sin ξ, cos ξ, t: position and height.
@@ -37,7 +37,7 @@ impl Pattern {
         }
     }
 
-    /// The functions at one instant, as many as there are names. `t` is seconds from the middle of the channel.
+    /// The functions at one instant, one per name. `t` is seconds from the middle of the channel.
     pub(crate) fn at(self, state: &BarState, t: f64) -> [f64; MOST_FUNCTIONS] {
         let (s, c) = state.angle.sin_cos();
         match self {
@@ -51,10 +51,10 @@ impl Pattern {
     }
 }
 
-/// The most functions that a pattern has.
+/// Maximum number of functions of a pattern.
 const MOST_FUNCTIONS: usize = 5;
 
-/// Components of a channel at their own stamps.
+/// Components of a channel with their own timestamps.
 #[derive(Debug, Clone)]
 pub(crate) struct Samples {
     /// s after the encoder's origin.
@@ -69,34 +69,34 @@ impl Samples {
     }
 }
 
-/// A channel laid over the motion.
+/// A channel aligned with the motion.
 #[derive(Debug, Clone)]
 pub(crate) struct PatternFit {
-    /// Delay at which it fits best, s. Coarse: good to about a millisecond, with no interval.
+    /// Best delay, s. Coarse: good to about a millisecond, without interval.
     pub(crate) delay_s: f64,
-    /// Rows of the samples that lie inside the motion at this delay.
+    /// Rows of the samples inside the motion at this delay.
     pub(crate) rows: Vec<usize>,
-    /// The motion (without the delay's lateness) at these rows.
+    /// The motion (not delayed) at these rows.
     pub(crate) states: Vec<BarState>,
     /// One regression for each component.
     pub(crate) fits: Vec<Regression>,
-    /// For each component, which share of its variance the pattern explains.
+    /// For each component, the share of its variance that the pattern explains.
     pub(crate) explained: Vec<f64>,
 }
 
-/// Rows that are looked at on the grid and at the refinement.
+/// Number of rows used on the grid and in the refinement.
 const GRID_SAMPLES: usize = 400;
 const REFINED_SAMPLES: usize = 2000;
 const GRID_STEP_S: f64 = 0.02;
-/// Of all minima whose residual variance is within this factor of the least, and that explain nine tenths of what the
-/// best explains, the one nearest to no delay is taken: a regular swing looks alike after each half period.
+/// Of all minima whose residual variance is within this factor of the smallest, and that explain nine tenths of what
+/// the best explains, the one with the smallest delay is taken: a regular swing repeats after each half period.
 const NEARLY_AS_GOOD: f64 = 1.1;
 const LEAST_SHARE_LOST: f64 = 0.1;
-/// Fewer rows show nothing.
+/// Minimum number of rows.
 const LEAST_ROWS: usize = 20;
 
-/// Lays `samples` over the motion: the delay (within `search_s`) and the coefficients at which the pattern fits best.
-/// `None` where too few rows lie inside the motion, or nothing can be fitted.
+/// Aligns `samples` with the motion: the delay (within `search_s`) and the coefficients at which the pattern fits best.
+/// `None` if too few rows are inside the motion, or no fit is possible.
 pub(crate) fn fit_pattern(
     motion: &Motion,
     samples: &Samples,
@@ -149,7 +149,7 @@ fn best_delay(motion: &Motion, samples: &Samples, pattern: Pattern, (from, to): 
     if !least.is_finite() {
         return None;
     }
-    // The grid is too coarse to say which of two sharp minima is the lower.
+    // The grid is too coarse to decide which of two sharp minima is lower.
     let step = (to - from) / steps as f64;
     let minima: Vec<(f64, f64)> = (0..delays.len())
         .filter(|&k| is_minimum(&misfit, k))
@@ -169,7 +169,7 @@ fn is_minimum(misfit: &[f64], k: usize) -> bool {
     lower_than(k.checked_sub(1).map(|b| &misfit[b])) && lower_than(misfit.get(k + 1))
 }
 
-/// At most `most` rows, evenly spread over those that lie inside the motion at any delay of the search.
+/// At most `most` rows, evenly spread over those inside the motion at every delay of the search.
 fn thinned(motion: &Motion, samples: &Samples, most: usize, (from, to): (f64, f64)) -> Samples {
     let (first, last) = motion.span();
     let always: Vec<usize> =
@@ -204,7 +204,7 @@ fn misfit(motion: &Motion, samples: &Samples, pattern: Pattern, delay_s: f64) ->
     let log_rest = |component: &Vec<f64>| {
         let all = dot(component, component);
         let explained: f64 = basis.iter().map(|q| dot(q, component).powi(2)).sum();
-        // A channel without noise must not make an infinity of its logarithm.
+        // A channel without noise must not produce an infinite logarithm.
         ((all - explained).max(1e-14 * all) / n as f64).max(f64::MIN_POSITIVE).ln()
     };
     samples.components.iter().map(log_rest).sum::<f64>() / samples.components.len().max(1) as f64
@@ -214,7 +214,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Modified Gram–Schmidt; a column that the others already span is left out.
+/// Modified Gram–Schmidt; skips columns that the others already span.
 fn orthonormal(columns: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     const SPANNED: f64 = 1e-7;
     let mut basis: Vec<Vec<f64>> = vec![];

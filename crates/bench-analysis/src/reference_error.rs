@@ -1,17 +1,17 @@
-//! What the encoder's steps do to the delays, by way of the reference that is made from them.
+//! Effect of the encoder's steps on the delays, through the reference.
 //!
-//! All components of a channel err together with the motion of the bar, so that their number does not average this error
-//! away; the noise of a fit is each component's own and cannot know. The smoother is linear in the encoder: what it makes of
-//! the encoder's noise is drawn, and carried through slope and fit of every channel.
+//! All components of a channel share the error of the bar's motion, so their number does not average it away. The noise
+//! of a fit is each component's own and does not include it. The smoother is linear in the encoder: its response to the
+//! encoder's noise is drawn at random, and propagated through slope and fit of every channel.
 
 use crate::motion::Motion;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use signal::{ComponentFit, DelayFit, DelayResponse, GainResponse, Measurement, Reference, SmoothedMotion};
 
-/// The uncertainty of a delay is then known to 1/√(2·16) = 18 %.
+/// Number of draws: the uncertainty of a delay is then known to 1/√(2·16) = 18 %.
 const DRAWS: usize = 16;
-/// Phases of the counts with which the motion is measured again.
+/// Number of phases of the counts for which the motion is measured again.
 const AGAIN: usize = 8;
 const SEED: u64 = 20_101_025;
 
@@ -24,18 +24,18 @@ pub(crate) struct ReferenceErrors {
     sign: f64,
 }
 
-/// What a component of a channel takes of an error of the motion.
+/// Sensitivity of a component of a channel to an error of the motion.
 #[derive(Clone, Copy)]
 pub(crate) struct Sensitivity<'a> {
-    /// Where the slopes stand: evenly over this span, s.
+    /// The slopes are evenly spaced over this span, s.
     pub(crate) span: (f64, f64),
     /// Derivatives by the bar's angle, rate and acceleration.
     pub(crate) slope: &'a [[f64; 3]],
 }
 
 impl ReferenceErrors {
-    /// Of the motion as it is oriented: steps of ±σ with chance signs, σ² = LSB²/12, one for each
-    /// held reading, through the same smoother.
+    /// For the motion as oriented: steps of ±σ with random signs, σ² = LSB²/12, one for each held reading, through the
+    /// same smoother.
     pub(crate) fn of(motion: &Motion) -> ReferenceErrors {
         let mut random = Pcg64::seed_from_u64(SEED);
         let sigma = motion.encoder().variance().sqrt();
@@ -62,7 +62,7 @@ impl ReferenceErrors {
         }
     }
 
-    /// Standard uncertainty of the delay of `fit` from the reference alone, s; `sensitivities` are of its components.
+    /// Standard uncertainty of the delay of `fit` from the reference alone, s; `sensitivities`: one per component.
     pub(crate) fn of_delay(
         &self,
         measurements: &[Measurement<'_>],
@@ -81,11 +81,11 @@ impl ReferenceErrors {
         (shifts.iter().map(|s| s * s).sum::<f64>() / shifts.len().max(1) as f64).sqrt()
     }
 
-    /// Standard uncertainty of the gain of one component from the reference alone: a share of the gain.
+    /// Relative standard uncertainty of the gain of one component from the reference alone.
     ///
-    /// An error that follows the reference is a gain. Steps do not err by chance here: at each turn of the swing the count stands
-    /// still for long, and the smoother flattens what is left. So the motion that was found is counted and smoothed again, with
-    /// other phases of the counts, and what that does to the gain is its uncertainty.
+    /// An error that follows the reference acts as a gain. Steps are not random here: at each reversal of the swing the
+    /// count is constant for long, and the smoother flattens the remainder. Therefore the motion is quantised and
+    /// smoothed again with other phases of the counts, and the effect on the gain is its uncertainty.
     pub(crate) fn of_gain(
         &self,
         measurement: &Measurement<'_>,
@@ -115,14 +115,14 @@ impl ReferenceErrors {
     }
 }
 
-/// Standard uncertainty of a delay with that of its reference. The noise of the fit holds the error of the reference as if
-/// each of `components` had its own: what that averages away is put back.
+/// Standard uncertainty of a delay including that of its reference. The noise of the fit treats the error of the
+/// reference as independent between `components`: the amount that this averages away is added back.
 pub(crate) fn with_reference(fit_s: f64, reference_s: f64, components: usize) -> f64 {
     let averaged = 1.0 - 1.0 / components.max(1) as f64;
     fit_s.hypot(averaged.sqrt() * reference_s).max(reference_s)
 }
 
-/// Sensitivity of a component by its reference.
+/// Sensitivity of a component through its reference.
 pub(crate) fn sensitivity<'a>(reference: &dyn Reference, slope: &'a [[f64; 3]]) -> Sensitivity<'a> {
     Sensitivity { span: reference.span(), slope }
 }

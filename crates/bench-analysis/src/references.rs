@@ -1,4 +1,4 @@
-//! What each channel of the sensor should have measured, beside what it measured.
+//! The expected values of each sensor channel, next to the measured ones.
 
 use crate::alignment::Alignment;
 use crate::clock::is_sensed;
@@ -11,24 +11,24 @@ use crate::surroundings::Surroundings;
 use flight::{Channel, Code, Flight, Notices, Quantity};
 use signal::CubicSpline;
 
-/// References stand on a grid of at least this rate, and of no more than the other, Hz.
+/// Minimum and maximum rate of the grid of the references, Hz.
 const GRID_HZ: (f64, f64) = (100.0, 250.0);
-/// A component that moves less than this share of the channel's liveliest shows mostly how it leaks into it: a mount
+/// A component that moves less than this share of the channel's most active one mostly shows leakage from it: a mount
 /// three degrees off gives 5 %.
 const LEAST_SHARE: f64 = 0.05;
-/// A reference must move this many times its own standard uncertainty.
+/// A reference must move by at least this many times its own standard uncertainty.
 const LEAST_OVER_UNCERTAINTY: f64 = 5.0;
 
-/// One component of a channel: measured, and as it should have been.
+/// One component of a channel: measured and expected.
 #[derive(Debug, Clone)]
 pub struct ComponentReference {
-    /// Its name, as `north`, or `swing angle` for an attitude.
+    /// Its name, such as `north`, or `swing angle` for an attitude.
     pub name: String,
-    /// SI unit, as people write it.
+    /// SI unit for display.
     pub unit: String,
-    /// Measured, SI, one value for each row of the channel (held repeats among them); body vectors in body axes.
+    /// Measured, SI, one value for each row of the channel (including held repeats); body vectors in body axes.
     pub measured: Vec<f64>,
-    /// As it should have been, at the encoder's time.
+    /// Expected, at the encoder's time.
     pub reference: CubicSpline,
     /// Standard uncertainty of the reference from the encoder's smoothing, median over the record, same unit.
     pub uncertainty: f64,
@@ -36,9 +36,9 @@ pub struct ComponentReference {
     pub slope: Vec<[f64; 3]>,
     /// Rms of the reference about its mean, same unit.
     pub reference_rms: f64,
-    /// Whether the swing moves it enough to count in the delay; if not, why, in words.
+    /// Whether the swing moves it enough to count in the delay; if not, why.
     pub excited: Result<(), String>,
-    /// Whether the reference was fitted to the measurement itself, so that its gain is one by construction.
+    /// Whether the reference was fitted to the measurement itself, which makes its gain one by construction.
     pub unit_gain: bool,
     /// Whether its offset may drift: position, velocity and height, unless the rig forbids it.
     pub drift: bool,
@@ -49,27 +49,27 @@ pub struct ComponentReference {
 pub struct ChannelReference {
     /// Its name.
     pub name: String,
-    /// What it holds.
+    /// Its quantity.
     pub quantity: Quantity,
-    /// Stamps of all its rows, s after the encoder's first stamp.
+    /// Timestamps of all its rows, s after the encoder's first timestamp.
     pub t_s: Vec<f64>,
-    /// Delay at which it was laid over the motion, s: good to a few milliseconds; `None` if it was not.
+    /// Delay at which it was aligned with the motion, s: good to a few milliseconds; `None` if it was not.
     pub coarse_delay_s: Option<f64>,
-    /// The components that the log holds and the bench knows.
+    /// The components that the log has and the bench can compute.
     pub components: Vec<ComponentReference>,
 }
 
-/// All channels of a sensor for which the bench has a reference.
+/// All channels of a sensor that have a reference.
 #[derive(Debug, Clone)]
 pub struct References {
-    /// In the order of their names.
+    /// In order of their names.
     pub channels: Vec<ChannelReference>,
-    /// Channels left out, and why.
+    /// Skipped channels, and why.
     pub notices: Notices,
 }
 
 impl References {
-    /// References for the channels of `sensor`, whose stamps are in the encoder's clock. `motion` is oriented by
+    /// References for the channels of `sensor`, whose timestamps are in the encoder's clock. `motion` is oriented by
     /// `alignment`.
     #[must_use]
     pub fn of(sensor: &Flight, motion: &Motion, rig: &Rig, around: &Surroundings, alignment: &Alignment) -> References {
@@ -81,7 +81,7 @@ impl References {
     }
 }
 
-/// Everything a reference is made from.
+/// Inputs of a reference.
 struct Maker<'a> {
     motion: &'a Motion,
     rig: &'a Rig,
@@ -128,7 +128,7 @@ impl<'a> Maker<'a> {
         Some(ChannelReference { name: name.to_owned(), quantity: channel.quantity, t_s, coarse_delay_s, components })
     }
 
-    /// Those that have a reference.
+    /// The components that have a reference.
     fn components(&self, name: &str, channel: &Channel, rows: SensorRows) -> Vec<ComponentReference> {
         let curves: Vec<Option<Curve>> = match channel.quantity {
             Quantity::MagneticField | Quantity::MagneticDirection if self.around.field_t.is_none() => {
@@ -157,7 +157,7 @@ impl<'a> Maker<'a> {
         components
     }
 
-    /// A swing angle is known up to whole turns: those that bring it nearest to the bar's.
+    /// A swing angle is ambiguous by whole turns: shifts it to the turn nearest to the bar's.
     fn onto_the_same_turn(&self, t_s: &[f64], rows: &mut SensorRows) {
         for column in &mut rows.columns {
             let mut off: Vec<f64> =
@@ -167,7 +167,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// One kinematic component over the grid; `None` if it needs an azimuth that nobody knows.
+    /// One kinematic component over the grid; `None` if it needs an unknown azimuth.
     fn curve(&self, name: &str, quantity: Quantity, component: usize) -> Option<Curve> {
         let azimuth = self.alignment.azimuth_rad.map(|e| e.value);
         let needs_azimuth =
@@ -215,8 +215,8 @@ impl<'a> Maker<'a> {
         (size > 0.0).then(|| field.map(|b| b / size))
     }
 
-    /// Each axis as the combination of 1, sin ξ and cos ξ that fits it best at its own delay: whatever field, iron
-    /// and mount there are.
+    /// Each axis as the combination of 1, sin ξ and cos ξ that fits it best at its own delay: valid for any field, iron
+    /// and mount.
     fn fitted_field(&self, name: &str, channel: &Channel, rows: &SensorRows) -> Vec<Option<Curve>> {
         let samples = update_samples(channel, rows, self.motion.origin());
         let delay = self.alignment.coarse_delay_s.get(name).copied().unwrap_or(0.0);
@@ -250,7 +250,7 @@ fn rms_about_mean(values: &[f64]) -> f64 {
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
-/// Says of each component whether the swing moves it.
+/// Decides for each component whether the swing moves it enough.
 fn judge_excitation(quantity: Quantity, components: &mut [ComponentReference]) {
     let liveliest = components.iter().map(|c| c.reference_rms).fold(0.0, f64::max);
     for component in components {

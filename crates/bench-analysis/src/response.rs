@@ -1,11 +1,11 @@
-//! Frequency response of a channel, with the fitted model beside it (design note 9).
+//! Frequency response of a channel, together with the fitted model (design note 9).
 
 use crate::sensed::{SensedChannel, Updates};
 use record::{Finding, ModelCandidate, ModelFinding, ResponseFinding, ResponsePoint};
 use signal::{ComponentFit, DelayFit, frequency_response};
 use std::f64::consts::TAU;
 
-/// Segments are this long in a long record, s; a short record has seven.
+/// Length of the segments in a long record, s; a short record has seven.
 const LONGEST_SEGMENT_S: f64 = 16.0;
 const SHORTEST_SEGMENT_S: f64 = 4.0;
 const SEGMENTS: f64 = 7.0;
@@ -43,7 +43,7 @@ fn described(
     fit: &DelayFit,
     model: Option<&ModelFinding>,
 ) -> ResponseFinding {
-    // Beyond the band in which the bar moved there is only noise to draw.
+    // Above the frequency band of the bar's motion there is only noise.
     let last = found.points.iter().rposition(|p| p.reliable).unwrap_or(0);
     let shown = &found.points[..found.points.len().min(2 * last + 4)];
     let candidate = model.and_then(|m| m.candidates.first());
@@ -89,12 +89,12 @@ fn gain_and_phase(model: &ModelCandidate, f: f64) -> (f64, f64) {
     (gain, phase)
 }
 
-/// Where the lags have taken 3 dB (half the power), Hz; `None` for a pure delay.
+/// The −3 dB frequency (half the power) of the lags, Hz; `None` for a pure delay.
 fn bandwidth(model: &ModelCandidate) -> Option<f64> {
     let lags: Vec<f64> = model.lags_s.iter().map(|lag| lag.value).filter(|lag| *lag > 0.0).collect();
     let longest = lags.iter().copied().reduce(f64::max)?;
     let loss = |w: f64| lags.iter().map(|lag| 1.0 + (w * lag).powi(2)).product::<f64>();
-    // One lag alone would cross at 1/T; with more it is earlier.
+    // A single lag crosses at 1/T; more lags cross earlier.
     let (mut low, mut high) = (0.0, 1.0 / longest);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -121,7 +121,7 @@ mod tests {
 
     /// `fopdt` of the acceptance vectors.
     #[test]
-    fn the_response_of_a_delay_and_a_lag_is_the_acceptance_vector() {
+    fn the_response_of_a_delay_and_a_lag_matches_the_acceptance_vector() {
         let model = model(Some(0.4), &[0.05], 1.02);
         for (f, gain, phase) in [
             (0.1, 1.019_497_022_459_139_3, -0.282_733_009_513_603_6),
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn one_lag_has_its_half_power_where_omega_t_is_one_and_two_equal_lags_earlier() {
+    fn one_lag_has_half_power_at_omega_t_one_and_two_lags_earlier() {
         assert!((bandwidth(&model(None, &[0.05], 1.0)).unwrap() - 3.183_098_861_837_907).abs() < 1e-12);
         assert!((bandwidth(&model(None, &[0.5], 1.0)).unwrap() - 1.0 / (0.5 * TAU)).abs() < 1e-12);
         // (1 + x²)² = 2.

@@ -1,6 +1,6 @@
-//! The rig file as it is meant: every value given and checked, or left open to be fitted.
+//! The resolved rig file: every value given and validated, or left open to be fitted.
 //!
-//! What is meant, not what is written, names the results: a comment or a default spelled out changes nothing.
+//! Results are named by the resolved values, not by the text: a comment or an explicit default changes nothing.
 
 use crate::kinematics::rotation;
 use crate::rig_file::{
@@ -14,22 +14,22 @@ use settings::{Refused, SettingsFile};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
-/// The rig that is used when none is given: `pipelines/bench.rig.toml`, compiled in.
+/// The default rig: `pipelines/bench.rig.toml`, compiled in.
 pub const DEFAULT_RIG: &str = pipelines::DEFAULT_RIG;
 
-/// A rig file is wrong, and where.
+/// An error in a rig file, with its location.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
 pub struct RigError {
     /// The file.
     pub file: PathBuf,
-    /// Line, from 1, where there is one.
+    /// Line, from 1, if known.
     pub line: Option<usize>,
-    /// What is wrong, and what would be right.
+    /// What is wrong, and what is expected.
     pub what: String,
 }
 
-/// How the bar carries the sensor at bar angle zero.
+/// Position of the sensor on the bar at bar angle zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MountKind {
@@ -37,7 +37,7 @@ pub enum MountKind {
     Upright,
     /// Below the pivot, sensor upright.
     Hanging,
-    /// As the lever arms say.
+    /// As stated by the lever arms.
     Custom,
 }
 
@@ -56,30 +56,30 @@ impl std::fmt::Display for MountKind {
 pub struct Bar {
     /// Pivot to sensor, m.
     pub length_m: f64,
-    /// How it carries the sensor.
+    /// Position of the sensor on the bar.
     pub mount: MountKind,
-    /// Azimuth of the swing's plane, rad; `None` is to be fitted.
+    /// Azimuth of the swing's plane, rad; `None` means fitted.
     pub azimuth_rad: Option<f64>,
-    /// First bending mode that is expected, Hz.
+    /// First expected bending mode, Hz.
     pub first_mode_hz: Option<f64>,
 }
 
 /// The encoder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EncoderRule {
-    /// Its channel; `None` is the only one of the log.
+    /// Its channel; `None` means the only one of the log.
     pub channel: Option<String>,
-    /// Counts per revolution: lines times decoding; `None` is to be inferred.
+    /// Counts per revolution: lines times decoding; `None` means inferred.
     pub counts_per_rev: Option<f64>,
     /// Counts per line.
     pub decoding: f64,
-    /// +1 or −1; `None` is to be fitted.
+    /// +1 or −1; `None` means fitted.
     pub sign: Option<f64>,
-    /// Bar angle at count zero, rad; `None` is to be fitted.
+    /// Bar angle at count zero, rad; `None` means fitted.
     pub zero_rad: Option<f64>,
 }
 
-/// Where the magnetic field of the reference comes from.
+/// Source of the reference's magnetic field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FieldRule {
     /// Fitted.
@@ -99,7 +99,7 @@ pub struct Site {
     pub longitude: Option<f64>,
     /// Height above the ellipsoid, m.
     pub height_m: f64,
-    /// Day of the record, where the log does not say.
+    /// Day of the record, if the log does not state it.
     pub date: Option<jiff::civil::Date>,
     /// Gravity, m/s².
     pub gravity_mps2: Option<f64>,
@@ -107,61 +107,61 @@ pub struct Site {
     pub field: FieldRule,
 }
 
-/// How stamps belong together.
+/// Relation of the clocks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClockRule {
-    /// Whether one clock stamps both logs; `None`: as the logs look.
+    /// Whether one clock timestamps both logs; `None`: inferred from the logs.
     pub shared: Option<bool>,
-    /// Channel taken as on time where clocks differ; `None`: the first angular rate that the sensor logged.
+    /// Channel assumed to be on time if clocks differ; `None`: the first angular rate logged by the sensor.
     pub anchor: Option<String>,
-    /// Which stamps are measured with.
+    /// Timestamps used for the measurement.
     pub stamps: StampChoice,
 }
 
-/// Which stamps of the sensor are measured with.
+/// Timestamps of the sensor used for the measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StampChoice {
-    /// Those that the channel map chose.
+    /// Those chosen by the channel map.
     Auto,
-    /// When the device says that the value was true.
+    /// Validity time stated by the device.
     Measured,
-    /// When the driver sent it.
+    /// Time at which the driver sent it.
     Published,
-    /// When the logger received it.
+    /// Time at which the logger received it.
     Logged,
 }
 
-/// How delays are looked for.
+/// Settings of the delay search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AnalysisRule {
-    /// From, to, s.
+    /// Start and end, s.
     pub search_s: (f64, f64),
-    /// Margin of the equivalence test, s; `None`: per channel half the interval of its updates, at least 5 ms.
+    /// Margin of the equivalence test, s; `None`: per channel half of its update interval, at least 5 ms.
     pub margin_s: Option<f64>,
     /// Whether the offsets of position, velocity and height may drift.
     pub drift: bool,
-    /// Delays put in and found again, s.
+    /// Delays to inject and recover, s.
     pub inject_s: Vec<f64>,
-    /// Gain put in along with them.
+    /// Gain to inject with them.
     pub inject_gain: f64,
 }
 
-/// Where a part of the sensor sits and how it is turned.
+/// Position and orientation of a part of the sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mount {
     /// From the pivot, body axes, m.
     pub lever_arm_m: [f64; 3],
-    /// Whether the file gives the lever arm for this part (else it follows from the bar).
+    /// Whether the file states the lever arm for this part (otherwise it follows from the bar).
     pub arm_is_stated: bool,
     /// Rotation vector of the mount, sensor axes (after `axes`) to body axes, rad.
     pub rotation_rad: [f64; 3],
-    /// Body x, y, z as sensor axes: 0 to 2 and the sign.
+    /// Sensor axes of body x, y, z: 0 to 2 and the sign.
     pub axes: [(usize, f64); 3],
 }
 
 impl Mount {
-    /// The matrix that turns what the sensor reads into body axes: `exp([φ]×)` times the axes map.
+    /// The matrix that rotates sensor readings into body axes: `exp([φ]×)` times the axes map.
     #[must_use]
     pub fn body_from_sensor(&self) -> Matrix3<f64> {
         rotation(self.rotation_rad) * axes_matrix(self.axes)
@@ -182,7 +182,7 @@ fn axes_matrix(axes: [(usize, f64); 3]) -> Matrix3<f64> {
     matrix
 }
 
-/// A bench as it is meant.
+/// A resolved bench.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rig {
     /// Name of the bench.
@@ -199,24 +199,24 @@ pub struct Rig {
     pub clock: ClockRule,
     /// Delays.
     pub analysis: AnalysisRule,
-    /// Days for which a card is valid; `None`: without end.
+    /// Validity of a card in days; `None`: no end.
     pub card_valid_days: Option<u32>,
     mounts: Vec<(Vec<String>, Mount)>,
-    meant: Meant,
+    resolved: Resolved,
 }
 
 impl Rig {
     /// Reads a rig file.
     ///
     /// # Errors
-    /// The file cannot be read, is no TOML, has an unknown key, or a value makes no sense; with file and line.
+    /// The file cannot be read, is not valid TOML, has an unknown key, or a value is invalid; with file and line.
     pub fn read(path: &Path) -> Result<Rig, RigError> {
         let unreadable = |e: std::io::Error| fault(path, None, format!("cannot be read: {e}"));
         let text = std::fs::read_to_string(path).map_err(unreadable)?;
         Rig::parse(&text, path)
     }
 
-    /// The rig that is used when none is given.
+    /// The default rig.
     ///
     /// # Errors
     /// Never in a tested build: the text is compiled in, and a test reads it.
@@ -224,33 +224,33 @@ impl Rig {
         Rig::parse(DEFAULT_RIG, Path::new("bench.rig.toml"))
     }
 
-    /// Reads a rig from `text`; `path` is for errors.
+    /// Reads a rig from `text`; `path` is used in errors.
     ///
     /// # Errors
     /// As [`Rig::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Rig, RigError> {
         let file = SettingsFile::new(text, path);
-        let meant = file.read().and_then(|written| Checker { file: &file }.meaning_of(written));
-        file.finish(meant).map_err(|e| fault(path, e.line, e.what))
+        let resolved = file.read().and_then(|written| Checker { file: &file }.resolve(written));
+        file.finish(resolved).map_err(|e| fault(path, e.line, e.what))
     }
 
-    /// Where the part of the sensor that fills `channel` sits: by the first `mount` entry that names the channel,
-    /// else on the bar's axis at its length.
+    /// Position of the part of the sensor that provides `channel`: from the first `mount` entry that names the channel;
+    /// the default is on the bar's axis at its length.
     #[must_use]
     pub fn mount_of(&self, channel: &str) -> Mount {
         let named = |(patterns, _): &&(Vec<String>, Mount)| patterns.iter().any(|p| fits(p, channel));
         self.mounts.iter().find(named).map_or_else(|| mount_on_bar(&self.bar), |(_, mount)| mount.clone())
     }
 
-    /// The rig for a record: title, hash and text of what is meant.
+    /// The rig for a record: title, hash and text of the resolved values.
     #[must_use]
     pub fn as_used(&self) -> RigUse {
-        let toml = toml::to_string(&self.meant).unwrap_or_else(|e| format!("# cannot be written: {e}\n"));
+        let toml = toml::to_string(&self.resolved).unwrap_or_else(|e| format!("# cannot be written: {e}\n"));
         RigUse { title: self.title.clone(), blake3: blake3::hash(toml.as_bytes()).to_hex().to_string(), toml }
     }
 }
 
-/// Whether `name` is `pattern`, or begins as it does before its final `*`.
+/// Whether `name` equals `pattern`, or starts with the part before its final `*`.
 fn fits(pattern: &str, name: &str) -> bool {
     match pattern.strip_suffix('*') {
         Some(start) => name.starts_with(start),
@@ -268,24 +268,24 @@ fn mount_on_bar(bar: &Bar) -> Mount {
     }
 }
 
-/// What is meant, in the layout of the file.
+/// The resolved values, in the layout of the file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct Meant {
+struct Resolved {
     schema: u32,
     title: String,
     sensor: SensorIdentity,
-    bar: MeantBar,
-    encoder: MeantEncoder,
-    site: MeantSite,
-    clock: MeantClock,
-    analysis: MeantAnalysis,
-    card: MeantCard,
+    bar: ResolvedBar,
+    encoder: ResolvedEncoder,
+    site: ResolvedSite,
+    clock: ResolvedClock,
+    analysis: ResolvedAnalysis,
+    card: ResolvedCard,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    mount: Vec<MeantMount>,
+    mount: Vec<ResolvedMount>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantBar {
+struct ResolvedBar {
     length_m: f64,
     mount: MountKind,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -295,7 +295,7 @@ struct MeantBar {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantEncoder {
+struct ResolvedEncoder {
     #[serde(skip_serializing_if = "Option::is_none")]
     channel: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -308,7 +308,7 @@ struct MeantEncoder {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantSite {
+struct ResolvedSite {
     #[serde(skip_serializing_if = "Option::is_none")]
     latitude_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -318,22 +318,22 @@ struct MeantSite {
     date: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     gravity_mps2: Option<f64>,
-    field: MeantField,
+    field: ResolvedField,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
-enum MeantField {
+enum ResolvedField {
     Named(&'static str),
     Stated { north_nt: f64, east_nt: f64, down_nt: f64 },
 }
 
-impl MeantField {
+impl ResolvedField {
     fn rule(&self) -> FieldRule {
         match self {
-            MeantField::Named("wmm") => FieldRule::Wmm,
-            MeantField::Named(_) => FieldRule::Fit,
-            MeantField::Stated { north_nt, east_nt, down_nt } => {
+            ResolvedField::Named("wmm") => FieldRule::Wmm,
+            ResolvedField::Named(_) => FieldRule::Fit,
+            ResolvedField::Stated { north_nt, east_nt, down_nt } => {
                 FieldRule::Stated([north_nt, east_nt, down_nt].map(|nt| nt * 1e-9))
             }
         }
@@ -341,7 +341,7 @@ impl MeantField {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantClock {
+struct ResolvedClock {
     #[serde(skip_serializing_if = "Option::is_none")]
     shared: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -350,7 +350,7 @@ struct MeantClock {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantAnalysis {
+struct ResolvedAnalysis {
     search_s: [f64; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
     margin_ms: Option<f64>,
@@ -360,13 +360,13 @@ struct MeantAnalysis {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantCard {
+struct ResolvedCard {
     #[serde(skip_serializing_if = "Option::is_none")]
     valid_days: Option<u32>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantMount {
+struct ResolvedMount {
     channels: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     lever_arm_m: Option<[f64; 3]>,
@@ -374,13 +374,13 @@ struct MeantMount {
     axes: [String; 3],
 }
 
-/// Knows the file, so that every complaint has its line.
+/// Holds the file, so that every error has its line.
 struct Checker<'a> {
     file: &'a SettingsFile<'a>,
 }
 
 impl Checker<'_> {
-    fn meaning_of(&self, written: RigFile) -> Result<Rig, Refused> {
+    fn resolve(&self, written: RigFile) -> Result<Rig, Refused> {
         if *written.schema.get_ref() != 1 {
             return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
@@ -394,7 +394,7 @@ impl Checker<'_> {
         let (analysis, card) = (self.analysis(&written.analysis), self.card(&written.card));
         let mounts: Vec<_> = written.mount.into_iter().map(|m| self.mount(m)).collect();
         model.and(lever_arms)?;
-        let meant = Meant {
+        let resolved = Resolved {
             schema: 1,
             title: written.title,
             sensor: SensorIdentity {
@@ -412,10 +412,10 @@ impl Checker<'_> {
             card: card?,
             mount: mounts.into_iter().collect::<Result<_, _>>()?,
         };
-        Ok(in_si(meant))
+        Ok(in_si(resolved))
     }
 
-    /// Without a length along the bar's axis every channel needs a lever arm of its own.
+    /// Without a length along the bar's axis every channel needs its own lever arm.
     fn a_custom_bar_has_lever_arms(&self, written: &RigFile) -> Result<(), Refused> {
         if *written.bar.mount.get_ref() != MountName::Custom {
             return Ok(());
@@ -431,11 +431,11 @@ impl Checker<'_> {
         Err(self.fault(&written.bar.mount, what))
     }
 
-    fn bar(&self, written: &BarTable) -> Result<MeantBar, Refused> {
+    fn bar(&self, written: &BarTable) -> Result<ResolvedBar, Refused> {
         let length_m = self.within(&written.length_m, "bar.length_m", 0.05, 50.0);
         let azimuth_deg = self.optional(&written.azimuth_deg, "bar.azimuth_deg", -360.0, 360.0);
         let first_mode_hz = self.optional(&written.first_mode_hz, "bar.first_mode_hz", 0.1, 1000.0);
-        Ok(MeantBar {
+        Ok(ResolvedBar {
             length_m: length_m?,
             mount: match written.mount.get_ref() {
                 MountName::Upright => MountKind::Upright,
@@ -447,7 +447,7 @@ impl Checker<'_> {
         })
     }
 
-    fn encoder(&self, written: EncoderTable) -> Result<MeantEncoder, Refused> {
+    fn encoder(&self, written: EncoderTable) -> Result<ResolvedEncoder, Refused> {
         let counts_per_rev = written.counts_per_rev.map(|c| {
             self.one_of(&c, "encoder.counts_per_rev", (4..=67_108_864).contains(c.get_ref()), "4 to 67108864")
         });
@@ -455,7 +455,7 @@ impl Checker<'_> {
             written.decoding.map(|d| self.one_of(&d, "encoder.decoding", [1, 2, 4].contains(d.get_ref()), "1, 2 or 4"));
         let sign = written.sign.map(|s| self.one_of(&s, "encoder.sign", matches!(s.get_ref(), -1 | 1), "1 or -1"));
         let zero_deg = self.optional(&written.zero_deg, "encoder.zero_deg", -360.0, 360.0);
-        Ok(MeantEncoder {
+        Ok(ResolvedEncoder {
             channel: written.channel,
             counts_per_rev: counts_per_rev.transpose()?,
             decoding: decoding.transpose()?.unwrap_or(1),
@@ -464,7 +464,7 @@ impl Checker<'_> {
         })
     }
 
-    fn site(&self, written: &SiteTable) -> Result<MeantSite, Refused> {
+    fn site(&self, written: &SiteTable) -> Result<ResolvedSite, Refused> {
         let day = |date: &Spanned<String>| match date.get_ref().parse::<jiff::civil::Date>() {
             Ok(day) => Ok(day.to_string()),
             Err(_) => Err(self.fault(date, format!("site.date = {:?}: must be a day as 2010-10-25", date.get_ref()))),
@@ -475,21 +475,21 @@ impl Checker<'_> {
         let date = written.date.as_ref().map(day).transpose();
         let gravity_mps2 = self.optional(&written.gravity_mps2, "site.gravity_mps2", 9.7, 9.9);
         let field = written.field.as_ref().map(|f| self.field(f)).transpose();
-        Ok(MeantSite {
+        Ok(ResolvedSite {
             latitude_deg: latitude_deg?,
             longitude_deg: longitude_deg?,
             height_m: height_m?.unwrap_or(0.0),
             date: date?,
             gravity_mps2: gravity_mps2?,
-            field: field?.unwrap_or(MeantField::Named("fit")),
+            field: field?.unwrap_or(ResolvedField::Named("fit")),
         })
     }
 
-    fn field(&self, written: &Spanned<toml::Value>) -> Result<MeantField, Refused> {
+    fn field(&self, written: &Spanned<toml::Value>) -> Result<ResolvedField, Refused> {
         let right = "must be \"fit\", \"wmm\" or { north_nt = …, east_nt = …, down_nt = … }";
         match written.get_ref() {
-            toml::Value::String(name) if name == "fit" => Ok(MeantField::Named("fit")),
-            toml::Value::String(name) if name == "wmm" => Ok(MeantField::Named("wmm")),
+            toml::Value::String(name) if name == "fit" => Ok(ResolvedField::Named("fit")),
+            toml::Value::String(name) if name == "wmm" => Ok(ResolvedField::Named("wmm")),
             toml::Value::Table(_) => {
                 let stated: StatedField = written.get_ref().clone().try_into().map_err(|e: toml::de::Error| {
                     self.fault(written, format!("site.field: {}; it {right}", e.message()))
@@ -501,7 +501,7 @@ impl Checker<'_> {
                     );
                 }
                 let StatedField { north_nt, east_nt, down_nt } = stated;
-                Ok(MeantField::Stated {
+                Ok(ResolvedField::Stated {
                     north_nt: plain_zero(north_nt),
                     east_nt: plain_zero(east_nt),
                     down_nt: plain_zero(down_nt),
@@ -511,7 +511,7 @@ impl Checker<'_> {
         }
     }
 
-    fn clock(&self, written: ClockTable) -> Result<MeantClock, Refused> {
+    fn clock(&self, written: ClockTable) -> Result<ResolvedClock, Refused> {
         let anchor = match written.anchor {
             Some(name) if name.get_ref().trim().is_empty() => {
                 return Err(self.fault(&name, "clock.anchor must name a channel, as `angular-rate.imu`"));
@@ -524,15 +524,15 @@ impl Checker<'_> {
             StampsName::Published => StampChoice::Published,
             StampsName::Logged => StampChoice::Logged,
         };
-        Ok(MeantClock { shared: written.shared, anchor, stamps })
+        Ok(ResolvedClock { shared: written.shared, anchor, stamps })
     }
 
-    fn analysis(&self, written: &AnalysisTable) -> Result<MeantAnalysis, Refused> {
+    fn analysis(&self, written: &AnalysisTable) -> Result<ResolvedAnalysis, Refused> {
         let search_s = self.search_s(written.search_s.as_ref());
         let inject_ms = self.inject_ms(written.inject_ms.as_ref());
         let margin_ms = self.optional(&written.margin_ms, "analysis.margin_ms", 0.01, 1000.0);
         let inject_gain = self.optional(&written.inject_gain, "analysis.inject_gain", 0.5, 2.0);
-        Ok(MeantAnalysis {
+        Ok(ResolvedAnalysis {
             search_s: search_s?,
             margin_ms: margin_ms?,
             drift: written.drift.unwrap_or(true),
@@ -562,13 +562,13 @@ impl Checker<'_> {
         }
     }
 
-    fn card(&self, written: &CardTable) -> Result<MeantCard, Refused> {
+    fn card(&self, written: &CardTable) -> Result<ResolvedCard, Refused> {
         let days =
             |d: &Spanned<u32>| self.one_of(d, "card.valid_days", (1..=36_500).contains(d.get_ref()), "1 to 36500");
-        Ok(MeantCard { valid_days: written.valid_days.as_ref().map(days).transpose()? })
+        Ok(ResolvedCard { valid_days: written.valid_days.as_ref().map(days).transpose()? })
     }
 
-    fn mount(&self, written: MountTable) -> Result<MeantMount, Refused> {
+    fn mount(&self, written: MountTable) -> Result<ResolvedMount, Refused> {
         let names = written.channels.get_ref();
         let is_odd = |n: &&String| n.is_empty() || n[..n.len() - 1].contains('*');
         let named = match names.is_empty() || names.iter().any(|n| is_odd(&n)) {
@@ -587,7 +587,7 @@ impl Checker<'_> {
         let rotation_deg = vector(&written.rotation_deg, "mount.rotation_deg", 360.0);
         let axes = self.axes(written.axes.as_ref());
         named?;
-        Ok(MeantMount {
+        Ok(ResolvedMount {
             lever_arm_m: lever_arm_m?,
             rotation_deg: rotation_deg?.unwrap_or([0.0; 3]),
             axes: axes?,
@@ -595,7 +595,7 @@ impl Checker<'_> {
         })
     }
 
-    /// Three different axes that make a right-handed frame.
+    /// Three different axes that form a right-handed frame.
     fn axes(&self, written: Option<&Spanned<[String; 3]>>) -> Result<[String; 3], Refused> {
         let Some(written) = written else { return Ok(["x", "y", "z"].map(str::to_owned)) };
         let parsed = written.get_ref().clone().map(|a| axis(&a));
@@ -633,60 +633,64 @@ impl Checker<'_> {
     }
 }
 
-/// From the units of the file to SI and radians.
-fn in_si(meant: Meant) -> Rig {
+/// Converts the units of the file to SI and radians.
+fn in_si(resolved: Resolved) -> Rig {
     let bar = Bar {
-        length_m: meant.bar.length_m,
-        mount: meant.bar.mount,
-        azimuth_rad: meant.bar.azimuth_deg.map(f64::to_radians),
-        first_mode_hz: meant.bar.first_mode_hz,
+        length_m: resolved.bar.length_m,
+        mount: resolved.bar.mount,
+        azimuth_rad: resolved.bar.azimuth_deg.map(f64::to_radians),
+        first_mode_hz: resolved.bar.first_mode_hz,
     };
-    let decoding = f64::from(meant.encoder.decoding);
+    let decoding = f64::from(resolved.encoder.decoding);
     Rig {
-        title: meant.title.clone(),
-        sensor: meant.sensor.clone(),
+        title: resolved.title.clone(),
+        sensor: resolved.sensor.clone(),
         encoder: EncoderRule {
-            channel: meant.encoder.channel.clone(),
-            counts_per_rev: meant.encoder.counts_per_rev.map(|lines| f64::from(lines) * decoding),
+            channel: resolved.encoder.channel.clone(),
+            counts_per_rev: resolved.encoder.counts_per_rev.map(|lines| f64::from(lines) * decoding),
             decoding,
-            sign: meant.encoder.sign.map(f64::from),
-            zero_rad: meant.encoder.zero_deg.map(f64::to_radians),
+            sign: resolved.encoder.sign.map(f64::from),
+            zero_rad: resolved.encoder.zero_deg.map(f64::to_radians),
         },
         site: Site {
-            latitude: meant.site.latitude_deg.map(f64::to_radians),
-            longitude: meant.site.longitude_deg.map(f64::to_radians),
-            height_m: meant.site.height_m,
-            date: meant.site.date.as_ref().and_then(|d| d.parse().ok()),
-            gravity_mps2: meant.site.gravity_mps2,
-            field: meant.site.field.rule(),
+            latitude: resolved.site.latitude_deg.map(f64::to_radians),
+            longitude: resolved.site.longitude_deg.map(f64::to_radians),
+            height_m: resolved.site.height_m,
+            date: resolved.site.date.as_ref().and_then(|d| d.parse().ok()),
+            gravity_mps2: resolved.site.gravity_mps2,
+            field: resolved.site.field.rule(),
         },
-        clock: ClockRule { shared: meant.clock.shared, anchor: meant.clock.anchor.clone(), stamps: meant.clock.stamps },
+        clock: ClockRule {
+            shared: resolved.clock.shared,
+            anchor: resolved.clock.anchor.clone(),
+            stamps: resolved.clock.stamps,
+        },
         analysis: AnalysisRule {
-            search_s: meant.analysis.search_s.into(),
-            margin_s: meant.analysis.margin_ms.map(|ms| ms / 1e3),
-            drift: meant.analysis.drift,
-            inject_s: meant.analysis.inject_ms.iter().map(|ms| ms / 1e3).collect(),
-            inject_gain: meant.analysis.inject_gain,
+            search_s: resolved.analysis.search_s.into(),
+            margin_s: resolved.analysis.margin_ms.map(|ms| ms / 1e3),
+            drift: resolved.analysis.drift,
+            inject_s: resolved.analysis.inject_ms.iter().map(|ms| ms / 1e3).collect(),
+            inject_gain: resolved.analysis.inject_gain,
         },
-        card_valid_days: meant.card.valid_days,
-        mounts: meant.mount.iter().map(|m| (m.channels.clone(), mount_in_si(m, &bar))).collect(),
+        card_valid_days: resolved.card.valid_days,
+        mounts: resolved.mount.iter().map(|m| (m.channels.clone(), mount_in_si(m, &bar))).collect(),
         bar,
-        meant,
+        resolved,
     }
 }
 
-fn mount_in_si(meant: &MeantMount, bar: &Bar) -> Mount {
+fn mount_in_si(resolved: &ResolvedMount, bar: &Bar) -> Mount {
     let on_bar = mount_on_bar(bar);
-    let sensor_axis = |k: usize| axis(&meant.axes[k]).unwrap_or((k, 1.0));
+    let sensor_axis = |k: usize| axis(&resolved.axes[k]).unwrap_or((k, 1.0));
     Mount {
-        lever_arm_m: meant.lever_arm_m.unwrap_or(on_bar.lever_arm_m),
-        arm_is_stated: meant.lever_arm_m.is_some(),
-        rotation_rad: meant.rotation_deg.map(f64::to_radians),
+        lever_arm_m: resolved.lever_arm_m.unwrap_or(on_bar.lever_arm_m),
+        arm_is_stated: resolved.lever_arm_m.is_some(),
+        rotation_rad: resolved.rotation_deg.map(f64::to_radians),
         axes: [sensor_axis(0), sensor_axis(1), sensor_axis(2)],
     }
 }
 
-/// `-y` is axis 1 turned round.
+/// `-y` is axis 1 reversed.
 fn axis(name: &str) -> Option<(usize, f64)> {
     let (sign, letter) = name.strip_prefix('-').map_or((1.0, name), |rest| (-1.0, rest));
     let index = ["x", "y", "z"].iter().position(|a| *a == letter)?;
@@ -697,7 +701,7 @@ fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> RigError 
     RigError { file: path.to_owned(), line, what: what.into() }
 }
 
-/// Minus zero is zero, and shall not name another result.
+/// Minus zero is zero, and must not change the name of a result.
 fn plain_zero(v: f64) -> f64 {
     if v == 0.0 { 0.0 } else { v }
 }

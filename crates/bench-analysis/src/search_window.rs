@@ -1,26 +1,26 @@
-//! Whether the best delay is one at all, or only the best of a search that ended too early.
+//! Decides whether the best delay is a real minimum, or only the best of a search that ended too early.
 
 use crate::verdict::millis;
 use record::{ModelCandidate, ModelFinding};
 use signal::{ComponentFit, DelayFit, DelaySettings, Measurement, delay_objective_above};
 
-/// How far beyond the search window a better delay is sought: in s, and as a share of the record at most.
+/// Distance beyond the search window in which a better delay is sought, s, and its limit as a share of the record.
 const BEYOND_S: f64 = 5.0;
 const MOST_OF_RECORD: f64 = 0.2;
-/// Rows of a component that are looked at there.
+/// Number of rows of a component used there.
 const ROWS: usize = 600;
-/// A delay beyond the search has to be better by this much, units of chi-squared.
+/// Required improvement of a delay beyond the search, units of chi-squared.
 const BETTER: f64 = 9.0;
-/// Smooth noise larger than this share of the signal, with a gain below the other, is motion at another delay. Of 333
-/// simulated channels with a delay inside of the search none has both.
+/// Smooth noise larger than this share of the signal, with a gain below [`LEAST_GAIN`], is motion at another delay. Of
+/// 333 simulated channels with a delay inside the search, none has both.
 const UNEXPLAINED: f64 = 0.8;
 const LEAST_GAIN: f64 = 0.8;
 /// A residual that is motion has no white part.
 const SMOOTH: f64 = 0.02;
-/// A lag that explains the gain is not out before its BIC is worse by so much.
+/// A lag that explains the gain is only ruled out if its BIC is worse by this much.
 const DISTINGUISHED: f64 = 6.0;
 
-/// Why the delay of `fit` is no answer; `None` if it is one. `model` is the choice between delay and lag at that delay.
+/// Why the delay of `fit` is invalid; `None` if it is valid. `model`: choice between delay and lag at that delay.
 pub(crate) fn no_answer(
     measurements: &[Measurement<'_>],
     fit: &DelayFit,
@@ -49,7 +49,7 @@ pub(crate) fn no_answer(
     })
 }
 
-/// A delay outside of the search at which the values fit clearly better, s.
+/// A delay outside the search that fits clearly better, s.
 fn better_beyond(measurements: &[Measurement<'_>], fit: &DelayFit, settings: &DelaySettings) -> Option<f64> {
     let (from, to) = settings.search_s;
     let (first, last) = measurements.first()?.reference.span();
@@ -62,7 +62,7 @@ fn better_beyond(measurements: &[Measurement<'_>], fit: &DelayFit, settings: &De
     (value < -BETTER).then_some(delay_s)
 }
 
-/// Whether every component leaves a smooth residual as large as what it explains, with too small a gain.
+/// Whether every component has a smooth residual as large as the part it explains, with too small a gain.
 fn is_unexplained(measurements: &[Measurement<'_>], fit: &DelayFit, model: Option<&ModelFinding>) -> bool {
     let is_sensor = |c: &&ModelCandidate| !c.lags_s.is_empty() && c.delay_s.is_none_or(|d| d.value >= 0.0);
     let explains = |c: &ModelCandidate| (LEAST_GAIN..1.0 / LEAST_GAIN).contains(&c.gain.value);

@@ -1,4 +1,4 @@
-//! A channel before its analysis, and what all channels share.
+//! A channel before its analysis, and data shared by all channels.
 
 use crate::clock::ChannelTime;
 use crate::gap::Hidden;
@@ -7,16 +7,16 @@ use flight::Channel;
 use record::TimeBasis;
 use signal::{DelaySettings, Gain, Measurement, Reference, Sign};
 
-/// One component of a channel with what it should have measured.
+/// One component of a channel with its expected values.
 pub(crate) struct SensedComponent<'a> {
     pub(crate) name: &'a str,
     pub(crate) unit: &'a str,
-    /// One for each row of the channel.
+    /// One value for each row of the channel.
     pub(crate) values: &'a [f64],
     pub(crate) reference: &'a dyn Reference,
     /// Standard uncertainty of the reference at any one instant.
     pub(crate) reference_std: f64,
-    /// How the reference follows the bar.
+    /// Dependence of the reference on the bar.
     pub(crate) sensitivity: Sensitivity<'a>,
     /// `Err` with the reason if the swing does not move it enough to count.
     pub(crate) excited: Result<(), &'a str>,
@@ -27,38 +27,38 @@ pub(crate) struct SensedComponent<'a> {
 /// A channel before its analysis.
 pub(crate) struct SensedChannel<'a> {
     pub(crate) name: &'a str,
-    /// Stamped in the encoder's clock.
+    /// With timestamps in the encoder's clock.
     pub(crate) channel: &'a Channel,
-    /// Its stamps, s after the origin.
+    /// Its timestamps, s after the origin.
     pub(crate) t: Vec<f64>,
     pub(crate) time: &'a ChannelTime,
-    /// Stamps at which it shows an instant of which the encoder is silent.
+    /// Timestamps whose true instant is in a gap of the encoder.
     pub(crate) hidden: Hidden<'a>,
     pub(crate) components: Vec<SensedComponent<'a>>,
 }
 
-/// What all channels share.
+/// Data shared by all channels.
 pub(crate) struct Circumstances<'a> {
     pub(crate) basis: &'a TimeBasis,
     /// Standard uncertainty of the anchor's own lag, s; zero where delays are absolute.
     pub(crate) anchor_s: f64,
     pub(crate) search_s: (f64, f64),
-    /// Margin of the equivalence test, s, if the rig sets one.
+    /// Margin of the equivalence test, s, if set in the rig file.
     pub(crate) margin_s: Option<f64>,
     pub(crate) inject_s: &'a [f64],
     pub(crate) inject_gain: f64,
-    /// Encoder stamps, s, and rate of the bar, rad/s.
+    /// Encoder timestamps, s, and rate of the bar, rad/s.
     pub(crate) t: &'a [f64],
     pub(crate) rate: &'a [f64],
-    /// Stretch that is drawn large, s.
+    /// Enlarged segment, s.
     pub(crate) zoom: (f64, f64),
     /// Mean period of the bar's angle, s; zero if it does not swing.
     pub(crate) period_s: f64,
-    /// Bar rates below this are standing still, rad/s.
+    /// Bar rates below this count as rest, rad/s.
     pub(crate) still_rate: f64,
-    /// What the encoder's steps do to the references.
+    /// Effect of the encoder's steps on the references.
     pub(crate) errors: &'a ReferenceErrors,
-    /// Why no channel gets a verdict, if the gate says so.
+    /// Why no channel gets a verdict, if the gate is closed.
     pub(crate) closed: Option<String>,
 }
 
@@ -68,15 +68,15 @@ impl Circumstances<'_> {
     }
 }
 
-/// Stamps and values of the rows that are updates, held repeats left out.
+/// Timestamps and values of the rows that are updates, without held repeats.
 pub(crate) struct Updates {
     pub(crate) t: Vec<f64>,
-    /// One for each component of the channel, excited or not.
+    /// Components of the channel, excited or not.
     pub(crate) values: Vec<Vec<f64>>,
-    /// Which components those of the fit are.
+    /// Indices of the components used in the fit.
     pub(crate) excited: Vec<usize>,
     pub(crate) rows: usize,
-    /// Updates left out, for the encoder is silent about their instant.
+    /// Updates rejected because the encoder has a gap at their instant.
     pub(crate) hidden: Vec<usize>,
     /// Mean age of the held value over all rows, s.
     pub(crate) mean_age_s: Option<f64>,
@@ -107,7 +107,7 @@ impl Updates {
         self.excited.iter().map(|&k| measurement(&channel.components[k], &self.t, &self.values[k])).collect()
     }
 
-    /// How well the references of the components of the fit are known.
+    /// Uncertainty of the references of the components in the fit.
     pub(crate) fn reference_std(&self, channel: &SensedChannel<'_>) -> Vec<f64> {
         self.excited.iter().map(|&k| channel.components[k].reference_std).collect()
     }
@@ -140,7 +140,7 @@ pub(crate) fn rate_hz(t: &[f64]) -> Option<f64> {
     median_step(t).filter(|step| *step > 0.0).map(|step| 1.0 / step)
 }
 
-/// Mean over all rows of the time since the update that they repeat, s.
+/// Mean over all rows of the age of the repeated update, s.
 fn mean_age(t: &[f64], updates: &[usize]) -> Option<f64> {
     let first = *updates.first()?;
     let mut newest = first;

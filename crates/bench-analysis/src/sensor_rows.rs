@@ -1,4 +1,4 @@
-//! What a channel holds, as rows of numbers in the frame of the rig.
+//! The data of a channel, as rows of numbers in the frame of the rig.
 
 use crate::kinematics::swing_angle;
 use crate::pattern::{Pattern, Samples};
@@ -16,7 +16,7 @@ pub(crate) struct SensorRows {
     pub(crate) columns: Vec<Vec<f64>>,
 }
 
-/// What the kinematics say of a quantity, and how it looks in the encoder's angle.
+/// Kinematics of a quantity, and its pattern in the encoder's angle.
 pub(crate) fn pattern_of(quantity: Quantity) -> Option<Pattern> {
     match quantity {
         Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::Height => Some(Pattern::CircleWithDrift),
@@ -30,8 +30,8 @@ pub(crate) fn pattern_of(quantity: Quantity) -> Option<Pattern> {
 }
 
 /// The rows of `channel` in the rig's frames: geodetic positions as north, east, down from the first fix; body vectors
-/// turned into body axes by the mount; an attitude as swing angle. `None` if the swing says nothing of this quantity,
-/// or the log does not hold enough of its components.
+/// rotated into body axes by the mount; an attitude as swing angle. `None` if the swing does not affect this quantity,
+/// or the log lacks some of its components.
 pub(crate) fn sensor_rows(name: &str, channel: &Channel, rig: &Rig) -> Option<SensorRows> {
     match channel.quantity {
         Quantity::PositionGeodetic => Some(local_position(channel)),
@@ -102,7 +102,7 @@ fn body(name: &str, channel: &Channel, rig: &Rig, unit: &'static str) -> Option<
     })
 }
 
-/// The attitude of the body: the sensor's, turned back by the mount. Rows of w, x, y, z.
+/// The attitude of the body: the sensor's, rotated back by the mount. Rows of w, x, y, z.
 pub(crate) fn body_attitude(name: &str, channel: &Channel, rig: &Rig) -> Option<Vec<[f64; 4]>> {
     let [w, x, y, z] = channel.series.components() else { return None };
     let turn = rig.mount_of(name).body_from_sensor();
@@ -120,7 +120,7 @@ fn swing(name: &str, channel: &Channel, rig: &Rig) -> Option<SensorRows> {
     Some(SensorRows { names: vec!["swing angle"], unit: "rad", component: vec![0], columns: vec![angle] })
 }
 
-/// Takes out leaps of whole turns.
+/// Removes jumps of whole turns.
 pub(crate) fn unwrap(angle: &mut [f64]) {
     let mut turns = 0.0;
     let mut before: Option<f64> = None;

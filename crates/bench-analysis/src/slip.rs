@@ -1,39 +1,39 @@
-//! Counts that an encoder lost or gained at one place: the angle goes on as before, by a constant beside it.
+//! Counts lost or gained by an encoder at one place: afterwards the angle continues with a constant offset.
 //!
-//! A smoother follows such a step with a motion that never was, and the residual of the whole record hardly shows it.
+//! A smoother turns such a step into false motion, and the residual of the whole record hardly shows it.
 
 use signal::regress;
 
-/// A place at which the encoder's count jumps and stays.
+/// A place where the encoder's count jumps permanently.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slip {
     /// First row after it.
     pub row: usize,
     /// Instant of that row, s after the first sample.
     pub t_s: f64,
-    /// How much the angle is larger after it than before, counts.
+    /// Increase of the angle at it, counts.
     pub counts: f64,
 }
 
-/// The motion is a polynomial over this long before and after, s, or over so many samples.
+/// Time over which the motion is modelled as a polynomial before and after, s, and the minimum number of samples.
 const HALF_S: f64 = 0.1;
 const LEAST_HALF: usize = 8;
-/// A stretch of samples that lasts longer than this many times its usual length has a gap, which hides a step.
+/// A window of samples this many times longer than usual has a gap, which hides a step.
 const LONGEST: f64 = 1.5;
-/// An increment that differs from those around it by less, counts, is no slip that could matter.
+/// An increment that differs from its neighbours by less than this, counts, is not a significant slip.
 const LEAST_COUNTS: f64 = 3.0;
-/// Increments on either side that it is compared with.
+/// Number of increments on either side for the comparison.
 const AROUND: usize = 4;
-/// A step is a slip from so many standard uncertainties on. Measured on 90 clean records of 14 kinds: 4.2 at most; a slip of
-/// 3 counts has 10 at 100 Hz, one of 10 counts has 27.
+/// Number of standard uncertainties for a step to be a slip. Measured on 90 clean records of 14 kinds: 4.2 at most; a
+/// slip of 3 counts has 10 at 100 Hz, one of 10 counts has 27.
 const SURE: f64 = 8.0;
 /// Scatter of a perfect quantiser, counts: 1/√12.
 const QUANTISER: f64 = 0.289;
 
-/// The slips of an encoder, rising in time. `t` in s, `angle` and `lsb` (one count) in rad.
+/// The slips of an encoder, in order of time. `t` in s, `angle` and `lsb` (one count) in rad.
 ///
-/// At each increment that stands out from its neighbours, a polynomial of fourth order and a step are fitted to 0.1 s before
-/// and after. A hand's motion leaves a step of no more than four standard uncertainties.
+/// At each increment that differs from its neighbours, fits a polynomial of fourth order and a step to 0.1 s before and
+/// after. Hand motion produces a step of no more than four standard uncertainties.
 pub(crate) fn slips(t: &[f64], angle: &[f64], lsb: f64) -> Vec<Slip> {
     let Some(step_s) = crate::sensed::median_step(t).filter(|s| *s > 0.0) else { return vec![] };
     let half = ((HALF_S / step_s).round() as usize).max(LEAST_HALF);

@@ -1,4 +1,4 @@
-//! Gravity and magnetic field at the bench, and where each comes from.
+//! Gravity and magnetic field at the bench, and their sources.
 
 use crate::gravity::{STANDARD_GRAVITY_MPS2, normal_gravity};
 use crate::magnetic::{ModelField, decimal_year, model_field};
@@ -6,22 +6,22 @@ use crate::rig::{FieldRule, Rig};
 use flight::{Code, Flight, Geodetic, Notices, Quantity};
 use jiff::civil::Date;
 
-/// What the site does to the sensor.
+/// Effects of the site on the sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
     /// Gravity, m/s².
     pub gravity_mps2: f64,
-    /// Where it comes from.
+    /// Source of the gravity.
     pub gravity_source: String,
-    /// Magnetic field north, east, down, T; `None` is to be fitted.
+    /// Magnetic field north, east, down, T; `None` means fitted.
     pub field_t: Option<[f64; 3]>,
-    /// Where it comes from, with the validity of the model.
+    /// Source of the field, with the validity of the model.
     pub field_source: String,
-    /// What the World Magnetic Model says, where site and date are known; to compare with.
+    /// The World Magnetic Model's field, if site and date are known; for comparison.
     pub model: Option<ModelField>,
 }
 
-/// The first fix of the first geodetic position that `flight` holds.
+/// The first fix of the first geodetic position in `flight`.
 #[must_use]
 pub fn place_of(flight: &Flight) -> Option<Geodetic> {
     let channel = flight.channels.values().find(|c| c.quantity == Quantity::PositionGeodetic)?;
@@ -30,8 +30,8 @@ pub fn place_of(flight: &Flight) -> Option<Geodetic> {
 }
 
 impl Surroundings {
-    /// From the rig, and from the log's own place and day where the rig leaves them out (a day of the log goes before
-    /// the rig's).
+    /// From the rig file, with the log's own place and day as fallback (but the day of the log takes precedence over
+    /// that of the rig file).
     #[must_use]
     pub fn of(rig: &Rig, log_place: Option<Geodetic>, log_day: Option<Date>) -> (Surroundings, Notices) {
         let mut notices = Notices::new();

@@ -7,34 +7,34 @@ use signal::student_quantile;
 const POWER_FACTOR: f64 = 2.8;
 /// Probability above the upper end of a two-sided interval of 95 %.
 const TAIL_95: f64 = 0.975;
-/// And of 90 %: two one-sided tests at 5 %.
+/// The same for 90 %: two one-sided tests at 5 %.
 const TAIL_90: f64 = 0.95;
 
-/// What is known of a delay before anything is said about it.
+/// Input of a verdict on a delay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Evidence {
     /// Best value, s; positive is late.
     pub(crate) delay_s: f64,
     /// Standard uncertainty, s.
     pub(crate) standard_uncertainty_s: f64,
-    /// Of it.
+    /// Degrees of freedom of the standard uncertainty.
     pub(crate) degrees_of_freedom: f64,
-    /// A delay that may be zero and is within this is as good as none, s.
+    /// Margin within which a delay that may be zero is equivalent to zero, s.
     pub(crate) margin_s: f64,
-    /// One that differs from zero has to be within this, s.
+    /// Margin for a delay that differs from zero, s.
     pub(crate) strict_margin_s: f64,
     /// Length of the record, s.
     pub(crate) duration_s: f64,
 }
 
-/// A verdict with the numbers that made it.
+/// A verdict with its numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Judgement {
     pub(crate) verdict: Verdict,
     pub(crate) interval_95_s: [f64; 2],
-    /// Smallest delay shown with a power of 80 %, s.
+    /// Smallest delay detectable with a power of 80 %, s.
     pub(crate) minimum_detectable_s: f64,
-    /// Record length that would decide, s.
+    /// Record length required for a decision, s.
     pub(crate) deciding_length_s: Option<f64>,
     pub(crate) reason: String,
 }
@@ -45,15 +45,16 @@ impl Evidence {
         [self.delay_s - half, self.delay_s + half]
     }
 
-    /// *Delayed* (or *early*) if the interval of 95 % excludes zero and a delay beyond the strict margin is not excluded;
-    /// *equivalent to zero* if that of 90 % lies within the margin, which is two one-sided tests at 5 %; within the strict
-    /// margin where the delay differs from zero: half the interval of a slow channel would hide a large delay; else
-    /// *inconclusive*.
+    /// *Delayed* (or *early*) if the 95 % interval excludes zero and a delay above the strict margin is not excluded;
+    /// *equivalent to zero* if the 90 % interval lies within the margin, which is two one-sided tests at 5 %. If the
+    /// delay differs from zero, the strict margin applies, because half the update interval of a slow channel would
+    /// hide a large delay. Otherwise *inconclusive*.
     ///
-    /// How often the interval excludes zero where nothing is late (examples/monte_carlo): in 4.7 ± 0.1 % of 24 000 records at
-    /// 10 Hz with jittered stamps and coloured noise, 4.4 to 5.5 % (each ± 0.3) under seven other kinds of noise in the
-    /// model, 1.2 to 6.5 % outside it. Tried and left: the curvature alone (5.1 %) or the sandwich only where the whitened
-    /// residuals are not white (5.1 %), which are nearer to 5 % but say "late" 12 to 18 % of the time where stamps miss.
+    /// How often the interval excludes zero without any delay (examples/monte_carlo): in 4.7 ± 0.1 % of 24 000 records
+    /// at 10 Hz with jittered timestamps and coloured noise, 4.4 to 5.5 % (each ± 0.3) under seven other kinds of noise
+    /// in the model, 1.2 to 6.5 % outside it. Tried and rejected: the curvature alone (5.1 %), or the sandwich only if
+    /// the whitened residuals are not white (5.1 %). They are nearer to 5 % but report "late" 12 to 18 % of the time
+    /// where timestamps are missing.
     pub(crate) fn judge(&self) -> Judgement {
         let [low, high] = self.interval(TAIL_95);
         let [inner_low, inner_high] = self.interval(TAIL_90);
@@ -101,8 +102,8 @@ impl Evidence {
     }
 }
 
-/// Milliseconds with as many digits as a delay deserves: three significant ones, at most to the microsecond. The minus sign
-/// is U+2212.
+/// Milliseconds with appropriate precision: three significant digits, at most to the microsecond. The minus sign is
+/// U+2212.
 pub(crate) fn millis(seconds: f64) -> String {
     let ms = seconds * 1e3;
     let decimals = match ms.abs() {
@@ -151,29 +152,29 @@ mod tests {
         assert!(small.reason.contains("differs from zero"), "{}", small.reason);
     }
 
-    /// A GPS of 1 Hz that is 400 ms late is late, although half its interval is 500 ms.
+    /// A 1 Hz GPS that is 400 ms late is late, although half its interval is 500 ms.
     #[test]
-    fn a_large_certain_delay_is_no_equivalence_however_slow_the_channel() {
+    fn a_large_certain_delay_is_not_equivalent_to_zero_on_slow_channels() {
         assert_eq!(verdict(400.0, 4.0, 500.0).verdict, Verdict::Delayed);
         assert_eq!(verdict(-90.0, 4.0, 100.0).verdict, Verdict::Early);
         assert_eq!(verdict(5.0, 8.0, 500.0).verdict, Verdict::EquivalentToZero, "may be zero, surely below the margin");
     }
 
     #[test]
-    fn a_probability_is_never_zero_and_a_minus_is_a_minus() {
+    fn a_probability_is_never_zero_and_the_minus_sign_is_u2212() {
         assert_eq!([0.0, 0.0004, 0.012, 0.62].map(probability), ["p < 0.001", "p < 0.001", "p = 0.012", "p = 0.62"]);
         assert_eq!(millis(-0.0232), "\u{2212}23.20");
     }
 
     #[test]
-    fn the_two_one_sided_tests_turn_where_the_interval_of_90_percent_touches_the_margin() {
+    fn the_tost_flips_where_the_90_percent_interval_meets_the_margin() {
         // 1.6464 is Student's 95 % quantile with 1000 degrees of freedom (tables).
         assert_eq!(verdict(0.0, 5.0 / 1.6465, 5.0).verdict, Verdict::EquivalentToZero);
         assert_eq!(verdict(0.0, 5.0 / 1.6463, 5.0).verdict, Verdict::Inconclusive);
     }
 
     #[test]
-    fn an_inconclusive_record_says_how_long_it_should_have_been() {
+    fn an_inconclusive_record_states_the_required_length() {
         let unsure = verdict(1.0, 5.0, 5.0);
         assert_eq!(unsure.verdict, Verdict::Inconclusive);
         // T (2.8 se / margin)² = 60 · 2.8².
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn the_record_length_that_would_decide_is_never_shorter_than_the_record() {
+    fn the_required_length_is_never_shorter_than_the_record() {
         assert!(verdict(3.9, 2.0, 5.0).deciding_length_s.is_none_or(|s| s >= 60.0));
     }
 }

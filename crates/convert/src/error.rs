@@ -1,4 +1,4 @@
-//! Why a conversion was not made.
+//! Why a conversion failed.
 
 use ingest::{IngestError, ReadContext};
 use std::io;
@@ -15,23 +15,23 @@ pub enum ConvertError {
     Write {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried.
+        /// The attempted operation.
         doing: &'static str,
-        /// What the system says.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The output is not one that may be written over. Nothing was touched.
+    /// The output must not be overwritten. Nothing was changed.
     #[error("{}: {what}", path.display())]
     Refused {
         /// The output.
         path: PathBuf,
-        /// What it is.
+        /// Why it must not be.
         what: String,
     },
-    /// There is nothing that could be written.
+    /// There is nothing to write.
     #[error("{0}")]
     Nothing(String),
-    /// What was read back is not what was written; the output is not kept.
+    /// The data read back differ from the data written; the output is discarded.
     #[error("{}: the output reads back differently and was removed: {what}", path.display())]
     ReadsBackDifferently {
         /// The output.
@@ -42,7 +42,7 @@ pub enum ConvertError {
 }
 
 impl ConvertError {
-    /// What a wish to stop made of it.
+    /// This error, or the cancellation that caused it.
     pub(crate) fn or_stopped(self, context: &ReadContext<'_>) -> ConvertError {
         match context.advance(0) {
             Err(stopped) => ConvertError::Log(stopped.into()),

@@ -27,19 +27,19 @@ use std::path::Path;
 /// Name of the metadata in an MCAP and in Parquet.
 const METADATA: &str = "flightlag-export";
 
-/// Rows that are written before a wish to stop is heard.
+/// Rows written between two checks for a stop request.
 pub(crate) const ROWS_AT_ONCE: usize = 4096;
 
-/// What is exported.
+/// What to export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExportWhat {
-    /// The channels that a map binds: SI units (angles of places in degrees), checked stamps.
+    /// The channels that a map binds: SI units (angles of positions in degrees), checked timestamps.
     Channels,
-    /// Every topic with every field, as it stands in the log.
+    /// Every topic with every field, unconverted.
     Topics,
 }
 
-/// As what.
+/// Output format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExportTo {
     /// One Parquet file for each channel or topic, in a folder.
@@ -50,33 +50,33 @@ pub enum ExportTo {
     Mcap,
 }
 
-/// An export that is wanted.
+/// An export request.
 #[derive(Debug, Clone, Copy)]
 pub struct ExportOrder<'a> {
     /// The log.
     pub unit: &'a FlightUnit,
     /// Channel maps to choose from.
     pub library: &'a MapLibrary,
-    /// The map, if it is not to be found by content.
+    /// The map, if it is not to be chosen by content.
     pub map: Option<&'a str>,
-    /// What.
+    /// What to export.
     pub what: ExportWhat,
-    /// As what.
+    /// Output format.
     pub to: ExportTo,
-    /// Folder, or with [`ExportTo::Mcap`] the file.
+    /// The folder, or with [`ExportTo::Mcap`] the file.
     pub out: &'a Path,
-    /// Command that makes it again, for the provenance.
+    /// The command that repeats the export, for the provenance.
     pub command: &'a str,
 }
 
-/// What was exported.
+/// The result of an export.
 #[derive(Debug)]
 pub struct Exported {
     /// Files or topics written.
     pub sheets: Vec<ExportedSheet>,
     /// How the log was read.
     pub health: LogHealth,
-    /// What was lost or assumed.
+    /// What was lost or assumed on the way.
     pub notices: Notices,
 }
 
@@ -93,42 +93,43 @@ pub struct ExportedSheet {
     pub columns: u64,
 }
 
-/// What is said of columns, by their names.
+/// Descriptions of columns, by name.
 type About = BTreeMap<String, Value>;
 
-/// A sheet with where it came from.
+/// A sheet with its source.
 struct Source {
     name: String,
     sheet: Sheet,
     columns: About,
     about: Value,
-    /// When each row was, ns, if it becomes an MCAP, and what that is.
+    /// Time of each row, ns, for an MCAP; `log_time_how` describes it.
     log_time: Vec<i64>,
     log_time_how: String,
 }
 
 /// What was read for an export.
 struct Read {
-    /// Of channels or topics, in the order in which they are written.
+    /// Channels or topics, in the order in which they are written.
     names: Vec<String>,
-    /// One after another: what is written leaves memory, so that a log of very many topics takes no more than its columns.
+    /// One at a time: memory is freed after writing, so that a log of very many topics needs no more than its columns.
     sources: Box<dyn Iterator<Item = Source>>,
     health: LogHealth,
     notices: Notices,
     binding: Option<Binding>,
-    /// UTC of a clock of the log that does not know it.
+    /// UTC tie of a log clock that does not know UTC.
     utc: Option<UtcTie>,
 }
 
-/// Writes channels or topics. Beside tables stands `provenance.json` with the log's hashes, the map, units, clocks and all
-/// notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part under that key. The log's own
-/// clock stays as it is; where UTC of it is known, tables have it beside, in `utc_ns`, and an MCAP as its log time.
+/// Writes channels or topics. Tables come with a `provenance.json` with the log's hashes, the map, units, clocks and
+/// all notices. An MCAP holds the same as metadata `flightlag-export`, a Parquet file its part under that key. The
+/// log's own clock stays unchanged. Where its UTC is known, tables add it as `utc_ns`, and an MCAP uses it as log time.
 ///
-/// The files of an export appear together, in the place of those of an earlier export. Other files in the folder stay.
+/// The files of an export appear together and replace those of an earlier export. Other files in the folder stay.
 ///
 /// # Errors
-/// [`ConvertError::Log`] also if the log changed while it was read, [`ConvertError::Nothing`] if no map fits or nothing was decoded, [`ConvertError::Refused`] if an
-/// output is a file of the log or no plain file, [`ConvertError::Write`]. Nothing of this export is left then.
+/// [`ConvertError::Log`] also if the log changed while it was read, [`ConvertError::Nothing`] if no map fits or nothing
+/// was decoded, [`ConvertError::Refused`] if an output is a file of the log or not a regular file,
+/// [`ConvertError::Write`]. Nothing of this export is left then.
 pub fn export(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Exported, ConvertError> {
     if order.to == ExportTo::Mcap {
         may_write(order.out, &order.unit.files)?;
@@ -175,12 +176,12 @@ fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, Co
     let log_times = row_time::of_log(&log, order.library)?;
     log_times.note(&mut log.notices);
     let LogTimes { tables: times, utc, .. } = log_times;
-    // Nobody asks for them any more.
+    // No longer needed.
     log.health.topics.iter_mut().for_each(|topic| topic.stamps = vec![]);
     if order.to == ExportTo::Mcap {
         let log_times: Vec<LogTime> = times.iter().map(RowTime::in_utc).collect();
         let names = log.tables.iter().map(|table| table.topic.name.as_str());
-        row_time::tell(names.zip(&log_times), &mut log.notices);
+        row_time::report(names.zip(&log_times), &mut log.notices);
     }
     let names = log.tables.iter().map(|table| table.topic.name.clone()).collect();
     let stated: StatedUnits = log.units.into_iter().map(|u| ((u.type_name, u.path), u.text)).collect();
@@ -190,7 +191,7 @@ fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, Co
     Ok(Read { names, sources, health: log.health, notices: log.notices, binding: None, utc })
 }
 
-/// Says which fields are in no column; of very many topics the first, and the number of the others.
+/// Reports which fields are in no column; if there are very many, the first ones and the number of the others.
 fn note_left_out(log: &mut Log) {
     const LISTED: usize = 200;
     let what = Code::NotWritten.at(Severity::Warning);
@@ -204,7 +205,7 @@ fn note_left_out(log: &mut Log) {
     }
 }
 
-/// Says which topics have no table because the log has no message of them.
+/// Reports which topics have no table because the log has no messages of them.
 fn note_empty(log: &mut Log) {
     const LISTED: usize = 10;
     let empty: Vec<&str> = log.health.topics.iter().filter(|t| t.messages == 0).map(|t| t.name.as_str()).collect();
@@ -215,7 +216,7 @@ fn note_empty(log: &mut Log) {
     }
 }
 
-/// A text table cannot hold zero bytes.
+/// Reports zero bytes, which a text table cannot hold.
 fn note_zero_bytes(source: &Source, notices: &mut Notices) {
     let texts = with_zero_bytes(&source.sheet);
     if texts > 0 {
@@ -224,7 +225,7 @@ fn note_zero_bytes(source: &Source, notices: &mut Notices) {
     }
 }
 
-/// As the log states them, by type and field.
+/// The units that the log states, by type and field.
 type StatedUnits = BTreeMap<(String, String), String>;
 
 fn topic_source(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits) -> Source {
@@ -238,7 +239,7 @@ fn topic_source(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits)
     Source { name, sheet, columns, about, log_time, log_time_how }
 }
 
-/// The container's stamps, UTC where they do not say it, then the fields by their own names.
+/// The container's timestamps, UTC if they are not UTC, then the fields under their own names.
 fn table_sheet(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits, about: &mut About) -> Sheet {
     const UTC: &str = "utc_ns";
     let mut sheet = Sheet::default();
@@ -277,7 +278,7 @@ fn cells(column: Column, rows: usize) -> Cells {
     }
 }
 
-/// A file name for each source, or its topic: no two are the same; those of files not even in capitals.
+/// A unique file name or MCAP topic for each source; file names also differ without regard to case.
 fn places(names: &[String], to: ExportTo) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let place = |name: &String| match ending(to) {
@@ -295,7 +296,7 @@ fn ending(to: ExportTo) -> Option<&'static str> {
     }
 }
 
-/// `name`, with a number behind it if there is one that is the same by `key`.
+/// `name`, with a number appended if its `key` is already taken.
 fn free(taken: &mut BTreeSet<String>, name: &str, key: fn(&str) -> String) -> String {
     let mut free = name.to_owned();
     let mut count = 1;
@@ -306,7 +307,7 @@ fn free(taken: &mut BTreeSet<String>, name: &str, key: fn(&str) -> String) -> St
     free
 }
 
-/// A name that every file system takes and that stays in its folder.
+/// A name that every file system accepts and that cannot leave its folder.
 fn file_stem(name: &str) -> String {
     const LONGEST: usize = 120;
     let plain = |c: char| if c.is_ascii_alphanumeric() || ".-_".contains(c) { c } else { '-' };
@@ -319,7 +320,7 @@ fn file_stem(name: &str) -> String {
     }
 }
 
-/// What Windows takes for a device, whatever ends the name.
+/// Names that Windows takes for a device, whatever the file extension.
 fn is_device(stem: &str) -> bool {
     let first = stem.split('.').next().unwrap_or_default().to_ascii_lowercase();
     let numbered =
@@ -367,7 +368,7 @@ fn write_mcap(
         write_topic(&mut recording, source, place, &mut read.notices, context)?;
     }
     recording.note_before_epoch(&mut read.notices);
-    // Behind the messages: it says what was found while they were written.
+    // After the messages: it includes what was found while writing them.
     let head = Head::of(order, read, unchanged, context)?;
     let provenance = serde_json::to_string(&Provenance::of(&head, read, &sheets));
     let provenance = provenance.map_err(|e| ConvertError::write(order.out, "write")(io::Error::other(e)))?;

@@ -1,4 +1,4 @@
-//! What is never written over: the log itself, and whatever is no plain file.
+//! What is never overwritten: the log itself, and anything that is not a regular file.
 
 use crate::error::ConvertError;
 use ingest::IngestError;
@@ -6,10 +6,10 @@ use std::fs::{self, Metadata};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Whether `path` may be written: it is absent, or a plain file that is none of `log`, by whatever name or link.
+/// Whether `path` may be written: it is absent, or a regular file that is not part of `log` under any name or link.
 ///
 /// # Errors
-/// [`ConvertError::Refused`], or that the system does not let us look.
+/// [`ConvertError::Refused`], or the system denies access.
 pub(crate) fn may_write(path: &Path, log: &[PathBuf]) -> Result<(), ConvertError> {
     let refused = |what: &str| Err(ConvertError::Refused { path: path.to_owned(), what: what.to_owned() });
     match fs::symlink_metadata(path) {
@@ -35,11 +35,11 @@ pub(crate) fn is_of_log(path: &Path, log: &[PathBuf]) -> bool {
 
 fn is_of(path: &Path, about: &Metadata, log: &[PathBuf]) -> bool {
     let same = |file: &Path| fs::metadata(file).is_ok_and(|other| is_same((path, about), (file, &other)));
-    log.iter().any(|file| same(file) || beside(file).any(|file| same(&file)))
+    log.iter().any(|file| same(file) || sidecars(file).any(|file| same(&file)))
 }
 
-/// What SQLite keeps beside a database, and what is read with it.
-fn beside(file: &Path) -> impl Iterator<Item = PathBuf> {
+/// The files that SQLite keeps next to a database and reads with it.
+fn sidecars(file: &Path) -> impl Iterator<Item = PathBuf> {
     ["-wal", "-shm", "-journal"].into_iter().map(|end| {
         let mut name = file.as_os_str().to_owned();
         name.push(end);
@@ -47,23 +47,23 @@ fn beside(file: &Path) -> impl Iterator<Item = PathBuf> {
     })
 }
 
-/// The files of a log as the system describes them before they are read.
+/// Metadata of the log's files, taken before they are read.
 pub(crate) struct Unchanged {
     files: Vec<(PathBuf, Description)>,
 }
 
-/// Size, time of the last change, and where there is one the number of the file and the time of its entry.
+/// Size, modification time, and where available the inode number and change time.
 type Description = (u64, Option<std::time::SystemTime>, (u64, i64, i64));
 
 impl Unchanged {
-    /// Looks at the files.
+    /// Takes the metadata of the files.
     pub(crate) fn of(files: &[PathBuf]) -> Result<Unchanged, ConvertError> {
         let look =
             |path: &PathBuf| Ok((path.clone(), description(path).map_err(ConvertError::write(path, "look at"))?));
         Ok(Unchanged { files: files.iter().map(look).collect::<Result<_, ConvertError>>()? })
     }
 
-    /// Refuses files that are not as they were: what was read of them may be of two contents.
+    /// Rejects files that changed: what was read may be a mixture of two versions.
     pub(crate) fn check(&self) -> Result<(), ConvertError> {
         let changed = self.files.iter().find(|(path, before)| description(path).ok().as_ref() != Some(before));
         match changed {
@@ -89,7 +89,7 @@ fn entry(_about: &Metadata) -> (u64, i64, i64) {
     (0, 0, 0)
 }
 
-/// One file, whatever links lead to it.
+/// Whether both are the same file, through whatever links.
 #[cfg(unix)]
 fn is_same((_, a): (&Path, &Metadata), (_, b): (&Path, &Metadata)) -> bool {
     use std::os::unix::fs::MetadataExt;

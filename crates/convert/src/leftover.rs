@@ -1,6 +1,6 @@
-//! Names of what is being written, and what killed runs left of it.
+//! Temporary names for files being written, and cleanup of what killed processes left.
 //!
-//! A run keeps a lock on what it is writing. The system lets go of it when the process ends, however it ends.
+//! A process holds a lock on what it is writing. The system releases it when the process ends, however it ends.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, OpenOptions};
@@ -10,12 +10,12 @@ use std::time::SystemTime;
 
 const ENDING: &str = ".flightlag-tmp";
 
-/// The folder that a path lies in.
+/// The folder that contains a path.
 pub(crate) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A new name beside `path` for what will be `path`.
+/// A new temporary name next to `path`, to be renamed to `path`.
 pub(crate) fn temporary_name(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let salt = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().subsec_nanos();
@@ -32,7 +32,7 @@ fn beginning(path: &Path) -> OsString {
     name
 }
 
-/// What lies beside `path` under names that [`temporary_name`] gives.
+/// Files next to `path` with names that [`temporary_name`] gives.
 pub(crate) fn temporaries_of(path: &Path) -> Vec<PathBuf> {
     let beginning = beginning(path);
     let is_temporary = |name: &OsStr| {
@@ -43,15 +43,15 @@ pub(crate) fn temporaries_of(path: &Path) -> Vec<PathBuf> {
     entries.filter(|entry| is_temporary(&entry.file_name())).map(|entry| entry.path()).collect()
 }
 
-/// Says that this process is writing. Elsewhere than on Unix, a lock would keep our own readers out.
+/// Marks the file as being written by this process. Not on systems other than Unix: a lock would block our own readers.
 pub(crate) fn claim(file: &File) {
     if cfg!(unix) {
-        // Where there are no locks, nothing is taken for a leftover.
+        // Without locks, nothing is treated as a leftover.
         let _ = file.try_lock();
     }
 }
 
-/// Whether no process writes to it any more.
+/// Whether no process is writing to it any more.
 pub(crate) fn is_abandoned(file: &Path) -> bool {
     cfg!(unix) && OpenOptions::new().read(true).write(true).open(file).is_ok_and(|file: File| file.try_lock().is_ok())
 }

@@ -1,13 +1,12 @@
-//! Logs in, other files out.
+//! Converts logs to other files.
 //!
-//! [`recover`] writes what is good of a damaged log as MCAP, message by message as it stood in the log, or as tables that are
-//! read again as the log is.
-//! [`export_track`] writes the compensated track of a campaign's flight as maps and players read it.
-//! [`export`] writes bound channels, or every topic, as Parquet, CSV or MCAP. Both write to a temporary name and rename:
-//! an output is absent, the old one, or the new one, whole. What was recovered is read again before it is called done. The
-//! log is only read: an output that is one of its files is refused, and so is one that is no plain file.
+//! [`recover`] writes everything recoverable from a damaged log: as MCAP, message by message unchanged, or as tables
+//! that are read back as the log is. [`export_track`] writes the compensated track of a campaign's flight in the
+//! formats of maps and players. [`export`] writes bound channels, or every topic, as Parquet, CSV or MCAP. Both write
+//! to a temporary name and rename: an output is absent, the old one, or the complete new one. A recovered file is read
+//! back before it is reported as done. The log is only read: an output path that is one of its files, or not a regular
+//! file, is rejected.
 
-mod anew;
 mod error;
 mod export;
 mod guard;
@@ -20,6 +19,7 @@ mod row_time;
 mod sheet;
 mod swap;
 mod track;
+mod typed_topics;
 
 pub use error::ConvertError;
 pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};

@@ -1,26 +1,26 @@
-//! A table as messages of ROS 2: a definition (`ros2msg`), and each row as CDR.
+//! A table as ROS 2 messages: a definition (`ros2msg`), and each row as CDR.
 
 use flight::{Code, Notices};
 use ingest::{Column, ColumnData, PAYLOAD_HEX, Table, TopicInfo};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-/// The definition of a table's rows, and how to write them.
+/// The definition of a table's rows, and their serialisation.
 ///
-/// Behind each field stands what the log calls it, as JSON: ROS allows few names, and by the log's own a recovered log is
-/// read again. Of a field that not every row has another one tells which have it, and of large decimals another one says
-/// how they were written.
+/// A comment after each field gives the log's own name as JSON: ROS allows few names, and a recovered log is read back
+/// by the originals. For a field that is absent from some rows, an extra field marks its presence. For decimals with
+/// too many digits, an extra field keeps the original text.
 pub(crate) struct MessageType<'t> {
     table: &'t Table,
     definition: String,
-    /// Columns that have no value in some rows.
+    /// Columns without a value in some rows.
     partial: Vec<&'t Column>,
-    /// Decimals as they were written, of which a float has lost the last digits.
+    /// Original texts of decimals that lost their last digits as floats.
     written: Vec<&'t Column>,
 }
 
 impl<'t> MessageType<'t> {
-    /// `written` are columns of text that stand beside those of numbers of the same path.
+    /// `written` are text columns that accompany number columns of the same path.
     pub(crate) fn of(table: &'t Table, written: Vec<&'t Column>) -> MessageType<'t> {
         let mut taken = BTreeSet::new();
         let mut definition =
@@ -40,19 +40,19 @@ impl<'t> MessageType<'t> {
             let _ = writeln!(definition, "{kind} {name} # {}", quoted(&column.path));
             names.insert(column.path.as_str(), name);
         }
-        let mut beside = |kind: &str, what: &str, columns: &[&Column]| {
+        let mut companion_fields = |kind: &str, what: &str, columns: &[&Column]| {
             for Column { path, .. } in columns {
                 let of = names.get(path.as_str()).map_or("", String::as_str);
                 let name = field_name(&format!("{of}_{what}"), &mut taken);
                 let _ = writeln!(definition, "{kind} {name} # {what} {}", quoted(path));
             }
         };
-        beside("bool", "given", &partial);
-        beside("string", "written", &written);
+        companion_fields("bool", "given", &partial);
+        companion_fields("string", "written", &written);
         MessageType { table, definition, partial, written }
     }
 
-    /// The topic as its messages are written: typed, and with a type of a name that ROS allows.
+    /// The topic as written: typed, with a type name that ROS allows.
     pub(crate) fn topic(&self) -> TopicInfo {
         let name = &self.table.topic.name;
         TopicInfo {
@@ -62,7 +62,7 @@ impl<'t> MessageType<'t> {
         }
     }
 
-    /// Says that placeholders were written.
+    /// Reports that placeholders were written.
     pub(crate) fn note_absent(&self, notices: &mut Notices) {
         let absent = self.partial.iter().copied().map(absent).sum();
         if absent > 0 {
@@ -77,8 +77,8 @@ impl<'t> MessageType<'t> {
         self.definition.as_bytes()
     }
 
-    /// A row, little-endian CDR with its header. Absent numbers are NaN, absent integers 0, absent texts empty. A message
-    /// without a field is one zero.
+    /// A row, little-endian CDR with its header. Absent numbers are NaN, absent integers 0, absent texts empty. A
+    /// message without fields is one zero byte.
     pub(crate) fn payload(&self, row: usize, out: &mut Vec<u8>) {
         out.clear();
         out.extend([0, 1, 0, 0]);
@@ -99,7 +99,7 @@ impl<'t> MessageType<'t> {
     }
 }
 
-/// Rows without a value.
+/// Number of rows without a value.
 fn absent(column: &Column) -> u64 {
     column.valid.as_ref().map_or(0, |valid| valid.iter().filter(|valid| !**valid).count() as u64)
 }
@@ -108,7 +108,7 @@ fn is_given(column: &Column, row: usize) -> bool {
     column.valid.as_ref().is_none_or(|valid| valid.get(row).copied().unwrap_or(false))
 }
 
-/// Bytes of a message that nobody decoded.
+/// Whether the column holds undecoded message bytes.
 fn is_payload(column: &Column) -> bool {
     column.path == PAYLOAD_HEX
 }
@@ -121,7 +121,7 @@ fn payload_of(out: &mut Vec<u8>, column: &Column, row: usize) {
     out.extend(digits.as_bytes().chunks_exact(2).map(|pair| byte(pair).unwrap_or_default()));
 }
 
-/// CDR aligns from behind its four bytes of header.
+/// CDR alignment counts from the end of its four-byte header.
 fn align(out: &mut Vec<u8>, to: usize) {
     let past = (out.len() - 4) % to;
     if past > 0 {
@@ -142,10 +142,10 @@ fn text(out: &mut Vec<u8>, column: &Column, row: usize) {
     out.push(0);
 }
 
-/// Longer names of fields are cut, for ROS has a bound on names.
+/// Longer field names are truncated, because ROS limits their length.
 const LONGEST_NAME: usize = 200;
 
-/// Small letters, digits and single underscores, beginning with a letter, and no name twice: `TimeUS` becomes `time_us`.
+/// Lower-case letters, digits and single underscores, starting with a letter, all unique: `TimeUS` becomes `time_us`.
 fn field_name(path: &str, taken: &mut BTreeSet<String>) -> String {
     let mut name = String::new();
     let mut before = ' ';
@@ -171,7 +171,7 @@ fn field_name(path: &str, taken: &mut BTreeSet<String>) -> String {
     free
 }
 
-/// Words that begin with a capital, as `VehicleGpsPosition`.
+/// Capitalised words without separators, such as `VehicleGpsPosition`.
 fn type_name(topic: &str) -> String {
     let words = topic.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
     let capital = |word: &str| {
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_definition_says_the_names_of_the_log_and_which_values_are_placeholders() {
+    fn a_definition_records_original_names_and_marks_placeholders() {
         let column = |path: &str, data, valid| Column { path: path.to_owned(), data, valid };
         let columns = vec![
             column("TimeUS", ColumnData::U64(vec![u64::MAX, 1]), None),
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_such_as_ros_allows_and_differ() {
+    fn names_are_valid_in_ros_and_unique() {
         let mut taken = BTreeSet::new();
         let names = ["TimeUS", "q[0]", "q[1]", "a.b", "a_b", "9", "", "höhe", "_x__y_"];
         let fields: Vec<String> = names.iter().map(|n| field_name(n, &mut taken)).collect();

@@ -1,11 +1,11 @@
-//! One file, whole or not at all.
+//! An output file that appears complete or not at all.
 
 use crate::error::ConvertError;
 use crate::leftover::{claim, folder_of, is_abandoned, temporaries_of, temporary_name};
 use std::fs::{self, File, OpenOptions};
 use std::path::{Path, PathBuf};
 
-/// A file on the way to its name: gone if it is dropped before.
+/// A file under its temporary name: removed if it is dropped before it is kept.
 pub(crate) struct Output<'p> {
     path: &'p Path,
     temporary: PathBuf,
@@ -14,7 +14,7 @@ pub(crate) struct Output<'p> {
 }
 
 impl<'p> Output<'p> {
-    /// Begins a file beside its final place, and removes what killed runs left there.
+    /// Creates a file next to its final path, and removes what killed processes left there.
     pub(crate) fn begin(path: &'p Path) -> Result<Output<'p>, ConvertError> {
         let leftovers = temporaries_of(path).into_iter().filter(|file| file.is_file() && is_abandoned(file));
         leftovers.for_each(|file| drop(fs::remove_file(file)));
@@ -30,12 +30,12 @@ impl<'p> Output<'p> {
         OpenOptions::new().read(true).write(true).open(&self.temporary).map_err(ConvertError::write(self.path, "open"))
     }
 
-    /// Where the bytes are for now.
+    /// The temporary path.
     pub(crate) fn written(&self) -> &Path {
         &self.temporary
     }
 
-    /// Syncs and renames.
+    /// Syncs the file and renames it to its final path.
     pub(crate) fn keep(mut self) -> Result<(), ConvertError> {
         let failed = |doing| ConvertError::write(self.path, doing);
         self.file.sync_all().map_err(failed("sync"))?;

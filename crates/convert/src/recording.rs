@@ -1,4 +1,4 @@
-//! An MCAP that is written message by message, and what was put into it.
+//! Writes an MCAP message by message, and keeps account of its contents.
 
 use crate::error::ConvertError;
 use flight::{Code, Notices};
@@ -12,7 +12,7 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// How many there are of something, and a sum over their bytes and times that does not depend on their order.
+/// A count of items, and a sum over their bytes and times that does not depend on their order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Tally {
     pub(crate) count: u64,
@@ -28,18 +28,18 @@ impl Tally {
     }
 }
 
-/// What an MCAP holds: written, or found in it.
+/// Contents of an MCAP, as written or as read back.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Content {
     /// Messages by topic.
     pub(crate) topics: BTreeMap<String, Tally>,
     /// Attachments and metadata by name, kind and size.
     pub(crate) extras: BTreeMap<String, Tally>,
-    /// What is said of topics beside their types.
+    /// Metadata of topics other than their types.
     pub(crate) of_topics: BTreeMap<String, OfTopic>,
 }
 
-/// Texts by name. A log may have tens of thousands of topics: they are held once.
+/// Texts by name, shared: a log may have tens of thousands of topics.
 type OfTopic = Rc<BTreeMap<String, String>>;
 
 impl Content {
@@ -61,7 +61,7 @@ impl Content {
             Extra::Metadata { name, entries } => {
                 let texts = if entries.len() == 1 { "text" } else { "texts" };
                 let what = format!("metadata {name} ({} {texts})", entries.len());
-                // A zero between texts, so that none can take from the next.
+                // A zero byte between texts, so that different splits give different hashes.
                 let parts = entries.iter().flat_map(|(key, text)| [key.as_bytes(), b"\0", text.as_bytes(), b"\0"]);
                 self.extras.entry(what).or_default().add(&parts.collect::<Vec<&[u8]>>());
             }
@@ -76,13 +76,13 @@ impl Content {
     }
 }
 
-/// A chunk ends when its definitions are larger: of tens of thousands of topics one chunk would hold them all.
+/// A chunk ends when its definitions exceed this: one chunk would otherwise hold those of tens of thousands of topics.
 const MOST_DEFINED: usize = 4 << 20;
 
 /// A message to write.
 pub(crate) struct Entry<'m> {
     pub(crate) topic: &'m TopicInfo,
-    /// What was its topic in a log whose messages are written anew.
+    /// The original topic, in a log whose messages are rewritten.
     pub(crate) original: Option<&'m OriginalTopic>,
     /// Encoding of the messages as MCAP calls it.
     pub(crate) encoding: &'m str,
@@ -90,7 +90,7 @@ pub(crate) struct Entry<'m> {
     pub(crate) schema: &'m [u8],
     pub(crate) logged_ns: i64,
     pub(crate) published_ns: Option<i64>,
-    /// Where it stood in its log; counted if it is not said.
+    /// Position in its log; counted if absent.
     pub(crate) sequence: Option<u32>,
     pub(crate) payload: &'m [u8],
 }
@@ -103,21 +103,21 @@ struct Channel {
     sequence: u32,
 }
 
-/// The file under way.
+/// The file being written.
 pub(crate) struct Recording {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
     channels: HashMap<TopicInfo, Vec<Channel>>,
-    /// What goes into the channels of a topic, by topic.
+    /// Channel metadata, by topic.
     of_topics: HashMap<String, OfTopic>,
-    /// Of many topics the definition may be one.
+    /// Shared, because many topics may have the same definition.
     schemas: HashSet<Rc<[u8]>>,
-    /// Bytes of definitions in the chunk under way, which the writer does not count.
+    /// Bytes of definitions in the current chunk, which the writer does not count.
     defined: usize,
     pub(crate) content: Content,
-    /// Topics of which the log says more than one thing: the first one stands.
+    /// Topics with contradictory statements in the log: the first is kept.
     pub(crate) several: BTreeSet<String>,
-    /// Stamps before 1970, which MCAP does not know: written as 0.
+    /// Timestamps before 1970, which MCAP cannot represent: written as 0.
     before_epoch: u64,
 }
 
@@ -155,7 +155,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Makes known a topic of which there may be no message.
+    /// Registers a topic that may have no messages.
     pub(crate) fn announce(&mut self, entry: &Entry<'_>) -> Result<(), ConvertError> {
         self.channel(entry).map(drop)
     }
@@ -210,7 +210,7 @@ impl Recording {
         schema
     }
 
-    /// What stands beside the messages.
+    /// Writes an attachment or metadata record.
     pub(crate) fn extra(&mut self, extra: &Extra<'_>) -> Result<(), ConvertError> {
         let written = match *extra {
             Extra::Attachment { name, media_type, logged_ns, created_ns, data } => self.writer.attach(&Attachment {
@@ -240,7 +240,7 @@ impl Recording {
         }
     }
 
-    /// Says that stamps before 1970 were written as 0.
+    /// Reports that timestamps before 1970 were written as 0.
     pub(crate) fn note_before_epoch(&self, notices: &mut Notices) {
         if self.before_epoch > 0 {
             let text = "messages were logged before 1970, which MCAP cannot represent: their log time was set to 0";
@@ -248,7 +248,7 @@ impl Recording {
         }
     }
 
-    /// Drops what is only needed while messages of a topic are written, and what they were: no more of it come.
+    /// Frees the state of a topic that has no more messages.
     pub(crate) fn forget(&mut self, topic: &TopicInfo) {
         self.channels.remove(topic);
         self.of_topics.remove(&topic.name);
@@ -257,13 +257,13 @@ impl Recording {
         self.schemas.clear();
     }
 
-    /// Texts about all of it, which may be long.
+    /// Writes metadata about the whole file, which may be long.
     pub(crate) fn metadata(&mut self, name: &str, metadata: BTreeMap<String, String>) -> Result<(), ConvertError> {
         let metadata = Metadata { name: name.to_owned(), metadata };
         self.writer.write_metadata(&metadata).map_err(failed(&self.path))
     }
 
-    /// Ends the file; what it holds.
+    /// Finishes the file; returns its contents.
     pub(crate) fn end(mut self) -> Result<Content, ConvertError> {
         self.writer.finish().map_err(failed(&self.path))?;
         let path = self.path;

@@ -1,12 +1,12 @@
-//! What is good of a log, as MCAP.
+//! Writes everything recoverable from a log as MCAP.
 
-use crate::anew;
 use crate::error::ConvertError;
 use crate::export::about_tie;
 use crate::guard::{Unchanged, may_write};
 use crate::output::Output;
 use crate::recording::{Content, Entry, Recording, Tally};
 use crate::row_time::{self, LogTime, RowTime};
+use crate::typed_topics;
 use flight::{Code, LogHealth, Notices, Severity};
 use ingest::{
     Extra, FlightUnit, Log, LogKind, MapLibrary, MessageSink, OriginalLog, RawMessage, ReadContext, Select, Selection,
@@ -17,16 +17,16 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// A log that was recovered.
+/// The result of recovering a log.
 #[derive(Debug)]
 pub struct Recovered {
     /// How its messages were written.
     pub how: How,
     /// Topics in the order of their names.
     pub topics: Vec<RecoveredTopic>,
-    /// Attachments and metadata that were carried over, and found again when the output was read.
+    /// Attachments and metadata that were copied and found again in the output.
     pub extras: Vec<RecoveredExtra>,
-    /// How the reading of the log went: what was damaged stands here.
+    /// How the log was read, including its damage.
     pub health: LogHealth,
     /// What was lost or assumed on the way.
     pub notices: Notices,
@@ -34,12 +34,12 @@ pub struct Recovered {
     pub bytes: u64,
 }
 
-/// How messages were written.
+/// How messages are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum How {
-    /// As they stood in the log, byte for byte.
+    /// Byte for byte as in the log.
     Copied,
-    /// As tables of numbers and texts (CDR), for the log's own messages mean nothing outside of it.
+    /// As tables of numbers and texts (CDR), because the log's own messages mean nothing outside of it.
     Rewritten,
 }
 
@@ -50,42 +50,42 @@ pub struct RecoveredTopic {
     pub name: String,
     /// Intact messages in the log.
     pub found: u64,
-    /// Messages written, and found again when the output was read.
+    /// Messages written, and found again in the output.
     pub written: u64,
 }
 
-/// Something that a log holds beside its messages.
+/// Something in a log other than its messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecoveredExtra {
     /// Kind, name and size.
     pub what: String,
-    /// How many there are of it.
+    /// Number of items.
     pub count: u64,
 }
 
 impl Recovered {
-    /// Whether the log held something that is not in the output.
+    /// Whether anything in the log is missing from the output.
     #[must_use]
     pub fn any_loss(&self) -> bool {
         self.notices.any_loss()
     }
 }
 
-/// Writes every intact message of a log to `out`, reads it again and compares counts and bytes.
+/// Writes every intact message of a log to `out`, reads the output back and compares counts and bytes.
 ///
 /// MCAP, ROS 1 and ROS 2 bags are copied message by message with their definitions; the topics of other formats
-/// become one typed topic each. Their rows keep their order and the log's own stamps, which run on where a count of 32 bits
-/// began anew. Rows that nobody logged (a receiver's own output, tables of text) have the best time that they hold
-/// themselves, UTC where `library` says how, or if there is none the first time or their place in the log; a notice says
-/// which. Messages that are intact and not decoded are carried as bytes or text. Attachments, metadata and what is said of
-/// topics are carried over; parameters, information and texts of a ULog become metadata. What was rewritten says what it was,
-/// so that reading the output gives what reading the log gives ([`ingest::OriginalTopic`]). Metadata `flightlag-recover` say
-/// where it all came from and what was lost on the way. Damage of the log is no error.
+/// become one typed topic each. Their rows keep their order and the log's own timestamps, unwrapped if a 32-bit counter
+/// wrapped around. Rows without a log timestamp (a receiver's own output, text tables) get the best time they contain:
+/// UTC where `library` says how, otherwise the first time or their position in the log; a notice says which. Intact
+/// messages that are not decoded are copied as bytes or text. Attachments, metadata and topic metadata are copied;
+/// parameters, information and texts of a ULog become metadata. Everything rewritten records its original, so that
+/// reading the output gives the same result as reading the log ([`ingest::OriginalTopic`]). The metadata record
+/// `flightlag-recover` names the source and what was lost. Damage in the log is not an error.
 ///
 /// # Errors
-/// [`ConvertError::Refused`] if `out` is a file of the log or no plain file, [`ConvertError::Log`] if nothing of the log can
-/// be used or it changed while it was read, [`ConvertError::Nothing`] for a log without a message, [`ConvertError::Write`],
-/// [`ConvertError::ReadsBackDifferently`]. Nothing is left at `out` then, or what was there before.
+/// [`ConvertError::Refused`] if `out` is a file of the log or not a regular file, [`ConvertError::Log`] if nothing in
+/// the log is usable or it changed while it was read, [`ConvertError::Nothing`] for a log without messages,
+/// [`ConvertError::Write`], [`ConvertError::ReadsBackDifferently`]. `out` is then absent or unchanged.
 pub fn recover(
     unit: &FlightUnit,
     library: &MapLibrary,
@@ -113,7 +113,7 @@ pub fn recover(
     }
     let topics = topics(&log.health, &recording.content, &mut notices);
     let extras = extras(&recording.content);
-    note_rest(&recording, &mut notices);
+    note_remaining(&recording, &mut notices);
     let mut entries = provenance(unit, &log.health, &notices);
     entries.extend(about_times);
     recording.extra(&Extra::Metadata { name: "flightlag-recover", entries: &entries })?;
@@ -125,7 +125,7 @@ pub fn recover(
     Ok(Recovered { how, topics, extras, health: log.health, notices, bytes })
 }
 
-/// Writes the rows of a log, and says what the times of the messages are.
+/// Writes the rows of a log, and reports the source of the message times.
 fn rewrite(
     log: &Log,
     library: &MapLibrary,
@@ -137,14 +137,14 @@ fn rewrite(
     times.note(notices);
     let log_times: Vec<LogTime> = times.tables.iter().map(RowTime::as_logged).collect();
     let names = log.tables.iter().map(|table| table.topic.name.as_str());
-    let said_of_times = row_time::tell(names.zip(&log_times), notices);
-    anew::write(log, &times, &log_times, recording, notices, context)?;
+    let topics_by_time = row_time::report(names.zip(&log_times), notices);
+    typed_topics::write(log, &times, &log_times, recording, notices, context)?;
     let utc = times.utc.as_ref().map(about_tie);
-    let entries = [("log_time", json!(said_of_times)), ("utc", json!(utc))];
+    let entries = [("log_time", json!(topics_by_time)), ("utc", json!(utc))];
     Ok(entries.map(|(key, value)| (key.to_owned(), value.to_string())).into())
 }
 
-/// What came from where, and what was lost: texts for the output itself.
+/// Texts for the output: its source, and what was lost.
 fn provenance(unit: &FlightUnit, health: &LogHealth, notices: &Notices) -> BTreeMap<String, String> {
     let name = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let files: Vec<String> = unit.files.iter().map(name).collect();
@@ -168,7 +168,7 @@ fn profile(kind: LogKind) -> &'static str {
     }
 }
 
-/// Puts messages into the recording as they come.
+/// Writes messages to the recording as they arrive.
 struct Taker {
     recording: RefCell<Recording>,
     failure: RefCell<Option<ConvertError>>,
@@ -179,7 +179,7 @@ impl Taker {
         Taker { recording: RefCell::new(recording), failure: RefCell::new(None) }
     }
 
-    /// Writes unless something could not be written before.
+    /// Writes, unless an earlier write failed.
     fn write(&self, write: impl FnOnce(&mut Recording) -> Result<(), ConvertError>) {
         let mut failure = self.failure.borrow_mut();
         if failure.is_none() {
@@ -227,7 +227,7 @@ impl MessageSink for Taker {
     }
 }
 
-/// Reads the output from its first byte to its last, and compares.
+/// Reads the whole output back, and compares.
 fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'_>) -> Result<(), ConvertError> {
     let differs = |what: String| ConvertError::ReadsBackDifferently { path: out.to_owned(), what };
     let counter = Counter::default();
@@ -253,7 +253,7 @@ fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'
     Ok(())
 }
 
-/// Counts what a file holds.
+/// Counts the contents of a file.
 #[derive(Default)]
 struct Counter(RefCell<Content>);
 
@@ -278,7 +278,7 @@ impl MessageSink for Counter {
     }
 }
 
-/// Counts by topic; what was found and not written is a loss.
+/// Counts by topic; anything found but not written is a loss.
 fn topics(health: &LogHealth, content: &Content, notices: &mut Notices) -> Vec<RecoveredTopic> {
     let mut found: BTreeMap<&str, u64> = BTreeMap::new();
     health.topics.iter().for_each(|t| *found.entry(&t.name).or_default() += t.messages);
@@ -298,7 +298,7 @@ fn extras(content: &Content) -> Vec<RecoveredExtra> {
     content.extras.iter().map(extra).collect()
 }
 
-fn note_rest(recording: &Recording, notices: &mut Notices) {
+fn note_remaining(recording: &Recording, notices: &mut Notices) {
     recording.note_before_epoch(notices);
     if let Some(first) = recording.several.first() {
         let text = format!(
@@ -314,7 +314,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_that_were_found_and_not_written_are_a_loss() {
+    fn messages_found_but_not_written_are_a_loss() {
         let topic = |name: &str, messages: u64| flight::TopicHealth {
             name: name.to_owned(),
             type_name: String::new(),
@@ -334,8 +334,8 @@ mod tests {
         let mut notices = Notices::new();
         let topics = topics(&health, &content, &mut notices);
         assert_eq!(topics.iter().map(|t| (t.found, t.written)).collect::<Vec<_>>(), [(2, 2), (3, 1)]);
-        let said: Vec<_> = notices.iter().map(|n| (n.code.as_str(), n.place.as_str(), n.count)).collect();
-        assert_eq!(said, [("not-written", "topic /imu", 2)]);
+        let raised: Vec<_> = notices.iter().map(|n| (n.code.as_str(), n.place.as_str(), n.count)).collect();
+        assert_eq!(raised, [("not-written", "topic /imu", 2)]);
         assert!(notices.any_loss());
     }
 }

@@ -1,24 +1,24 @@
-//! When each row of a log was: by the container's stamps, by fields of the row, or by its place alone.
+//! The time of each row of a log: from the container's timestamps, from fields of the row, or from its position alone.
 
 use crate::error::ConvertError;
 use flight::{Clock, Code, NANOS_PER_SECOND, Notices, Severity, Stamp, StampKind, UtcTie};
 use ingest::{Log, MapLibrary, RowTimes, Table, TableTimes, Values, row_times};
 use std::collections::{BTreeMap, HashMap};
 
-/// Across the end of a count of 32 bits, stamps follow one another within this time, ns.
+/// Across a 32-bit wraparound, successive timestamps are within this time of each other, ns.
 const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
-/// Counts of 32 bits of microseconds and of milliseconds, ns.
+/// Ranges of 32-bit counters of microseconds and of milliseconds, ns.
 const RANGES_NS: [i64; 2] = [1000 << 32, 1_000_000 << 32];
 
 /// The times of all rows of a log.
 pub(crate) struct LogTimes {
-    /// For each table, in the order of the log's.
+    /// One for each table, in the order of the log.
     pub(crate) tables: Vec<RowTime>,
-    /// UTC of a clock of the log that does not know it.
+    /// UTC tie of a log clock that does not know UTC.
     pub(crate) utc: Option<UtcTie>,
-    /// Rows whose stamps run on although the log's count of 32 bits began anew.
+    /// Rows whose timestamps were unwrapped because the log's 32-bit counter wrapped around.
     run_on: u64,
-    /// What was put right in the stamps of rows.
+    /// Corrections made to row timestamps.
     repairs: Notices,
 }
 
@@ -26,42 +26,42 @@ pub(crate) struct LogTimes {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RowTime {
     basis: Basis,
-    /// By the basis' own clock, ns.
+    /// In the clock of the basis, ns.
     own_ns: Values<i64>,
-    /// UTC as Unix counts, ns; `None` where nothing ties the clock to it.
+    /// UTC as Unix counts, ns; `None` where the clock has no tie to UTC.
     utc_ns: Option<Values<i64>>,
 }
 
-/// What the times are read from.
+/// The source of the times.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Basis {
-    /// The container's stamps.
+    /// Timestamps of the container.
     Log(Clock),
     /// Fields of the rows.
     Fields(Clock, String),
-    /// Nothing says when a row was, but of other tables something does: the first time in the log.
+    /// This table has no times, but others do: the first time in the log.
     Begin,
-    /// Nothing says when any row was: its line or number, as nanoseconds.
+    /// No table has times: the line or row number, as nanoseconds.
     Order,
 }
 
-/// A container's stamps of the rows of a table, ns, and their clock.
+/// The container's timestamps of a table's rows, ns, and their clock.
 type Logged = (Clock, Vec<i64>);
 
-/// The time that an MCAP has of each row.
+/// The log time of each row in the MCAP.
 pub(crate) struct LogTime {
     pub(crate) nanos: Vec<i64>,
-    /// What it is, for people.
+    /// Description for people.
     pub(crate) how: String,
-    /// Rows without a time of their own: they have that of the row before, the first ones that of the row behind.
+    /// Rows without a time of their own: they take that of the previous row, the first ones that of the next row.
     pub(crate) lent: u64,
-    /// Nothing but the order is known.
+    /// Only the order is known.
     pub(crate) by_order: bool,
-    /// It is what the container says, as it says it.
+    /// The container's own timestamps, unchanged.
     pub(crate) as_logged: bool,
 }
 
-/// Finds the times of all rows of a log.
+/// Determines the times of all rows of a log.
 pub(crate) fn of_log(log: &Log, library: &MapLibrary) -> Result<LogTimes, ConvertError> {
     let RowTimes { tables, utc, notices: repairs } = row_times(log, library)?;
     let (logged, run_on) = logged(log);
@@ -76,7 +76,7 @@ pub(crate) fn of_log(log: &Log, library: &MapLibrary) -> Result<LogTimes, Conver
 }
 
 impl LogTimes {
-    /// Says where times differ from what the log says as it stands.
+    /// Reports where times differ from the log's own.
     pub(crate) fn note(&self, notices: &mut Notices) {
         notices.extend(self.repairs.clone());
         if self.run_on > 0 {
@@ -86,7 +86,7 @@ impl LogTimes {
     }
 }
 
-/// The container's stamps of each table. Where a count of 32 bits began anew they run on, and so many rows are behind that.
+/// The container's timestamps of each table, unwrapped after a 32-bit wraparound, and the number of rows after one.
 fn logged(log: &Log) -> (Vec<Option<Logged>>, u64) {
     let mut clocks: HashMap<[&str; 3], Clock> = HashMap::new();
     for topic in &log.health.topics {
@@ -110,7 +110,7 @@ impl RowTime {
     fn of(table: &Table, logged: Option<Logged>, fields: Option<TableTimes>, tie: Option<&UtcTie>) -> RowTime {
         let (basis, own_ns, joined_ns) = match (logged, fields) {
             (Some((clock, stamps)), fields) => {
-                // Of a clock that began anew, the sessions on the clock of the first.
+                // If the clock restarted: all sessions, on the clock of the first.
                 let joined = fields.filter(|fields| fields.clock == clock).map(|fields| fields.nanos);
                 (Basis::Log(clock), stamps.into(), joined)
             }
@@ -124,7 +124,7 @@ impl RowTime {
         RowTime { basis, own_ns, utc_ns }
     }
 
-    /// Puts rows that nothing times at the begin of the log, if that is known.
+    /// Puts rows without any time at the start of the log, if that is known.
     fn begin_at(&mut self, begin: Option<i64>) {
         if let Some(begin) = begin {
             self.basis = Basis::Begin;
@@ -132,27 +132,27 @@ impl RowTime {
         }
     }
 
-    /// Clock of the stamps that the container has of the rows.
+    /// Clock of the container's timestamps of the rows.
     pub(crate) fn logged_by(&self) -> Option<Clock> {
         if let Basis::Log(clock) = self.basis { Some(clock) } else { None }
     }
 
-    /// UTC of each row, unless the container's stamps say it or nothing does.
+    /// UTC of each row, unless the container's timestamps already are UTC or it is unknown.
     pub(crate) fn utc_beside(&self) -> Option<&Values<i64>> {
         if self.basis == Basis::Log(Clock::Unix) { None } else { self.utc_ns.as_ref() }
     }
 
-    /// UTC where it is known, else the log's own clock.
+    /// UTC where known, otherwise the log's own clock.
     pub(crate) fn in_utc(&self) -> LogTime {
         self.log_time(self.utc_ns.as_ref().unwrap_or(&self.own_ns), self.how_in_utc())
     }
 
-    /// What [`RowTime::in_utc`] is, for people.
+    /// Description of [`RowTime::in_utc`] for people.
     pub(crate) fn how_in_utc(&self) -> String {
         if self.utc_ns.is_some() { self.basis.in_utc() } else { self.basis.on_its_own() }
     }
 
-    /// The container's stamps as they stand; for rows without, as [`RowTime::in_utc`].
+    /// The container's timestamps unchanged; for rows without, as [`RowTime::in_utc`].
     pub(crate) fn as_logged(&self) -> LogTime {
         match self.basis {
             Basis::Log(_) => self.log_time(&self.own_ns, self.basis.on_its_own()),
@@ -161,7 +161,7 @@ impl RowTime {
     }
 
     fn log_time(&self, nanos: &Values<i64>, how: String) -> LogTime {
-        let (nanos, lent) = lend(nanos);
+        let (nanos, lent) = fill_gaps(nanos);
         let (by_order, as_logged) = (self.basis.clock().is_none(), matches!(self.basis, Basis::Log(_)));
         LogTime { nanos, how, lent, by_order, as_logged }
     }
@@ -198,7 +198,7 @@ impl Basis {
     }
 }
 
-/// How UTC comes from a clock, to be said behind its source.
+/// How UTC is derived from a clock, as a suffix to its source.
 pub(crate) fn way_to_utc(clock: Clock) -> &'static str {
     match clock {
         Clock::Unix => "",
@@ -207,7 +207,7 @@ pub(crate) fn way_to_utc(clock: Clock) -> &'static str {
     }
 }
 
-/// UTC of stamps of this clock; `None` if nothing ties it.
+/// UTC of timestamps of this clock; `None` without a tie.
 pub(crate) fn utc_of(clock: Clock, nanos: &Values<i64>, tie: Option<&UtcTie>) -> Option<Values<i64>> {
     let tie = tie.filter(|tie| tie.clock == clock);
     let unix = |ns: i64| clock.unix(Stamp(ns)).or_else(|| tie?.unix(Stamp(ns))).map(|stamp| stamp.0);
@@ -216,8 +216,8 @@ pub(crate) fn utc_of(clock: Clock, nanos: &Values<i64>, tie: Option<&UtcTie>) ->
     any.then_some(utc)
 }
 
-/// A time for every row, and how many had none.
-fn lend(nanos: &Values<i64>) -> (Vec<i64>, u64) {
+/// A time for every row, and the number of rows that had none.
+fn fill_gaps(nanos: &Values<i64>) -> (Vec<i64>, u64) {
     let mut last = nanos.given().next().unwrap_or_default();
     let lent = nanos.iter().filter(|ns| ns.is_none()).count() as u64;
     let whole = nanos.iter().map(|ns| {
@@ -227,22 +227,22 @@ fn lend(nanos: &Values<i64>) -> (Vec<i64>, u64) {
     (whole.collect(), lent)
 }
 
-/// Says how the rows of tables are timed that the container does not time, and gives back all topics by how they are.
-pub(crate) fn tell<'t>(
+/// Reports how rows without container timestamps are timed, and returns all topics grouped by their source of time.
+pub(crate) fn report<'t>(
     times: impl Iterator<Item = (&'t str, &'t LogTime)>,
     notices: &mut Notices,
 ) -> BTreeMap<String, Vec<String>> {
     let mut topics: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    // Rows, and of them those that were lent a time.
-    let mut told: BTreeMap<&str, (u64, u64, bool)> = BTreeMap::new();
+    // Number of rows, and of those that borrow a time.
+    let mut reported: BTreeMap<&str, (u64, u64, bool)> = BTreeMap::new();
     for (topic, time) in times {
         topics.entry(time.how.clone()).or_default().push(topic.to_owned());
         if !time.as_logged {
-            let (rows, lent, _) = told.get(time.how.as_str()).copied().unwrap_or_default();
-            told.insert(&time.how, (rows + time.nanos.len() as u64, lent + time.lent, time.by_order));
+            let (rows, lent, _) = reported.get(time.how.as_str()).copied().unwrap_or_default();
+            reported.insert(&time.how, (rows + time.nanos.len() as u64, lent + time.lent, time.by_order));
         }
     }
-    for (how, (rows, lent, by_order)) in told {
+    for (how, (rows, lent, by_order)) in reported {
         let severity = if by_order { Severity::Warning } else { Severity::Info };
         let text = format!("the log has no timestamps for these rows; log_time is {how}");
         let of_topics = topics.get(how).map_or(&[][..], Vec::as_slice);
@@ -263,11 +263,11 @@ fn place(topics: &[String]) -> String {
     }
 }
 
-/// Makes stamps run on where a count of 32 bits began anew; tables in the order of the log, each in its own.
+/// Unwraps timestamps after a 32-bit wraparound; tables in the order of the log, each in its own order.
 ///
-/// At least one table must show it: a step back by nearly the whole range. The others are too thin to, and have their
-/// place by when the log began. Zeros in front are those of records before the first stamp. Gives the number of stamps that
-/// changed.
+/// At least one table must show it: a step back by nearly the whole range. Tables with too few rows to show it are
+/// placed relative to the start of the log. Leading zeros are those of records before the first timestamp. Returns the
+/// number of timestamps changed.
 fn unwrap(tables: &mut [&mut Vec<i64>]) -> u64 {
     for range in RANGES_NS {
         if tables.iter().any(|t| t.iter().any(|ns| !(0..range).contains(ns))) {
@@ -281,7 +281,7 @@ fn unwrap(tables: &mut [&mut Vec<i64>]) -> u64 {
     0
 }
 
-/// Stamps of one table in a log that began at `begin`.
+/// Unwraps the timestamps of one table in a log that starts at `begin`.
 fn unwrap_table(stamps: &mut [i64], begin: i64, range: i64) -> u64 {
     let (mut wraps, mut before, mut changed) = (0_i64, None, 0);
     for stamp in stamps.iter_mut().skip_while(|ns| **ns == 0) {
@@ -317,9 +317,9 @@ mod tests {
     }
 
     #[test]
-    fn stamps_run_on_where_the_count_began_anew_also_in_tables_too_thin_to_show_it() {
+    fn stamps_are_unwrapped_also_in_tables_too_sparse_to_show_it() {
         let end = 1 << 32;
-        // The second has rows far before and behind, the third only one behind, the fourth only one before.
+        // The second has rows far before and after, the third only one after, the fourth only one before.
         let truth: [Vec<i64>; 4] = [
             (end - 300_000..end + 300_000).step_by(200).collect(),
             vec![end - 290_000, end + 100_000],
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_steps_back_otherwise_is_left_alone() {
+    fn other_backward_clock_steps_are_left_alone() {
         let tables = [vec![5 * MS, 3 * MS, 90_000_000 * MS, 0], vec![1, i64::MAX, 2], vec![]];
         for table in tables {
             let mut same = table.clone();
@@ -344,13 +344,13 @@ mod tests {
     }
 
     #[test]
-    fn a_row_without_a_time_has_that_of_its_neighbour_and_is_counted() {
-        assert_eq!(lend(&vec![None, Some(7), None, Some(5), None].into()), (vec![7, 7, 7, 5, 5], 3));
-        assert_eq!(lend(&vec![None, None].into()), (vec![0, 0], 2));
+    fn a_row_without_a_time_takes_its_neighbours_and_is_counted() {
+        assert_eq!(fill_gaps(&vec![None, Some(7), None, Some(5), None].into()), (vec![7, 7, 7, 5, 5], 3));
+        assert_eq!(fill_gaps(&vec![None, None].into()), (vec![0, 0], 2));
     }
 
     #[test]
-    fn rows_that_nothing_times_are_in_the_order_of_their_lines_and_that_is_a_warning() {
+    fn rows_without_any_time_are_in_line_order_with_a_warning() {
         let table = Table {
             topic: TopicInfo::default(),
             rows: 3,
@@ -362,7 +362,7 @@ mod tests {
         let time = RowTime::of(&table, None, None, None).in_utc();
         assert_eq!((time.nanos.as_slice(), time.by_order), (&[2, 4, 5][..], true));
         let mut notices = Notices::new();
-        tell([("a", &time), ("b", &time)].into_iter(), &mut notices);
+        report([("a", &time), ("b", &time)].into_iter(), &mut notices);
         let notice = notices.iter().next().unwrap();
         assert_eq!(
             (notice.severity, notice.count, notice.place.as_str()),
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_clock_that_began_anew_each_session_has_its_own_utc_and_the_log_keeps_its_stamps() {
+    fn after_a_clock_restart_each_session_has_its_own_utc() {
         let table = Table {
             topic: TopicInfo::default(),
             rows: 3,
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn gps_time_becomes_utc_by_leap_seconds_and_boot_time_by_its_tie_alone() {
+    fn gps_time_becomes_utc_by_leap_seconds_and_boot_time_by_its_tie() {
         // 2026-11-22 00:00:00 UTC is 18 s into GPS week 2446.
         let gps = (2446 * 604_800 + 18) * NANOS_PER_SECOND;
         let unix = 1_795_305_600 * NANOS_PER_SECOND;

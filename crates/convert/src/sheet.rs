@@ -1,4 +1,4 @@
-//! A table of results in memory, and the files that it becomes.
+//! A table of results in memory, and the files it is written to.
 
 mod parquet;
 mod text;
@@ -15,59 +15,59 @@ use ingest::{Text, Texts, Values};
 /// Columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
-    /// In the order in which a reader expects them; names end in their unit.
+    /// In the order a reader expects; names end in their unit.
     pub columns: Vec<SheetColumn>,
 }
 
 /// A column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SheetColumn {
-    /// Name, with the unit at its end.
+    /// Name, ending in the unit.
     pub name: String,
     /// Values.
     pub cells: Cells,
 }
 
-/// Values of a column; `None` where there is none.
+/// Values of a column; `None` for an absent value.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
     /// Integers.
     I64(Values<i64>),
-    /// Integers without sign, some of them above `i64::MAX`.
+    /// Unsigned integers, some of them above `i64::MAX`.
     U64(Values<u64>),
-    /// Numbers. A NaN that a log holds stays a NaN.
+    /// Floating-point numbers. A NaN in a log stays NaN.
     F64(Values<f64>),
     /// Texts.
     Text(TextCells),
 }
 
-/// Texts of a column; `None` where there is none. A log may have many millions: they take no more memory than in the log.
+/// Texts of a column; `None` if absent. A log may have many millions: they need no more memory than in the log.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TextCells {
     texts: Texts,
-    /// Which rows have one; `None` if all.
+    /// Which rows have a text; `None` if all.
     given: Option<Vec<bool>>,
 }
 
 impl TextCells {
-    /// Of texts and of which of them there are; `None` if all.
+    /// From texts and a presence flag for each row; `None` if all are present.
     pub(crate) fn of_parts(texts: Texts, given: Option<Vec<bool>>) -> TextCells {
         let given = given.filter(|given| given.contains(&false));
         TextCells { texts, given }
     }
 
-    /// As [`TextCells::of_parts`].
+    /// The inverse of [`TextCells::of_parts`].
     pub(crate) fn into_parts(self) -> (Texts, Option<Vec<bool>>) {
         (self.texts, self.given)
     }
 
-    /// How many rows there are.
+    /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.texts.len()
     }
 
-    /// Without rows.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.texts.is_empty()
@@ -98,7 +98,7 @@ impl<T: AsRef<str>> FromIterator<Option<T>> for TextCells {
 }
 
 impl Cells {
-    /// How many.
+    /// Number of cells.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -120,7 +120,7 @@ impl Cells {
         Cells::I64(values.iter().map(|x| x.map(|x| x as i64)).collect())
     }
 
-    /// Whether there are none.
+    /// Whether there are no cells.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -133,7 +133,7 @@ impl Sheet {
         self.columns.push(SheetColumn { name: name.into(), cells });
     }
 
-    /// The cells of the column of this name.
+    /// The cells of the column with this name.
     #[must_use]
     pub fn cells(&self, name: &str) -> Option<&Cells> {
         self.columns.iter().find(|c| c.name == name).map(|c| &c.cells)

@@ -1,4 +1,4 @@
-//! The compensated track of a flight, as maps and players read it.
+//! The compensated track of a flight, in the formats of maps and players.
 
 mod layouts;
 mod map_files;
@@ -15,38 +15,38 @@ use std::path::{Path, PathBuf};
 /// Key of the provenance in the metadata of a `track.parquet`.
 const METADATA: &str = "flightlag-track";
 
-/// As what a track is written.
+/// Output format of a track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TrackTo {
-    /// `GeoJSON` (RFC 7946): a line for raw and one for each compensated track.
+    /// `GeoJSON` (RFC 7946): one line for raw and one for each compensated track.
     GeoJson,
-    /// KML with times (`gx:Track`), as Google Earth plays it.
+    /// KML with times (`gx:Track`), which Google Earth plays.
     Kml,
-    /// GPX 1.1: a track for raw and one for each compensated.
+    /// GPX 1.1: one track for raw and one for each compensated.
     Gpx,
-    /// CSV: one row for each instant.
+    /// CSV: one row per instant.
     Csv,
-    /// MCAP: `sensor_msgs/msg/NavSatFix` (ROS 2) and `foxglove.LocationFix` for raw and compensated, with layouts of Foxglove
-    /// and `PlotJuggler` as [`layouts_of`] calls them.
+    /// MCAP: `sensor_msgs/msg/NavSatFix` (ROS 2) and `foxglove.LocationFix` for raw and compensated, with layouts for
+    /// Foxglove and `PlotJuggler` under the names of [`layouts_of`].
     Mcap,
 }
 
-/// A track that is wanted.
+/// A track request.
 #[derive(Debug, Clone, Copy)]
 pub struct TrackOrder<'a> {
     /// The `track.parquet` of a flight.
     pub track: &'a Path,
     /// Name of the flight.
     pub name: &'a str,
-    /// As what.
+    /// Output format.
     pub to: TrackTo,
-    /// At most so many points per second; `None`: every row.
+    /// Maximum points per second; `None`: every row.
     pub most_hz: Option<f64>,
-    /// The file.
+    /// The output file.
     pub out: &'a Path,
 }
 
-/// What was written.
+/// The result of writing a track.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WrittenTrack {
     /// Names of the lines: `raw`, `exact`.
@@ -55,20 +55,21 @@ pub struct WrittenTrack {
     pub points: u64,
     /// Rows of the track.
     pub of: u64,
-    /// Whether the points have UTC.
+    /// Whether the points have UTC times.
     pub has_utc: bool,
 }
 
-/// The layouts that are written with an MCAP: that of Foxglove, that of `PlotJuggler`.
+/// Paths of the layouts written with an MCAP: for Foxglove, for `PlotJuggler`.
 #[must_use]
 pub fn layouts_of(recording: &Path) -> [PathBuf; 2] {
     ["foxglove.json", "plotjuggler.xml"].map(|ending| recording.with_extension(ending))
 }
 
-/// Writes the result table of a flight with texts about it, as `track.parquet` is: the first part of its rows, then the others.
+/// Writes the result table of a flight with its descriptions, as `track.parquet`: the first part of its rows, then the
+/// others.
 ///
 /// # Errors
-/// The file cannot be written, or a part has other columns than the first.
+/// The file cannot be written, or a part has different columns from the first.
 pub fn write_track_table(
     first: &Sheet,
     others: impl Iterator<Item = Sheet>,
@@ -78,7 +79,7 @@ pub fn write_track_table(
     write_parquet_parts(first, others, &[(METADATA.to_owned(), about.to_owned())], file)
 }
 
-/// A place, degrees and metres.
+/// A position, degrees and metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Place {
     latitude_deg: f64,
@@ -86,7 +87,7 @@ struct Place {
     height_m: f64,
 }
 
-/// An instant, and where each line is then.
+/// An instant, and the position of each line.
 #[derive(Debug, Clone, PartialEq)]
 struct Instant {
     t_s: f64,
@@ -94,23 +95,23 @@ struct Instant {
     places: [Option<Place>; 2],
 }
 
-/// What is read from a `track.parquet`.
+/// The content of a `track.parquet`.
 struct Track {
     name: String,
     instants: Vec<Instant>,
     rows: u64,
-    /// What the file says of itself.
+    /// The file's metadata.
     about: String,
 }
 
-/// The lines of a track, and what they are called in files.
+/// The lines of a track, and their names in files.
 const LINES: [(&str, &str, &str); 2] = [
     ("raw", "raw", "Position as logged, the newest fix held"),
     ("compensated", "exact_async", "Position with its delay removed, p + ∫v (exact asynchronous)"),
 ];
 
 impl Track {
-    /// Instants with a place of this line, split where it is interrupted.
+    /// Instants with a position on this line, split at gaps.
     fn pieces(&self, line: usize) -> impl Iterator<Item = Vec<(&Instant, Place)>> {
         self.instants
             .split(move |i| i.places[line].is_none())
@@ -119,10 +120,10 @@ impl Track {
     }
 }
 
-/// Writes the track of a flight as a file that maps and players open. The file appears whole or not at all.
+/// Writes the track of a flight as a file for maps and players. The file appears complete or not at all.
 ///
 /// # Errors
-/// The track cannot be read or has no places, or OUT cannot be written.
+/// The track cannot be read or has no positions, or the output cannot be written.
 pub fn export_track(order: &TrackOrder<'_>) -> Result<WrittenTrack, ConvertError> {
     let layouts = if order.to == TrackTo::Mcap { layouts_of(order.out).into() } else { vec![] };
     for path in layouts.iter().map(PathBuf::as_path).chain([order.out]) {
@@ -172,7 +173,7 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     })
 }
 
-/// At most `most_hz` of the rows of a track per second, or what the table lacks.
+/// Up to `most_hz` rows of a track per second, or what the table lacks.
 fn instants(sheet: &Sheet, most_hz: Option<f64>) -> Result<Vec<Instant>, String> {
     let needed = |name: &str| match sheet.cells(name) {
         Some(Cells::F64(numbers)) => Ok(numbers),
@@ -195,7 +196,7 @@ fn instants(sheet: &Sheet, most_hz: Option<f64>) -> Result<Vec<Instant>, String>
     let mut last = None;
     for (row, utc_ns) in utc.into_iter().enumerate() {
         let Some(t_s) = t.get(row) else { continue };
-        // The first row of each interval: a clock that is a little slow or fast leaves no interval empty.
+        // The first row of each interval: a slightly slow or fast clock leaves no interval empty.
         let interval = most_hz.map(|hz| (t_s * hz + 1e-6).floor());
         if interval.is_none() || interval != last {
             last = interval;
@@ -205,7 +206,7 @@ fn instants(sheet: &Sheet, most_hz: Option<f64>) -> Result<Vec<Instant>, String>
     Ok(instants)
 }
 
-/// One row for each instant.
+/// One row per instant.
 fn sheet(track: &Track) -> Sheet {
     let number = |name: &str, of: &dyn Fn(&Instant) -> Option<f64>| SheetColumn {
         name: name.to_owned(),

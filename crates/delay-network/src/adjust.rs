@@ -10,16 +10,16 @@ use record::NetworkDatum;
 const LEAST_VARIANCE: f64 = 1e-12;
 /// Lateness of a reference, s.
 const REFERENCE_PIN_S: f64 = 1e-4;
-/// Lateness of a zero that was chosen, s.
+/// Lateness of a zero by convention, s.
 const ZERO_PIN_S: f64 = 1e-6;
-/// Share of an error that residuals must show for a pair to count as checked at all.
+/// Least share of an error that must appear in the residuals for a pair to count as checked.
 const LEAST_REDUNDANCY: f64 = 1e-6;
-/// Standard deviation of an effect that is an unknown of its own, s, at least.
+/// Least standard deviation of an effect that is estimated as an unknown, s.
 const FREE_S: f64 = 1.0;
 /// Non-centrality of Baarda's test: 80 % power at a significance of 0.1 %.
 const BAARDA: f64 = 4.13;
 
-/// Effect that is an unknown of its own.
+/// Effect that is estimated as an unknown.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Freed {
     pub(crate) effect: usize,
@@ -28,7 +28,7 @@ pub(crate) struct Freed {
 }
 
 impl Freed {
-    /// Freed with room for an error of this size, s.
+    /// Freed with a standard deviation that allows an error of this size, s.
     pub(crate) fn with_size(effect: usize, size_s: f64) -> Self {
         Freed { effect, sd_s: FREE_S.max(3.0 * size_s.abs()) }
     }
@@ -46,11 +46,11 @@ pub(crate) struct PartDatum {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct EffectTest {
     pub(crate) redundancy: f64,
-    /// Test value, size and what follows; `None` if nothing checks the effect.
+    /// Test value, size and derived figures; `None` if nothing checks the effect.
     pub(crate) checked: Option<Checked>,
 }
 
-/// Test of an effect that something checks.
+/// Test of an effect that other pairs check.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Checked {
     pub(crate) w: f64,
@@ -88,7 +88,7 @@ impl Adjustment {
     }
 }
 
-/// Covariance S of the pairs without what their channels share: `diag((1−ρ)u²) + Σ m² z zᵀ`.
+/// Covariance S of the pairs, without the noise that their channels share: `diag((1−ρ)u²) + Σ m² z zᵀ`.
 pub(crate) fn pair_covariance(graph: &Graph, settings: &NetworkSettings, freed: &[Freed]) -> DMatrix<f64> {
     let mut s = model_covariance(graph, freed);
     for (at, edge) in graph.edges.iter().enumerate() {
@@ -97,8 +97,8 @@ pub(crate) fn pair_covariance(graph: &Graph, settings: &NetworkSettings, freed: 
     s
 }
 
-/// Variance of a pair that neither a channel nor an effect shares, s². The model error of its kind was measured on pairs
-/// with such faults, so that only what a pair was widened by beyond it is added.
+/// Variance of a pair that it shares with no channel and no effect, s². The model error of its kind was measured on
+/// pairs with such faults, so only the widening that exceeds it is added.
 fn own_variance(edge: &Edge, model_s: f64, settings: &NetworkSettings) -> f64 {
     let beyond_model = (edge.widened_s.powi(2) - model_s.powi(2)).max(0.0);
     (1.0 - settings.shared_noise) * edge.uncertainty_s.powi(2) + beyond_model + LEAST_VARIANCE
@@ -123,7 +123,7 @@ fn effect_variance(effect: &Effect, at: usize, freed: &[Freed]) -> f64 {
     effect.model_s.powi(2) + free
 }
 
-/// Column of an effect: one for each of its pairs.
+/// Column of an effect: a coefficient for each of its pairs.
 fn effect_column(effect: &Effect, pairs: usize) -> DVector<f64> {
     let mut z = DVector::zeros(pairs);
     for &edge in &effect.edges {
@@ -132,7 +132,7 @@ fn effect_column(effect: &Effect, pairs: usize) -> DVector<f64> {
     z
 }
 
-/// Datum of every part. Parts in `refused` have none although they hold accelerations.
+/// Datum of every part. Parts in `refused` get no datum even though they hold accelerations.
 pub(crate) fn part_data(graph: &Graph, settings: &NetworkSettings, refused: &[bool]) -> Vec<PartDatum> {
     (0..graph.parts)
         .map(|part| {
@@ -223,7 +223,7 @@ fn incidence(graph: &Graph) -> DMatrix<f64> {
     b
 }
 
-/// Weights that hold the datum: the noise of a pinned channel is in its row, for the estimate is of T + n.
+/// Weights that hold the datum. The row of a pinned channel includes its noise, because the estimate is of T + n.
 fn pins(graph: &Graph, settings: &NetworkSettings, noise: &[f64], parts: &[PartDatum]) -> DVector<f64> {
     DVector::from_iterator(
         graph.nodes.len(),
@@ -265,7 +265,7 @@ fn add_noise_and_datum(
     }
 }
 
-/// `√(diag(G S_model Gᵀ) + u_d²)`: what does not average out over flights.
+/// `√(diag(G S_model Gᵀ) + u_d²)`: the part that does not average out over flights.
 fn model_part(
     gain: &DMatrix<f64>,
     graph: &Graph,

@@ -1,12 +1,12 @@
-//! One attitude source for each velocity: accelerations of one vehicle are one witness.
+//! One attitude source per velocity: all accelerations of one vehicle are one witness.
 
 use crate::graph::Usable;
 use crate::lineage::Role;
 use record::UnusedPair;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How good an acceleration is for the velocities that still need one: more measured velocities, more velocities, less
-/// variance, in this order.
+/// Rank of an acceleration for the velocities that still need one: more measured velocities, then more velocities, then
+/// less variance.
 #[derive(Debug, Default)]
 struct Merit {
     measured: usize,
@@ -14,11 +14,11 @@ struct Merit {
     variance_s2: f64,
 }
 
-/// Splits pairs into those kept and those whose velocity has an acceleration already. The best acceleration serves
-/// all velocities that were compared with it, the next best what is left, and so on.
+/// Splits pairs into those kept and those whose velocity already has an acceleration. The best acceleration serves all
+/// velocities that were compared with it, the next best serves the remaining ones, and so on.
 ///
-/// All share one model error, so the others add no information, but they close loops: an attitude that is wrong
-/// by 1 ms for one velocity alone, at u = 1 ms, made 44 % of simulated networks `scattered`.
+/// All share one model error, so the other pairs add no information but close loops. An attitude that was wrong by 1 ms
+/// for only one velocity, at u = 1 ms, made 44 % of simulated networks `scattered`.
 pub(crate) fn one_per_velocity(pairs: Vec<Usable>, role: &dyn Fn(&str) -> Role) -> (Vec<Usable>, Vec<UnusedPair>) {
     let is_acceleration = |pair: &Usable| role(&pair.second) == Role::Acceleration;
     let mut served: BTreeMap<String, String> = BTreeMap::new();
@@ -88,9 +88,9 @@ mod tests {
         kept.into_iter().map(|pair| (pair.first, pair.second)).collect()
     }
 
-    /// Two measured velocities win against one and three filters, these against fewer, and then less variance.
+    /// Two measured velocities beat one plus three filters, more filters beat fewer, variance decides last.
     #[test]
-    fn measured_velocities_count_before_all_velocities_and_these_before_variance() {
+    fn measured_velocities_rank_first_then_all_velocities_then_variance() {
         let all = |acceleration: &'static str, velocities: &[&'static str], ms: f64| -> Vec<(&str, &str, f64)> {
             velocities.iter().map(|v| (*v, acceleration, ms)).collect()
         };
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_velocity_that_the_best_does_not_serve_keeps_another() {
+    fn a_velocity_not_served_by_the_best_acceleration_keeps_another() {
         let pairs =
             [("velocity.gps", "acc[a]", 1.0), ("velocity.vo", "acc[a]", 1.0), ("velocity.radar", "acc[b]", 1.0)];
         let others = [("velocity.gps", "acc[b]", 5.0)];

@@ -1,4 +1,4 @@
-//! What the network says of each channel.
+//! Results of the network for each channel.
 
 use crate::adjust::Checked;
 use crate::graph::Graph;
@@ -10,18 +10,18 @@ use record::{ChannelLateness, EffectKind, Estimate, NetworkDatum, NetworkVerdict
 
 /// Redundancy below which nothing checks an effect.
 const UNCHECKED_BELOW: f64 = 0.1;
-/// Share of a figure that rests on one effect.
+/// Share of a figure above which it rests on one effect.
 const RESTS_ABOVE: f64 = 0.5;
-/// Difference in standard uncertainties that makes a filter of a delay.
+/// Difference in standard uncertainties above which a delay is reported as a filter's.
 const FILTER_ABOVE: f64 = 3.0;
 
-/// Network with what the channels need of it.
+/// A network and what is needed to describe its channels.
 pub(crate) struct Channels<'a> {
     pub(crate) graph: &'a Graph,
     pub(crate) settings: &'a NetworkSettings,
-    /// Network as it is shown.
+    /// Network as reported.
     pub(crate) shown: &'a Isolation,
-    /// Network against the IMU, where that was refused.
+    /// Network against the IMU, if it was refused.
     pub(crate) refused: Option<&'a Isolation>,
     /// Nodes earlier than the IMU.
     pub(crate) earlier: &'a [usize],
@@ -63,21 +63,21 @@ impl Channels<'_> {
 
     /// `T̂ − 2√(U² − U_model²)`: the error of a filter against its own IMU is one-sided (section 6).
     fn at_least_if_weak(&self, at: usize, model_s: f64) -> Option<f64> {
-        let told = self.shown.verdict != NetworkVerdict::Undecided;
+        let decided = self.shown.verdict != NetworkVerdict::Undecided;
         let own_variance = self.shown.uncertainty_s(at).powi(2) - model_s.powi(2);
-        told.then(|| self.shown.adjustment.lateness_s[at] - 2.0 * own_variance.max(0.0).sqrt())
+        decided.then(|| self.shown.adjustment.lateness_s[at] - 2.0 * own_variance.max(0.0).sqrt())
     }
 
     /// `T̂ − min T̂`: no channel is earlier than true time (section 3.3).
     fn at_least_after_refusal(&self, refused: &Isolation, at: usize) -> Option<f64> {
-        let told = refused.verdict != NetworkVerdict::Undecided;
+        let decided = refused.verdict != NetworkVerdict::Undecided;
         let lateness = &refused.adjustment.lateness_s;
         let earliest =
             self.graph.members(self.graph.nodes[at].part).map(|node| lateness[node]).fold(f64::INFINITY, f64::min);
-        told.then(|| lateness[at] - earliest)
+        decided.then(|| lateness[at] - earliest)
     }
 
-    /// Lateness against the own IMU, where it differs from the lateness that positions see (section 2).
+    /// Lateness against the own IMU, if it differs from the lateness that positions see (section 2).
     fn filter_not_a_delay(&self, at: usize) -> Option<Estimate> {
         let (which, effect) = self.graph.effects.iter().enumerate().find(|(_, effect)| {
             effect.name.kind == EffectKind::DerivedAcceleration
@@ -101,8 +101,8 @@ impl Channels<'_> {
         })
     }
 
-    /// The unchecked effect that carries more than half of this figure: of several the one whose model error adds most to
-    /// its uncertainty.
+    /// The unchecked effect that carries more than half of this figure. If there are several, the one whose model error
+    /// adds most to its uncertainty.
     fn rests_on(&self, at: usize) -> Option<String> {
         let adjustment = &self.shown.adjustment;
         if adjustment.parts.iter().any(|part| part.zero == Some(at)) {

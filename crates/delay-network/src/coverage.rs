@@ -1,4 +1,4 @@
-//! Whether intervals hold what they say: delays drawn from the model itself.
+//! Whether intervals reach their stated coverage, tested with delays drawn from the model.
 
 use crate::graph::{Edge, Graph, prepare};
 use crate::lineage::{Role, lineage_from_name};
@@ -11,8 +11,8 @@ use record::DelayPairKind;
 use serde_json::Value;
 
 const TRIALS: usize = 2000;
-/// Gate in standard deviations of the binomial distribution. An uncertainty wrong by a tenth to the short side and by
-/// a fifth to the long side is beyond it.
+/// Gate in standard deviations of the binomial distribution. It catches an uncertainty that is too small by a tenth or
+/// too large by a fifth.
 const GATE: f64 = 4.0;
 
 fn observations(vector: &Value) -> Vec<PairObservation> {
@@ -29,7 +29,7 @@ fn observations(vector: &Value) -> Vec<PairObservation> {
         .collect()
 }
 
-/// One flight drawn from the model: delays of the edges, and the true lateness of the nodes.
+/// One flight drawn from the model: delays of the edges and true lateness of the nodes.
 fn draw(
     graph: &Graph,
     settings: &NetworkSettings,
@@ -74,7 +74,7 @@ fn pairs_with(graph: &Graph, delays: Vec<f64>) -> Vec<PairObservation> {
     graph.edges.iter().zip(delays).map(of).collect()
 }
 
-/// Share of the true latenesses within their intervals, channel by channel, and the mean of χ²/dof.
+/// Share of the true latenesses within their intervals, per channel, and the mean of χ²/dof.
 fn coverage(vector: &Value, seed: u64) -> (Vec<(String, f64)>, Option<f64>) {
     let settings = NetworkSettings::default();
     let pairs = observations(vector);
@@ -100,7 +100,7 @@ fn coverage(vector: &Value, seed: u64) -> (Vec<(String, f64)>, Option<f64>) {
         .channels
         .iter()
         .zip(&inside)
-        // the zero is exact, and the datum's own figure counts its noise twice on purpose
+        // the zero is exact, and the datum's own figure deliberately counts its noise twice
         .filter(|(channel, _)| channel.relative_to.as_ref() != Some(&channel.channel))
         .filter(|(channel, _)| !channel.channel.starts_with("acc["))
         .map(|(channel, inside)| (channel.channel.clone(), f64::from(*inside) / TRIALS as f64))
@@ -110,9 +110,9 @@ fn coverage(vector: &Value, seed: u64) -> (Vec<(String, f64)>, Option<f64>) {
 }
 
 #[test]
-fn intervals_hold_what_they_say() {
+fn intervals_reach_their_stated_coverage() {
     let vectors: Value = serde_json::from_str(include_str!("../tests/data/vectors.json")).unwrap();
-    // the datum of filter-before-imu is refused: its interval is of another kind
+    // the datum of filter-before-imu is refused, so its interval has a different meaning
     let networks = vectors["networks"].as_array().unwrap().iter().filter(|v| v["name"] != "filter-before-imu");
     let sd = (0.95 * 0.05 / TRIALS as f64).sqrt();
     for (seed, vector) in networks.enumerate() {

@@ -7,7 +7,7 @@ use crate::settings::{NetworkSettings, ReferenceUse};
 use record::{DelayPairKind, EffectName, Estimate, Finding, UnusedPair};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Least standard uncertainty of a pair that is taken at its word, s.
+/// Least standard uncertainty that is accepted for a pair, s.
 const LEAST_UNCERTAINTY_S: f64 = 1e-6;
 
 /// Channel of the network.
@@ -19,7 +19,7 @@ pub(crate) struct Node {
     pub(crate) part: usize,
 }
 
-/// Pair that takes part: `delay_s` is the lateness of node `first` less that of node `second`.
+/// Pair that is used: `delay_s` is the lateness of node `first` less that of node `second`.
 #[derive(Debug, Clone)]
 pub(crate) struct Edge {
     pub(crate) first: usize,
@@ -27,7 +27,7 @@ pub(crate) struct Edge {
     pub(crate) delay_s: f64,
     /// From noise, s.
     pub(crate) uncertainty_s: f64,
-    /// For what one delay does not explain, s.
+    /// Widening for what a single delay does not explain, s.
     pub(crate) widened_s: f64,
     pub(crate) effect: usize,
 }
@@ -49,7 +49,7 @@ pub(crate) struct Graph {
     pub(crate) parts: usize,
 }
 
-/// Pair against a reference: it judges the channel.
+/// Pair against a reference, which judges the channel.
 #[derive(Debug, Clone)]
 pub(crate) struct Judge {
     pub(crate) channel: String,
@@ -57,7 +57,7 @@ pub(crate) struct Judge {
     pub(crate) lateness_s: Estimate,
 }
 
-/// Graph of the usable pairs, and what became of the others.
+/// Graph of the usable pairs, plus the other pairs sorted by use.
 #[derive(Debug)]
 pub(crate) struct Prepared {
     pub(crate) graph: Graph,
@@ -65,7 +65,7 @@ pub(crate) struct Prepared {
     pub(crate) judges: Vec<Judge>,
 }
 
-/// Pair with its names as nodes and a number that can be used.
+/// Pair with its node names and a usable number.
 #[derive(Debug)]
 pub(crate) struct Usable {
     pub(crate) kind: DelayPairKind,
@@ -121,7 +121,7 @@ pub(crate) fn prepare(
     Prepared { graph: Graph::new(&usable, &role, settings), unused, judges }
 }
 
-/// Name of the second channel as a node.
+/// Node name of the second channel.
 fn second_name(pair: &PairObservation) -> String {
     match pair.kind {
         DelayPairKind::VelocityAgainstAcceleration => acceleration_name(&pair.second),
@@ -151,7 +151,7 @@ fn roles(pairs: &[PairObservation], lineage: &dyn Fn(&str) -> Lineage) -> BTreeM
     roles
 }
 
-/// Delay and uncertainty of a pair that can be used, or why it cannot.
+/// Delay and uncertainty of a usable pair, or why it is not usable.
 fn usable_delay(pair: &PairObservation, first: &str, second: &str) -> Result<(Estimate, f64), String> {
     let delay = match &pair.delay_s {
         Finding::Found(delay) => *delay,
@@ -168,7 +168,7 @@ fn usable_delay(pair: &PairObservation, first: &str, second: &str) -> Result<(Es
     }
 }
 
-/// Channel and reference of a pair with one of each.
+/// Channel and reference, if the pair has one of each.
 fn judge(first: &str, second: &str, delay: Estimate, role: &dyn Fn(&str) -> Role) -> Option<Judge> {
     let of = |channel: &str, reference: &str, sign: f64| Judge {
         channel: channel.to_owned(),
@@ -183,7 +183,7 @@ fn judge(first: &str, second: &str, delay: Estimate, role: &dyn Fn(&str) -> Role
 }
 
 impl Edge {
-    /// Not yet with its effect.
+    /// The effect is assigned later.
     fn new(first: usize, second: usize, pair: &Usable) -> Edge {
         Edge {
             first,
@@ -235,7 +235,7 @@ impl Graph {
     }
 }
 
-/// Sets of things that are joined one by one.
+/// Disjoint sets that are joined one pair at a time.
 #[derive(Debug)]
 pub(crate) struct Joined(Vec<usize>);
 
@@ -252,7 +252,7 @@ impl Joined {
         at
     }
 
-    /// Joins the sets of both; `false` if they were one already.
+    /// Joins the sets of both; `false` if they were already one.
     pub(crate) fn join(&mut self, a: usize, b: usize) -> bool {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b)] = a.min(b);
@@ -260,7 +260,7 @@ impl Joined {
     }
 }
 
-/// Numbers the connected parts in the order of their first node; how many there are.
+/// Numbers the connected parts in the order of their first node; returns their count.
 fn number_parts(nodes: &mut [Node], edges: &[Edge]) -> usize {
     let mut joined = Joined::new(nodes.len());
     for edge in edges {
@@ -278,9 +278,9 @@ fn number_parts(nodes: &mut [Node], edges: &[Edge]) -> usize {
 mod tests {
     use super::*;
 
-    /// A channel that is 30 ms late, named first or second: against a reference it is 30 ms late.
+    /// A channel that is 30 ms late is 30 ms late against a reference, whichever is named first.
     #[test]
-    fn a_channel_is_as_late_against_a_reference_whichever_is_named_first() {
+    fn lateness_against_a_reference_ignores_the_order_of_names() {
         let role = |name: &str| if name.starts_with("truth") { Role::Reference } else { Role::Measured };
         let delay = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
         let first = judge("position.gps", "truth.a", delay(0.03), &role).unwrap();
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn things_that_are_joined_are_one_set_in_any_order() {
+    fn joined_items_are_one_set_in_any_order() {
         let mut joined = Joined::new(7);
         assert!(joined.join(5, 2) && joined.join(6, 5) && joined.join(1, 0));
         assert!(!joined.join(2, 6) && !joined.join(0, 1));

@@ -11,9 +11,9 @@ use record::{NetworkDatum, NetworkVerdict};
 pub(crate) struct Isolation {
     pub(crate) adjustment: Adjustment,
     pub(crate) verdict: NetworkVerdict,
-    /// Effects freed one after the other: each alone explained what was wrong.
+    /// Effects freed one after the other: each was the only explanation of the misclosure.
     pub(crate) freed: Vec<usize>,
-    /// Effects of which one is wrong, in the order of the effects; empty unless undecided.
+    /// Suspects, one of which is wrong, in the order of the effects; empty unless undecided.
     pub(crate) suspects: Vec<usize>,
     /// Network with each suspect freed in turn.
     alternatives: Vec<Adjustment>,
@@ -21,7 +21,7 @@ pub(crate) struct Isolation {
     pub(crate) birge: f64,
 }
 
-/// Factor of a standard uncertainty for 95 %.
+/// Coverage factor of a standard uncertainty for 95 %.
 pub(crate) const K95: f64 = 1.96;
 
 impl Isolation {
@@ -30,7 +30,7 @@ impl Isolation {
         self.birge * self.adjustment.uncertainty_s(node)
     }
 
-    /// Lateness ± k U of a node, s: the hull over all suspects where nobody is named.
+    /// Lateness ± k U of a node, s: the hull over all suspects if no effect is named.
     pub(crate) fn interval_s(&self, node: usize, k: f64) -> [f64; 2] {
         std::iter::once(&self.adjustment).chain(&self.alternatives).fold(
             [f64::INFINITY, f64::NEG_INFINITY],
@@ -41,7 +41,7 @@ impl Isolation {
         )
     }
 
-    /// Nodes that are earlier than the IMU of their part, which causality forbids (section 3.3).
+    /// Nodes that are earlier than the IMU of their part, which violates causality (section 3.3).
     pub(crate) fn earlier_than_datum(&self, graph: &Graph, settings: &NetworkSettings) -> Vec<usize> {
         let tied = |part: usize| self.adjustment.parts.get(part).is_some_and(|p| p.datum == NetworkDatum::Imu);
         (0..graph.nodes.len())
@@ -57,7 +57,7 @@ impl Isolation {
     }
 }
 
-/// Frees wrong effects while exactly one explains the misclosure; `None` if a matrix is singular.
+/// Frees wrong effects as long as exactly one explains the misclosure; `None` if a matrix is singular.
 pub(crate) fn isolate(graph: &Graph, settings: &NetworkSettings, noise: &[f64], refused: &[bool]) -> Option<Isolation> {
     let mut freed: Vec<Freed> = Vec::new();
     let mut adjustment = adjust(graph, settings, noise, refused, &freed)?;
@@ -93,7 +93,7 @@ pub(crate) fn isolate(graph: &Graph, settings: &NetworkSettings, noise: &[f64], 
     Some(Isolation { adjustment, verdict, freed, suspects, alternatives, birge })
 }
 
-/// Factor on all uncertainties: residuals that no effect explains widen them.
+/// Factor on all uncertainties: they are widened by residuals that no effect explains.
 fn birge_ratio(verdict: NetworkVerdict, adjustment: &Adjustment) -> f64 {
     match verdict {
         NetworkVerdict::Scattered => (adjustment.chi2 / adjustment.degrees_of_freedom.max(1) as f64).max(1.0).sqrt(),

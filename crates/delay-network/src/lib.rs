@@ -1,9 +1,9 @@
-//! One lateness per channel, from all measured pairs of a flight; one delay per group of flights; and the delay that is
-//! removed.
+//! One lateness per channel, from all measured pairs of a flight; one delay per group of flights; and the delay to
+//! remove.
 //!
-//! [`solve`] makes a network of the pairs of one flight, [`pool`] a mean of the flights of one group, [`decide`] says which
-//! delay is removed from each flight. Positive is late, in seconds. Source: `science/delay-network.md`, whose
-//! sections the docs name. The crate knows no file, no sample and no page.
+//! [`solve`] builds a network from the pairs of one flight, [`pool`] averages the flights of one group, and [`decide`]
+//! chooses the delay to remove from each flight. Positive is late, in seconds. Source: `science/delay-network.md`; the
+//! docs cite its sections. The crate handles no files, samples or pages.
 
 mod adjust;
 mod attitudes;

@@ -1,4 +1,4 @@
-//! Where a channel comes from, and which channels are one witness.
+//! Where a channel comes from, and which channels count as one witness.
 
 use record::EffectKind;
 
@@ -9,15 +9,15 @@ pub enum Lineage {
     Measured,
     /// Made from other channels of this vehicle: EKF, AHRS, local position, odometry, fused, INS output.
     Derived,
-    /// Reference with a clock of its own: truth, motion capture, RTK of its own clock.
+    /// Reference with its own clock: truth, motion capture, RTK with its own clock.
     Reference,
 }
 
 /// Source names of references, up to their first hyphen.
 const REFERENCES: [&str; 5] = ["truth", "mocap", "vicon", "rtk", "reference"];
 
-/// Lineage as far as a name such as `position.ekf` tells it. The channel map knows better where it says
-/// `measured` or `made-from`.
+/// Lineage inferred from a name such as `position.ekf`. A `measured` or `made-from` key in the channel map takes
+/// precedence.
 ///
 /// ```
 /// use delay_network::{Lineage, lineage_from_name};
@@ -38,7 +38,7 @@ pub fn lineage_from_name(channel: &str) -> Lineage {
     }
 }
 
-/// What a channel is within the network.
+/// Role of a channel in the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Role {
     Measured,
@@ -75,8 +75,8 @@ pub(crate) fn effect_kind(first: Role, second: Role) -> EffectKind {
 /// Name of the family of all accelerations.
 pub(crate) const ACCELERATION_FAMILY: &str = "acc";
 
-/// Family of a channel: lanes of one filter (`velocity.ekf`, `velocity.ekf-2`) are one witness, so are all accelerations.
-/// A second receiver (`position.gps-2`) is a witness of its own.
+/// Family of a channel. Lanes of one filter (`velocity.ekf`, `velocity.ekf-2`) are one witness, and so are all
+/// accelerations. A second receiver (`position.gps-2`) is a separate witness.
 pub(crate) fn family(channel: &str, role: Role) -> String {
     match role {
         Role::Acceleration => ACCELERATION_FAMILY.to_owned(),
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_of_one_filter_are_one_witness_and_receivers_are_not() {
+    fn lanes_of_one_filter_are_one_witness_but_receivers_are_not() {
         assert_eq!(family("velocity.ekf-2", Role::Derived), "velocity.ekf");
         assert_eq!(family("position.gps-2", Role::Measured), "position.gps-2");
         assert_eq!(family("velocity.ekf-global", Role::Derived), "velocity.ekf-global");

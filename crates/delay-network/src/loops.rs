@@ -1,10 +1,10 @@
-//! Fundamental loops: what the delays around each add up to.
+//! Fundamental loops: the sum of the delays around each.
 
 use crate::graph::{Graph, Joined};
 use nalgebra::DMatrix;
 use record::{DelayLoop, Estimate};
 
-/// Step of a walk: an edge, the node it leads to, and +1 along or −1 against its direction.
+/// Step of a walk: an edge, the node it leads to, and the sign +1 along or −1 against its direction.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     edge: usize,
@@ -52,7 +52,7 @@ fn close(graph: &Graph, tree: &[Vec<Step>], s: &DMatrix<f64>, edge: usize) -> De
     DelayLoop { channels, misclosure_s }
 }
 
-/// The only way through the tree.
+/// The unique path through the tree.
 fn path(tree: &[Vec<Step>], from: usize, to: usize) -> Vec<Step> {
     let mut came: Vec<Option<(usize, Step)>> = vec![None; tree.len()];
     let mut open = vec![from];

@@ -3,7 +3,7 @@
 use crate::graph::Graph;
 use nalgebra::{DMatrix, DVector};
 
-/// Weight of the rows that make the split between two channels of one pair unique.
+/// Weight of the rows that make the split between the two channels of a pair unique.
 const RIDGE: f64 = 1e-3;
 
 /// Variances `c² ≥ 0` of the channels' noise, s²: `c_a² + c_b² ≈ ρu²`, rows weighted by `1/(ρu²)` (section 2).
@@ -25,7 +25,7 @@ pub(crate) fn channel_noise(graph: &Graph, shared_noise: f64) -> Vec<f64> {
     non_negative_least_squares(&a, &y).iter().map(|x| x * scale).collect()
 }
 
-/// Median; the mean of the middle two of an even number. 0 of nothing.
+/// Median; the mean of the middle two for an even count, 0 for an empty list.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn least_squares_that_stay_positive_meet_the_conditions_of_karush_kuhn_and_tucker() {
+    fn non_negative_least_squares_meets_the_karush_kuhn_tucker_conditions() {
         let a = DMatrix::from_row_slice(4, 3, &[1.0, 2.0, 0.5, 0.3, 1.0, 1.0, 2.0, 0.1, 1.5, 0.7, 0.9, 0.2]);
         let y = DVector::from_vec(vec![1.0, -2.0, 3.0, 0.5]);
         let x = non_negative_least_squares(&a, &y);
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_of_an_even_number_is_the_mean_of_the_middle() {
+    fn the_median_of_an_even_count_is_the_mean_of_the_middle_two() {
         assert_eq!(median(vec![4.0, 1.0, 2.0, 8.0]), 3.0);
         assert_eq!(median(vec![4.0, 1.0, 2.0]), 2.0);
         assert_eq!(median(Vec::new()), 0.0);

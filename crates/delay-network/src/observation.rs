@@ -1,11 +1,11 @@
-//! Pairs as the network takes them.
+//! Pairs as input to the network.
 
 use record::{DelayPairKind, Estimate, Finding, MeasuredDelay, PairDelay};
 
 /// Measured delay of one pair of channels, or why there is none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairObservation {
-    /// Which comparison this is.
+    /// Kind of comparison.
     pub kind: DelayPairKind,
     /// First channel, such as `position.gps`.
     pub first: String,
@@ -14,10 +14,10 @@ pub struct PairObservation {
     /// Lateness of the first less that of the second, s, with the standard uncertainty from noise; or why it was not
     /// measured.
     pub delay_s: Finding<Estimate>,
-    /// Standard uncertainty for what one delay does not explain in this pair, such as a delay that depends on frequency, s.
-    /// No other pair shares it.
+    /// Standard uncertainty for what one delay does not explain in this pair, such as a delay that depends on
+    /// frequency, s. No other pair shares it.
     pub widened_s: f64,
-    /// Reason not to use a delay that was measured, such as the words of [`acceleration_gate`]; `None` to use it.
+    /// Reason not to use a measured delay, such as the words of [`acceleration_gate`]; `None` to use it.
     pub not_used: Option<String>,
 }
 
@@ -71,7 +71,7 @@ const LEAST_IMU_RATE_HZ: f64 = 10.0;
 /// Least rate of the IMU over the frequency below which 95 % of the acceleration lies (section 3.2).
 const LEAST_RATE_RATIO: f64 = 4.0;
 
-/// Reason not to use the pairs of an acceleration: it is sampled too slowly to be a datum. `None` if it is fast enough.
+/// Reason not to use the pairs of an acceleration: its sampling is too slow for a datum. `None` if it is fast enough.
 ///
 /// `imu_rate_hz` is the rate of the specific force, `acceleration_95_hz` the frequency below which 95 % of the power
 /// of the acceleration lies, if known.
@@ -119,7 +119,7 @@ mod tests {
 
     /// Variances add up: 3² + 4² = 5².
     #[test]
-    fn without_what_one_delay_does_not_explain_noise_is_left_and_no_less_than_the_curvature_says() {
+    fn the_uncertainty_without_widening_is_noise_or_curvature() {
         let near = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-15;
         assert!(near(measured(Some(0.005), 0.004, 0.001), 0.003));
         assert!(near(measured(Some(0.005), 0.0, 0.001), 0.005));

@@ -1,4 +1,4 @@
-//! Constants of the network, with their origin.
+//! Constants of the network and their origin.
 
 use record::EffectKind;
 
@@ -51,14 +51,14 @@ impl ModelErrors {
     }
 }
 
-/// What references do in the network.
+/// How references are used in the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReferenceUse {
-    /// They judge it and take no part.
+    /// They judge channels but are not part of the network.
     Judges,
     /// They are the datum: on time by definition.
     Datum,
-    /// They take part, each with a lateness of its own: their clock was tied to a channel of the log.
+    /// They are part of it, each with its own lateness: their clock was tied to a channel of the log.
     OwnClock,
 }
 
@@ -77,19 +77,19 @@ pub struct NetworkSettings {
     pub closure_p: f64,
     /// Least |w| of a suspect.
     pub suspect_w: f64,
-    /// Suspects whose |w| is within this of the largest are its rivals.
+    /// Suspects whose |w| is within this distance of the largest are its rivals.
     pub rival_w: f64,
-    /// Effects freed at most.
+    /// Maximum number of effects freed.
     pub most_freed: usize,
-    /// Lead that a filter may have on true time without refusing the datum, s.
+    /// Lead of a filter over true time that is accepted without refusing the datum, s.
     pub filter_lead_s: f64,
     /// Model part of the uncertainty above which a figure is weak, s.
     pub weak_above_s: f64,
-    /// What references do. Default: they only judge.
+    /// How references are used. By default they only judge.
     pub reference: ReferenceUse,
-    /// Whether every attitude source takes part. Default: the best one for each velocity, for one IMU is one witness.
+    /// Whether every attitude source is used. Default: the best one per velocity, because one IMU is one witness.
     pub every_attitude: bool,
-    /// Velocity that compensation uses: zero of a part without datum.
+    /// Velocity that compensation uses: it is the zero of a part without a datum.
     pub compensation_velocity: Option<String>,
 }
 

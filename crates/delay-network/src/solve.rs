@@ -1,4 +1,4 @@
-//! From pairs to a record.
+//! Turns pairs into a network record.
 
 use crate::channels::Channels;
 use crate::graph::{Graph, Prepared, prepare};
@@ -12,18 +12,19 @@ use record::{
     DelayNetwork, EffectName, Estimate, NetworkDatum, NetworkEffect, NetworkVerdict, ReferenceJudgement, UsedPair,
 };
 
-/// One lateness per channel from all pairs of one flight; `None` if no pair can be used.
+/// One lateness per channel from all pairs of one flight; `None` if no pair is usable.
 ///
-/// `lineage` says where each channel comes from, normally from the channel map with
-/// [`lineage_from_name`](crate::lineage_from_name) where that is silent. The order of `pairs` does not matter.
+/// `lineage` returns where each channel comes from, normally from the channel map, with
+/// [`lineage_from_name`](crate::lineage_from_name) as the fallback. The order of `pairs` does not matter.
 ///
-/// Generalised least squares over `y_ab = (T_a + n_a) − (T_b + n_b) + f_e + e_ab` (section 2), datum rules of section 3,
-/// closure test and data snooping by effect of section 4.
+/// Generalised least squares over `y_ab = (T_a + n_a) − (T_b + n_b) + f_e + e_ab` (section 2), with the datum rules of
+/// section 3 and the closure test and data snooping by effect of section 4.
 ///
-/// Measured: latenesses drawn from the model lie in their 95 % intervals in 94.4–96.2 % of 2000 draws, channel by channel
-/// of seven networks (test `intervals_hold_what_they_say`). A lie in a pair that nothing checks cannot be found; `rests_on` names that pair.
-/// Two velocities and two positions make one loop of effects, so a lie there is found and cannot be named. Deciding it by
-/// majority (Huber, L1, Marzullo) was tried and left: the many lanes of one filter outvote the sensors.
+/// Measured: latenesses drawn from the model are within their 95 % intervals in 94.4–96.2 % of 2000 draws, for each
+/// channel of seven networks (test `intervals_reach_their_stated_coverage`). An error in an unchecked pair cannot be
+/// detected; `rests_on` names that pair. Two velocities and two positions form one loop of effects, so an error there
+/// is detected but cannot be located. A majority vote (Huber, L1, Marzullo) was tried and rejected: the many lanes of
+/// one filter outvote the sensors.
 ///
 /// ```
 /// use delay_network::{NetworkSettings, PairObservation, lineage_from_name, solve};
@@ -78,15 +79,15 @@ pub fn solve(
     Some(network)
 }
 
-/// Network as it is shown.
+/// Network as reported.
 struct Shown {
     shown: Isolation,
-    /// Network against the IMU, where that was refused, and the nodes that are earlier than it.
+    /// Network against the IMU, if it was refused, and the nodes that are earlier than the IMU.
     refused: Option<Isolation>,
     earlier: Vec<usize>,
 }
 
-/// Latenesses against the IMU, or without it in the parts in which a channel would be earlier.
+/// Latenesses against the IMU. Parts in which a channel would be earlier than the IMU are solved without it.
 fn against_datum(graph: &Graph, settings: &NetworkSettings, noise: &[f64]) -> Option<Shown> {
     let first = isolate(graph, settings, noise, &[])?;
     let earlier = first.earlier_than_datum(graph, settings);
@@ -113,17 +114,17 @@ pub fn difference(network: &DelayNetwork, first: &str, second: &str) -> Option<E
     })
 }
 
-/// Residual delay that a right compensation leaves between position and velocity, s: `Tp − Td − Tv` (section 1).
+/// Residual delay that a correct compensation leaves between position and velocity, s: `Tp − Td − Tv` (section 1).
 ///
-/// It is `−Tv` where the delay removed is the position's own: a late velocity is no fault of the compensation.
+/// It is `−Tv` if the removed delay is the position's own: a late velocity is not a fault of the compensation.
 #[must_use]
 pub fn expected_residual(network: &DelayNetwork, position: &str, velocity: &str, removed_s: f64) -> Option<Estimate> {
     let between = difference(network, position, velocity)?;
     Some(Estimate { value: between.value - removed_s, ..between })
 }
 
-/// Lateness of `channel` judged by a `reference` that took no part; `None` if the channel has no lateness against a
-/// datum.
+/// Lateness of `channel` judged by a `reference` that is not part of the network; `None` if the channel has no lateness
+/// against a datum.
 #[must_use]
 pub fn judge_against_reference(
     network: &DelayNetwork,
@@ -195,7 +196,7 @@ fn used_pairs(graph: &Graph, isolation: &Isolation) -> Vec<UsedPair> {
         .collect()
 }
 
-/// Whether a verdict leaves a value that may be removed.
+/// Whether a verdict allows a value to be removed.
 pub(crate) fn trusted(verdict: NetworkVerdict) -> bool {
     matches!(verdict, NetworkVerdict::Consistent | NetworkVerdict::Named | NetworkVerdict::Unchecked)
 }

@@ -1,14 +1,14 @@
-//! Pairs that would tie separate parts together, or to a datum.
+//! Pairs that would connect separate parts, or a part to a datum.
 
 use crate::graph::{Graph, Node};
 use crate::isolate::Isolation;
 use crate::lineage::Role;
 use record::{NetworkDatum, PairSuggestion, UnusedPair};
 
-/// Name of what is missing where no acceleration is known.
+/// Name of the missing channel if no acceleration is known.
 const ACCELERATION: &str = "attitude + specific-force";
 
-/// Suggestions, those of pairs that were tried first.
+/// Suggestions, pairs that were already tried first.
 pub(crate) fn suggestions(graph: &Graph, isolation: &Isolation, unused: &[UnusedPair]) -> Vec<PairSuggestion> {
     let tied = |part: usize| {
         let datum = isolation.adjustment.parts.get(part).map(|part| part.datum);
@@ -37,7 +37,7 @@ pub(crate) fn suggestions(graph: &Graph, isolation: &Isolation, unused: &[Unused
     found
 }
 
-/// Pair that was tried, was not used, and leads from one part to another or to a datum.
+/// Pair that was tried but not used, and that connects one part to another or to a datum.
 fn tried(graph: &Graph, pair: &UnusedPair, tied: &dyn Fn(usize) -> bool) -> Option<PairSuggestion> {
     let node = |name: &str| graph.nodes.iter().find(|node| node.name == name);
     let words = match (node(&pair.first), node(&pair.second)) {
@@ -52,7 +52,7 @@ fn tried(graph: &Graph, pair: &UnusedPair, tied: &dyn Fn(usize) -> bool) -> Opti
     Some(PairSuggestion { first: pair.first.clone(), second: pair.second.clone(), words })
 }
 
-/// Pair that nobody tried, between the first part and another.
+/// Untried pair between the first part and another.
 fn untried(graph: &Graph, part: usize) -> Option<PairSuggestion> {
     let (first, second) = match (first_position(graph, 0), first_velocity(graph, part)) {
         (Some(position), Some(velocity)) => (position, velocity),

@@ -1,4 +1,4 @@
-//! What the network says, in plain English.
+//! Results of the network in plain English.
 
 use crate::graph::Graph;
 use crate::isolate::Isolation;
@@ -6,7 +6,7 @@ use crate::lineage::ACCELERATION_FAMILY;
 use crate::settings::NetworkSettings;
 use record::{EffectName, NetworkDatum, NetworkVerdict};
 
-/// Milliseconds of seconds, as text.
+/// Seconds as text in milliseconds.
 pub(crate) fn ms(seconds: f64) -> String {
     flight::fixed(1e3 * seconds, 1)
 }

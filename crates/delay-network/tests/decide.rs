@@ -1,4 +1,4 @@
-//! The decision table, each row by a case made by hand.
+//! The decision table: each row tested on a hand-made case.
 
 use delay_network::{AskedSource, FlightSources, PositionLateness, RelativeLateness, decide};
 use rand::{RngExt, SeedableRng};
@@ -27,7 +27,7 @@ fn flight(name: &str, lateness_s: f64) -> FlightSources {
     }
 }
 
-/// Flight whose network does not tell.
+/// Flight whose network is undecided.
 fn untold(name: &str, change: impl Fn(&mut PositionLateness)) -> FlightSources {
     let mut flight = flight(name, 0.5);
     flight.position.as_mut().into_iter().for_each(change);
@@ -67,7 +67,7 @@ fn by_default(group: &[FlightSources]) -> RemovedDelay {
 fn row_1_takes_the_mean_of_the_others() {
     let removed = by_default(&with(group(4), flight("own", 0.210)));
     assert_eq!((removed.row, removed.source, removed.circular), (1, RemovedFrom::OthersFlights, false));
-    assert_eq!((removed.value_s, removed.pooled_flights), (Some(0.201), 4), "the 0.210 is not in it");
+    assert_eq!((removed.value_s, removed.pooled_flights), (Some(0.201), 4), "0.210 is excluded");
     assert!(removed.z.unwrap() > 0.5 && removed.z.unwrap() < 3.0);
     assert!(removed.words.starts_with("From 4 other flights"), "{}", removed.words);
     let u = removed.standard_uncertainty_s.unwrap();
@@ -75,14 +75,14 @@ fn row_1_takes_the_mean_of_the_others() {
 }
 
 #[test]
-fn row_2_takes_the_own_delay_of_a_flight_that_differs() {
+fn row_2_takes_the_own_delay_of_a_differing_flight() {
     let all = with(group(5), flight("odd", 0.262));
     let removed = by_default(&all);
     assert_eq!((removed.row, removed.source, removed.circular), (2, RemovedFrom::OwnNetwork, true));
     assert_eq!(removed.value_s, Some(0.262));
     assert!(removed.z.unwrap() > 3.0);
     assert!(removed.words.contains("Differs from its group: 60.8 ms later"), "{}", removed.words);
-    // and it is in nobody's mean
+    // and it is in no mean
     for other in &decide(&all, AskedSource::Network, DATUM_S).removed[..5] {
         assert_eq!((other.row, other.pooled_flights), (1, 4));
         assert!((other.value_s.unwrap() - 0.201).abs() < 0.0015);
@@ -90,7 +90,7 @@ fn row_2_takes_the_own_delay_of_a_flight_that_differs() {
 }
 
 #[test]
-fn row_3_takes_the_others_where_the_own_delay_is_not_told() {
+fn row_3_takes_the_others_if_the_own_delay_is_unknown() {
     for (own, why) in [
         (untold("own", |p| p.verdict = NetworkVerdict::Undecided), "which one is wrong is not known"),
         (untold("own", |p| p.verdict = NetworkVerdict::Scattered), "do not agree"),
@@ -131,7 +131,7 @@ fn row_5_takes_the_card_if_it_agrees_and_is_better_known() {
     assert_eq!((better.row, better.source, better.circular), (5, RemovedFrom::Card, false));
     assert_eq!((better.value_s, better.standard_uncertainty_s), (Some(0.2041), Some(0.002)), "a card is not rounded");
     assert!(better.card_e_n.unwrap() < 1.0 && better.words.contains("Card and flights agree"));
-    assert_eq!(better.pooled_flights, 4, "which agree with it");
+    assert_eq!(better.pooled_flights, 4, "the four flights that agree with the card");
     let worse = by_default(&with(group(4), own(0.02)));
     assert_eq!((worse.row, worse.source, worse.value_s), (5, RemovedFrom::OthersFlights, Some(0.201)));
     assert!(worse.card_e_n.unwrap() < 1.0 && worse.words.starts_with("Card and flights agree. From 4 other"));
@@ -140,7 +140,7 @@ fn row_5_takes_the_card_if_it_agrees_and_is_better_known() {
 }
 
 #[test]
-fn row_6_keeps_the_flights_against_a_card_that_they_contradict() {
+fn row_6_keeps_the_flights_if_they_contradict_the_card() {
     let own = FlightSources { card_s: Some(estimate(0.1, 0.002)), ..flight("own", 0.202) };
     let removed = by_default(&with(group(4), own.clone()));
     assert_eq!((removed.row, removed.source, removed.value_s), (6, RemovedFrom::OthersFlights, Some(0.201)));
@@ -175,7 +175,7 @@ fn row_7_takes_a_card_alone() {
 }
 
 #[test]
-fn row_8_does_not_take_a_relative_figure_for_a_delay() {
+fn row_8_does_not_use_a_relative_figure_as_a_delay() {
     let own = |card_s, stated_s| FlightSources {
         relative: relative(),
         card_s,
@@ -202,7 +202,7 @@ fn row_8_does_not_take_a_relative_figure_for_a_delay() {
 }
 
 #[test]
-fn row_9_puts_the_position_where_the_velocity_is_if_asked() {
+fn row_9_aligns_the_position_with_the_velocity_on_request() {
     let own = FlightSources { relative: relative(), ..flight("own", 0.202) };
     let removed = last(&with(group(4), own), AskedSource::Pair);
     assert_eq!((removed.row, removed.source, removed.circular), (9, RemovedFrom::Pair, true));
@@ -213,7 +213,7 @@ fn row_9_puts_the_position_where_the_velocity_is_if_asked() {
 }
 
 #[test]
-fn row_10_lets_a_reference_judge_and_a_sweep_be_circular() {
+fn row_10_a_reference_only_judges_and_a_sweep_is_marked_circular() {
     let own = FlightSources {
         reference_s: Some(estimate(0.2033, 0.001)),
         sweep_s: Some(estimate(0.2036, 0.0011)),
@@ -229,7 +229,7 @@ fn row_10_lets_a_reference_judge_and_a_sweep_be_circular() {
 }
 
 #[test]
-fn a_stated_number_is_removed_if_asked_and_tested_against_the_flight() {
+fn a_stated_number_is_removed_on_request_and_checked_against_flights() {
     let own = |stated| FlightSources {
         stated_s: Some(Estimate { value: stated, standard_uncertainty: None }),
         ..flight("own", 0.203)
@@ -243,7 +243,7 @@ fn a_stated_number_is_removed_if_asked_and_tested_against_the_flight() {
     );
     assert_eq!(last(&[own(0.203 + 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted, None);
     assert!(last(&[own(0.203 - 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted.is_some());
-    // A flight without a delay of its own is spoken for by the others, and by itself where it has one.
+    // A flight without its own delay is compared with the other flights, otherwise with its own.
     let by = |flight| last(&with(group(4), flight), AskedSource::Fixed).contradicted.unwrap();
     let silent = FlightSources { position: None, ..own(0.4) };
     assert!(by(silent.clone()).contains("other flights of its group"), "{}", by(silent));
@@ -251,7 +251,7 @@ fn a_stated_number_is_removed_if_asked_and_tested_against_the_flight() {
 }
 
 #[test]
-fn a_card_that_was_asked_for_is_removed_and_tested() {
+fn a_requested_card_is_removed_and_checked() {
     let own = FlightSources { card_s: Some(estimate(0.1, 0.002)), ..flight("own", 0.202) };
     let removed = last(&with(group(4), own), AskedSource::Card);
     assert_eq!((removed.row, removed.source, removed.value_s), (6, RemovedFrom::Card, Some(0.1)));
@@ -261,7 +261,7 @@ fn a_card_that_was_asked_for_is_removed_and_tested() {
 }
 
 #[test]
-fn a_group_of_two_receivers_is_pooled_one_by_one() {
+fn a_group_of_two_receivers_is_pooled_per_receiver() {
     let mut all = Vec::new();
     for at in 0..5 {
         all.push(flight(&format!("a{at}"), 0.200 + 0.001 * f64::from(at % 3)));
@@ -283,7 +283,7 @@ fn a_group_of_two_receivers_is_pooled_one_by_one() {
 }
 
 #[test]
-fn a_flight_whose_delay_varies_is_in_nobodys_mean() {
+fn a_flight_with_a_varying_delay_is_in_no_mean() {
     let varying = FlightSources { keep_out_of_pool: Some("its delay steps".to_owned()), ..flight("own", 0.215) };
     let all = with(group(4), varying);
     let decision = decide(&all, AskedSource::Network, DATUM_S);
@@ -322,7 +322,7 @@ fn twenty_thousand_flights_are_decided_together() {
     let before = decide(&many, AskedSource::Network, DATUM_S).removed;
     assert!(before.iter().all(|removed| removed.row == 1));
     assert!(before.iter().all(|removed| removed.value_s == Some(0.203)));
-    // one flight more, and an odd one at that, changes nothing that a result depends on
+    // adding one flight, even an outlier, changes none of the values that a result depends on
     many.push(flight("new", 0.212));
     let after = decide(&many, AskedSource::Network, DATUM_S).removed;
     let key = |removed: &RemovedDelay| (removed.value_s, removed.standard_uncertainty_s, removed.source);

@@ -1,4 +1,4 @@
-//! What a network says of lies, lanes, references, parts and nonsense.
+//! How a network handles wrong pairs, filter lanes, references, separate parts and invalid input.
 
 use delay_network::{
     Lineage, NetworkSettings, PairObservation, PositionLateness, ReferenceUse, RelativeLateness, difference,
@@ -30,9 +30,9 @@ fn complete(positions: &[(&str, f64)], velocities: &[(&str, f64)]) -> Vec<PairOb
 }
 
 fn lie(pair: &PairObservation, by_s: f64) -> PairObservation {
-    let told = *pair.delay_s.found().unwrap();
-    let u = told.standard_uncertainty.unwrap();
-    PairObservation::measured(pair.kind, &pair.first, &pair.second, told.value + by_s, u)
+    let measured = *pair.delay_s.found().unwrap();
+    let u = measured.standard_uncertainty.unwrap();
+    PairObservation::measured(pair.kind, &pair.first, &pair.second, measured.value + by_s, u)
 }
 
 fn covers(network: &DelayNetwork, channel: &str, truth: f64) -> bool {
@@ -40,7 +40,7 @@ fn covers(network: &DelayNetwork, channel: &str, truth: f64) -> bool {
     (low..=high).contains(&truth)
 }
 
-/// Four pairs of a real flight (DeLorean 159): position.gps is 203.3 ms late in truth, velocity.ekf 56.2 ms.
+/// Four pairs of a real flight (DeLorean 159): position.gps is truly 203.3 ms late, velocity.ekf 56.2 ms.
 fn delorean() -> Vec<PairObservation> {
     vec![
         PairObservation::measured(PositionAgainstVelocity, "position.gps", "velocity.ekf", 0.145_57, 0.009_133),
@@ -69,9 +69,9 @@ fn the_order_of_the_pairs_does_not_matter() {
     }
 }
 
-/// A position that is 70 ms later in all its pairs is 70 ms later, and nothing else changes.
+/// Making a position 70 ms later in all its pairs makes it 70 ms later and changes nothing else.
 #[test]
-fn a_channel_that_is_later_moves_alone() {
+fn a_later_channel_moves_alone() {
     let pairs = complete(&POSITIONS, &VELOCITIES);
     let before = solved(&pairs);
     for (name, _) in POSITIONS {
@@ -87,17 +87,17 @@ fn a_channel_that_is_later_moves_alone() {
     }
 }
 
-/// Lateness of the first less that of the second, or the other way round.
+/// Lateness of the first less that of the second, or the reverse.
 #[test]
-fn a_pair_named_the_other_way_round_says_the_same() {
+fn swapping_the_names_of_a_pair_changes_nothing() {
     let pairs = complete(&POSITIONS, &VELOCITIES);
     let turned = |pair: &PairObservation| {
         if pair.kind != PositionAgainstVelocity {
             return pair.clone();
         }
-        let told = *pair.delay_s.found().unwrap();
-        let u = told.standard_uncertainty.unwrap();
-        PairObservation::measured(pair.kind, &pair.second, &pair.first, -told.value, u)
+        let measured = *pair.delay_s.found().unwrap();
+        let u = measured.standard_uncertainty.unwrap();
+        PairObservation::measured(pair.kind, &pair.second, &pair.first, -measured.value, u)
     };
     let (here, there) = (solved(&pairs), solved(&pairs.iter().map(turned).collect::<Vec<_>>()));
     for (a, b) in here.channels.iter().zip(&there.channels) {
@@ -132,7 +132,7 @@ fn a_reference_judges_and_changes_nothing() {
 }
 
 #[test]
-fn a_reference_is_the_datum_only_if_asked_for() {
+fn a_reference_is_the_datum_only_on_request() {
     let mut pairs = delorean();
     pairs.push(PairObservation::measured(PositionAgainstReference, "position.gps", "position.truth", 0.2033, 0.001));
     let settings = NetworkSettings { reference: ReferenceUse::Datum, ..NetworkSettings::default() };
@@ -144,7 +144,7 @@ fn a_reference_is_the_datum_only_if_asked_for() {
 }
 
 #[test]
-fn a_lie_in_a_network_of_three_families_is_named() {
+fn a_wrong_pair_among_three_families_is_named() {
     let truth = complete(&POSITIONS, &VELOCITIES);
     for at in 0..9 {
         for by_s in [0.2, -0.2, 5.0] {
@@ -158,14 +158,14 @@ fn a_lie_in_a_network_of_three_families_is_named() {
             let found = network.effects.iter().find(|effect| effect.name == network.named[0]).unwrap();
             assert!((found.size_s.unwrap() - by_s).abs() < 0.01);
             for (channel, late) in POSITIONS.iter().chain(&VELOCITIES) {
-                assert!(covers(&network, channel, *late), "{channel} with a lie in {names:?}");
+                assert!(covers(&network, channel, *late), "{channel} with a wrong pair in {names:?}");
             }
         }
     }
 }
 
 #[test]
-fn a_lie_in_a_network_of_two_families_is_undecided_and_the_hull_holds_the_truth() {
+fn a_wrong_pair_among_two_families_is_undecided_and_the_hull_covers_it() {
     let (positions, velocities) = (&[("position.gps", 0.2), ("position.ekf", 0.07)], &VELOCITIES[..1]);
     let velocities = [velocities[0], ("velocity.ekf", 0.06)];
     let truth = complete(positions, &velocities);
@@ -177,17 +177,17 @@ fn a_lie_in_a_network_of_two_families_is_undecided_and_the_hull_holds_the_truth(
         assert_eq!(network.undecided_between.len(), 4);
         assert!(network.named.is_empty());
         for (channel, late) in positions.iter().chain(&velocities) {
-            assert!(covers(&network, channel, *late), "{channel} with a lie in pair {at}");
+            assert!(covers(&network, channel, *late), "{channel} with wrong pair {at}");
         }
     }
 }
 
 #[test]
-fn lanes_that_contradict_each_other_are_scattered_and_widened() {
+fn contradicting_lanes_are_scattered_and_widened() {
     let [gps, ekf, lane] = [("velocity.gps", 0.2), ("velocity.ekf", 0.06), ("velocity.ekf-2", 0.06)];
     let mut pairs = complete(&[("position.gps", 0.2), ("position.ekf", 0.07)], &[gps, ekf, lane]);
     let quiet = solved(&pairs);
-    // the lanes share the error of a filter, so nothing but noise may part them
+    // the lanes share the error of a filter, so only noise may separate them
     for pair in pairs.iter_mut().filter(|pair| pair.first == "position.ekf" && pair.second == "velocity.ekf-2") {
         *pair = lie(pair, 0.03);
     }
@@ -201,13 +201,13 @@ fn lanes_that_contradict_each_other_are_scattered_and_widened() {
     };
     assert!((width(&network) / width(&quiet) - network.birge).abs() < 1e-6);
     let u = network.channel("position.gps").unwrap().lateness_s.standard_uncertainty.unwrap();
-    assert!((width(&network) - 2.0 * 1.96 * u).abs() < 1e-12, "interval, uncertainty and covariance tell one story");
+    assert!((width(&network) - 2.0 * 1.96 * u).abs() < 1e-12, "interval, uncertainty and covariance agree");
     assert!((network.covariance_s2[2][2].sqrt() - u).abs() < 1e-12 || network.channels[2].channel != "position.gps");
 }
 
-/// A chain of two pairs and nothing that checks them: what widens one goes to the position as it is.
+/// A chain of two pairs without a check: widening one pair widens the position by the same amount.
 #[test]
-fn a_pair_that_one_delay_does_not_explain_widens_what_rests_on_it_and_no_more() {
+fn widening_a_pair_widens_only_what_depends_on_it() {
     let chain = |widened_s| {
         let first = position_velocity(("position.gps", 0.2), ("velocity.gps", 0.18), 0.002);
         let second = PairObservation::measured(VelocityAgainstAcceleration, "velocity.gps", IMU, 0.18, 0.001);
@@ -220,17 +220,14 @@ fn a_pair_that_one_delay_does_not_explain_widens_what_rests_on_it_and_no_more() 
     let expected = (quiet.0.powi(2) + 0.040_f64.powi(2) - model_s.powi(2)).sqrt();
     assert!((wide.0 - expected).abs() < 1e-9, "{wide:?} {expected}");
     assert!((wide.1 - quiet.1).abs() < 1e-9, "the velocity does not rest on that pair");
-    assert!(
-        (chain(0.9 * model_s).0 - quiet.0).abs() < 1e-12,
-        "what the kind of pair allows for already is not added again"
-    );
+    assert!((chain(0.9 * model_s).0 - quiet.0).abs() < 1e-12, "the model error of the pair kind is not added twice");
 }
 
 #[test]
-fn a_filter_is_shown_as_no_delay_and_a_figure_says_what_it_rests_on() {
+fn a_filter_is_not_a_delay_and_a_figure_names_what_it_rests_on() {
     let network = solved(&delorean());
     let filter = network.channel("velocity.ekf").unwrap().filter_not_a_delay.unwrap();
-    assert!((filter.value - -0.002_294).abs() < 1e-4, "what its own IMU sees: {}", filter.value);
+    assert!((filter.value - -0.002_294).abs() < 1e-4, "lateness against its own IMU: {}", filter.value);
     let position = network.channel("position.gps").unwrap();
     assert_eq!(position.filter_not_a_delay, None);
     assert_eq!(position.rests_on.as_deref(), Some("velocity.gps against acceleration, unchecked"));
@@ -239,7 +236,7 @@ fn a_filter_is_shown_as_no_delay_and_a_figure_says_what_it_rests_on() {
 }
 
 #[test]
-fn a_filter_as_the_only_way_to_the_imu_is_weak_and_gives_a_lower_bound() {
+fn a_filter_as_the_only_path_to_the_imu_gives_a_weak_lower_bound() {
     let pairs = [
         position_velocity(("position.gps", 0.09), ("velocity.ekf", 0.0), 0.005),
         PairObservation::measured(VelocityAgainstAcceleration, "velocity.ekf", IMU, 0.04, 0.003),
@@ -250,11 +247,11 @@ fn a_filter_as_the_only_way_to_the_imu_is_weak_and_gives_a_lower_bound() {
     let Estimate { value, standard_uncertainty } = position.lateness_s;
     let own = standard_uncertainty.unwrap().powi(2) - position.model_uncertainty_s.powi(2);
     assert!((position.at_least_s.unwrap() - (value - 2.0 * own.sqrt())).abs() < 1e-12);
-    assert_eq!(position.filter_not_a_delay, None, "without another way there is nothing to compare with");
+    assert_eq!(position.filter_not_a_delay, None, "without another path there is nothing to compare with");
 }
 
 #[test]
-fn separate_parts_have_their_own_zero_and_the_pair_that_would_join_them_is_suggested() {
+fn separate_parts_have_their_own_zero_and_a_joining_pair_is_suggested() {
     let pairs = [
         position_velocity(("position.gps", 0.002), ("velocity.gps", 0.0), 0.003),
         position_velocity(("position.ekf", -0.028), ("velocity.ekf", 0.0), 0.009),
@@ -270,7 +267,7 @@ fn separate_parts_have_their_own_zero_and_the_pair_that_would_join_them_is_sugge
 }
 
 #[test]
-fn the_velocity_of_compensation_is_the_zero_of_a_part_without_datum() {
+fn the_compensation_velocity_is_the_zero_of_a_part_without_datum() {
     let pairs = [
         position_velocity(("position.gps", 0.2), ("velocity.ekf", 0.05), 0.003),
         position_velocity(("position.gps", 0.2), ("velocity.gps", 0.2), 0.003),
@@ -281,14 +278,14 @@ fn the_velocity_of_compensation_is_the_zero_of_a_part_without_datum() {
     let zero = network.channel("velocity.gps").unwrap();
     assert_eq!((zero.lateness_s.value, zero.lateness_s.standard_uncertainty), (0.0, Some(0.0)));
     assert!((network.channel("velocity.ekf").unwrap().lateness_s.value - -0.15).abs() < 1e-9);
-    // the difference of both ends is the pair, whatever the zero
+    // the difference of both ends is the pair's delay, whichever is the zero
     let between = difference(&network, "position.gps", "velocity.ekf").unwrap();
     assert!((between.value - 0.15).abs() < 1e-9);
     assert!((between.standard_uncertainty.unwrap() - 0.003_f64.hypot(0.008)).abs() < 1e-5);
 }
 
 #[test]
-fn a_right_compensation_leaves_the_lateness_of_the_velocity() {
+fn a_correct_compensation_leaves_the_velocity_lateness() {
     let network = solved(&delorean());
     let position = network.channel("position.gps").unwrap().lateness_s.value;
     let velocity = network.channel("velocity.ekf").unwrap().lateness_s.value;
@@ -299,7 +296,7 @@ fn a_right_compensation_leaves_the_lateness_of_the_velocity() {
 }
 
 #[test]
-fn the_channel_map_knows_better_than_the_name() {
+fn the_channel_map_overrides_the_name() {
     let pairs = [position_velocity(("position.gps", 0.1), ("velocity.ekf", 0.0), 0.001)];
     let lineage = |name: &str| if name == "velocity.ekf" { Lineage::Measured } else { lineage_from_name(name) };
     let network = solve(&pairs, &lineage, &NetworkSettings::default()).unwrap();
@@ -308,7 +305,7 @@ fn the_channel_map_knows_better_than_the_name() {
 }
 
 #[test]
-fn loops_close_within_what_the_model_allows() {
+fn loops_close_within_the_model_uncertainty() {
     let network = solved(&delorean());
     assert_eq!(network.loops.len(), 1);
     let round = &network.loops[0];
@@ -320,7 +317,7 @@ fn loops_close_within_what_the_model_allows() {
 }
 
 #[test]
-fn nonsense_is_listed_and_never_panics() {
+fn invalid_pairs_are_listed_and_never_panic() {
     let measured = |a: &str, b: &str, y: f64, u: f64| PairObservation::measured(PositionAgainstVelocity, a, b, y, u);
     let pairs = [
         measured("a", "a", 0.1, 0.001),
@@ -358,7 +355,7 @@ fn nonsense_is_listed_and_never_panics() {
 }
 
 #[test]
-fn the_best_attitude_serves_all_velocities_and_the_others_are_listed() {
+fn the_best_attitude_serves_all_velocities_and_others_are_listed() {
     let against = |velocity: &str, attitude: &str, late: f64, u: f64| {
         let second = format!("attitude.{attitude} + specific-force.imu");
         PairObservation::measured(VelocityAgainstAcceleration, velocity, &second, late, u)
@@ -366,7 +363,7 @@ fn the_best_attitude_serves_all_velocities_and_the_others_are_listed() {
     let mut pairs = delorean();
     pairs.retain(|pair| pair.kind == PositionAgainstVelocity);
     pairs.extend([
-        // the first by name is the worst; a third was compared with one velocity alone, and well
+        // the first by name is the worst; a third was compared with only one velocity, and with a small uncertainty
         against("velocity.gps", "ahrs2", 0.190, 0.004),
         against("velocity.ekf", "ahrs2", -0.010, 0.004),
         against("velocity.gps", "ekf", 0.202, 0.001),
@@ -381,7 +378,7 @@ fn the_best_attitude_serves_all_velocities_and_the_others_are_listed() {
         .filter(|pair| pair.second.starts_with("acc["))
         .map(|pair| (pair.first.as_str(), pair.second.as_str()))
         .collect();
-    // ahrs2 was compared with two measured velocities, so it wins for all; and only then what is left
+    // ahrs2 was compared with two measured velocities, so it wins for all of them; the rest is assigned afterwards
     assert_eq!(
         used,
         [("velocity.ekf", "acc[ahrs2+imu]"), ("velocity.gps", "acc[ahrs2+imu]"), ("velocity.gps-2", "acc[ahrs2+imu]")]
@@ -397,7 +394,7 @@ fn the_best_attitude_serves_all_velocities_and_the_others_are_listed() {
 }
 
 #[test]
-fn the_decision_takes_what_the_network_says() {
+fn the_decision_uses_the_network_result() {
     let network = solved(&delorean());
     let position = PositionLateness::from_network(&network, "position.gps").unwrap();
     assert_eq!(position.lateness_s, network.channel("position.gps").unwrap().lateness_s);
@@ -409,7 +406,7 @@ fn the_decision_takes_what_the_network_says() {
 }
 
 #[test]
-fn a_record_survives_its_json() {
+fn a_record_survives_a_json_round_trip() {
     let network = solved(&delorean());
     let text = serde_json::to_string(&network).unwrap();
     assert!(text.contains("\"datum\":\"imu\"") && text.contains("\"verdict\":\"consistent\""));

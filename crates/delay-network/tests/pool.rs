@@ -1,4 +1,4 @@
-//! What a pool says of outliers, of groups that are two, and of many flights.
+//! How a pool handles outliers, split groups and many flights.
 
 use delay_network::{FlightLateness, pool};
 use rand::{RngExt, SeedableRng};
@@ -20,20 +20,20 @@ fn flights(latenesses_s: &[f64]) -> Vec<FlightLateness> {
     latenesses_s.iter().enumerate().map(|(at, late)| flight(at, *late)).collect()
 }
 
-/// Flights around a mean with the scatter of the uncertainties less datum and model.
+/// Flights around a mean, scattered by their uncertainties less datum and model.
 fn drawn(count: usize, mean_s: f64, sd_s: f64, rng: &mut Pcg64) -> Vec<f64> {
     (0..count).map(|_| mean_s + sd_s * rng.sample::<f64, _>(StandardNormal)).collect()
 }
 
-/// Seven flights at 250 ms and one at 450 ms: the group is the seven, and the eighth is named.
+/// Seven flights at 250 ms and one at 450 ms: the mean is of the seven, and the eighth is named.
 #[test]
-fn outliers_are_not_in_the_mean_that_describes_a_group() {
+fn outliers_are_excluded_from_the_mean_of_a_group() {
     let found = pool(&flights(&[0.2500, 0.2497, 0.2503, 0.2501, 0.2499, 0.2502, 0.4500, 0.2498]), DATUM_S).unwrap();
     assert_eq!(
         found.members.iter().filter(|m| m.outlier).map(|m| m.flight.as_str()).collect::<Vec<_>>(),
         ["flight-00006"]
     );
-    assert!(found.mean_s.value > 0.27, "all of them: {:?}", found.mean_s);
+    assert!(found.mean_s.value > 0.27, "includes the outlier: {:?}", found.mean_s);
     let described = found.described().unwrap();
     assert_eq!(described.flights, 7);
     assert!((described.mean_s.value - 0.25).abs() < 0.1e-3, "{described:?}");
@@ -59,23 +59,23 @@ fn two_receivers_in_one_group_are_split() {
 }
 
 #[test]
-fn one_group_is_left_whole() {
+fn a_single_group_is_not_split() {
     let mut rng = Pcg64::seed_from_u64(2);
     let mut split = 0;
     for trial in 0..600 {
         let count = [4, 6, 10, 30, 100][trial % 5];
-        // between flights as much as within, and much more
+        // scatter between flights from as large as within to much larger
         let sd_s = [0.003, 0.015, 0.060][trial % 3];
         split += u32::from(pool(&flights(&drawn(count, 0.2, sd_s, &mut rng)), DATUM_S).unwrap().split.is_some());
     }
-    // p bounds at 0.01, and is conservative
+    // the limit on p is 0.01, and p is conservative
     assert!(split <= 12, "{split} of 600");
     let even: Vec<f64> = (0..200).map(|i| 0.1 + 0.001 * f64::from(i)).collect();
     assert_eq!(pool(&flights(&even), DATUM_S).unwrap().split, None, "a slow drift is not two receivers");
 }
 
 #[test]
-fn twins_closer_than_their_uncertainty_are_one_group() {
+fn clusters_closer_than_their_uncertainty_are_one_group() {
     let latenesses = [0.2, 0.2, 0.2, 0.2005, 0.2005, 0.2005];
     assert_eq!(pool(&flights(&latenesses), DATUM_S).unwrap().split, None);
 }
@@ -90,12 +90,12 @@ fn a_flight_that_differs_by_thirty_milliseconds_is_an_outlier() {
         for (at, member) in found.members.iter().enumerate() {
             assert_eq!(member.outlier, at == odd, "{at}: {:?}", member.z);
         }
-        assert_eq!(found.split, None, "one flight is no cluster");
+        assert_eq!(found.split, None, "one flight is not a cluster");
     }
 }
 
 #[test]
-fn equal_uncertainties_have_the_interval_of_hartung_and_knapp() {
+fn equal_uncertainties_give_the_hartung_knapp_interval() {
     let latenesses = [0.19, 0.20, 0.23];
     let found = pool(&flights(&latenesses), DATUM_S).unwrap();
     let mean = latenesses.iter().sum::<f64>() / 3.0;
@@ -113,8 +113,8 @@ fn equal_uncertainties_have_the_interval_of_hartung_and_knapp() {
 }
 
 #[test]
-fn the_mean_of_a_group_covers_the_truth_as_often_as_it_says() {
-    // own parts and τ drawn, no common error: the half width without the common part must hold 95 %
+fn the_mean_of_a_group_has_its_stated_coverage() {
+    // own parts and τ are drawn without a common error: the half width without the common part must cover 95 %
     let (mut rng, trials, mut inside) = (Pcg64::seed_from_u64(3), 1500, 0);
     let flights_of = |rng: &mut Pcg64| -> Vec<FlightLateness> {
         let own_s = 0.003;
@@ -140,7 +140,7 @@ fn the_mean_of_a_group_covers_the_truth_as_often_as_it_says() {
 }
 
 #[test]
-fn a_single_flight_and_nonsense() {
+fn single_flights_and_invalid_input_are_handled() {
     let one = pool(&flights(&[0.2]), DATUM_S).unwrap();
     assert!((one.half_width_95_s - 1.96 * 0.0081).abs() < 1e-12);
     assert_eq!((one.tau_s, one.difference, one.prediction_95_s), (None, None, None));

@@ -66,7 +66,7 @@ fn solved(network: &Value) -> DelayNetwork {
 }
 
 #[test]
-fn the_constants_are_those_of_the_specification() {
+fn the_constants_match_the_specification() {
     let (constants, settings) = (&vectors()["constants"], NetworkSettings::default());
     let model = &constants["model_s"];
     assert_eq!(settings.model.measured_measured_s, number(&model["ss"]));
@@ -85,7 +85,7 @@ fn the_constants_are_those_of_the_specification() {
 }
 
 #[test]
-fn every_lateness_and_its_uncertainty_is_as_in_the_vectors() {
+fn latenesses_and_uncertainties_match_the_vectors() {
     let vectors = vectors();
     for vector in items(&vectors["networks"]) {
         let (name, network, expect) = (text(&vector["name"]), solved(vector), &vector["expect"]);
@@ -93,7 +93,7 @@ fn every_lateness_and_its_uncertainty_is_as_in_the_vectors() {
         assert_eq!(network.channels.len(), lateness.len(), "{name}");
         for channel in &network.channels {
             let wanted = &lateness[&channel.channel];
-            // the vectors keep figures against a datum that was refused; the record shows them beside relative ones
+            // the vectors keep figures against a refused datum; the record shows them next to relative ones
             let found = channel.against_refused_datum_s.unwrap_or(channel.lateness_s);
             assert_near(name, &channel.channel, found.value, &wanted["value_s"], TIME_TOLERANCE_S);
             let u = found.standard_uncertainty.unwrap();
@@ -115,7 +115,7 @@ fn every_lateness_and_its_uncertainty_is_as_in_the_vectors() {
 }
 
 #[test]
-fn verdicts_and_closures_are_as_in_the_vectors() {
+fn verdicts_and_closures_match_the_vectors() {
     let vectors = vectors();
     for vector in items(&vectors["networks"]) {
         let (name, network, expect) = (text(&vector["name"]), solved(vector), &vector["expect"]);
@@ -138,7 +138,7 @@ fn verdicts_and_closures_are_as_in_the_vectors() {
 }
 
 #[test]
-fn residuals_are_as_in_the_vectors() {
+fn residuals_match_the_vectors() {
     let vectors = vectors();
     for vector in items(&vectors["networks"]) {
         let (name, network) = (text(&vector["name"]), solved(vector));
@@ -150,7 +150,7 @@ fn residuals_are_as_in_the_vectors() {
 }
 
 #[test]
-fn wrong_effects_and_their_rivals_are_as_in_the_vectors() {
+fn wrong_effects_and_rivals_match_the_vectors() {
     let vectors = vectors();
     for vector in items(&vectors["networks"]) {
         let (name, network) = (text(&vector["name"]), solved(vector));
@@ -175,7 +175,7 @@ fn wrong_effects_and_their_rivals_are_as_in_the_vectors() {
 }
 
 #[test]
-fn reliabilities_are_as_in_the_vectors() {
+fn reliabilities_match_the_vectors() {
     let vectors = vectors();
     for vector in items(&vectors["networks"]) {
         let (name, network) = (text(&vector["name"]), solved(vector));
@@ -207,11 +207,11 @@ fn a_refused_datum_leaves_relative_figures_and_a_lower_bound() {
     assert!((position.lateness_s.value - (value("position.gps") - value("velocity.ekf"))).abs() < TIME_TOLERANCE_S);
     assert!((position.at_least_s.unwrap() - (value("position.gps") - value("position.ekf"))).abs() < TIME_TOLERANCE_S);
     assert!(network.datum_words.contains("relative to velocity.ekf"), "{}", network.datum_words);
-    assert!(acceleration_gate(2.5, None).is_some(), "the gate keeps this IMU out in the first place");
+    assert!(acceleration_gate(2.5, None).is_some(), "the gate rejects this IMU anyway");
 }
 
 #[test]
-fn the_bare_pair_is_the_difference_of_the_network() {
+fn the_bare_pair_equals_the_network_difference() {
     let vectors = vectors();
     let network = solved(&vectors["networks"][2]);
     let Estimate { value, standard_uncertainty } = difference(&network, "position.gps", "velocity.ekf").unwrap();
@@ -233,7 +233,7 @@ fn pool_flights(vector: &Value) -> Vec<FlightLateness> {
 }
 
 #[test]
-fn pools_are_as_in_the_vectors() {
+fn pools_match_the_vectors() {
     let vectors = vectors();
     for vector in items(&vectors["pools"]) {
         let (name, expect) = (text(&vector["name"]), &vector["expect"]);

@@ -81,7 +81,7 @@ fn show(r: &Run) {
     );
 }
 
-/// Root mean square of curve less truth at the fixes, bursts left out; and outside 4 s of a flush.
+/// Root mean square of curve less truth at the fixes, without bursts; also more than 4 s from a flush.
 fn curve_rms(r: &Run) -> f64 {
     let (t, d): (Vec<f64>, Vec<f64>) = r.found.curve.iter().map(|p| (p.t_s, p.delay_s)).unzip();
     let mut sum = (0.0, 0.0);

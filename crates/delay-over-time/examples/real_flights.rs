@@ -1,7 +1,7 @@
-//! Silence on untouched real flights, and what is found of changes that were injected into them:
-//! `cargo run --release -p flightlag-delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds one folder for
-//! each log, written by `flightlag export LOG --to csv --out FOLDER/NAME`. Positions are re-timed; nothing else is touched.
-//! A piece of 0 s takes whole flights, injects nothing and says what each costs.
+//! No detections on unmodified real flights, and what is found of injected changes: `cargo run --release -p
+//! flightlag-delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds one folder per log,
+//! written by `flightlag export LOG --to csv --out FOLDER/NAME`. Only the timestamps of positions are changed. A piece
+//! of 0 s uses whole flights, injects nothing and prints the cost of each.
 
 #![allow(clippy::print_stdout, clippy::indexing_slicing, clippy::unwrap_used)]
 
@@ -12,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Longest piece of a flight unless another is asked for, s.
+/// Longest piece of a flight unless another length is given, s.
 const PIECE_S: f64 = 600.0;
 
 #[derive(Clone, Default)]

@@ -1,12 +1,12 @@
-//! Statistics on bins (Part A S5). They decide nothing: whole flights are not as white as they assume (Part B S5).
-//! They say whether a delay changes where no window knows its level.
+//! Statistics on bins (Part A S5). They decide nothing, because whole flights are not as white as they assume (Part B
+//! S5). They show whether a delay changes when no window has a usable level.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Variances of a walk that are tried, from and to, and how many.
+/// Variances of a walk that are tried: from, to, and count.
 const WALKS: (f64, f64, usize) = (1e-6, 0.3, 10);
 
-/// Each is large if bins disagree.
+/// Test statistics that are large if bins disagree.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(not(test), expect(dead_code, reason = "the acceptance vectors check all of them"))]
 pub(crate) struct BinStatistics {
@@ -15,9 +15,9 @@ pub(crate) struct BinStatistics {
     pub(crate) level_uncertainty_s: f64,
     /// Chi-squared of the largest step.
     pub(crate) step: f64,
-    /// Of the largest step or excursion.
+    /// Chi-squared of the largest step or excursion.
     pub(crate) step_or_excursion: f64,
-    /// Of the trend.
+    /// Chi-squared of the trend.
     pub(crate) trend: f64,
     /// Nyblom's mean of squared partial sums.
     pub(crate) nyblom: f64,
@@ -27,7 +27,7 @@ pub(crate) struct BinStatistics {
     pub(crate) chi_squared: f64,
 }
 
-/// `a` and `z` of the flexible fit; `None` if they say nothing.
+/// From `a` and `z` of the flexible fit; `None` if they carry no information.
 pub(crate) fn bin_statistics(a: &DMatrix<f64>, z: &DVector<f64>, middle_s: &[f64]) -> Option<BinStatistics> {
     let bins = z.len();
     if bins < 3 {
@@ -83,7 +83,7 @@ fn running(values: impl Iterator<Item = f64>) -> Vec<f64> {
         .collect()
 }
 
-/// Sums of `a` over the first rows and columns.
+/// Cumulative sums of `a` over the first rows and columns.
 fn block_sums(a: &DMatrix<f64>) -> DMatrix<f64> {
     let mut sums = a.clone();
     for i in 0..a.nrows() {
@@ -100,7 +100,7 @@ fn block_sums(a: &DMatrix<f64>) -> DMatrix<f64> {
 /// Likelihood ratio of a walk and chi-squared, from the eigenvalues of the increments' information.
 fn walk_statistics(a: &DMatrix<f64>, row: &DVector<f64>, total: f64, score: &DVector<f64>) -> (f64, f64) {
     let bins = score.len();
-    // An increment moves all bins from its own on.
+    // An increment moves its own bin and all later ones.
     let increments = DMatrix::from_fn(bins, bins - 1, |i, s| if i > s { 1.0 } else { 0.0 });
     let with_level = increments.tr_mul(row);
     let mut h = increments.tr_mul(&(a * &increments));

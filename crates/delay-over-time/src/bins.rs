@@ -1,15 +1,15 @@
-//! The flexible fit (S3): a delay that is constant in each bin and walks from bin to bin.
+//! The flexible fit (S3): a delay that is constant within each bin and follows a random walk from bin to bin.
 
 use crate::fixes::Fixes;
 use crate::motion::Motion;
 use crate::whitening::{NoiseShape, Step, steps};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// A bin's column is dropped once the filter remembers less than this share of it.
+/// A bin's column is dropped once the filter retains less than this share of it.
 const FORGOTTEN: f64 = 1e-7;
-/// Most bins whose columns are kept at a time: bounds the cost where the filter forgets slowly.
+/// Most bins whose columns are kept at a time: bounds the cost if the filter forgets slowly.
 const MOST_ACTIVE: usize = 24;
-/// Keeps nuisances that the data do not know from dividing by zero, as a share of their information.
+/// Prevents division by zero for nuisance parameters that the data do not determine, as a share of their information.
 const RIDGE: f64 = 1e-12;
 
 /// Noise of the position with its scale.
@@ -20,9 +20,9 @@ pub(crate) struct Noise {
     pub(crate) white_m: f64,
 }
 
-/// Whitened residuals and the columns of the bins, offset and drift of every piece projected out.
+/// Whitened residuals and bin columns, with offset and drift of every piece projected out.
 pub(crate) struct Normal {
-    /// Products of the bins' columns.
+    /// Products of the bin columns.
     pub(crate) a: DMatrix<f64>,
     /// Products with the residuals.
     pub(crate) b: DVector<f64>,
@@ -32,7 +32,7 @@ pub(crate) struct Normal {
     pub(crate) log_det: f64,
 }
 
-/// Rows that [`normal`] works on: residuals and velocities at the linearisation, and the bin of each.
+/// Rows for [`normal`]: residuals and velocities at the linearisation, and the bin of each.
 pub(crate) struct Rows<'a> {
     pub(crate) t: &'a [f64],
     pub(crate) e: &'a [[f64; 2]],
@@ -72,18 +72,18 @@ fn filter_log_det(filter: &[Step]) -> f64 {
     filter.iter().map(|s| -2.0 * s.weight.ln()).sum()
 }
 
-/// Columns of the bins that the filter remembers.
+/// Columns of the bins that the filter still retains.
 struct Active {
-    /// First bin, and how many.
+    /// First bin, and number of bins.
     lo: usize,
     held: usize,
-    /// What the filter holds of each, and its whitened value.
+    /// Filter state of each, and its whitened value.
     wander: [f64; MOST_ACTIVE + 1],
     white: [f64; MOST_ACTIVE + 1],
 }
 
 impl Active {
-    /// Adds the columns up to that of `bin`; of too many the first is dropped.
+    /// Adds the columns up to that of `bin`. If there are too many, drops the first.
     #[inline]
     fn reach(&mut self, bin: usize) {
         while self.lo + self.held <= bin {
@@ -108,7 +108,7 @@ impl Active {
         }
     }
 
-    /// Drops the first columns of which next to nothing is left.
+    /// Drops the first columns whose remainder is negligible.
     #[inline]
     fn forget(&mut self, v: f64) {
         let mut gone = 0;
@@ -123,7 +123,7 @@ impl Active {
     }
 }
 
-/// The part of one axis of one piece; lower triangle of `a` only.
+/// Contribution of one axis of one piece; lower triangle of `a` only.
 fn add_axis(out: &mut Normal, rows: &Rows, piece: std::ops::Range<usize>, axis: usize, filter: &[Step], white_m: f64) {
     let Some(&first) = rows.bin.get(piece.start) else { return };
     let (start, end) = crate::input::span(&rows.t[piece.clone()]);
@@ -164,7 +164,7 @@ fn add_axis(out: &mut Normal, rows: &Rows, piece: std::ops::Range<usize>, axis: 
     project(out, first, &with, products, with_residual);
 }
 
-/// Takes offset and drift of one axis of one piece out.
+/// Projects out offset and drift of one axis of one piece.
 fn project(out: &mut Normal, first: usize, with: &[[f64; 2]], products: [f64; 3], with_residual: [f64; 2]) {
     let d = [1.0 / (products[0] + 1e-300).sqrt(), 1.0 / (products[2] + 1e-300).sqrt()];
     let (aa, ab, bb) =
@@ -224,13 +224,13 @@ pub(crate) fn walk(a: &DMatrix<f64>, z: &DVector<f64>, c: f64, q: f64) -> Option
 /// The flexible fit.
 pub(crate) struct Flexible {
     pub(crate) middle_s: Vec<f64>,
-    /// Products of the bins' columns, and A θ + b: sufficient for all descriptions.
+    /// Products of the bin columns, and A θ + b: sufficient for all descriptions.
     pub(crate) a: DMatrix<f64>,
     pub(crate) z: DVector<f64>,
     pub(crate) delay_s: Vec<f64>,
     pub(crate) uncertainty_s: Vec<f64>,
     pub(crate) cost: f64,
-    /// Number of fixes that took part.
+    /// Number of fixes used.
     used: usize,
 }
 
@@ -239,10 +239,10 @@ const WALKS: [f64; 8] = [1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1];
 const ROUNDS: usize = 4;
 const LARGEST_STEP_S: f64 = 0.4;
 const STEADY_S: f64 = 3e-3;
-/// Guard about the velocity's record, s.
+/// Guard at the ends of the velocity's record, s.
 const GUARD_S: f64 = 0.3;
 
-/// Fits bins of `length_s` from the delay `start`; `None` if too little is within the velocity's record.
+/// Fits bins of `length_s` starting from the delay `start`; `None` if too few fixes are within the velocity's record.
 pub(crate) fn fit(
     fixes: &Fixes,
     motion: &Motion,
@@ -255,7 +255,7 @@ pub(crate) fn fit(
     let mut base = bin_means(&binned.bin, binned.middle_s.len(), &starts, &binned.middle_s, start);
     let mut best: Option<(Normal, DVector<f64>, Walk)> = None;
     for _ in 0..ROUNDS {
-        let (of, z, found) = binned.likeliest(fixes, motion, noise, &base)?;
+        let (of, z, found) = binned.most_likely(fixes, motion, noise, &base)?;
         let mut largest = 0.0f64;
         for (b, d) in base.iter_mut().zip(found.delay_s.iter()) {
             let step = (d - *b).clamp(-LARGEST_STEP_S, LARGEST_STEP_S);
@@ -284,7 +284,7 @@ struct Binned {
     rows: Vec<usize>,
     t: Vec<f64>,
     bin: Vec<usize>,
-    /// First of these rows of each piece, and their number.
+    /// First of these rows of each piece, and the number of rows.
     starts: Vec<usize>,
     middle_s: Vec<f64>,
 }
@@ -307,7 +307,7 @@ impl Binned {
     }
 
     /// Normal equations linearised at the delays `base`, A θ + b, and the most likely walk.
-    fn likeliest(
+    fn most_likely(
         &self,
         fixes: &Fixes,
         motion: &Motion,
@@ -327,7 +327,7 @@ impl Binned {
 
 #[cfg(test)]
 impl Flexible {
-    /// Of these sufficient numbers; as if the most likely walk were the level of least squares of each bin.
+    /// Built from these sufficient statistics, as if the most likely walk were the least-squares level of each bin.
     pub(crate) fn example(middle_s: Vec<f64>, a: DMatrix<f64>, z: DVector<f64>) -> Flexible {
         let delay_s: Vec<f64> = z.iter().zip(a.diagonal().iter()).map(|(z, a)| z / a).collect();
         let uncertainty_s = a.diagonal().iter().map(|a| 1.0 / a.sqrt()).collect();
@@ -336,7 +336,7 @@ impl Flexible {
 }
 
 impl Flexible {
-    /// Whether this fits better than `other` on as many fixes.
+    /// Whether this fits better than `other` on at least as many fixes.
     pub(crate) fn beats(&self, other: &Flexible) -> bool {
         let more = self.used as f64 / other.used.max(1) as f64;
         if (more - 1.0).abs() < 0.02 {
@@ -388,7 +388,7 @@ mod tests {
         assert!((found - expected).abs() < tolerance, "{what}: {found} instead of {expected}");
     }
 
-    /// Normal equations of the acceptance vectors, and the first stamp.
+    /// Normal equations of the acceptance vectors, and the first timestamp.
     fn of_the_vectors() -> (Normal, f64) {
         let t: Vec<f64> = (0..24).map(|k| 0.5 * f64::from(k) + 0.05 * (1.7 * f64::from(k)).sin()).collect();
         let vel: Vec<[f64; 2]> = t.iter().map(|t| [15.0 * (0.5 * t).cos(), 15.0 * (0.5 * t).sin()]).collect();
@@ -442,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn a_column_that_is_forgotten_changes_nothing() {
+    fn dropping_a_forgotten_column_changes_nothing() {
         let t: Vec<f64> = (0..400).map(|k| 0.2 * f64::from(k)).collect();
         let v: Vec<[f64; 2]> = t.iter().map(|t| [15.0 * (0.5 * t).cos(), 15.0 * (0.5 * t).sin()]).collect();
         let e: Vec<[f64; 2]> = t.iter().map(|t| [(3.1 * t).sin(), (2.3 * t).cos()]).collect();
@@ -455,7 +455,7 @@ mod tests {
         assert!((fine.b.sum() - one.b[0]).abs() < 1e-5 * one.a[(0, 0)].sqrt());
     }
 
-    /// Products of the bins' columns, with the residuals, their square, and the determinants, by full matrices.
+    /// Products of the bin columns, with and of the residuals, and the determinants, from full matrices.
     fn dense_normal(rows: &Rows, bins: usize, noise: &Noise) -> Normal {
         let mut out = Normal { a: DMatrix::zeros(bins, bins), b: DVector::zeros(bins), rss: 0.0, log_det: 0.0 };
         for w in rows.starts.windows(2) {
@@ -475,7 +475,7 @@ mod tests {
                 out.a += DMatrix::from_fn(bins, bins, |i, j| columns[i].dot(&columns[j]));
                 out.b += DVector::from_fn(bins, |i, _| columns[i].dot(&e));
                 out.rss += e.norm_squared();
-                // XᵀV⁻¹X of two columns is divided by the white noise's variance twice.
+                // XᵀV⁻¹X of two columns is divided by the variance of the white noise twice.
                 out.log_det += dense.log_det_noise + 2.0 * piece.len() as f64 * noise.white_m.ln();
                 out.log_det += dense.log_det_nuisance - 4.0 * noise.white_m.ln();
             }
@@ -483,9 +483,9 @@ mod tests {
         out
     }
 
-    /// Three pieces that share bins, stamps that are irregular, noise with and without jitter, and a bin without a fix.
+    /// Three pieces that share bins, irregular timestamps, noise with and without jitter, and a bin without a fix.
     #[test]
-    fn the_normal_equations_are_those_of_the_dense_formula() {
+    fn the_normal_equations_match_the_dense_formula() {
         let mut random = Random::new(5);
         for (jitter, white_m, wander) in [(0.0, 0.3, 3.0), (0.4, 0.7, 0.5), (0.1, 2.0, 20.0)] {
             let t = random.stamps(70, 500.0);
@@ -504,9 +504,9 @@ mod tests {
         }
     }
 
-    /// The filter of the first noise remembers one fix, that of the second about twelve: 24 bins have 96.
+    /// With the first noise the filter remembers one fix, with the second about twelve: 24 bins have 96.
     #[test]
-    fn more_bins_than_are_kept_at_a_time_cost_little_accuracy() {
+    fn more_bins_than_are_kept_cost_little_accuracy() {
         let mut random = Random::new(6);
         let t = random.stamps(160, 0.0);
         let (e, v) = (random.pairs(160, 0.5), random.pairs(160, 9.0));
@@ -520,7 +520,7 @@ mod tests {
         }
     }
 
-    /// Prior of a walk: (θᵢ₊₁ − θᵢ)² / q, and a level about which nothing is known.
+    /// Prior of a walk: (θᵢ₊₁ − θᵢ)² / q, and an unknown level.
     #[test]
     fn the_walk_is_the_posterior_of_a_random_walk() {
         let mut random = Random::new(7);
@@ -539,8 +539,8 @@ mod tests {
             for (u, v) in found.uncertainty_s().iter().zip(inverse.diagonal().iter()) {
                 assert!(near(*u, v.sqrt(), 1e-8), "{q}");
             }
-            // −2 log L: quadratic form, posterior and prior determinant. The prior of n − 1 increments in θ is flat in the
-            // level; det DDᵀ = n.
+            // −2 log L: quadratic form, posterior and prior determinant. The prior of n − 1 increments in θ is flat in
+            // the level; det DDᵀ = n.
             let ddt = &increments * increments.transpose();
             let prior = -(ddt.determinant().ln() - (n as f64 - 1.0) * q.ln());
             let cost = 11.0 - z.dot(&expected) + sum.determinant().ln() + prior;
@@ -560,7 +560,7 @@ mod tests {
 
     /// A delay that climbs from 0.1 s to 0.4 s, with noise of 0.1 m at 15 m/s.
     #[test]
-    fn the_flexible_fit_follows_a_delay_that_climbs() {
+    fn the_flexible_fit_follows_a_climbing_delay() {
         let motion = turning(120.0);
         let truth = |t: f64| 0.1 + 0.3 * t / 120.0;
         let fixes = late(truth, 0.1, &motion);
@@ -570,7 +570,7 @@ mod tests {
         let mut squares = 0.0;
         for ((t, d), u) in found.middle_s.iter().zip(&found.delay_s).zip(&found.uncertainty_s) {
             assert!((2e-4..0.01).contains(u), "{u}");
-            // Within a bin the delay climbs by 10 ms: its mean is that of the middle.
+            // Within a bin the delay climbs by 10 ms. Its mean is the value at the middle.
             squares += ((d - truth(*t)) / (u + 1e-3)).powi(2);
         }
         assert!(squares < 60.0, "chi-squared with 30 degrees of freedom: {squares}");
@@ -580,7 +580,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_further_away_changes_no_delay() {
+    fn a_distant_position_does_not_change_the_delay() {
         let motion = turning(120.0);
         let fixes = late(|_| 0.25, 0.2, &motion);
         let shape = NoiseShape { wander: 1.0, time_constant_s: 10.0, jitter: 0.01 };
@@ -589,7 +589,7 @@ mod tests {
         let here = delays(&fixes);
         let mut moved = fixes.clone();
         for (k, y) in moved.y.iter_mut().enumerate() {
-            // Each piece has an offset and a drift of its own.
+            // Each piece has its own offset and drift.
             let drift = if k < 200 { 0.01 } else { -0.02 } * moved.t[k];
             *y = [y[0] + 4000.0 + drift, y[1] - 300.0 * f64::from(u8::from(k >= 200)) - drift];
         }

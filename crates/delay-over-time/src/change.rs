@@ -1,4 +1,4 @@
-//! The curve of a delay, and its description where it moves (S3, S6, S7).
+//! The curve of a delay, and its description if the delay changes (S3, S6, S7).
 
 use crate::bins::{self, Flexible, Noise};
 use crate::coarse::{CoarseMap, interpolate};
@@ -12,32 +12,32 @@ use crate::shape::Shape;
 use crate::stages::{Test, fit_all, usual_length};
 use crate::windows::{Scratch, Starts, Window};
 
-/// Change of the coarse path from which a description is tried, s.
+/// Change of the coarse path above which a description is tried, s.
 const MOVED_S: f64 = 0.25;
-/// Least span of a description that decides by what it explains, s; share of squares that it leaves, and with any one
-/// window left out.
+/// Least span, s, of a description that decides by what it explains; the share of squares it may leave; and that share
+/// with any one window left out.
 const EXPLAINED_SPAN_S: f64 = 0.25;
 const UNEXPLAINED: f64 = 0.6;
-/// A window's squares count up to so many medians.
+/// Limit on the squares of a window, in medians.
 const MOST_SQUARES: f64 = 10.0;
 const UNEXPLAINED_WITHOUT_ONE: f64 = 0.7;
-/// Least number of windows that move for this.
+/// Least number of moving windows for this.
 const LEAST_MOVING: usize = 4;
 /// A curve on bins that leaves more than this will not explain enough on the fixes.
-const HOPELESS: f64 = 0.9;
-/// Times that noise and description are found in turn.
+const MOST_LEFT_ON_BINS: f64 = 0.9;
+/// Number of alternations between noise and description.
 const TURNS: usize = 3;
-/// Bins of the flexible fit: least length, s; number if the delay is constant, and if it varies.
+/// Bins of the flexible fit: least length, s, and the number of bins if the delay is constant and if it varies.
 const BIN_S: f64 = 2.0;
 const BIN_FIXES: f64 = 4.0;
 const BINS_CONSTANT: f64 = 80.0;
 const BINS_VARYING: f64 = 160.0;
 
-/// What the description needs.
+/// Input of the description.
 pub(crate) struct Change<'a> {
     pub(crate) motion: &'a Motion,
     pub(crate) map: &'a CoarseMap,
-    /// Fixes without those beside jumps, and with them.
+    /// Fixes without those near jumps, and with them.
     pub(crate) fixes: Fixes,
     pub(crate) edges: Fixes,
     pub(crate) test: Option<&'a Test>,
@@ -68,7 +68,7 @@ impl Change<'_> {
             _ => None,
         };
         let mut out = Described { noise, flexible, refined, explained: false };
-        // A change has gone into the noise as well: take it out, and look again.
+        // The noise estimate also absorbed the change: remove the change and estimate again.
         let turns = match (varies, moved) {
             (true, true) => 1,
             (true, false) => 0,
@@ -109,7 +109,7 @@ impl Change<'_> {
         Refinement { fixes: &self.edges, motion: self.motion, noise, inflation: self.inflation(), bin_s }
     }
 
-    /// The flexible fit from a constant, and from the coarse path if that moves.
+    /// The flexible fit from a constant, and from the coarse path if that changes.
     fn flexible(&self, noise: &Noise, bin_s: f64, moves: bool, constant_s: f64) -> Option<Flexible> {
         let path = |t: f64| self.map.path_at(t);
         let from_constant = bins::fit(&self.fixes, self.motion, noise, &|_| constant_s, bin_s);
@@ -128,32 +128,33 @@ impl Change<'_> {
         costed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, refined)| refined)
     }
 
-    /// Refined only if bins or their description leave less than nearly all: the fixes cannot make much of little.
+    /// Refined only if bins or description leave clearly less than everything: the fixes cannot rescue a poor fit.
     fn refined_if_promising(&self, flexible: &Flexible, noise: Noise, bin_s: f64) -> Option<Refined> {
         let refinement = self.refinement(noise, bin_s);
         let on_bins = |t: f64| interpolate(&flexible.middle_s, &flexible.delay_s, t);
         let descriptions = describe(flexible, self.inflation());
-        let hopeless = |curve: &dyn Fn(f64) -> f64| self.left(&refinement, curve).is_some_and(|l| l.share > HOPELESS);
+        let hopeless =
+            |curve: &dyn Fn(f64) -> f64| self.left(&refinement, curve).is_some_and(|l| l.share > MOST_LEFT_ON_BINS);
         if hopeless(&on_bins) && descriptions.iter().all(|d| hopeless(&|t| d.at(t))) {
             return None;
         }
         self.refined(descriptions, noise, bin_s)
     }
 
-    /// Whether a description that spans much leaves few of the squares that a constant leaves, with any one
-    /// window left out as well. This finds changes that go on in all windows, such as a sawtooth, which windows take for
-    /// scatter.
+    /// Whether a description with a large span leaves few of the squares that a constant leaves, also with any one
+    /// window left out. This detects changes that occur in all windows, such as a sawtooth, which the comparison of
+    /// windows treats as scatter.
     fn explains(&self, description: &Description, noise: Noise, bin_s: f64) -> bool {
         let spans = Shape::new(description, self.span_s).span_s() >= EXPLAINED_SPAN_S;
         let left = || self.left(&self.refinement(noise, bin_s), &|t| description.at(t));
         spans && left().is_some_and(|l| l.share <= UNEXPLAINED && l.without_one <= UNEXPLAINED_WITHOUT_ONE)
     }
 
-    /// What a curve leaves of the squares of windows; `None` if too few windows move.
+    /// Squares of windows that a curve leaves; `None` if too few windows move.
     fn left(&self, refinement: &Refinement, curve: &dyn Fn(f64) -> f64) -> Option<Left> {
         let windows = &self.test?.windows;
         let moving: Vec<&Window> = windows.iter().filter(|w| w.speed_mps > self.motion.slow_mps).collect();
-        // Squares per number: one window with a wild fix counts no more than the others do together with the noise.
+        // Squares per number: one window with a wild fix counts no more than the others together with the noise.
         let squares = |at: &dyn Fn(f64) -> f64| -> Vec<f64> {
             let of = |w: &&Window| {
                 let (squares, fixes) = refinement.squares_between(w.from_s, w.to_s, at);
@@ -178,13 +179,13 @@ impl Change<'_> {
     }
 }
 
-/// Share of the squares about the better constant that a curve leaves, and the most with any one window left out.
+/// Share of the squares about the better constant that a curve leaves; the largest with one window left out.
 struct Left {
     share: f64,
     without_one: f64,
 }
 
-/// Noise of windows at the delays of `starts`; the jitter is that of `noise`.
+/// Noise of windows at the delays of `starts`; the jitter is taken from `noise`.
 fn noise_about(
     fixes: &Fixes,
     motion: &Motion,
@@ -207,7 +208,7 @@ mod tests {
     use crate::example::{FIRST_S, WINDOW_S, found};
     use record::DelayTermKind;
 
-    /// Fixes of 5 Hz that are late by `late` and noise of 0.3 m, within the windows of [`example::found`].
+    /// Fixes at 5 Hz, late by `late`, with noise of 0.3 m, within the windows of [`example::found`].
     fn fixes(late: &dyn Fn(f64) -> f64, motion: &Motion) -> Fixes {
         let mut random = Random::new(1);
         let t: Vec<f64> = (0..1200).map(|k| FIRST_S + 0.2 * f64::from(k)).collect();
@@ -236,9 +237,9 @@ mod tests {
         0.1 + 0.4 * ((t - FIRST_S) / 17.0).fract()
     }
 
-    /// Squares of each window by the number of its values, about the better of the level (0.3 s) and the map's constant.
+    /// Squares of each window per number of values, about the better of the level (0.3 s) and the map's constant.
     #[test]
-    fn a_curve_leaves_its_share_of_the_squares_of_the_windows() {
+    fn a_curve_leaves_its_share_of_the_window_squares() {
         with_change(&sawtooth, |change| {
             let refinement = change.refinement(NOISE, 2.0);
             let squares = |at: &dyn Fn(f64) -> f64| -> Vec<f64> {
@@ -283,7 +284,7 @@ mod tests {
         with_change(&|_| 0.3, |change| assert!(!change.explains(&description, NOISE, 2.0)));
     }
 
-    /// One window with a reset of 500 m within counts no more than ten medians.
+    /// One window that contains a reset of 500 m counts at most ten medians.
     #[test]
     fn one_wild_window_does_not_decide() {
         with_change(&sawtooth, |change| {
@@ -295,7 +296,7 @@ mod tests {
             }
             let refinement = wild.refinement(NOISE, 2.0);
             let left = wild.left(&refinement, &sawtooth).unwrap();
-            // Of twelve windows ten medians are at most 10 of 21 of the squares about the constant.
+            // Of twelve windows, ten medians are at most 10 of 21 of the squares about the constant.
             assert!(left.share < calm.share + 10.0 / 20.0, "{} {}", left.share, calm.share);
             assert!(left.share > calm.share && left.without_one < left.share + 1e-9 + 10.0 / 11.0);
         });

@@ -1,40 +1,40 @@
-//! Coarse map of the delay (S1): which delay each stretch of ten seconds likes, and the cheapest path through.
+//! Coarse map of the delay (S1): the cost of each delay for each ten-second stretch, and the cheapest path through it.
 
 use crate::motion::{Motion, usual_interval};
 
-/// Step of the delays that are tried, s.
+/// Step between the delays that are tried, s.
 pub(crate) const STEP_S: f64 = 0.1;
 const BLOCK_S: f64 = 2.0;
-/// Blocks of a window on either side of its middle.
+/// Blocks of a window on each side of its middle.
 const HALF_WINDOW: usize = 2;
-/// Most fixes per second that take part, and in all.
+/// Maximum number of fixes per second, and in all.
 const RATE_HZ: f64 = 4.0;
 const MOST_FIXES: usize = 16_000;
-/// A window beside the middle one is taken if its residual is smaller by this factor.
+/// A window next to the middle one is used if its residual is smaller by this factor.
 const CLEARLY: f64 = 0.7;
-/// Cost of a change of the path for each step of [`STEP_S`], and at most.
+/// Cost of a change of the path per step of [`STEP_S`], and its maximum.
 const CHANGE_COST: f64 = 1.0;
 const JUMP_COST: f64 = 12.0;
-/// Cost of a block above its own least is cut here: one bad block decides nothing.
+/// Cost of a block above its own minimum is clipped here, so that a single bad block decides nothing.
 const MOST_COST: f64 = 60.0;
-/// Delays further away than this are another minimum, s.
+/// Delays further apart than this are separate minima, s.
 const APART_S: f64 = 0.5;
-/// Least variance of a window, m²: a velocity that is 0.03 m/s wrong drifts this much in ten seconds.
+/// Least variance of a window, m²: a velocity error of 0.03 m/s drifts this much in ten seconds.
 const LEAST_VARIANCE_M2: f64 = 1e-2;
 /// A block is informative if its costs differ by more than this.
 const INFORMATIVE: f64 = 2.0;
-/// Share of the informative blocks at the edge of the search that widens it.
+/// The search is widened if this share of the informative blocks is at its edge.
 const EDGE_SHARE: f64 = 0.2;
 
-/// Fixes of one stretch without reset: stamps and place.
+/// Fixes of one stretch without reset: timestamps and positions.
 pub(crate) struct Track<'a> {
     pub(crate) t: &'a [f64],
     pub(crate) y: &'a [[f64; 2]],
-    /// Instants at which an offset of its own begins, rising.
+    /// Instants at which a new offset starts, rising.
     pub(crate) breaks: &'a [f64],
 }
 
-/// What the coarse map says.
+/// Result of the coarse map.
 #[derive(Debug, Clone)]
 pub(crate) struct CoarseMap {
     /// Middles of the blocks, s, and the delay of the path there, s.
@@ -42,12 +42,12 @@ pub(crate) struct CoarseMap {
     pub(crate) path_s: Vec<f64>,
     /// Best constant delay, s.
     pub(crate) constant_s: f64,
-    /// Best other delay, s, and how much more it costs.
+    /// Best other delay, s, and its extra cost.
     pub(crate) runner_up_s: f64,
     pub(crate) runner_up_cost: f64,
-    /// Whether the best lies at the edge of the search.
+    /// Whether the best is at the edge of the search.
     pub(crate) edge: bool,
-    /// Share (rms) of the displacement within windows that the velocity does not explain along the path.
+    /// Rms share of the displacement within windows that the velocity does not explain along the path.
     pub(crate) unexplained_share: f64,
 }
 
@@ -63,7 +63,7 @@ impl CoarseMap {
     }
 }
 
-/// `y` at `q`, linear between the rising `x`, held outside.
+/// `y` at `q`: linear between the rising `x`, constant outside.
 pub(crate) fn interpolate(x: &[f64], y: &[f64], q: f64) -> f64 {
     let k = x.partition_point(|x| *x <= q);
     match (k.checked_sub(1), y.get(k)) {
@@ -74,15 +74,15 @@ pub(crate) fn interpolate(x: &[f64], y: &[f64], q: f64) -> f64 {
     }
 }
 
-/// Sums over the fixes of a block, one value for each delay.
+/// Sums over the fixes of a block, one value per delay.
 struct Blocks {
     middle_s: Vec<f64>,
     /// Number of the piece of each block.
     piece: Vec<usize>,
     count: Vec<f64>,
-    /// Of each block and delay: Σ residual north, east, and Σ squares of both.
+    /// For each block and delay: Σ residual north, east, and Σ squares of both.
     sums: Vec<[Vec<f64>; 3]>,
-    /// Of each block without the velocity: Σ north, Σ east, Σ squares.
+    /// For each block without the velocity: Σ north, Σ east, Σ squares.
     still: Vec<[f64; 3]>,
     interval_s: f64,
 }
@@ -101,7 +101,7 @@ pub(crate) fn coarse(track: &Track, motion: &Motion, [lo, hi]: [f64; 2]) -> Opti
     let best = least(&total);
     let apart = (APART_S / STEP_S).round() as usize;
     let far = (0..delays).filter(|j| j.abs_diff(best) > apart).min_by(|a, b| total[*a].total_cmp(&total[*b]));
-    let informative: Vec<usize> = (0..costs.len()).filter(|b| says_something(&costs[*b])).collect();
+    let informative: Vec<usize> = (0..costs.len()).filter(|b| is_informative(&costs[*b])).collect();
     let at_edge = informative.iter().filter(|b| path[**b] <= 2 || path[**b] + 3 >= delays).count();
     let delay_at = |j: f64| lo + STEP_S * j;
     let unexplained: f64 = path.iter().zip(&errors).map(|(j, e)| e.0[*j]).sum();
@@ -116,7 +116,7 @@ pub(crate) fn coarse(track: &Track, motion: &Motion, [lo, hi]: [f64; 2]) -> Opti
     })
 }
 
-fn says_something(cost: &[f64]) -> bool {
+fn is_informative(cost: &[f64]) -> bool {
     let high = cost.iter().copied().fold(f64::MIN, f64::max);
     let low = cost.iter().copied().fold(f64::MAX, f64::min);
     high - low > INFORMATIVE
@@ -126,7 +126,7 @@ fn least(values: &[f64]) -> usize {
     values.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(j, _)| j)
 }
 
-/// Bottom of the parabola through the best and its neighbours, in steps.
+/// Minimum of the parabola through the best and its neighbours, in steps.
 fn bottom(total: &[f64], best: usize) -> f64 {
     let (Some(&a), Some(&c)) = (best.checked_sub(1).and_then(|j| total.get(j)), total.get(best + 1)) else {
         return best as f64;
@@ -177,7 +177,7 @@ fn sum_blocks(track: &Track, motion: &Motion, lo: f64, hi: f64, delays: usize) -
     Some(blocks)
 }
 
-/// Blocks cut by a reset share a middle: move the later ones a little.
+/// Blocks cut by a reset share a middle, so the later ones are shifted slightly.
 fn strictly_rising(middle_s: &mut [f64]) {
     for k in 1..middle_s.len() {
         if middle_s[k] <= middle_s[k - 1] {
@@ -186,7 +186,7 @@ fn strictly_rising(middle_s: &mut [f64]) {
     }
 }
 
-/// Place on a grid of [`STEP_S`], last first, so that a rising delay runs forward through memory.
+/// Positions on a grid of [`STEP_S`], last first, so that a rising delay runs forward through memory.
 fn reversed_table(motion: &Motion, start: f64, length: usize) -> [Vec<f64>; 2] {
     let (first, last) = motion.span();
     let mut hint = 0;
@@ -199,7 +199,7 @@ fn reversed_table(motion: &Motion, start: f64, length: usize) -> [Vec<f64>; 2] {
     table
 }
 
-/// Adds the residuals of one fix for all delays; `x` is its place on the grid at the first delay.
+/// Adds the residuals of one fix for all delays; `x` is its grid position at the first delay.
 fn add_fix(blocks: &mut Blocks, table: &[Vec<f64>; 2], x: f64, y: [f64; 2]) {
     let (Some([north, east, squares]), Some(count), Some(still)) =
         (blocks.sums.last_mut(), blocks.count.last_mut(), blocks.still.last_mut())
@@ -210,7 +210,7 @@ fn add_fix(blocks: &mut Blocks, table: &[Vec<f64>; 2], x: f64, y: [f64; 2]) {
     *still = [still[0] + y[0], still[1] + y[1], still[2] + y[0] * y[0] + y[1] * y[1]];
     let below = x.floor();
     let share = x - below;
-    // Grid index i lies at length − 1 − i.
+    // Grid index i is stored at length − 1 − i.
     let Some(from) = (table[0].len() - 1).checked_sub(below as usize).filter(|f| *f >= 1) else { return };
     let n = squares.len();
     let (Some(a_n), Some(b_n)) = (table[0].get(from..from + n), table[0].get(from - 1..from - 1 + n)) else { return };
@@ -225,8 +225,8 @@ fn add_fix(blocks: &mut Blocks, table: &[Vec<f64>; 2], x: f64, y: [f64; 2]) {
     }
 }
 
-/// Of each block the squares of its window about the window's own offset, one for each delay, and the number of fixes;
-/// and the squares of all windows without a velocity.
+/// For each block: the squares of its window about the window's own offset, one per delay, and the number of fixes.
+/// Also the squares of all windows without a velocity.
 fn window_errors(blocks: &Blocks, delays: usize) -> (Vec<(Vec<f64>, f64)>, f64) {
     let n = blocks.count.len();
     let mut spread = 0.0;
@@ -284,7 +284,7 @@ fn window_spread(blocks: &Blocks, window: &[usize]) -> f64 {
     if count < 4.0 { 0.0 } else { (sum(2) - (sum(0).powi(2) + sum(1).powi(2)) / count).max(0.0) }
 }
 
-/// A window counts by its own noise, and no better than the flight's median (B S1).
+/// A window is weighted by its own noise, but at most by the flight's median (B S1).
 fn costs(blocks: &Blocks, errors: &[(Vec<f64>, f64)]) -> Vec<Vec<f64>> {
     let own = |e: &(Vec<f64>, f64)| {
         (e.1 > 0.0).then(|| e.0.iter().copied().fold(f64::MAX, f64::min) / (2.0 * e.1 - 3.0).max(1.0))
@@ -371,7 +371,7 @@ mod tests {
         assert!(!map.edge && map.unexplained_share < 0.05 && map.runner_up_cost > 12.0, "{map:?}");
     }
 
-    /// All paths through a few blocks, by trying.
+    /// All paths through a few blocks, by brute force.
     #[test]
     fn no_path_is_cheaper_than_the_cheapest() {
         let mut random = Random::new(1);
@@ -395,18 +395,18 @@ mod tests {
     }
 
     #[test]
-    fn the_bottom_of_a_parabola_is_found_between_the_steps() {
+    fn a_parabola_minimum_is_found_between_the_steps() {
         for at in [3.0, 3.3, 2.6, 3.49] {
             let total: Vec<f64> = (0..7).map(|j| 5.0 + 2.0 * (f64::from(j) - at).powi(2)).collect();
             assert!((bottom(&total, 3) - at).abs() < 1e-9, "{at}");
             assert_eq!(least(&total), 3);
         }
-        // At the ends and on a plain there is nothing to lean on.
+        // At the ends and on a plateau no parabola can be fitted.
         assert_eq!((bottom(&[1.0, 2.0, 3.0], 0), bottom(&[3.0, 2.0, 1.0], 2), bottom(&[1.0; 3], 1)), (0.0, 2.0, 1.0));
     }
 
     #[test]
-    fn between_its_points_a_line_is_straight_and_beyond_them_level() {
+    fn interpolation_is_linear_inside_and_constant_outside() {
         let (x, y) = ([1.0, 2.0, 4.0], [10.0, 20.0, -20.0]);
         for (q, expected) in
             [(0.0, 10.0), (1.0, 10.0), (1.5, 15.0), (2.0, 20.0), (3.0, 0.0), (4.0, -20.0), (9.0, -20.0)]
@@ -416,7 +416,7 @@ mod tests {
         assert_eq!(interpolate(&[], &[], 1.0), 0.0);
     }
 
-    /// Fixes in two pieces with offsets of their own, 4 per second.
+    /// Fixes at 4 Hz in two pieces with their own offsets.
     fn track_of(late: f64, noise: f64, motion: &Motion) -> (Vec<f64>, Vec<[f64; 2]>) {
         let mut random = Random::new(2);
         let t = random.stamps(200, 3.0);
@@ -428,7 +428,7 @@ mod tests {
         (t.clone(), y.collect())
     }
 
-    /// Sums of every block and delay against their definition; the table has a place every 0.1 s, between which it is linear.
+    /// Sums of every block and delay against their definition. The table has steps of 0.1 s and is linear in between.
     #[test]
     fn blocks_hold_the_residuals_of_their_fixes_at_every_delay() {
         let motion = turning(90.0);
@@ -455,7 +455,7 @@ mod tests {
                 let e = |k: usize, a: usize| y[k][a] - y[0][a] - at(k)[a];
                 let sum = |a: usize| rows.iter().map(|k| e(*k, a)).sum::<f64>();
                 let squares: f64 = rows.iter().map(|k| e(*k, 0).powi(2) + e(*k, 1).powi(2)).sum();
-                // Between places of the table the path bends by less than 2 cm.
+                // Between entries of the table the path deviates from linear by less than 2 cm.
                 let (n, room) = (rows.len() as f64, 0.02);
                 assert!((blocks.sums[b][0][j] - sum(0)).abs() < room * n, "{b} {j}");
                 assert!((blocks.sums[b][1][j] - sum(1)).abs() < room * n, "{b} {j}");
@@ -467,7 +467,7 @@ mod tests {
 
     /// Squares about the mean of a window, of north and east.
     #[test]
-    fn the_error_of_a_window_is_about_its_own_offset() {
+    fn the_error_of_a_window_is_relative_to_its_own_offset() {
         let mut random = Random::new(3);
         let residuals = [random.pairs(6, 2.0), random.pairs(9, 2.0)];
         let sum = |r: &[[f64; 2]], f: &dyn Fn(&[f64; 2]) -> f64| r.iter().map(f).sum::<f64>();
@@ -492,7 +492,7 @@ mod tests {
     }
 
     #[test]
-    fn the_map_follows_a_delay_that_jumps_and_knows_its_edge() {
+    fn the_map_follows_a_jumping_delay_and_detects_its_edge() {
         let motion = turning(120.0);
         let t = Random::new(4).stamps(300, 10.0);
         let late = |t: f64| if t < 70.0 { 0.4 } else { 2.4 };
@@ -501,9 +501,9 @@ mod tests {
         let map = coarse(&track, &motion, [-2.0, 5.0]).unwrap();
         assert!((map.path_at(40.0) - 0.4).abs() < 0.11 && (map.path_at(100.0) - 2.4).abs() < 0.11, "{map:?}");
         assert!((map.path_span_s() - 2.0).abs() < 0.21 && !map.edge && map.unexplained_share < 0.2);
-        // Searched up to 2 s only, the second half lies at the edge.
+        // Searched up to 2 s only, the second half is at the edge.
         assert!(coarse(&track, &motion, [-2.0, 2.0]).unwrap().edge);
-        // A place that does not move as the velocity says: all of it is unexplained.
+        // A position that does not move with the velocity: all of it is unexplained.
         let foreign: Vec<[f64; 2]> = y.iter().map(|y| [-y[1], y[0]]).collect();
         let map = coarse(&Track { y: &foreign, ..track }, &motion, [-2.0, 5.0]).unwrap();
         assert!(map.unexplained_share > 0.5, "{}", map.unexplained_share);

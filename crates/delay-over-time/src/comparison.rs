@@ -6,14 +6,14 @@ use crate::delays::Effect;
 const MEDIAN_CHI_SQUARED: f64 = 0.454_936_423;
 /// Largest excess scatter, s.
 const MOST_SCATTER_S: f64 = 1.0;
-/// A part of the flight has at least this share of the weight.
+/// Least share of the weight that a part of the flight must have.
 const LEAST_SHARE: f64 = 0.02;
-/// Windows on either side of a step that is seen with any one left out.
+/// Least windows on each side of a step for it to be detectable with any one left out.
 const LEAST_WINDOWS: usize = 3;
-/// Variance of a step there over that at the best place: up to a tenth of the weight on one side.
+/// Largest ratio of a step's variance to that at the best place: up to a tenth of the weight on one side.
 const NEARLY_AS_WELL: f64 = 2.8;
 
-/// Median of the squared differences of neighbours over their variances as it should be: a few changes do not count.
+/// Scatter that makes the median normalised squared difference of neighbours as expected; robust against a few changes.
 fn excess_scatter(delay: &[f64], square: &[f64], room: &mut Vec<f64>) -> f64 {
     room.clear();
     let neighbours = delay.windows(2).zip(square.windows(2));
@@ -28,13 +28,13 @@ fn excess_scatter(delay: &[f64], square: &[f64], room: &mut Vec<f64>) -> f64 {
     median.max(0.0).sqrt().min(MOST_SCATTER_S)
 }
 
-/// Windows from `.0` up to `.1` against the others; empty if there is no such part.
+/// Windows from `.0` up to `.1` compared with the others; empty if there is no such part.
 type Part = (usize, usize);
 
-/// Memory and sums of one set of delays.
+/// Buffers and sums for one set of delays.
 pub(crate) struct Room {
     weight: Vec<f64>,
-    /// Sums of the weights, and of weight times delay less the level, before each window and at the end.
+    /// Sums of the weights, and of weight times delay relative to the level, before each window and at the end.
     weights: Vec<f64>,
     sums: Vec<f64>,
     memory: Vec<f64>,
@@ -62,23 +62,23 @@ impl Room {
         }
     }
 
-    /// Likelihood ratios of the best step, of the best step or excursion and of a trend, each with a scatter of its own,
-    /// and the mean squared partial sum. The scatter of the room becomes the least of them.
+    /// Likelihood ratios of the best step, of the best step or excursion and of a trend, each with its own scatter, and
+    /// the mean squared partial sum. The scatter of the room becomes the least of them.
     pub(crate) fn strengths(&mut self, delay: &[f64], square: &[f64], middle: &[f64]) -> [f64; 4] {
         let n = delay.len();
         let from_neighbours = excess_scatter(delay, square, &mut self.memory);
         self.sum(delay, square, middle, from_neighbours);
         self.search();
         let whole = (0, n);
-        let (_, null) = own_scatter(delay, square, whole, 0.0, middle);
-        let (step_scatter, step) = own_scatter(delay, square, self.step, 0.0, middle);
+        let (_, null) = excess_scatter_about(delay, square, whole, 0.0, middle);
+        let (step_scatter, step) = excess_scatter_about(delay, square, self.step, 0.0, middle);
         let (excursion_scatter, excursion) = if self.excursion == self.step {
             (step_scatter, step)
         } else {
-            own_scatter(delay, square, self.excursion, 0.0, middle)
+            excess_scatter_about(delay, square, self.excursion, 0.0, middle)
         };
         let slope = self.slope.size / (middle[n - 1] - middle[0]).max(1e-9);
-        let (trend_scatter, trend) = own_scatter(delay, square, whole, slope, middle);
+        let (trend_scatter, trend) = excess_scatter_about(delay, square, whole, slope, middle);
         let least = step_scatter.min(excursion_scatter).min(trend_scatter);
         if least < from_neighbours {
             self.sum(delay, square, middle, least);
@@ -89,7 +89,7 @@ impl Room {
         [step, excursion.max(step), null - trend, squares / (self.total * n as f64 / 6.0)]
     }
 
-    /// Weights and sums under `scatter`.
+    /// Computes weights and sums for `scatter`.
     fn sum(&mut self, delay: &[f64], square: &[f64], middle: &[f64], scatter: f64) {
         let (mut total, mut first, mut centre) = (0.0, 0.0, 0.0);
         for (((w, d), s), m) in self.weight.iter_mut().zip(delay).zip(square).zip(middle) {
@@ -144,14 +144,14 @@ impl Room {
         let of = |(i, j): Part| {
             let (sum, weight) = (self.sums[j] - self.sums[i], self.weights[j] - self.weights[i]);
             let rest = self.total - weight;
-            // A step is what comes after less what was before.
+            // A step is the level after less the level before.
             let sign = if i == 0 { -1.0 } else { 1.0 };
             let size = sign * sum * self.total / (weight * rest);
             (j > i && size.is_finite()).then(|| Effect { size, uncertainty: (1.0 / weight + 1.0 / rest).sqrt() })
         };
         let trend = Effect { size: 0.5 * self.slope.size, uncertainty: 0.5 * self.slope.uncertainty };
         let candidates = [of(self.step), of(self.excursion), Some(trend)];
-        candidates.into_iter().flatten().max_by(|a, b| a.surely().total_cmp(&b.surely())).unwrap_or_default()
+        candidates.into_iter().flatten().max_by(|a, b| a.lower_bound().total_cmp(&b.lower_bound())).unwrap_or_default()
     }
 
     /// Standard uncertainty of a step at half the weight.
@@ -160,8 +160,8 @@ impl Room {
         (1.0 / self.weights[half] + 1.0 / (self.total - self.weights[half])).sqrt()
     }
 
-    /// Where a step would be seen nearly as well as at the best place, and its standard uncertainty at the worst of these
-    /// places with any one window left out: first and last window that begin the part after the step.
+    /// Where a step is detectable nearly as well as at the best place: first and last window after the step. Also its
+    /// standard uncertainty at the worst of these places with any one window left out.
     pub(crate) fn sight(&self) -> Option<(f64, [usize; 2])> {
         let n = self.weight.len();
         let heaviest = |from: usize, to: usize| self.weight[from..to].iter().copied().fold(0.0, f64::max);
@@ -180,9 +180,9 @@ impl Room {
     }
 }
 
-/// Scatter beyond the uncertainties about the means of `part` and of the rest after a `slope` was taken out, and
-/// −2 log likelihood with it: restricted maximum likelihood by three Newton steps from the moments.
-fn own_scatter(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[f64]) -> (f64, f64) {
+/// Scatter in excess of the uncertainties about the means of `part` and of the rest, with a `slope` removed, and −2 log
+/// likelihood with it: restricted maximum likelihood by three Newton steps from the moments.
+fn excess_scatter_about(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[f64]) -> (f64, f64) {
     let n = delay.len();
     let split = part.1 > part.0 && part.1 - part.0 < n;
     let free = n as f64
@@ -198,7 +198,7 @@ fn own_scatter(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[
     if at_zero <= free {
         return (0.0, at_zero + log_det);
     }
-    // Unweighted moments overestimate what a few bad windows add; Newton's steps repair it.
+    // Unweighted moments overestimate the contribution of a few bad windows; Newton's steps correct it.
     let mean_square = square.iter().sum::<f64>() / n as f64;
     let equal = sums(1e3 * (mean_square + 1e-6)).0 * 1e3 * (mean_square + 1e-6);
     let mut excess = (equal / free - mean_square).max(0.05 * mean_square);
@@ -213,8 +213,8 @@ fn own_scatter(delay: &[f64], square: &[f64], part: Part, slope: f64, middle: &[
     (excess.sqrt().min(MOST_SCATTER_S), last.0 + last.2)
 }
 
-/// Chi-squared about the means of `part` and of the rest, how fast it falls with the excess of the variances, and the
-/// logarithm of their product. `trend` is taken out before.
+/// Chi-squared about the means of `part` and of the rest, its rate of decrease with the excess variance, and the
+/// logarithm of their product. `trend` is removed first.
 #[inline]
 fn sums_about(delay: &[f64], square: &[f64], part: Part, trend: impl Fn(usize) -> f64, excess: f64) -> (f64, f64, f64) {
     let n = delay.len();
@@ -245,7 +245,7 @@ fn sums_about(delay: &[f64], square: &[f64], part: Part, trend: impl Fn(usize) -
     (chi_squared, falls, log_sum + log_det.ln())
 }
 
-/// Squared difference of a part's mean from the rest's over its variance; `sum` is about the level.
+/// Squared difference between the mean of a part and of the rest over its variance; `sum` is relative to the level.
 #[inline]
 fn strength(sum: f64, weight: f64, total: f64) -> f64 {
     let rest = total - weight;
@@ -268,16 +268,16 @@ mod tests {
         room.sight()
     }
 
-    /// Twelve equal windows: at the worst place two are left before the step and nine are after it.
+    /// Twelve equal windows: at the worst place two remain before the step and nine after it.
     #[test]
-    fn the_limit_holds_at_the_worst_place_with_any_window_left_out() {
+    fn the_limit_holds_at_the_worst_place_without_any_one_window() {
         let (u, between) = sight(&[0.01; 12]).unwrap();
         assert!((u - 0.01 * (1.0 / 2.0 + 1.0 / 9.0f64).sqrt()).abs() < 1e-12, "{u}");
         assert_eq!(between, [3, 9]);
     }
 
     #[test]
-    fn a_part_that_knows_little_is_not_promised() {
+    fn a_part_with_little_information_is_not_claimed() {
         let bad_first: Vec<f64> = (0..12).map(|k| if k < 5 { 0.1 } else { 0.01 }).collect();
         let [from, to] = sight(&bad_first).unwrap().1;
         assert_eq!([from, to], [7, 9], "two good windows before the step, of which one may be left out");
@@ -292,23 +292,23 @@ mod tests {
         x.iter().map(|v| (v - mean(x)).powi(2)).sum()
     }
 
-    /// Delays about 0.2 s with a scatter of `scatter` at instants that are unequally far apart, and `more` added.
+    /// Delays about 0.2 s with a scatter of `scatter` at unequally spaced instants, plus `more`.
     fn windows(seed: u64, n: usize, scatter: f64, more: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
         let mut random = Random::new(seed);
         let delay = (0..n).map(|k| 0.2 + scatter * random.normal() + more(k)).collect();
         (delay, random.stamps(n, 100.0))
     }
 
-    /// Scatter and −2 log likelihood of `n` windows of equal uncertainty `u` with `square` about what is fitted, `free`
-    /// degrees of freedom: the variance of each is square / free, but no less than u².
+    /// Scatter and −2 log likelihood of `n` windows of equal uncertainty `u` with residual `square` and `free` degrees
+    /// of freedom: the variance of each is square / free, but at least u².
     fn by_formula(square: f64, free: f64, n: usize, u: f64) -> (f64, f64) {
         let variance = (square / free).max(u * u);
         ((variance - u * u).sqrt(), square / variance + n as f64 * variance.ln())
     }
 
-    /// Scatters of nothing, of a third and of five times the uncertainty.
+    /// Scatters of zero, of a third and of five times the uncertainty.
     #[test]
-    fn the_scatter_of_equal_windows_is_what_the_squares_about_the_means_leave() {
+    fn the_scatter_of_equal_windows_follows_from_their_squares() {
         let (n, u) = (14, 0.01);
         for (seed, scatter) in [(1, 0.0), (2, 0.003), (3, 0.05), (4, 0.05)] {
             let (delay, middle) = windows(seed, n, scatter, |k| if k < 5 { 0.1 } else { 0.0 });
@@ -316,7 +316,7 @@ mod tests {
                 assert!((found.0 - expected.0).abs() < 1e-9, "{found:?} {expected:?}");
                 assert!(near(found.1, expected.1, 1e-9), "{found:?} {expected:?}");
             };
-            let own = |part, slope| own_scatter(&delay, &vec![u * u; n], part, slope, &middle);
+            let own = |part, slope| excess_scatter_about(&delay, &vec![u * u; n], part, slope, &middle);
             agree(own((0, n), 0.0), by_formula(about_mean(&delay), 13.0, n, u));
             let [a, b] = [&delay[..5], &delay[5..]].map(about_mean);
             agree(own((0, 5), 0.0), by_formula(a + b, 11.0, n, u));
@@ -327,16 +327,16 @@ mod tests {
         }
     }
 
-    /// Windows of unequal uncertainty: with the scatter, chi-squared is what is left free, and the likelihood is that of
-    /// a normal distribution.
+    /// Windows of unequal uncertainty: with the scatter, chi-squared equals the degrees of freedom, and the likelihood
+    /// is that of a normal distribution.
     #[test]
-    fn with_their_own_scatter_windows_are_as_far_apart_as_they_should_be() {
+    fn windows_with_excess_scatter_have_the_expected_chi_squared() {
         let n = 30;
         for seed in 10..16 {
             let (delay, middle) = windows(seed, n, 0.06, |k| if k < 12 { 0.2 } else { 0.0 });
             let mut random = Random::new(seed);
             let square: Vec<f64> = (0..n).map(|_| random.uniform(0.01, 0.04).powi(2)).collect();
-            let (scatter, cost) = own_scatter(&delay, &square, (0, 12), 0.0, &middle);
+            let (scatter, cost) = excess_scatter_about(&delay, &square, (0, 12), 0.0, &middle);
             let variance: Vec<f64> = square.iter().map(|s| s + scatter * scatter).collect();
             let chi_squared: f64 = [0..12, 12..n]
                 .map(|rows| {
@@ -357,12 +357,12 @@ mod tests {
     fn the_likelihood_of_many_windows_is_finite() {
         let (n, u) = (200, 1e-6);
         let delay: Vec<f64> = (0..n).map(|k| 1e-7 * f64::from(u8::from(k % 2 == 0))).collect();
-        let (scatter, cost) = own_scatter(&delay, &vec![u * u; n], (0, n), 0.0, &vec![0.0; n]);
+        let (scatter, cost) = excess_scatter_about(&delay, &vec![u * u; n], (0, n), 0.0, &vec![0.0; n]);
         let expected = by_formula(about_mean(&delay), 199.0, n, u);
         assert!(scatter == 0.0 && near(cost, expected.1, 1e-9), "{cost} {expected:?}");
     }
 
-    /// The best part of windows of equal weight by trying all: what the squares fall by with a mean of its own.
+    /// The best part of windows of equal weight by brute force: the decrease of the squares when it gets its own mean.
     fn best_part(delay: &[f64], parts: impl Iterator<Item = Part>) -> (f64, Part) {
         let rest = |(i, j): Part| about_mean(&delay[i..j]) + about_mean(&[&delay[..i], &delay[j..]].concat());
         parts.map(|part| (rest(part), part)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
@@ -374,7 +374,7 @@ mod tests {
         0.5 * (x[n / 2] + x[(n - 1) / 2])
     }
 
-    /// What is said of windows of equal uncertainty, by definition.
+    /// Expected results for windows of equal uncertainty, by definition.
     struct Expected {
         strengths: [f64; 4],
         step: Part,
@@ -405,7 +405,7 @@ mod tests {
         Expected { strengths, step, excursion, scatter, slope }
     }
 
-    /// A step, an excursion, a trend and scatter alone.
+    /// A step, an excursion, a trend and pure scatter.
     #[test]
     fn strengths_are_likelihood_ratios_of_the_best_step_excursion_and_trend() {
         let (n, u) = (15, 0.02);
@@ -431,9 +431,9 @@ mod tests {
         }
     }
 
-    /// Against the normal equations with a level and a slope.
+    /// Compared with the normal equations of a level and a slope.
     #[test]
-    fn level_and_slope_are_those_of_weighted_least_squares() {
+    fn level_and_slope_match_weighted_least_squares() {
         let n = 9;
         let (delay, middle) = windows(40, n, 1e-3, |k| 1e-3 * k as f64);
         let square: Vec<f64> = (0..n).map(|k| (0.01 + 0.02 * (k % 4) as f64).powi(2)).collect();
@@ -467,9 +467,9 @@ mod tests {
         room.largest_difference()
     }
 
-    /// After less before for a step, inside less outside for an excursion, half the change of a trend.
+    /// After less before for a step, inside less outside for an excursion, half the change for a trend.
     #[test]
-    fn a_difference_has_the_size_sign_and_uncertainty_of_its_means() {
+    fn a_difference_has_the_size_sign_and_uncertainty_of_the_means() {
         let u = 0.01;
         let is = |found: Effect, size: f64, uncertainty: f64| {
             assert!((found.size - size).abs() < 1e-9 && (found.uncertainty - uncertainty).abs() < 1e-9, "{found:?}");
@@ -481,9 +481,9 @@ mod tests {
             is(difference(&bump, u), 0.3 * sign, u * (0.2 + 1.0 / 11.0f64).sqrt());
         }
         let trend: Vec<f64> = (0..4).map(|k| -0.1 * f64::from(k)).collect();
-        // Of four windows a step has two on each side and differs by 0.2 s ± u; half the trend is 0.15 s ± u 3 / √5 / 2.
-        let surely = |size: f64, uncertainty: f64| size - 2.0 * uncertainty;
-        let (step, half) = (surely(0.2, u), surely(0.15, 1.5 * u / 5f64.sqrt()));
+        // With four windows a step has two on each side: 0.2 s ± u. Half the trend is 0.15 s ± u 3 / √5 / 2.
+        let lower_bound = |size: f64, uncertainty: f64| size - 2.0 * uncertainty;
+        let (step, half) = (lower_bound(0.2, u), lower_bound(0.15, 1.5 * u / 5f64.sqrt()));
         assert!(step > half);
         is(difference(&trend, u), -0.2, u);
         let alone = [0.0, 0.1, 0.2];
@@ -491,7 +491,7 @@ mod tests {
     }
 
     #[test]
-    fn half_of_the_weight_is_half_of_the_windows_that_know_equally_much() {
+    fn half_of_the_weight_is_half_of_equally_informative_windows() {
         let of = |square: &[f64]| {
             let n = square.len();
             let mut room = Room::new(n);
@@ -499,7 +499,7 @@ mod tests {
             room.half_uncertainty()
         };
         assert!((of(&[0.25; 12]) - 0.5 * (2.0 / 6.0f64).sqrt()).abs() < 1e-12);
-        // The first window alone knows more than all others: half is as near as a step can be.
+        // The first window alone has more information than all others: half the weight is as near as a step can be.
         assert!((of(&[0.01, 1.0, 1.0, 1.0]) - (0.01 + 1.0 / 3.0f64).sqrt()).abs() < 1e-12);
     }
 }

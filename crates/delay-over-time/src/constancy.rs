@@ -7,27 +7,27 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
-/// Draws after which a clear case is not drawn further.
+/// Draws after which a clear case stops.
 const FIRST_DRAWS: usize = 400;
-/// Probability above which windows are clearly alike.
+/// Probability above which windows are clearly consistent.
 const CLEARLY_ALIKE: f64 = 0.1;
 const SEED: u64 = 0xDE1A;
 
-/// What the windows say together, before any draw.
+/// Joint results of the windows, before any draw.
 #[derive(Debug, Clone)]
 pub(crate) struct Comparison {
-    /// Scatter beyond the uncertainties, s.
+    /// Scatter in excess of the uncertainties, s.
     pub(crate) scatter_s: f64,
     /// Weighted mean, s.
     pub(crate) level: Effect,
-    /// The largest sure difference: step, excursion or half a trend.
+    /// The largest significant difference: step, excursion or half a trend.
     pub(crate) difference: Effect,
     /// Least difference that counts, s.
     pub(crate) limit_s: f64,
-    /// A lasting change of this size would have been seen, s, between these instants, s; `None` if one window knows all.
+    /// Detectable lasting change, s, between these instants, s; `None` if one window has nearly all information.
     pub(crate) detectable_s: Option<f64>,
     pub(crate) between_s: Option<[f64; 2]>,
-    /// The same of a step at half the weight: windows of the length for which it is least are taken, s.
+    /// The same for a step at half the weight; the window length with the least value is used, s.
     pub(crate) at_best_s: f64,
     /// Trend, s/s.
     pub(crate) rate: Effect,
@@ -70,7 +70,7 @@ pub(crate) fn compare(d: &Delays, settings: &OverTimeSettings) -> Comparison {
 pub(crate) struct Decision {
     pub(crate) p: f64,
     pub(crate) varies: bool,
-    /// The one window without which the change would not be called one.
+    /// The one window without which the change would not be significant.
     pub(crate) rests_on: Option<LoneWindow>,
 }
 
@@ -82,11 +82,11 @@ pub(crate) struct LoneWindow {
     pub(crate) difference: Effect,
 }
 
-/// Varies if a constant delay gives this surely not, the difference counts, and with any one window left out as well.
+/// Varies if too improbable for a constant delay and above the limit, also with any one window left out.
 pub(crate) fn decide(d: &Delays, c: &Comparison, settings: &OverTimeSettings) -> Decision {
     let p = probability(d, c, settings.draws, CLEARLY_ALIKE);
     let mut decision = Decision { p, varies: false, rests_on: None };
-    if p >= settings.significance || c.difference.surely() < c.limit_s {
+    if p >= settings.significance || c.difference.lower_bound() < c.limit_s {
         return decision;
     }
     let looser = 10.0 * settings.significance;
@@ -104,18 +104,18 @@ pub(crate) fn decide(d: &Delays, c: &Comparison, settings: &OverTimeSettings) ->
         )
     };
     let falls = |(_, rest, c): &(LoneWindow, Delays, Comparison)| {
-        c.difference.surely() < c.limit_s || probability(rest, c, settings.draws, 5.0 * looser) >= looser
+        c.difference.lower_bound() < c.limit_s || probability(rest, c, settings.draws, 5.0 * looser) >= looser
     };
     let mut each: Vec<(LoneWindow, Delays, Comparison)> = (0..d.len()).map(without).collect();
-    // The one that differs most first: on this the change rests, if on any.
-    each.sort_by(|a, b| b.0.difference.surely().total_cmp(&a.0.difference.surely()));
+    // The window that differs most comes first: if the change rests on one window, it is this one.
+    each.sort_by(|a, b| b.0.difference.lower_bound().total_cmp(&a.0.difference.lower_bound()));
     decision.rests_on = each.into_iter().find(falls).map(|e| e.0);
     decision.varies = decision.rests_on.is_none();
     decision
 }
 
-/// Probability that a constant delay gives statistics as unlikely as these; each draw estimates its own scatter.
-/// Stops after the first draws if it is then above `enough`, or far below.
+/// Probability that a constant delay gives statistics at least as unlikely as these. Each draw estimates its own
+/// scatter. Stops after the first draws if the result is already above `enough`, or far below.
 fn probability(d: &Delays, c: &Comparison, draws: usize, enough: f64) -> f64 {
     let n = d.len();
     let square: Vec<f64> = d.uncertainty_s.iter().map(|s| s * s).collect();
@@ -140,7 +140,7 @@ fn probability(d: &Delays, c: &Comparison, draws: usize, enough: f64) -> f64 {
     p
 }
 
-/// p of the least of four p: each from its draws, with an exponential tail beyond their 95 % point.
+/// p of the least of four p: each from its draws, with an exponential tail above their 95 % point.
 fn smallest_of_four(drawn: &[Vec<f64>; 4], found: &[f64; 4]) -> f64 {
     let tails: Vec<Tail> = drawn.iter().map(|d| Tail::new(d)).collect();
     let least = tails.iter().zip(found).map(|(t, x)| t.p(*x)).fold(1.0, f64::min);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_of_many_windows_rests_on_none() {
+    fn a_change_of_many_windows_does_not_rest_on_one() {
         assert!(decided(&windows(|k| if k < 12 { 0.2 } else { 0.5 })).varies);
         let alike = decided(&windows(|_| 0.2));
         assert!(!alike.varies && alike.rests_on.is_none() && alike.p > 0.01);
@@ -232,9 +232,9 @@ mod tests {
         Delays { window: (0..n).collect(), middle_s: all.middle_s[..n].to_vec(), delay_s, uncertainty_s, ..all }
     }
 
-    /// Of 300 flights of a constant delay 30 ± 5.2 have a probability below 10 %, and 3 ± 1.7 one below 1 %.
+    /// Of 300 flights with a constant delay, 30 ± 5.2 have a probability below 10 %, and 3 ± 1.7 one below 1 %.
     #[test]
-    fn a_constant_delay_is_as_improbable_as_it_says() {
+    fn probabilities_of_a_constant_delay_are_calibrated() {
         let mut random = Random::new(1);
         let settings = OverTimeSettings::default();
         let p: Vec<f64> = (0..300)
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tail_is_that_of_its_draws_and_exponential_beyond() {
+    fn a_tail_follows_its_draws_and_is_exponential_further_out() {
         let tail = Tail::new(&drawn(4000, |u| -(-u).ln_1p()));
         for x in [0.1f64, 1.0, 2.5, 2.99, 3.5, 6.0, 12.0] {
             let (found, expected) = (tail.p(x), (-x).exp());
@@ -263,9 +263,9 @@ mod tests {
         }
     }
 
-    /// Four that do not depend on each other: 1 − (1 − p)⁴; four that are one: p.
+    /// Four independent statistics: 1 − (1 − p)⁴. Four identical ones: p.
     #[test]
-    fn the_least_of_four_probabilities_is_less_than_one_of_them() {
+    fn the_least_of_four_probabilities_is_corrected() {
         let mut random = Random::new(2);
         let mut uniform = || (0..4000).map(|_| random.uniform(0.0, 1.0)).collect::<Vec<f64>>();
         let apart = [uniform(), uniform(), uniform(), uniform()];
@@ -287,16 +287,16 @@ mod tests {
 
     /// A fifth of the level, within 50 ms and 150 ms.
     #[test]
-    fn the_change_that_counts_is_a_share_of_the_level_within_limits() {
+    fn the_least_change_is_a_limited_share_of_the_level() {
         let limit = |level: f64| compare(&windows(|_| level), &OverTimeSettings::default()).limit_s;
         for (level, expected) in [(0.0, 0.05), (0.2, 0.05), (0.5, 0.1), (-0.5, 0.1), (3.0, 0.15)] {
             assert!((limit(level) - expected).abs() < 1e-3, "{level}");
         }
     }
 
-    /// 24 windows of ± 1 ms: level, rate, and what would have been seen, by closed formulas.
+    /// 24 windows of ± 1 ms: level, rate and detectable change, by closed formulas.
     #[test]
-    fn what_windows_say_together_follows_from_their_number_and_uncertainty() {
+    fn joint_results_follow_from_the_number_and_uncertainty_of_windows() {
         let d = Delays { uncertainty_s: vec![2e-3; 24], ..windows(|k| 0.2 + 1e-4 * k as f64) };
         let c = compare(&d, &OverTimeSettings::default());
         assert_eq!(c.scatter_s, 0.0);
@@ -308,19 +308,19 @@ mod tests {
         assert!((c.rate.size - 4e-6).abs() < 3.0 * c.rate.uncertainty);
         let half = 2e-3 * (2.0 / 12.0f64).sqrt();
         assert!((c.at_best_s - 0.05 - 3.3 * half).abs() < 1e-9);
-        // At half, with a window left out, the variance is 1/11 + 1/12; after four windows 1/3 + 1/20 is up to 2.8 times
-        // this, and after three 1/2 + 1/21 is more.
+        // At half, with one window left out, the variance is 1/11 + 1/12. After four windows 1/3 + 1/20 is up to 2.8
+        // times this, and after three 1/2 + 1/21 is more.
         let worst = 2e-3 * (1.0 / 3.0 + 1.0 / 20.0f64).sqrt();
         assert!((c.detectable_s.unwrap() - 0.05 - 3.3 * worst).abs() < 1e-9);
         assert_eq!(c.between_s, Some([d.middle_s[3], d.middle_s[20]]));
-        // Where noise rules, a change must be 4.5 standard uncertainties.
+        // If noise dominates, a change must be 4.5 standard uncertainties.
         let rough = compare(&Delays { uncertainty_s: vec![0.2; 24], ..d }, &OverTimeSettings::default());
         assert!((rough.at_best_s - 4.5 * 100.0 * half).abs() < 1e-9, "{rough:?}");
         assert!((rough.detectable_s.unwrap() - 4.5 * 100.0 * worst).abs() < 1e-9, "{rough:?}");
     }
 
     #[test]
-    fn a_change_below_the_limit_is_none_however_sure() {
+    fn a_significant_change_below_the_limit_is_ignored() {
         let small = decided(&windows(|k| if k < 12 { 0.2 } else { 0.24 }));
         assert!(small.p < 1e-6 && !small.varies && small.rests_on.is_none(), "{small:?}");
     }

@@ -1,16 +1,16 @@
-//! Delays of windows, freed of what is common to the flight and resembles a delay (B S5 b, c).
+//! Delays of windows, corrected for flight-wide effects that resemble a delay (B S5 b, c).
 
 use crate::windows::Window;
 
-/// Windows are not believed to be better than this share of the median variance.
+/// The variance of a window is at least this share of the median variance.
 const LEAST_VARIANCE: f64 = 0.1;
-/// What is known of the two effects beforehand: speed later than direction, s; antenna ahead, m.
+/// Prior standard deviation of the two effects: speed later than direction, s; antenna ahead, m.
 const PRIOR: [f64; 2] = [0.3, 1.0];
-/// Degrees of freedom that the usual variance counts for beside a window's own.
+/// Degrees of freedom of the usual variance when it is combined with a window's own.
 const USUAL_FREE: f64 = 20.0;
-/// Bartlett sum of a window's scores over the model's, in medians of all windows, above which it is cut.
+/// Limit on the ratio of a window's Bartlett sum of scores to the model's, in medians of all windows.
 const MOST_RATIO: f64 = 3.0;
-/// Standard uncertainties of the lower bound of an effect.
+/// Standard uncertainties subtracted for the lower bound of an effect.
 const LOWER: f64 = 2.0;
 
 /// A value with its standard uncertainty.
@@ -21,21 +21,21 @@ pub(crate) struct Effect {
 }
 
 impl Effect {
-    /// Beyond three standard uncertainties.
+    /// Whether it exceeds three standard uncertainties.
     pub(crate) fn is_sure(&self) -> bool {
         self.size.abs() > 3.0 * self.uncertainty
     }
 
     /// Absolute size less two standard uncertainties.
-    pub(crate) fn surely(&self) -> f64 {
+    pub(crate) fn lower_bound(&self) -> f64 {
         self.size.abs() - LOWER * self.uncertainty
     }
 }
 
-/// Windows freed of what resembles a delay.
+/// Windows corrected for what resembles a delay.
 #[derive(Debug, Clone)]
 pub(crate) struct Delays {
-    /// Of each window: its number, middle, delay and standard uncertainty.
+    /// For each window: its number, middle, delay and standard uncertainty.
     pub(crate) window: Vec<usize>,
     pub(crate) middle_s: Vec<f64>,
     pub(crate) delay_s: Vec<f64>,
@@ -43,9 +43,9 @@ pub(crate) struct Delays {
     /// Speed later than direction, s; antenna ahead, m.
     pub(crate) speed_lag_s: Effect,
     pub(crate) lever_m: Effect,
-    /// Mean delay without these two, unless they are sure (3 standard uncertainties).
+    /// Mean delay without these two, unless they are significant (3 standard uncertainties).
     pub(crate) level: Effect,
-    /// White noise of the position, m, and what autocorrelation adds to variances.
+    /// White noise of the position, m, and the inflation of variances by autocorrelation.
     pub(crate) white_m: f64,
     pub(crate) inflation: f64,
 }
@@ -58,7 +58,7 @@ pub(crate) fn delays(windows: &[Window]) -> Option<Delays> {
     let mut variances: Vec<f64> = windows.iter().map(|w| w.variance).collect();
     let typical = signal::median_in_place(&mut variances)?;
     let inflation = inflation(windows);
-    // A variance from few fixes is drawn towards the usual one: windows that are good by chance weigh too much.
+    // A variance from few fixes is shrunk towards the usual one: windows that are good by chance get too much weight.
     let shrunk = |w: &Window| (w.free * w.variance + USUAL_FREE * typical) / (w.free + USUAL_FREE);
     let variance = |w: &Window| shrunk(w).max(LEAST_VARIANCE * typical).max(1e-12) * inflation;
     let (effects, c) = common(windows, &variance);
@@ -68,16 +68,16 @@ pub(crate) fn delays(windows: &[Window]) -> Option<Delays> {
     Some(out)
 }
 
-/// What a window says of the two effects: products of their columns without the delay's, and with the residual.
+/// Information of a window on the two effects: products of their columns without the delay's, and with the residual.
 #[derive(Clone, Copy)]
-struct Said {
+struct Information {
     normal: [f64; 3],
     right: [f64; 2],
 }
 
-impl Said {
-    fn plus(&self, other: &Said, sign: f64) -> Said {
-        Said {
+impl Information {
+    fn plus(&self, other: &Information, sign: f64) -> Information {
+        Information {
             normal: [0, 1, 2].map(|i| self.normal[i] + sign * other.normal[i]),
             right: [0, 1].map(|i| self.right[i] + sign * other.right[i]),
         }
@@ -92,20 +92,20 @@ impl Said {
     }
 }
 
-/// Speed later than direction and antenna ahead, with their covariance: no better than windows agree on them. A window
-/// across a step asks for the effect that happens to resemble it, and seems to know it well (jackknife).
+/// Speed later than direction and antenna ahead, with their covariance, widened if windows disagree. A window across a
+/// step fits whichever effect resembles the step, with a small uncertainty (jackknife).
 fn common(windows: &[Window], variance: &dyn Fn(&Window) -> f64) -> ([Effect; 2], [f64; 3]) {
     let of = |w: &Window| {
         let k = 1.0 / variance(w);
         let [d, ds, dl, ss, sl, ll] = w.products;
         let b = [ds / d, dl / d];
-        Said {
+        Information {
             normal: [ss - b[0] * b[0] * d, sl - b[0] * b[1] * d, ll - b[1] * b[1] * d].map(|x| k * x),
             right: [0, 1].map(|i| k * (w.scores[i + 1] - b[i] * w.scores[0])),
         }
     };
-    let all: Vec<Said> = windows.iter().map(of).collect();
-    let prior = Said { normal: [PRIOR[0].powi(-2), 0.0, PRIOR[1].powi(-2)], right: [0.0; 2] };
+    let all: Vec<Information> = windows.iter().map(of).collect();
+    let prior = Information { normal: [PRIOR[0].powi(-2), 0.0, PRIOR[1].powi(-2)], right: [0.0; 2] };
     let sum = all.iter().fold(prior, |s, x| s.plus(x, 1.0));
     let (c, size) = sum.solved();
     let without: Vec<[f64; 2]> = all.iter().map(|x| sum.plus(x, -1.0).solved().1).collect();
@@ -119,15 +119,15 @@ fn common(windows: &[Window], variance: &dyn Fn(&Window) -> f64) -> ([Effect; 2]
     ([0, 1].map(|i| Effect { size: size[i], uncertainty: c[2 * i].sqrt() }), c)
 }
 
-/// How much the scores hang together: their Bartlett sums over what the model says, pooled. A window across a step counts
-/// no more than [`MOST_RATIO`] times the median, or it would widen all others.
+/// Correlation of the scores: their Bartlett sums over those of the model, pooled. A window across a step counts at
+/// most [`MOST_RATIO`] times the median, or it would widen all others.
 fn inflation(windows: &[Window]) -> f64 {
     let modelled = |w: &Window| w.variance * w.information;
     let mut ratios: Vec<f64> =
         windows.iter().filter(|w| modelled(w) > 0.0).map(|w| w.score_variance / modelled(w)).collect();
     let Some(middle) = signal::median_in_place(&mut ratios) else { return 1.0 };
     let cut = |w: &Window| w.score_variance.min(MOST_RATIO * middle * modelled(w));
-    // The model's information of a window across a step is too large with its variance.
+    // With its variance, the model's information of a window across a step is too large.
     let (scores, all) = windows.iter().fold((0.0, 0.0), |s, w| (s.0 + cut(w), s.1 + modelled(w)));
     if all > 0.0 { (scores / all).max(1.0) } else { 1.0 }
 }
@@ -144,7 +144,7 @@ fn freed(
     let sure = [lag, lever].map(|e| if e.is_sure() { e.size } else { 0.0 });
     let raw = windows.iter().zip(&own).map(|(w, v)| w.delay_s / v).sum::<f64>() / total;
     let level = raw - mean[0] * sure[0] - mean[1] * sure[1];
-    // What was removed is known to its own uncertainty only.
+    // What was removed has an uncertainty of its own.
     let removed: f64 = (0..2).filter(|i| sure[*i] != 0.0).map(|i| mean[i] * mean[i] * covariance[2 * i]).sum();
     let (delay_s, uncertainty_s) = without_effects(windows, &own, mean, [lag, lever], covariance);
     let birge = birge_squared(&delay_s, &uncertainty_s);
@@ -162,7 +162,7 @@ fn freed(
     })
 }
 
-/// Square of Birge's ratio: windows that differ by more than they should widen the level.
+/// Square of Birge's ratio: windows that scatter more than expected widen the level.
 fn birge_squared(delay_s: &[f64], uncertainty_s: &[f64]) -> f64 {
     let about = delay_s.iter().zip(uncertainty_s).map(|(d, u)| (1.0 / (u * u), *d)).collect::<Vec<_>>();
     let centre = about.iter().map(|a| a.0 * a.1).sum::<f64>() / about.iter().map(|a| a.0).sum::<f64>();
@@ -170,7 +170,7 @@ fn birge_squared(delay_s: &[f64], uncertainty_s: &[f64]) -> f64 {
     (chi_squared / (delay_s.len() as f64 - 1.0).max(1.0)).max(1.0)
 }
 
-/// Delay and standard uncertainty of each window without the two effects; what all windows share of these is the level's.
+/// Delay and standard uncertainty of each window without the two effects. What all windows share is the level's.
 fn without_effects(
     windows: &[Window],
     own: &[f64],
@@ -187,18 +187,18 @@ fn without_effects(
     windows.iter().zip(own).map(of).unzip()
 }
 
-/// How much delay a unit of each effect looks like in a window.
+/// Apparent delay in a window per unit of each effect.
 fn along(w: &Window) -> [f64; 2] {
     [w.products[1] / w.products[0], w.products[2] / w.products[0]]
 }
 
 impl Delays {
-    /// Speed later than direction, s, and antenna ahead, m, where they are sure; else 0.
+    /// Speed later than direction, s, and antenna ahead, m, if significant; else 0.
     pub(crate) fn sure_effects(&self) -> [f64; 2] {
         [self.speed_lag_s, self.lever_m].map(|e| if e.is_sure() { e.size } else { 0.0 })
     }
 
-    /// Those known to `limit_s`.
+    /// The windows whose standard uncertainty is at most `limit_s`.
     pub(crate) fn known(&self, limit_s: f64) -> Delays {
         let rows: Vec<usize> = (0..self.delay_s.len()).filter(|k| self.uncertainty_s[*k] < limit_s).collect();
         self.rows(&rows)
@@ -231,7 +231,7 @@ mod tests {
     use crate::dense::Random;
     use nalgebra::{DMatrix, DVector};
 
-    /// Ten windows that know lag and lever equally well; each asks for its `lag_s`.
+    /// Ten windows with equal information on lag and lever; each asks for its `lag_s`.
     fn lag_of(lag_s: [f64; 10]) -> Effect {
         let window = |(k, lag): (usize, f64)| Window {
             from_s: 10.0 * k as f64,
@@ -251,11 +251,11 @@ mod tests {
     }
 
     #[test]
-    fn an_effect_is_as_sure_as_windows_agree_on_it() {
-        // Information 1e4 per s² from each of ten windows: 1 / √1e5 s.
+    fn an_effect_is_as_uncertain_as_the_windows_disagree() {
+        // Information of 1e4 per s² from each of ten windows: 1 / √1e5 s.
         let agreed = lag_of([0.05; 10]);
         assert!((agreed.uncertainty - 1e-5f64.sqrt()).abs() < 1e-5 && agreed.is_sure(), "{agreed:?}");
-        // One window asks for half a second and nine for nothing: the mean is 50 ± 50 ms.
+        // One window asks for half a second and nine for zero: the mean is 50 ± 50 ms.
         let one = lag_of([0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!((one.size - 0.05).abs() < 1e-4 && (one.uncertainty - 0.05).abs() < 1e-3, "{one:?}");
         assert!(!one.is_sure());
@@ -281,7 +281,7 @@ mod tests {
         }
     }
 
-    /// Nine windows of 30 rows: a delay of 0.2 s about which each scatters, a speed 50 ms late, an antenna 0.4 m ahead.
+    /// Nine windows of 30 rows that scatter about a delay of 0.2 s, with a speed 50 ms late and an antenna 0.4 m ahead.
     fn flight(seed: u64) -> (Vec<DMatrix<f64>>, Vec<DVector<f64>>, Vec<Window>) {
         let mut random = Random::new(seed);
         let columns: Vec<DMatrix<f64>> = (0..9)
@@ -294,8 +294,8 @@ mod tests {
         (columns, residuals, windows)
     }
 
-    /// One delay for each window and the two effects that all share, with what is known of these beforehand: the
-    /// covariance and the values by the normal equations of all.
+    /// One delay per window and the two effects that all share, with their prior: covariance and values from the joint
+    /// normal equations.
     fn together(columns: &[DMatrix<f64>], residuals: &[DVector<f64>], variance: f64) -> (DMatrix<f64>, DVector<f64>) {
         let n = columns.len();
         let mut normal = DMatrix::zeros(n + 2, n + 2);
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn effects_and_delays_are_those_of_one_adjustment_of_all_windows() {
+    fn effects_and_delays_match_a_joint_adjustment() {
         for seed in 0..4 {
             let (columns, residuals, windows) = flight(seed);
             let found = delays(&windows).unwrap();
@@ -329,7 +329,7 @@ mod tests {
             for (k, delay_s) in found.delay_s.iter().enumerate() {
                 assert!((delay_s - 0.2 - values[k]).abs() < 1e-9, "{k}");
             }
-            // With each window left out: the jackknife widens what the covariance says, and never narrows it.
+            // With each window left out, the jackknife only widens the covariance.
             for (i, effect) in [(9, found.speed_lag_s), (10, found.lever_m)] {
                 let without = |k: usize| {
                     let rest = |x: usize| x != k;
@@ -346,10 +346,10 @@ mod tests {
         }
     }
 
-    /// Windows that agree on both effects: then the covariance is that of the adjustment, and what all windows share of
-    /// it is the level's, not theirs.
+    /// Windows that agree on both effects: the covariance is that of the joint adjustment, and the part that all
+    /// windows share belongs to the level.
     #[test]
-    fn the_delays_of_windows_are_as_uncertain_against_each_other_as_in_one_adjustment() {
+    fn relative_uncertainties_of_windows_match_a_joint_adjustment() {
         let (columns, _, _) = flight(7);
         let nothing: Vec<DVector<f64>> = columns.iter().map(|_| DVector::zeros(30)).collect();
         let of = |(k, c): (usize, &DMatrix<f64>)| window(k, c, &nothing[k], 0.25);
@@ -374,9 +374,9 @@ mod tests {
         );
     }
 
-    /// Effects that are sure move the level: the delay that a window seems to have is not all delay.
+    /// Significant effects move the level: the apparent delay of a window is not all delay.
     #[test]
-    fn sure_effects_are_taken_out_of_the_level() {
+    fn significant_effects_are_removed_from_the_level() {
         let (columns, _, _) = flight(8);
         let effects = DVector::from_vec(vec![0.03, 0.2, 3.0]);
         let of = |(k, c): (usize, &DMatrix<f64>)| window(k, c, &(c * &effects), 0.25);
@@ -389,25 +389,25 @@ mod tests {
         assert!(found.delay_s.iter().all(|d| (d - 0.23).abs() < 0.01), "{:?}", found.delay_s);
     }
 
-    /// Birge's ratio: windows that differ by ten times their uncertainty leave a level that is as much less sure.
+    /// Birge's ratio: windows that differ by ten times their uncertainty make the level ten times as uncertain.
     #[test]
-    fn a_level_is_no_surer_than_its_windows_agree() {
+    fn a_level_is_as_uncertain_as_its_windows_disagree() {
         let column = DMatrix::from_fn(30, 3, |i, c| if i % 3 == c { 10.0 } else { 0.0 });
         let level = |late: f64| {
             let sign = |k: usize| if k.is_multiple_of(2) { late } else { -late };
             let of = |k: usize| window(k, &column, &(column.column(0) * sign(k)), 1.0);
             delays(&(0..8).map(of).collect::<Vec<Window>>()).unwrap().level
         };
-        // Ten rows of 10 m/s and 1 m of noise: a window knows 1 / √1000 s, eight of them 1 / √8000 s.
+        // Ten rows of 10 m/s and 1 m of noise: the uncertainty of a window is 1 / √1000 s, of eight 1 / √8000 s.
         let u = 8000f64.sqrt().recip();
         assert!((level(0.01).uncertainty - u).abs() < 1e-9);
         let chi_squared = 8.0 * 0.3 * 0.3 * 1000.0;
         assert!((level(0.3).uncertainty - u * (chi_squared / 7.0f64).sqrt()).abs() < 1e-9);
     }
 
-    /// Ten windows whose scores hang together twice as much as white noise, and one across a step that says a hundred times.
+    /// Ten windows whose scores have twice the variance of white noise, and one across a step with a hundred times.
     #[test]
-    fn scores_that_hang_together_widen_and_one_window_alone_does_not() {
+    fn correlated_scores_widen_but_a_single_window_does_not() {
         let column = DMatrix::from_fn(30, 3, |i, c| if i % 3 == c { 10.0 } else { 0.0 });
         let inflation = |ratio: &dyn Fn(usize) -> f64| {
             let of = |k: usize| {
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_keep_what_belongs_to_their_window() {
+    fn rows_keep_the_values_of_their_window() {
         let (.., windows) = flight(9);
         let mut all = delays(&windows).unwrap();
         all.uncertainty_s[3] = 0.5;

@@ -1,4 +1,4 @@
-//! The formulas of the fits written out with full matrices, and small random flights: what tests compare with.
+//! The formulas of the fits with full matrices, and small random flights, for comparison in tests.
 
 use crate::motion::Motion;
 use crate::whitening::NoiseShape;
@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
-/// Numbers that are the same in every run.
+/// Random numbers that are the same in every run.
 pub(crate) struct Random(Pcg64);
 
 impl Random {
@@ -23,7 +23,7 @@ impl Random {
         self.0.sample(StandardNormal)
     }
 
-    /// `n` stamps from `from` on, 0.15 s to 0.6 s apart.
+    /// `n` timestamps from `from` on, 0.15 s to 0.6 s apart.
     pub(crate) fn stamps(&mut self, n: usize, from: f64) -> Vec<f64> {
         let mut t = from;
         (0..n)
@@ -39,7 +39,7 @@ impl Random {
     }
 }
 
-/// A velocity of 25 Hz that turns to and fro while its speed rises and falls; known from 20 s before zero on.
+/// A velocity at 25 Hz that turns back and forth while its speed rises and falls; it starts 20 s before zero.
 pub(crate) fn turning(seconds: f64) -> Motion {
     let t: Vec<f64> = (0..(25.0 * (seconds + 40.0)) as usize).map(|k| 0.04 * k as f64 - 20.0).collect();
     let speed = |t: f64| 15.0 + 4.0 * (0.31 * t).sin();
@@ -49,18 +49,18 @@ pub(crate) fn turning(seconds: f64) -> Motion {
     Motion::new(&t, &north, &east)
 }
 
-/// One axis of one piece: the noise's covariance `V` in units of the white part, and offset and drift `X`.
+/// One axis of one piece: the noise covariance `V` relative to the white part, and offset and drift `X`.
 pub(crate) struct Dense {
     lower: DMatrix<f64>,
     /// Orthonormal columns that span the whitened offset and drift.
     basis: DMatrix<f64>,
-    /// ln det V, and ln det XᵀV⁻¹X with a drift that rises by one over the stamps.
+    /// ln det V, and ln det XᵀV⁻¹X with a drift that rises by one over the timestamps.
     pub(crate) log_det_noise: f64,
     pub(crate) log_det_nuisance: f64,
 }
 
 impl Dense {
-    /// `extra` is the further variance of each sample.
+    /// `extra` is the additional variance of each sample.
     pub(crate) fn new(t: &[f64], shape: &NoiseShape, extra: impl Fn(usize) -> f64) -> Dense {
         let n = t.len();
         let noise = DMatrix::from_fn(n, n, |i, j| {
@@ -78,12 +78,12 @@ impl Dense {
         }
     }
 
-    /// A column made white: L⁻¹ x with V = L Lᵀ.
+    /// The whitened column: L⁻¹ x with V = L Lᵀ.
     pub(crate) fn white(&self, column: &[f64]) -> DVector<f64> {
         self.lower.solve_lower_triangular(&DVector::from_column_slice(column)).unwrap()
     }
 
-    /// A column made white, and orthogonal to offset and drift.
+    /// The whitened column, orthogonal to offset and drift.
     pub(crate) fn free(&self, column: &[f64]) -> DVector<f64> {
         let white = self.white(column);
         &white - &self.basis * (self.basis.transpose() * &white)

@@ -1,20 +1,20 @@
-//! Description of a delay that varies by steps and bends, on bins (S6).
+//! Describes a varying delay by steps and bends, on bins (S6).
 
 use crate::bins::Flexible;
 use nalgebra::{DMatrix, DVector};
 use record::DelayTermKind;
 
-/// Price of a term: this, and twice the logarithm of the number of bins.
+/// Price of a term: this plus twice the logarithm of the number of bins.
 const PRICE: f64 = 8.0;
-/// Further price of a bend in the comparison of descriptions.
+/// Additional price of a bend when descriptions are compared.
 const BEND_PRICE: f64 = 6.0;
 /// Bends are kept if they score better by this much.
 const BENDS_MUST_WIN: f64 = 20.0;
 const MOST_TERMS: usize = 24;
-/// A term must also gain this share of what all gain together: where noise is small, errors of the model cost many times
-/// the price.
+/// Least share of the joint gain that a term must contribute. If noise is small, model errors cost many times the
+/// price.
 const LEAST_SHARE: f64 = 0.001;
-/// Best single terms from which pairs are tried.
+/// Number of best single terms from which pairs are tried.
 const PAIR_STARTS: usize = 6;
 
 /// A step or a bend at an instant; size in s or s/s.
@@ -26,7 +26,7 @@ pub(crate) struct Term {
 }
 
 impl Term {
-    /// What a unit of this term adds at `t`.
+    /// Contribution of a unit of this term at `t`.
     pub(crate) fn column(&self, t: f64) -> f64 {
         match self.kind {
             DelayTermKind::Step => f64::from(t >= self.at_s),
@@ -56,8 +56,8 @@ struct Dictionary {
     price: f64,
 }
 
-/// The cheapest description, and after one with bends that of steps alone; `inflation` is what autocorrelation adds to
-/// variances.
+/// The cheapest description. If it has bends, the best one with steps alone follows. `inflation` is the inflation of
+/// variances by autocorrelation.
 pub(crate) fn describe(fit: &Flexible, inflation: f64) -> Vec<Description> {
     let dictionary = Dictionary::of(&fit.a, &fit.z, &fit.middle_s, inflation);
     let steps = greedy(&dictionary.steps_only());
@@ -93,7 +93,7 @@ impl Dictionary {
         }
     }
 
-    /// Gain of each further column given `chosen`, the coefficients of these, and what they gain.
+    /// Gain of each further column given `chosen`, the coefficients of the chosen ones, and their joint gain.
     fn gains(&self, chosen: &[usize]) -> Option<(Vec<f64>, DVector<f64>, f64)> {
         let n = chosen.len();
         let mut own = DMatrix::from_fn(n, n, |i, j| self.products[(chosen[i], chosen[j])]);
@@ -114,7 +114,7 @@ impl Dictionary {
         let mut left: Vec<f64> = self.with_data.iter().copied().collect();
         let mut free: Vec<f64> = self.products.diagonal().iter().copied().collect();
         for (i, &c) in chosen.iter().enumerate() {
-            // The products are symmetric: a column is a row.
+            // The products are symmetric, so a column is also a row.
             let mut row: Vec<f64> = self.products.column(c).iter().map(|p| p * scale[i]).collect();
             for (k, before) in within.iter().enumerate() {
                 let share = lower[(i, k)];
@@ -144,7 +144,7 @@ impl Dictionary {
         gains.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Two further columns that pay together.
+    /// Two further columns that are worth their price together.
     fn best_pair(&self, chosen: &[usize]) -> Option<[usize; 2]> {
         let gains = self.gains(chosen)?.0;
         let mut order: Vec<usize> = (0..gains.len()).collect();
@@ -157,7 +157,7 @@ impl Dictionary {
         (best.1 > 2.0 * self.price_among(chosen)).then_some(best.0)
     }
 
-    /// Moves every term to where it gains most.
+    /// Moves every term to the place of its largest gain.
     fn move_terms(&self, chosen: &mut [usize]) {
         for i in 1..chosen.len() {
             let rest = [&chosen[..i], &chosen[i + 1..]].concat();
@@ -172,13 +172,13 @@ impl Dictionary {
         }
     }
 
-    /// What a term must gain among these.
+    /// Least gain of a term among these.
     fn price_among(&self, chosen: &[usize]) -> f64 {
         let gained = |columns: &[usize]| self.gains(columns).map_or(0.0, |g| g.2);
         self.price.max(LEAST_SHARE * (gained(chosen) - gained(&[0])))
     }
 
-    /// Drops what no longer pays.
+    /// Drops terms that are no longer worth their price.
     fn drop_terms(&self, chosen: &mut Vec<usize>) {
         let price = self.price_among(chosen);
         while chosen.len() > 2 {
@@ -195,8 +195,8 @@ impl Dictionary {
     }
 }
 
-/// Products of a row of values on the bins with all columns: a step's is the sum from its bin on, a bend's the sum of the
-/// steps after it times their spacing.
+/// Products of a row of values on the bins with all columns. For a step it is the sum from its bin on, for a bend the
+/// sum of the later steps times their spacing.
 fn products_with<'a>(
     values: impl DoubleEndedIterator<Item = &'a f64> + ExactSizeIterator,
     middle_s: &[f64],
@@ -274,7 +274,7 @@ mod tests {
                 assert!((d.products[(i, j)] - column(i).dot(&(&a * column(j))) / 2.0).abs() < 1e-9);
             }
         }
-        // The gain of a column is what the squares fall by when it joins.
+        // The gain of a column is the decrease of the squares when it joins.
         let (gains, _, gained) = d.gains(&[0, 3]).unwrap();
         for j in [1, 4, 7] {
             let more = d.gains(&[0, 3, j]).unwrap().2;
@@ -283,7 +283,7 @@ mod tests {
         assert_eq!(d.steps_only().kinds.len(), 6);
     }
 
-    /// Bins of 2 s that know their delay with standard uncertainty `u` each, independently.
+    /// Bins of 2 s with independent standard uncertainties `u`.
     fn on_bins(delay_s: &[f64], u: f64) -> Flexible {
         let n = delay_s.len();
         let middle_s: Vec<f64> = (0..n).map(|k| 1.0 + 2.0 * k as f64).collect();
@@ -302,7 +302,7 @@ mod tests {
         f64::from(u8::from(t >= at))
     }
 
-    /// Steps at edges of bins, of many uncertainties: each is found where it is, and no other.
+    /// Steps at edges of bins, with various uncertainties: each is found at its place, and no others.
     #[test]
     fn steps_are_found_at_their_edges_with_their_sizes() {
         let cases: [&[(f64, f64)]; 5] = [
@@ -336,7 +336,7 @@ mod tests {
         assert_eq!(all.len(), 2, "with bends, and of steps alone");
         let bends = &all[0];
         assert!(bends.terms.iter().all(|t| t.kind == DelayTermKind::Bend), "{bends:?}");
-        // A bend lies in the middle of its bin or of the next.
+        // A bend is in the middle of its bin or of the next.
         for (term, (at_s, size)) in bends.terms.iter().zip([(31.0, 0.02), (71.0, -0.02)]) {
             assert!((term.at_s - at_s).abs() <= 2.0 && (term.size - size).abs() < 2e-3, "{bends:?}");
         }
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn terms_move_to_where_they_gain_most_and_never_two_to_one_place() {
+    fn terms_move_to_their_largest_gain_and_never_share_a_place() {
         let d = dictionary();
         let mut chosen = [0, 27, 41, 43];
         for _ in 0..6 {
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn terms_that_gain_nothing_are_dropped_and_two_that_pay_together_are_found() {
+    fn useless_terms_are_dropped_and_pairs_worth_their_price_found() {
         let d = dictionary();
         let mut chosen = vec![0, 30, 12, 40, 45, 55];
         d.drop_terms(&mut chosen);
@@ -390,7 +390,7 @@ mod tests {
         pair.sort_unstable();
         assert_eq!(pair, [40, 45]);
         assert!(d.best_pair(&[0, 30, 40, 45]).is_none());
-        // The price is 8 + 2 ln 60, or a thousandth of what all gain together.
+        // The price is 8 + 2 ln 60, or a thousandth of the joint gain.
         let price = 8.0 + 2.0 * 60f64.ln();
         assert!((d.price_among(&[0]) - price).abs() < 1e-9);
         let gained = |c: &[usize]| d.gains(c).unwrap().2;

@@ -1,4 +1,4 @@
-//! A flight as the verdict and the words see it, for tests: windows of 20 s that begin at 100 s.
+//! A flight as input to verdict and words, for tests: windows of 20 s that start at 100 s.
 
 use crate::bins::Noise;
 use crate::coarse::CoarseMap;
@@ -20,7 +20,7 @@ use record::DelayTermKind;
 pub(crate) const FIRST_S: f64 = 100.0;
 pub(crate) const WINDOW_S: f64 = 20.0;
 
-/// Windows with these delays, each known to `u`.
+/// Windows with these delays, each with uncertainty `u`.
 pub(crate) fn delays(delay_s: &[f64], u: f64) -> Delays {
     let n = delay_s.len();
     Delays {
@@ -53,7 +53,7 @@ fn window(k: usize) -> Window {
     }
 }
 
-/// What is found of a flight whose windows have these delays, each known to `u`.
+/// Results of a flight whose windows have these delays, each with uncertainty `u`.
 pub(crate) fn found(delay_s: &[f64], u: f64) -> Found {
     let (settings, known, n) = (OverTimeSettings::default(), delays(delay_s, u), delay_s.len());
     let comparison = compare(&known, &settings);
@@ -92,7 +92,7 @@ pub(crate) fn found(delay_s: &[f64], u: f64) -> Found {
     }
 }
 
-/// Twelve windows whose delay varies, with steps or bends (after the first fix, s; size, s or s/s).
+/// Twelve windows with a varying delay, with steps or bends (after the first fix, s; size, s or s/s).
 pub(crate) fn described(terms: &[(DelayTermKind, f64, f64)], level_s: f64) -> Found {
     let term =
         |(kind, after_s, size): &(DelayTermKind, f64, f64)| Term { kind: *kind, at_s: FIRST_S + after_s, size: *size };

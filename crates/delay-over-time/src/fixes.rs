@@ -1,15 +1,15 @@
-//! The fixes that take part, and the pieces they fall into.
+//! The fixes that are used, and the pieces they form.
 
 use crate::motion::Motion;
 
-/// Fixes after bursts, odd ones and those without a velocity were left out.
+/// Fixes without bursts, outliers and those without a velocity.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Fixes {
-    /// Stamps, s.
+    /// Timestamps, s.
     pub(crate) t: Vec<f64>,
     /// North and east about a common point, m.
     pub(crate) y: Vec<[f64; 2]>,
-    /// First row of each piece with an offset of its own, and the number of rows at the end.
+    /// First row of each piece with its own offset, and the number of rows at the end.
     pub(crate) starts: Vec<usize>,
 }
 
@@ -23,7 +23,7 @@ impl Fixes {
         self.starts.windows(2).map(|w| w[0]..w[1])
     }
 
-    /// The fixes without a speed that follows later than the direction, s, and an antenna ahead, m.
+    /// The fixes corrected for a speed that lags the direction, s, and an antenna ahead, m.
     pub(crate) fn without_effects(&self, motion: &Motion, delay: &dyn Fn(f64) -> f64, [lag, lever]: [f64; 2]) -> Fixes {
         let mut out = self.clone();
         let mut hint = 0;
@@ -36,7 +36,7 @@ impl Fixes {
         out
     }
 
-    /// The fixes with stamps earlier by `by`; those that come out of order are left out.
+    /// The fixes with timestamps earlier by `by`; those that are then out of order are excluded.
     pub(crate) fn retimed(&self, by: &dyn Fn(f64) -> f64) -> Fixes {
         let mut out = Fixes::default();
         for piece in self.pieces() {
@@ -79,7 +79,7 @@ impl Fixes {
     }
 }
 
-/// Where pieces begin: resets of the position at their instant, gaps of the velocity where fixes show them.
+/// Starts of pieces: resets of the position at their instant, gaps of the velocity where fixes show them.
 pub(crate) struct Breaks<'a> {
     pub(crate) resets: &'a [f64],
     pub(crate) motion: &'a Motion,
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_move_earlier_and_keep_their_places_and_pieces() {
+    fn retimed_fixes_keep_their_positions_and_pieces() {
         let moved = fixes().retimed(&|t| 0.5 + 0.1 * t);
         assert_eq!((moved.len(), moved.starts.as_slice()), (20, [0, 8, 12, 20].as_slice()));
         for (k, (t, y)) in moved.t.iter().zip(&moved.y).enumerate() {
@@ -113,9 +113,9 @@ mod tests {
         assert_eq!(moved.pieces().collect::<Vec<_>>(), [0..8, 8..12, 12..20]);
     }
 
-    /// From 10 s on all stamps are 5.5 s earlier: those of 10 s to 14 s come before 9 s.
+    /// From 10 s on all timestamps are 5.5 s earlier: those of 10 s to 14 s come before 9 s.
     #[test]
-    fn stamps_that_come_out_of_order_are_left_out() {
+    fn timestamps_out_of_order_are_excluded() {
         let moved = fixes().retimed(&|t| if t >= 10.0 { 5.5 } else { 0.0 });
         assert_eq!(
             moved.y.iter().map(|y| y[0] / 2.0).collect::<Vec<f64>>(),

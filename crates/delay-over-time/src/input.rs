@@ -1,30 +1,30 @@
-//! What is analysed, and why it cannot be.
+//! Input of the analysis, and reasons to reject it.
 
 use thiserror::Error;
 
 /// A position and a velocity on one clock. North and east, m and m/s.
 #[derive(Debug, Clone, Copy)]
 pub struct PositionAgainstVelocity<'a> {
-    /// Stamps of the position, s; rise strictly.
+    /// Timestamps of the position, s; strictly rising.
     pub t: &'a [f64],
     /// Position north, m.
     pub north: &'a [f64],
     /// Position east, m.
     pub east: &'a [f64],
-    /// Stamps of the velocity, s; rise strictly.
+    /// Timestamps of the velocity, s; strictly rising.
     pub velocity_t: &'a [f64],
     /// Velocity north, m/s.
     pub velocity_north: &'a [f64],
     /// Velocity east, m/s.
     pub velocity_east: &'a [f64],
-    /// Instants at which the position was reset or the velocity has a gap, s, rising: an offset of its own begins.
-    /// Gaps of the velocity are also found here (over 1 s and four usual intervals).
+    /// Instants at which the position was reset or the velocity has a gap, s, rising. A new offset starts at each. Gaps
+    /// of the velocity are also detected here (over 1 s and four usual intervals).
     pub breaks: &'a [f64],
-    /// The device's own time of each fix, s, on a clock of its own; `None` if it is not logged.
+    /// The device's own time of each fix, s, on its own clock; `None` if it is not logged.
     pub device_time_s: Option<&'a [f64]>,
 }
 
-/// Why nothing can be said.
+/// Why the input cannot be analysed.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum CannotAnalyse {
     /// Series of one channel differ in length.
@@ -37,7 +37,7 @@ pub enum CannotAnalyse {
         /// Values.
         values: usize,
     },
-    /// Stamps do not rise, or a number is not finite.
+    /// Timestamps do not rise, or a number is not finite.
     #[error("{what}: row {row} is not a finite number, or its timestamp does not rise")]
     BadRow {
         /// Which channel.
@@ -63,7 +63,7 @@ pub enum CannotAnalyse {
         /// Least overlap, s.
         needed_s: f64,
     },
-    /// Search range or limits make no sense.
+    /// Search range or limits are invalid.
     #[error("cannot search delays from {from_s:.3} s to {to_s:.3} s")]
     SearchRange {
         /// First delay, s.
@@ -81,7 +81,7 @@ pub(crate) const LEAST_OVERLAP_S: f64 = 8.0;
 const LONGEST_RANGE_S: f64 = 120.0;
 
 impl PositionAgainstVelocity<'_> {
-    /// Whether lengths, stamps and values make sense.
+    /// Checks lengths, timestamps and values.
     pub(crate) fn check(&self) -> Result<(), CannotAnalyse> {
         check_channel("position", self.t, &[self.north, self.east])?;
         check_channel("velocity", self.velocity_t, &[self.velocity_north, self.velocity_east])?;
@@ -103,7 +103,7 @@ impl PositionAgainstVelocity<'_> {
     }
 }
 
-/// First and last stamp.
+/// First and last timestamp.
 pub(crate) fn span(t: &[f64]) -> (f64, f64) {
     (t.first().copied().unwrap_or(0.0), t.last().copied().unwrap_or(0.0))
 }

@@ -1,9 +1,9 @@
-//! Scatter of the delay from fix to fix (S4): does the scatter along the track grow with the speed?
+//! Scatter of the delay from fix to fix (S4): does the scatter along the track grow with speed?
 //!
-//! Each fix is compared with the mean of its neighbours. Where the motion turns far from fix to fix, other errors do not cancel: a
-//! velocity whose scale or axes are off leaves a share of the second difference of the path, and the delay of the coarse map, which
-//! is up to half a step off and may switch between two steps, leaves a share of the second difference of the velocity. Such fixes
-//! are left out.
+//! Each fix is compared with the mean of its neighbours. Where the motion changes much from fix to fix, other errors do
+//! not cancel. A velocity with a wrong scale or wrong axes leaves a share of the second difference of the path. The
+//! delay of the coarse map is up to half a step off and may switch between two steps, which leaves a share of the
+//! second difference of the velocity. Such fixes are excluded.
 
 use crate::coarse;
 use crate::motion::{State, speed};
@@ -11,27 +11,27 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 const SLOW_MPS: f64 = 2.0;
 const BLOCK_S: f64 = 10.0;
-/// Squares are cut at so many variances.
+/// Squares are clipped at this many variances.
 const CUT: f64 = 400.0;
 const LEAST_FIXES: usize = 40;
 const SIGNIFICANCE: f64 = 1e-3;
 const LEAST_S: f64 = 0.01;
-/// Largest second difference of the path, in seconds at its speed: an error of 1 % of it is half of [`LEAST_S`].
+/// Largest second difference of the path, in seconds at its speed: a 1 % error of it is half of [`LEAST_S`].
 const MOST_BENT_S: f64 = 0.5;
-/// Largest second difference of the velocity, as a share of the speed: a delay that is half a step of the map off makes half of
-/// [`LEAST_S`] of it.
+/// Largest second difference of the velocity, as a share of the speed: with it, a delay that is half a map step off
+/// produces half of [`LEAST_S`].
 const MOST_TURNED: f64 = 0.5 * LEAST_S / (0.5 * coarse::STEP_S);
 
-/// What was found.
+/// Estimated scatter.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Jitter {
-    /// Standard deviation, s, if there is one.
+    /// Standard deviation, s, if scatter was detected.
     pub(crate) found_s: Option<f64>,
-    /// Standard deviation that would have been found, s, if the motion says anything.
+    /// Standard deviation that would have been detected, s, if the motion allows a test.
     pub(crate) limit_s: Option<f64>,
 }
 
-/// Looks at residuals `e` (m) of neighbouring fixes; `state` is the motion that each fix shows at the delay `late_s`.
+/// Examines the residuals `e` (m) of neighbouring fixes; `state` is the motion of each fix at the delay `late_s`.
 pub(crate) fn jitter(t: &[f64], e: &[[f64; 2]], state: &[State], late_s: &[f64]) -> Jitter {
     let n = t.len();
     if n < LEAST_FIXES {
@@ -66,12 +66,12 @@ pub(crate) fn jitter(t: &[f64], e: &[[f64; 2]], state: &[State], late_s: &[f64])
     if used < LEAST_FIXES || blocks.len() < 3 { Jitter::default() } else { judge(&blocks) }
 }
 
-/// What lies between a value and the mean of its neighbours.
+/// Difference between a value and the mean of its neighbours.
 fn second([before, here, after]: [f64; 3]) -> f64 {
     here - 0.5 * (before + after)
 }
 
-/// Whether the motion, or the delay of the map, turns too far between three fixes.
+/// Whether the motion, or the delay of the map, changes too much between three fixes.
 fn bends(near: &[State], late_s: &[f64], speed_mps: f64) -> bool {
     let of = |value: &dyn Fn(usize) -> f64| second([0, 1, 2].map(value));
     let [north, east] = [0, 1].map(|a| of(&|k| near[k].place[a]));
@@ -135,13 +135,13 @@ mod tests {
     }
 
     #[test]
-    fn noise_alone_has_none_and_a_limit_is_told() {
+    fn noise_alone_shows_no_jitter_and_gives_a_limit() {
         let none = scattered(0.0);
         assert!(none.found_s.is_none());
         assert!((0.001..0.02).contains(&none.limit_s.unwrap()), "{none:?}");
     }
 
-    /// Ten blocks of equal weight whose squares lie ± `apart` about `square`: the mean is known to apart / 3.
+    /// Ten blocks of equal weight with squares of `square` ± `apart`: the mean has an uncertainty of apart / 3.
     fn of_blocks(square: f64, apart: f64) -> Jitter {
         let weight = 3e4;
         let blocks: Vec<(f64, f64)> =
@@ -151,7 +151,7 @@ mod tests {
 
     /// Student's t with nine degrees of freedom exceeds 4.297 with a probability of 0.1 %.
     #[test]
-    fn jitter_is_found_where_it_is_sure_and_no_less_than_ten_milliseconds() {
+    fn jitter_is_found_if_significant_and_at_least_ten_milliseconds() {
         let apart = 1e-4;
         for (times, found) in [(4.2, false), (4.4, true), (-9.0, false)] {
             let square = times * apart / 3.0;

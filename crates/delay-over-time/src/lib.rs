@@ -1,7 +1,7 @@
 //! A delay that may vary during a flight.
 //!
-//! The order is: first the delay that may vary, with its noise; then the question whether it varies; then the word for
-//! it (`delay-over-time.md`). [`analyse`] takes slices and gives a [`record::DelayOverTime`].
+//! The order is: first the delay that may vary, with its noise; then the test whether it varies; then the name for it
+//! (`delay-over-time.md`). [`analyse`] takes slices and returns a [`record::DelayOverTime`].
 
 mod bin_statistics;
 mod bins;
@@ -40,12 +40,12 @@ use record::{CurvePoint, DelayKind, DelayOverTime, DeviceTime, Estimate};
 
 /// How the delay of a position against a velocity behaves over a flight. Positive is late.
 ///
-/// Same input, same result: random draws come from a generator with a fixed seed. All instants of the result are on the
-/// clock of the stamps. The cost is bounded: about 15 ms for ten minutes of 10 Hz fixes that are constant, 70 ms where they
-/// vary, 80 ms for two hours (`examples/over_time_study.rs`, one core).
+/// The same input gives the same result: random draws come from a generator with a fixed seed. All instants in the
+/// result are on the clock of the timestamps. The cost is bounded: about 15 ms for ten minutes of 10 Hz fixes with a
+/// constant delay, 70 ms with a varying one, 80 ms for two hours (`examples/over_time_study.rs`, one core).
 ///
 /// # Errors
-/// In words, why the input says nothing. A flight that moves too little is no error: its kind is
+/// Why the input cannot be analysed, in words. A flight with too little motion is not an error: its kind is
 /// [`record::DelayKind::CannotTell`].
 pub fn analyse(record: &PositionAgainstVelocity, settings: &OverTimeSettings) -> Result<DelayOverTime, CannotAnalyse> {
     record.check()?;
@@ -95,7 +95,7 @@ pub fn analyse(record: &PositionAgainstVelocity, settings: &OverTimeSettings) ->
     })
 }
 
-/// Lateness by the device's own time, and whether it agrees with the motion.
+/// Lateness from the device's own time, and whether it agrees with the motion.
 fn device_time(record: &PositionAgainstVelocity, curve: &[CurvePoint]) -> Option<DeviceTime> {
     let (lateness, mut summary) = stamps::device_lateness(record.device_time_s?, record.t)?;
     let (t, delay): (Vec<f64>, Vec<f64>) = curve.iter().map(|p| (p.t_s, p.delay_s)).unzip();

@@ -1,22 +1,22 @@
-//! The path that the velocity says, and where it cannot say it.
+//! The path from the velocity, and where the velocity is missing.
 
-/// Gap of the velocity that breaks its integral, s and in usual intervals.
+/// Gap of the velocity that interrupts its integral, s and in usual intervals.
 const GAP_S: f64 = 1.0;
 const GAP_INTERVALS: f64 = 4.0;
-/// Speed below which motion carries no delay: a quarter of the 95 % speed within these limits, m/s, and at least a tenth.
+/// Speed below which motion has no delay information: 1/4 of the 95 % speed within these limits, m/s, at least 1/10.
 const SLOW_MPS: (f64, f64) = (0.3, 1.5);
 const SLOW_SHARES: (f64, f64) = (0.25, 0.1);
 
 /// Velocity, linear between its samples, with its integral.
 pub(crate) struct Motion {
     t: Vec<f64>,
-    /// Velocity, m/s, and place, m: north, east.
+    /// Velocity, m/s, and position, m: north, east.
     samples: Vec<[f64; 4]>,
     /// Columns of the two effects that resemble a delay: speed later than direction (m/s), antenna ahead (unit vector).
     resembling: Vec<[f64; 4]>,
-    /// Gaps: from the last sample before to the first after, s.
+    /// Gaps: from the last sample before to the first sample after, s.
     gaps: Vec<(f64, f64)>,
-    /// Speed below which a fix says nothing of a delay, m/s.
+    /// Speed below which a fix carries no information on the delay, m/s.
     pub(crate) slow_mps: f64,
     /// 95th percentile of the speed, m/s.
     pub(crate) fast_mps: f64,
@@ -24,7 +24,7 @@ pub(crate) struct Motion {
     pub(crate) rms_mps: f64,
 }
 
-/// Place and velocity at an instant.
+/// Position and velocity at an instant.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct State {
     /// North and east, m.
@@ -33,7 +33,7 @@ pub(crate) struct State {
     pub(crate) velocity: [f64; 2],
 }
 
-/// Speeds neither overflow nor underflow when squared: `hypot` would cost five times as much.
+/// Speeds neither overflow nor underflow when squared, and `hypot` would cost five times as much.
 pub(crate) fn speed(north: f64, east: f64) -> f64 {
     (north * north + east * east).sqrt()
 }
@@ -45,7 +45,7 @@ impl State {
 }
 
 impl Motion {
-    /// Stamps rise strictly and there are at least two.
+    /// Timestamps must rise strictly and there must be at least two.
     pub(crate) fn new(t: &[f64], north: &[f64], east: &[f64]) -> Motion {
         let mut samples = Vec::with_capacity(t.len());
         let mut place = [0.0; 2];
@@ -84,7 +84,7 @@ impl Motion {
         &self.gaps
     }
 
-    /// Sample at or before `q`, such that one follows. `hint` is where the last query ended.
+    /// Sample at or before `q` that has a successor. `hint` is where the last query ended.
     #[inline]
     fn place_of(&self, q: f64, hint: &mut usize) -> usize {
         let last = self.t.len() - 2;
@@ -107,7 +107,7 @@ impl Motion {
         k
     }
 
-    /// Place and velocity at `q`; outside the record the velocity is held.
+    /// Position and velocity at `q`; outside the record the velocity is held.
     #[inline]
     pub(crate) fn at(&self, q: f64, hint: &mut usize) -> State {
         let k = self.place_of(q, hint);
@@ -122,7 +122,7 @@ impl Motion {
         State { place, velocity: v }
     }
 
-    /// The columns that resemble a delay at `q`: of each axis [speed later than direction, antenna ahead].
+    /// The columns that resemble a delay at `q`: for each axis [speed later than direction, antenna ahead].
     pub(crate) fn resembling_at(&self, q: f64, hint: &mut usize) -> [[f64; 2]; 2] {
         let k = self.place_of(q, hint);
         let share = ((q - self.t[k]) / (self.t[k + 1] - self.t[k])).clamp(0.0, 1.0);
@@ -132,7 +132,7 @@ impl Motion {
     }
 }
 
-/// Speed that carries no delay, 95 % speed and rms speed.
+/// Speed below which motion carries no delay, 95 % speed and rms speed.
 fn speeds(samples: &[[f64; 4]]) -> [f64; 3] {
     let every = (samples.len() / 20_000).max(1);
     let mut speeds: Vec<f64> = samples.iter().step_by(every).map(|v| speed(v[0], v[1])).collect();
@@ -143,7 +143,7 @@ fn speeds(samples: &[[f64; 4]]) -> [f64; 3] {
     [slow.max(SLOW_SHARES.1 * fast), fast, rms]
 }
 
-/// −∫ U̇ n dt and n, with n = v/U where it moves.
+/// −∫ U̇ n dt and n, with n = v/U while moving.
 fn resembling(samples: &[[f64; 4]], slow_mps: f64) -> Vec<[f64; 4]> {
     let mut sum = [0.0; 2];
     let mut before = (0.0, [0.0; 2]);
@@ -170,7 +170,7 @@ fn gaps(t: &[f64]) -> Vec<(f64, f64)> {
     t.windows(2).filter(|w| w[1] - w[0] > limit).map(|w| (w[0], w[1])).collect()
 }
 
-/// Median interval, s; of at most 10 000 of them.
+/// Median interval, s; from at most 10 000 of them.
 pub(crate) fn usual_interval(t: &[f64]) -> f64 {
     let every = (t.len() / 10_000).max(1);
     let mut d: Vec<f64> = t.windows(2).step_by(every).map(|w| w[1] - w[0]).collect();
@@ -188,7 +188,7 @@ mod tests {
     use crate::fixes::Fixes;
 
     #[test]
-    fn the_place_is_the_integral_whatever_the_order_of_the_queries() {
+    fn the_position_is_the_integral_in_any_order_of_queries() {
         let t: Vec<f64> = (0..60).map(|k| 0.1 * f64::from(k) + 0.02 * f64::from(k % 3)).collect();
         let north: Vec<f64> = t.iter().map(|t| 6.0 * t - 2.0).collect();
         let east = vec![3.0; 60];
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_known_as_one() {
+    fn a_gap_is_recognised() {
         let t: Vec<f64> = (0..40).map(|k| 0.1 * f64::from(k) + if k >= 20 { 3.0 } else { 0.0 }).collect();
         let motion = Motion::new(&t, &[1.0; 40], &[0.0; 40]);
         assert_eq!(motion.gaps().len(), 1);
@@ -210,9 +210,9 @@ mod tests {
         assert_eq!((motion.gaps_before(1.0), motion.gaps_before(6.0)), (0, 1));
     }
 
-    /// Anywhere from anywhere, on stamps that are unequally far apart.
+    /// From anywhere to anywhere, on irregular timestamps.
     #[test]
-    fn a_query_does_not_depend_on_the_one_before() {
+    fn a_query_does_not_depend_on_the_previous_one() {
         let mut random = Random::new(1);
         let t = random.stamps(300, -40.0);
         let (north, east): (Vec<f64>, Vec<f64>) = random.pairs(300, 9.0).into_iter().map(|v| (v[0], v[1])).unzip();
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_its_record_the_velocity_is_held() {
+    fn the_velocity_is_held_outside_its_record() {
         let t: Vec<f64> = (0..50).map(|k| 10.0 + 0.1 * f64::from(k)).collect();
         let north: Vec<f64> = t.iter().map(|t| 2.0 * t).collect();
         let motion = Motion::new(&t, &north, &[3.0; 50]);
@@ -252,9 +252,9 @@ mod tests {
         assert!(motion.knows(10.0) && motion.knows(t[49]) && !motion.knows(9.99) && !motion.knows(t[49] + 0.01));
     }
 
-    /// Heading ωt, speed 10 + 2t: the place lags by −∫ U̇ n dt where the speed is later, and is n ahead with the antenna.
+    /// Heading ωt, speed 10 + 2t: a late speed makes the position lag by −∫ U̇ n dt, the antenna puts it n ahead.
     #[test]
-    fn what_resembles_a_delay_is_the_integral_of_the_gain_in_speed_and_the_heading() {
+    fn columns_resembling_a_delay_match_their_closed_form() {
         let t: Vec<f64> = (0..1000).map(|k| 0.01 * f64::from(k)).collect();
         let (rate, speed) = (0.7, |t: f64| 10.0 + 2.0 * t);
         let north: Vec<f64> = t.iter().map(|t| speed(*t) * (rate * t).cos()).collect();
@@ -267,7 +267,7 @@ mod tests {
             assert!((lag_e + 2.0 * (1.0 - angle.cos()) / rate).abs() < 1e-3, "{q}: {lag_e}");
             assert!((lever_n - angle.cos()).abs() < 1e-4 && (lever_e - angle.sin()).abs() < 1e-4, "{q}");
         }
-        // A fix that is late by its speed alone: the place of a velocity whose speed is 0.1 s later than its direction.
+        // A fix late by its speed only: the position from a velocity whose speed is 0.1 s later than its direction.
         let fixes = Fixes { y: vec![[7.0, 8.0]; 1000], starts: vec![0, 1000], t: t.clone() };
         let freed = fixes.without_effects(&motion, &|_| 1.0, [0.1, 2.0]);
         let [[lag_n, lever_n], [lag_e, lever_e]] = motion.resembling_at(t[600] - 1.0, &mut 0);
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_still_has_no_heading() {
+    fn a_stationary_vehicle_has_no_heading() {
         let t: Vec<f64> = (0..300).map(|k| 0.1 * f64::from(k)).collect();
         let north: Vec<f64> = (0..300).map(|k| if k < 150 { 20.0 } else { 0.2 }).collect();
         let motion = Motion::new(&t, &north, &[0.0; 300]);
@@ -308,9 +308,9 @@ mod tests {
 
     /// A quarter of the 95 % speed, but 0.3 m/s to 1.5 m/s, and at least a tenth of it.
     #[test]
-    fn slow_is_a_share_of_the_fast_speed_within_limits() {
+    fn the_slow_speed_is_a_limited_share_of_the_fast_speed() {
         for (fast, slow) in [(0.4, 0.3), (4.0, 1.0), (10.0, 1.5), (40.0, 4.0)] {
-            // One sample in a hundred is ten times as fast: it is no usual speed.
+            // One sample in a hundred is ten times as fast, which is not the usual speed.
             let t: Vec<f64> = (0..500).map(f64::from).collect();
             let speed: Vec<f64> = (0..500).map(|k| if k % 100 == 7 { 10.0 * fast } else { fast }).collect();
             let (north, east): (Vec<f64>, Vec<f64>) = speed.iter().map(|u| (0.6 * u, -0.8 * u)).unzip();

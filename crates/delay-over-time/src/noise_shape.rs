@@ -1,4 +1,4 @@
-//! Shape of the position's noise, from windows whose delays and scales are their own.
+//! Shape of the position's noise, from windows with their own delays and scales.
 
 use crate::fixes::Fixes;
 use crate::motion::Motion;
@@ -8,18 +8,18 @@ use std::ops::Range;
 
 /// Length of a window, s.
 const LENGTH_S: f64 = 20.0;
-/// Fixes that are enough to know the shape.
+/// Number of fixes that is enough to estimate the shape.
 const ENOUGH_FIXES: usize = 1500;
-/// Windows that move, if there are this many; else all.
+/// Only moving windows are used if there are at least this many; else all.
 const LEAST_MOVING: usize = 4;
 const WANDER: (f64, f64) = (0.02, 100.0);
 const TIME_CONSTANT_S: (f64, f64) = (0.3, 300.0);
 const EVALUATIONS: usize = 32;
 
-/// First guess, with which windows find their delays.
+/// First guess, used to find the delays of windows.
 pub(crate) const GUESS: NoiseShape = NoiseShape { wander: 3.0, time_constant_s: 15.0, jitter: 0.0 };
 
-/// Windows at their own delays: what the likelihood of a shape is summed over.
+/// Windows at their own delays: the likelihood of a shape is summed over them.
 pub(crate) struct Sample {
     windows: Vec<SampleWindow>,
 }
@@ -27,7 +27,7 @@ pub(crate) struct Sample {
 struct SampleWindow {
     rows: Range<usize>,
     delay_s: f64,
-    /// Its columns at that delay, whatever the noise.
+    /// Its columns at that delay, independent of the noise.
     columns: Vec<[f64; 4]>,
 }
 
@@ -57,7 +57,7 @@ impl Sample {
         Sample { windows: fitted.iter().filter(|w| !enough || moving(w)).map(window).collect() }
     }
 
-    /// The most likely shape; the jitter is held. Compass search in logarithms, from the best of a grid.
+    /// The most likely shape, with fixed jitter. Compass search in logarithms, from the best of a grid.
     pub(crate) fn shape(&self, fixes: &Fixes, motion: &Motion, jitter: f64, scratch: &mut Scratch) -> NoiseShape {
         let shape_at = |at: [f64; 2]| NoiseShape { wander: at[0].exp(), time_constant_s: at[1].exp(), jitter };
         let mut cost = |at: [f64; 2]| -> f64 {
@@ -89,7 +89,7 @@ fn best_of_grid(cost: &mut dyn FnMut([f64; 2]) -> f64) -> Place {
     best
 }
 
-/// Steps that halve where none of them gains.
+/// Compass search with steps that halve when none of them gains.
 fn compass(cost: &mut dyn FnMut([f64; 2]) -> f64, mut best: Place) -> [f64; 2] {
     let bounds = [WANDER, TIME_CONSTANT_S].map(|(a, b)| (a.ln(), b.ln()));
     let mut used = 6;
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
     use crate::dense::{Random, turning};
 
-    /// Fixes of 5 Hz with a delay of 0.3 s, white noise of 0.2 m, and a wander of `wander` times that.
+    /// Fixes at 5 Hz with a delay of 0.3 s, white noise of 0.2 m, and a wander of `wander` times that.
     fn found(wander: f64, time_constant_s: f64, seed: u64) -> NoiseShape {
         let (motion, mut random) = (turning(300.0), Random::new(seed));
         let t: Vec<f64> = (0..1500).map(|k| 0.2 * f64::from(k)).collect();
@@ -142,9 +142,9 @@ mod tests {
         Sample::new(&fixes, &motion, &starts, 0.2, &mut scratch).shape(&fixes, &motion, 0.0, &mut scratch)
     }
 
-    /// Windows of 20 s know how fast the noise wanders, 2 σ² / τ; σ and τ alone they know less well.
+    /// Windows of 20 s determine how fast the noise wanders, 2 σ² / τ; σ and τ alone are less certain.
     #[test]
-    fn simulated_noise_wanders_as_fast_as_is_found() {
+    fn the_wander_rate_of_simulated_noise_is_found() {
         for (wander, time_constant_s, seed) in [(4.0, 4.0, 1), (1.0, 2.0, 2), (10.0, 8.0, 3)] {
             let shape = found(wander, time_constant_s, seed);
             let fast = |wander: f64, time_constant_s: f64| 2.0 * wander * wander / time_constant_s;
@@ -155,9 +155,9 @@ mod tests {
         assert!(shape.wander < 0.5, "where there is none: {shape:?}");
     }
 
-    /// A bowl with its bottom beside the best point of the grid.
+    /// A bowl whose minimum is next to the best point of the grid.
     #[test]
-    fn the_search_goes_down_to_the_bottom_and_stays_within_its_bounds() {
+    fn the_search_finds_the_minimum_and_stays_within_bounds() {
         for bottom in [[2.0f64, 3.0], [-2.0, 1.0], [0.5, 4.5]] {
             let mut used = 0;
             let mut bowl = |at: [f64; 2]| {

@@ -4,32 +4,32 @@ use crate::motion::State;
 use record::LateFix;
 use statrs::distribution::{Binomial, DiscreteCDF};
 
-/// Distance in robust standard deviations above which a fix is odd.
+/// Distance in robust standard deviations above which a fix is an outlier.
 const FAR: f64 = 8.0;
 /// The same as a time at the current speed, s.
 const FAR_S: f64 = 0.1;
-/// Speed below which nothing is called odd, m/s.
+/// Speed below which no fix is treated as an outlier, m/s.
 const SLOW_MPS: f64 = 2.0;
-/// The neighbours of both sides agree to this share of the distance.
+/// The neighbours on both sides must agree to within this share of the distance.
 const AGREE: f64 = 0.3;
-/// Odd fixes are not odd if there are more of them than this share.
+/// If more than this share of the fixes are outliers, none is treated as one.
 const MOST_SHARE: f64 = 0.03;
-/// A fix lies behind if it is across by less than this share of along.
+/// A fix lies behind on the track if its offset across is less than this share of the offset along.
 const CONE: f64 = 0.6;
 /// Share of directions within that cone.
 const CONE_SHARE: f64 = 0.172;
 const SIGNIFICANCE: f64 = 1e-3;
 
-/// Fixes that are left out.
+/// Excluded fixes.
 #[derive(Default)]
 pub(crate) struct Odd {
     /// Rows.
     pub(crate) rows: Vec<usize>,
-    /// Those that lie behind, if more do than chance gives.
+    /// Those that lie behind on the track, if there are more than expected by chance.
     pub(crate) late: Vec<LateFix>,
 }
 
-/// Looks at residuals `e` (m) about the path; `state` is the motion that each fix shows.
+/// Examines the residuals `e` (m) about the path; `state` is the motion at each fix.
 pub(crate) fn odd_fixes(t: &[f64], e: &[[f64; 2]], state: &[State]) -> Odd {
     let n = e.len();
     if n < 20 {
@@ -60,7 +60,7 @@ fn more_than_chance(behind: usize, of: usize) -> bool {
     Binomial::new(CONE_SHARE, of as u64).is_ok_and(|b| b.sf(above as u64) < SIGNIFICANCE)
 }
 
-/// A fix against the medians of its neighbours.
+/// Offset of a fix from the medians of its neighbours.
 struct Offset {
     along: f64,
     across: f64,
@@ -122,15 +122,15 @@ mod tests {
     }
 
     #[test]
-    fn one_odd_fix_alone_is_not_called_late() {
+    fn a_single_odd_fix_is_not_called_late() {
         let odd = flight(&[133], 0.6);
         assert_eq!((odd.rows.len(), odd.late.len()), (1, 0));
         assert!(flight(&[], 0.0).rows.is_empty());
     }
 
-    /// 17.2 % of directions lie behind: of four fixes all four with 0.09 %, of three all three with 0.5 %.
+    /// 17.2 % of directions lie behind: all four of four fixes with 0.09 %, all three of three with 0.5 %.
     #[test]
-    fn more_than_chance_is_less_than_a_thousandth() {
+    fn more_than_chance_means_below_one_in_a_thousand() {
         let probability = |behind: u32, of: u32| -> f64 {
             let choose = |k: u32| (0..k).map(|i| f64::from(of - i) / f64::from(i + 1)).product::<f64>();
             (behind..=of).map(|k| choose(k) * 0.172f64.powi(k as i32) * 0.828f64.powi((of - k) as i32)).sum()
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_of_three_lies_between_the_others() {
+    fn the_middle_of_three_is_between_the_others() {
         for [a, b, c] in [[1.0, 2.0, 3.0], [3.0, 1.0, 2.0], [2.0, 3.0, 1.0], [3.0, 2.0, 1.0], [2.0, 2.0, 1.0]] {
             assert_eq!(middle_of([a, b, c]), 2.0);
         }
@@ -152,7 +152,7 @@ mod tests {
 
     /// Flying north-east, a fix 3 m north of the medians of its neighbours is √4.5 m along and −√4.5 m across.
     #[test]
-    fn a_fix_is_off_along_and_across_its_direction() {
+    fn an_offset_is_split_along_and_across_the_direction() {
         let mut e = vec![[10.0, -5.0]; 9];
         e[5] = [40.0, 40.0];
         e[4] = [13.0, -5.0];

@@ -1,25 +1,25 @@
-//! Normal equations of changes of the delay on a stretch of fixes, offset and drift projected out (S7).
+//! Normal equations of delay changes on a stretch of fixes, with offset and drift projected out (S7).
 
 use crate::bins::Noise;
 use crate::whitening::{Step, offset_and_drift, steps};
 use nalgebra::{DMatrix, DVector};
 
-/// Least number of fixes that say something.
+/// Least number of fixes that carry information.
 const LEAST_FIXES: usize = 8;
 
-/// Residual, m, and velocity, m/s, that a fix shows at a delay: north, east.
+/// Residual, m, and velocity, m/s, of a fix at a given delay: north, east.
 #[derive(Clone, Copy)]
 pub(crate) struct Seen {
     pub(crate) e: [f64; 2],
     pub(crate) v: [f64; 2],
 }
 
-/// Fixes of a stretch as they are seen at a delay.
+/// Fixes of a stretch, evaluated at a given delay.
 #[derive(Default)]
 pub(crate) struct Sight {
     t: Vec<f64>,
     seen: Vec<Seen>,
-    /// What each fix has of each change, fix by fix.
+    /// Column values of each change, fix by fix.
     pub(crate) columns: Vec<f64>,
 }
 
@@ -36,7 +36,7 @@ impl Sight {
     }
 }
 
-/// What whitens the stamps `t`; kept from one delay to the next while it stays the same.
+/// Whitening of the timestamps `t`; reused from one delay to the next while it stays the same.
 #[derive(Default, Clone)]
 pub(crate) struct Filters {
     t: Vec<f64>,
@@ -45,7 +45,7 @@ pub(crate) struct Filters {
 }
 
 impl Filters {
-    /// Makes ready for `axis`. Jitter depends on the velocity: then nothing can be kept.
+    /// Prepares for `axis`. Jitter depends on the velocity, so then nothing can be reused.
     fn prepare(&mut self, sight: &Sight, noise: &Noise, axis: usize) {
         let jitter = noise.shape.jitter;
         if jitter == 0.0 && self.t == sight.t {
@@ -65,12 +65,12 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// Of no fixes.
+    /// Equations of no fixes.
     pub(crate) fn none(n: usize) -> Part {
         Part { normal: DMatrix::zeros(n, n), right: DVector::zeros(n), rss: 0.0 }
     }
 
-    /// Adds those of other fixes, with an offset and a drift of their own.
+    /// Adds the equations of other fixes, with their own offset and drift.
     pub(crate) fn join(&mut self, other: &Part) {
         self.normal += &other.normal;
         self.right += &other.right;
@@ -95,9 +95,9 @@ impl Part {
 
     /// Adds one axis.
     fn add(&mut self, sight: &Sight, axis: usize, n: usize, filters: &Filters) {
-        // Residuals count from the first: sums over long flights stay small.
+        // Residuals are relative to the first, so sums over long flights stay small.
         let origin = sight.seen[0].e[axis];
-        // Of each column, and of the residual at the end: what the filter holds, the whitened value, the products with the
+        // For each column, and the residual at the end: the filter state, the whitened value, and the products with the
         // offset and the drift.
         let mut columns = vec![Column::default(); n + 1];
         let mut white = vec![0.0; n + 1];
@@ -127,7 +127,7 @@ impl Part {
         self.rss -= dot(n, n);
     }
 
-    /// Square of the residuals with the columns at their best.
+    /// Sum of squared residuals with the optimal columns.
     pub(crate) fn least(&self) -> f64 {
         let mut ridged = self.normal.clone();
         for i in 0..ridged.nrows() {
@@ -137,7 +137,7 @@ impl Part {
     }
 }
 
-/// One column on its way through the filter.
+/// Filter state of one column.
 #[derive(Clone, Default)]
 struct Column {
     wander: f64,
@@ -167,7 +167,7 @@ mod tests {
         let (e, v) = (random.pairs(n, 2.0), random.pairs(n, 8.0));
         for (k, t) in random.stamps(n, from).into_iter().enumerate() {
             sight.push(t, &Seen { e: [e[k][0] + 5000.0, e[k][1] - 800.0], v: v[k] });
-            // A level, a step in the middle and a bend: as the fits have them.
+            // A level, a step in the middle and a bend, as in the fits.
             let all = [1.0, f64::from(u8::from(k >= n / 2)), k as f64 / n as f64];
             sight.columns.extend_from_slice(&all[..columns]);
         }
@@ -198,9 +198,9 @@ mod tests {
         assert!(near(a.least(), least, 1e-6), "{} {least}", a.least());
     }
 
-    /// The filters are kept from stretch to stretch, and must fit each.
+    /// The filters are reused between stretches, and must fit each.
     #[test]
-    fn the_normal_equations_of_a_stretch_are_those_of_the_dense_formula() {
+    fn the_normal_equations_of_a_stretch_match_the_dense_formula() {
         let mut random = Random::new(11);
         for (jitter, wander, time_constant_s) in [(0.0, 3.0, 15.0), (0.05, 0.5, 2.0), (0.3, 10.0, 1.0)] {
             let noise = Noise { shape: NoiseShape { wander, time_constant_s, jitter }, white_m: 0.4 };
@@ -209,7 +209,7 @@ mod tests {
                 let stretch = sight(&mut random, 40, 100.0, columns);
                 let found = Part::of(&stretch, columns, &noise, &mut filters);
                 agree(&found, &dense_part(&stretch, columns, &noise));
-                // The same stamps at another delay: other velocities and residuals.
+                // The same timestamps at another delay: other velocities and residuals.
                 let mut again = sight(&mut random, 40, 100.0, columns);
                 again.t.clone_from(&stretch.t);
                 let found = Part::of(&again, columns, &noise, &mut filters);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_join_by_adding_up_and_a_short_one_says_nothing() {
+    fn stretches_join_by_addition_and_a_short_one_adds_nothing() {
         let mut random = Random::new(12);
         let noise = Noise { shape: NoiseShape { wander: 2.0, time_constant_s: 5.0, jitter: 0.0 }, white_m: 0.4 };
         let stretches = [30, 8, 7].map(|n| sight(&mut random, n, 0.0, 2));

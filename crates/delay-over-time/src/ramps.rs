@@ -6,20 +6,20 @@ use crate::refine::{Refined, Refinement};
 use nalgebra::DVector;
 use record::DelayTermKind;
 
-/// Rounds in which bends move, and how far in one of them, bins.
+/// Rounds in which bends move, and the largest move per round, bins.
 const ROUNDS: usize = 6;
 const LARGEST_MOVE_BINS: f64 = 4.0;
-/// Steps of one direction that may be a ramp.
+/// Least number of steps in one direction that may be a ramp.
 const LEAST_STAIRS: usize = 2;
-/// Ends of a ramp that are tried before and after its stairs, in heights of their spacing.
+/// Candidate ends of a ramp before and after its stairs, in units of their spacing.
 const ENDS: [f64; 2] = [0.5, 1.0];
 /// Share of the slope of a ramp that may remain after it.
 const UNEVEN: f64 = 0.2;
-/// A bend this near a step is the end of a ramp with a drop, and moves with it, bins.
+/// A bend within this distance of a step is the end of a ramp with a drop and moves with it, bins.
 const AT_A_STEP_BINS: f64 = 0.5;
 
 impl Refinement<'_> {
-    /// Bins take the ramp of a queue for stairs, and place bends at their middles: asks the fixes for ramps.
+    /// On bins the ramp of a queue looks like stairs, and bends are at bin middles. This fits ramps to the fixes.
     pub(crate) fn ramps(&self, mut now: Refined) -> Refined {
         let mut cost = self.cost(&now.description);
         for _ in 0..now.description.terms.len() {
@@ -39,7 +39,7 @@ impl Refinement<'_> {
         }
     }
 
-    /// Descriptions with a ramp in the place of these steps.
+    /// Descriptions with a ramp in place of these steps.
     fn ramps_for(&self, d: &Description, stairs: &Stairs) -> Vec<Refined> {
         let spacing = stairs.spacing_s.max(self.bin_s);
         let ends = ENDS.iter().map(|x| stairs.to_s + x * spacing).chain(stairs.falls_s);
@@ -56,7 +56,7 @@ impl Refinement<'_> {
         both.filter_map(|(from, to)| ramp(from, to)).collect()
     }
 
-    /// Moves the bends that are at no step to where they fit best (Gauss–Newton with their instants free).
+    /// Moves the bends that are not at a step to where they fit best (Gauss–Newton with their instants free).
     pub(crate) fn place_bends(&self, mut now: Refined) -> Refined {
         let mut cost = self.cost(&now.description);
         for _ in 0..ROUNDS {
@@ -77,7 +77,7 @@ impl Refinement<'_> {
         let columns = |t: f64, out: &mut Vec<f64>| {
             out.push(1.0);
             out.extend(d.terms.iter().map(|x| x.column(t)));
-            // What a later instant of the bend adds at `t`.
+            // Change at `t` from moving the bend to a later instant.
             out.extend(free.iter().map(|i| if t >= d.terms[*i].at_s { -d.terms[*i].size } else { 0.0 }));
         };
         let mut all = Part::none(n);
@@ -101,7 +101,8 @@ impl Refinement<'_> {
         moved.terms.iter().all(|t| t.at_s.is_finite()).then_some(moved)
     }
 
-    /// Whether term `i` is a bend away from every step: beside a step its instant and the step's size are one.
+    /// Whether term `i` is a bend away from every step: near a step its instant cannot be separated from the step's
+    /// size.
     fn is_free(&self, d: &Description, i: usize) -> bool {
         let Term { kind: DelayTermKind::Bend, at_s, .. } = d.terms[i] else { return false };
         let near = |t: &Term| t.kind == DelayTermKind::Step && (t.at_s - at_s).abs() < AT_A_STEP_BINS * self.bin_s;
@@ -129,13 +130,13 @@ fn short_ramps_as_steps(d: &Description, bin_s: f64) -> Option<Description> {
     (terms.len() < d.terms.len()).then_some(Description { terms, ..*d })
 }
 
-/// Steps of one direction that follow each other.
+/// Consecutive steps in one direction.
 struct Stairs {
     from_s: f64,
     to_s: f64,
     height_s: f64,
     spacing_s: f64,
-    /// Where the delay falls back after them.
+    /// Instant at which the delay falls back after them.
     falls_s: Option<f64>,
 }
 

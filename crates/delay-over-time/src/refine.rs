@@ -1,4 +1,4 @@
-//! The description on the fixes themselves (S7): sizes, and steps to the fix.
+//! The description fitted to the fixes themselves (S7): sizes, and steps placed to the nearest fix.
 
 use crate::bins::Noise;
 use crate::describe::{Description, Term};
@@ -15,16 +15,16 @@ const STEADY: f64 = 1e-4;
 /// Half-width of the first search of an edge, s, and of the widest.
 const SCAN_S: f64 = 3.0;
 const WIDEST_SCAN_S: f64 = 40.0;
-/// Fixes on either side of a search that take part, s.
+/// Range on each side of a search from which fixes are used, s.
 const MARGIN_S: f64 = 20.0;
 /// Step of a search, s.
 const SCAN_STEP_S: f64 = 0.2;
 /// Rise of −2 log likelihood at the ends of a 95 % interval.
 const INTERVAL_RISE: f64 = 3.84;
-/// Rise that two steps within a few bins must save to stay two.
+/// Least rise when two steps within a few bins are merged, for them to stay separate.
 const PRICE: f64 = 16.0;
 const NEAR_BINS: f64 = 3.2;
-/// Bends are tried at steps that are so many bins away.
+/// Bends are tried at steps within this number of bins.
 const BEND_BINS: f64 = 5.0;
 
 /// Description with uncertainties.
@@ -60,18 +60,18 @@ impl Refined {
     }
 }
 
-/// The fixes, the motion and the noise.
+/// Fixes, motion and noise.
 pub(crate) struct Refinement<'a> {
     pub(crate) fixes: &'a Fixes,
     pub(crate) motion: &'a Motion,
     pub(crate) noise: Noise,
-    /// What autocorrelation adds to variances.
+    /// Inflation of variances by autocorrelation.
     pub(crate) inflation: f64,
-    /// Length of the bins that the description was found on, s.
+    /// Length of the bins on which the description was found, s.
     pub(crate) bin_s: f64,
 }
 
-/// Bends at one instant are one.
+/// Merges bends at the same instant.
 fn joined_bends(mut d: Description) -> Description {
     let mut joined: Vec<Term> = vec![];
     for term in d.terms {
@@ -102,7 +102,7 @@ impl Refinement<'_> {
         Some(last)
     }
 
-    /// Removes the weakest term, and so on, until all are worth their price.
+    /// Removes the weakest term repeatedly until all terms are worth their price.
     fn without_weak_terms(&self, mut now: Refined) -> Option<Refined> {
         for _ in 0..now.description.terms.len() {
             let weakest = (0..now.description.terms.len())
@@ -119,7 +119,7 @@ impl Refinement<'_> {
         Some(now)
     }
 
-    /// Gauss–Newton on level and sizes, instants held.
+    /// Gauss–Newton on level and sizes, with fixed instants.
     pub(crate) fn descend(&self, mut now: Description) -> Option<Refined> {
         let mut covariance = None;
         for _ in 0..ROUNDS {
@@ -164,7 +164,7 @@ impl Refinement<'_> {
         (all.normal, all.right)
     }
 
-    /// Square of the whitened residuals between two instants at the delay `at`, with offset and drift of their own, and
+    /// Sum of squared whitened residuals between two instants at the delay `at`, with their own offset and drift, and
     /// the number of fixes.
     pub(crate) fn squares_between(&self, from_s: f64, to_s: f64, at: &dyn Fn(f64) -> f64) -> (f64, usize) {
         let t = &self.fixes.t;
@@ -172,7 +172,7 @@ impl Refinement<'_> {
         (self.part(rows.clone(), at, 1, &|_, x| x.push(1.0)).rss, rows.len())
     }
 
-    /// Normal equations of `n` changes of the delay on `rows`, about the delay `at`, offset and drift projected out.
+    /// Normal equations of `n` delay changes on `rows`, about the delay `at`, with offset and drift projected out.
     pub(crate) fn part(
         &self,
         rows: Range<usize>,
@@ -192,14 +192,14 @@ impl Refinement<'_> {
         Part::of(&sight, n, &self.noise, &mut Filters::default())
     }
 
-    /// Residual and velocity of fix `k` if it shows the motion at `q`; `None` outside the velocity's record.
+    /// Residual and velocity of fix `k` for the motion at `q`; `None` outside the velocity's record.
     fn seen(&self, k: usize, q: f64, hint: &mut usize) -> Option<Seen> {
         let s = self.motion.knows(q).then(|| self.motion.at(q, hint))?;
         let y = self.fixes.y[k];
         Some(Seen { e: [y[0] - s.place[0], y[1] - s.place[1]], v: s.velocity })
     }
 
-    /// Two steps within a few bins may be one step within a bin: asks the fixes.
+    /// Two steps within a few bins may be a single step within a bin: decides by the fit to the fixes.
     fn join_near_steps(&self, mut now: Refined) -> Refined {
         let near = |d: &Description| {
             let is_step = |i: &usize| d.terms[*i].kind == DelayTermKind::Step;
@@ -229,8 +229,8 @@ impl Refinement<'_> {
         now
     }
 
-    /// A growth often ends where it falls back, but bins beside a jump were left out: moves bends to a step nearby if the
-    /// fixes like that better.
+    /// A growth often ends where it falls back, but bins near a jump were excluded. Moves bends to a nearby step if
+    /// that fits the fixes better.
     fn bends_to_steps(&self, mut now: Refined) -> Refined {
         for i in 0..now.description.terms.len() {
             let Term { kind: DelayTermKind::Bend, at_s, .. } = now.description.terms[i] else { continue };
@@ -248,13 +248,13 @@ impl Refinement<'_> {
         now
     }
 
-    /// −2 log likelihood of a description about `range`, with offset and drift of its own.
+    /// −2 log likelihood of a description over `range`, with its own offset and drift.
     fn cost_between(&self, d: &Description, range: [f64; 2]) -> f64 {
         let squares = |rows| self.part(rows, &|t| d.at(t), 1, &|_, x| x.push(1.0)).rss;
         self.rows_about(range).into_iter().map(squares).sum::<f64>() / self.inflation
     }
 
-    /// −2 log likelihood of a description on all fixes, and the price of its terms.
+    /// −2 log likelihood of a description on all fixes, plus the price of its terms.
     pub(crate) fn cost(&self, d: &Description) -> f64 {
         let squares = |rows| self.part(rows, &|t| d.at(t), 1, &|_, x| x.push(1.0)).rss;
         self.fixes.pieces().map(squares).sum::<f64>() / self.inflation + PRICE * d.terms.len() as f64
@@ -272,7 +272,7 @@ impl Refinement<'_> {
         }
     }
 
-    /// `half_s` about `at_s`, not beyond the neighbouring steps.
+    /// The range `half_s` about `at_s`, limited by the neighbouring steps.
     fn between(&self, d: &Description, i: usize, at_s: f64, half_s: f64) -> [f64; 2] {
         let others = || d.terms.iter().enumerate().filter(|(k, x)| *k != i && x.kind == DelayTermKind::Step);
         let before = others().map(|o| o.1.at_s).filter(|t| *t < at_s).fold(f64::MIN, f64::max);
@@ -291,14 +291,14 @@ impl Refinement<'_> {
             let (from, to) = (*within.first()?, *within.last()?);
             let inner = from > range[0] + SCAN_STEP_S && to < range[1] - SCAN_STEP_S;
             if inner || half_s >= WIDEST_SCAN_S {
-                // The edge lies anywhere between two fixes.
+                // The edge is anywhere between two fixes.
                 return Some([from - SCAN_STEP_S, to + SCAN_STEP_S]);
             }
             half_s *= 2.5;
         }
     }
 
-    /// Fixes in and near `range`, piece by piece: a step often comes with a reset, and both pieces say when it was.
+    /// Fixes in and near `range`, per piece: a step often comes with a reset, and both pieces constrain its instant.
     fn rows_about(&self, range: [f64; 2]) -> Vec<Range<usize>> {
         let t = &self.fixes.t;
         let from = t.partition_point(|t| *t < range[0] - MARGIN_S);
@@ -307,7 +307,7 @@ impl Refinement<'_> {
         near.filter(|rows| !rows.is_empty()).collect()
     }
 
-    /// −2 log likelihood with the edge of term `i` at instants in `range`: level and size of the step are free nearby.
+    /// −2 log likelihood with the edge of term `i` at instants in `range`. Level and size of the step are free nearby.
     fn scan(&self, d: &Description, i: usize, range: [f64; 2]) -> Vec<(f64, f64)> {
         if range[1] <= range[0] {
             return vec![];
@@ -318,7 +318,7 @@ impl Refinement<'_> {
         let interval = crate::motion::usual_interval(&self.fixes.t[rows.clone()]);
         let step = SCAN_STEP_S.max(interval).max((range[1] - range[0]) / 100.0);
         let count = ((range[1] - range[0]) / step) as usize;
-        // Each fix shows one of two motions: before the edge, and after it.
+        // Each fix shows one of two motions: that before the edge or that after it.
         let (edge, mut hints) = (d.terms[i], [0, 0]);
         let mut without = d.clone();
         without.terms.remove(i);
@@ -356,7 +356,7 @@ mod tests {
 
     const NOISE: Noise = Noise { shape: NoiseShape { wander: 1.0, time_constant_s: 8.0, jitter: 0.0 }, white_m: 0.1 };
 
-    /// Fixes of 5 Hz over 120 s, late by `late`, with white noise and wander of 0.1 m; a reset at each of `resets`.
+    /// Fixes at 5 Hz over 120 s, late by `late`, with white noise and wander of 0.1 m; a reset at each of `resets`.
     fn flight(late: impl Fn(f64) -> f64, motion: &Motion, resets: &[f64], seed: u64) -> Fixes {
         let mut random = Random::new(seed);
         let t: Vec<f64> = (0..600).map(|k| 0.2 * f64::from(k)).collect();
@@ -385,7 +385,7 @@ mod tests {
 
     use DelayTermKind::{Bend, Step};
 
-    /// From an edge of a bin and a wrong size to the fix, with and without a reset at the same instant.
+    /// From the edge of a bin and a wrong size to the nearest fix, with and without a reset at the same instant.
     #[test]
     fn a_step_is_placed_between_two_fixes_and_sized() {
         let motion = turning(120.0);
@@ -406,7 +406,7 @@ mod tests {
 
     /// Errors over uncertainties of the sizes of forty steps, chi-squared with 40 degrees of freedom: 16 to 73 with 99.8 %.
     #[test]
-    fn levels_and_sizes_are_as_uncertain_as_they_say() {
+    fn uncertainties_of_levels_and_sizes_are_calibrated() {
         let motion = turning(120.0);
         let (mut sizes, mut levels) = (0.0, 0.0);
         for seed in 100..140 {
@@ -419,23 +419,23 @@ mod tests {
         assert!((16.0..73.0).contains(&sizes) && (16.0..73.0).contains(&levels), "{sizes} {levels}");
     }
 
-    /// The variance of a level and one column each: cᵀ C c.
+    /// Variance with a level column and one column per term: cᵀ C c.
     #[test]
-    fn the_curve_is_as_uncertain_as_its_terms_are_together() {
+    fn the_uncertainty_of_the_curve_combines_its_terms() {
         let d = Description { level_s: 0.2, terms: vec![term(Step, 10.0, 1.0), term(Bend, 20.0, 0.5)] };
         let covariance = DMatrix::from_row_slice(3, 3, &[4.0, -1.0, 0.5, -1.0, 9.0, 0.25, 0.5, 0.25, 1.0]);
         let r = Refined { description: d, covariance, when: vec![None; 2] };
         assert!((r.uncertainty_at(5.0) - 2.0).abs() < 1e-12);
         assert!((r.uncertainty_at(15.0) - (4.0 + 9.0 - 2.0f64).sqrt()).abs() < 1e-12);
-        // At 23 s the bend has 3 s: 4 + 9 + 9 − 2 + 3 + 1.5.
+        // At 23 s the bend has lasted 3 s: 4 + 9 + 9 − 2 + 3 + 1.5.
         assert!((r.uncertainty_at(23.0) - 24.5f64.sqrt()).abs() < 1e-12);
         assert_eq!((r.size_uncertainty(0), r.size_uncertainty(1)), (3.0, 1.0));
         assert!((r.description.at(23.0) - 2.7).abs() < 1e-12);
     }
 
-    /// An inflation of four: uncertainties twice as large, the same sizes.
+    /// An inflation of four: uncertainties twice as large, sizes unchanged.
     #[test]
-    fn autocorrelation_widens_and_moves_nothing() {
+    fn autocorrelation_widens_but_moves_nothing() {
         let motion = turning(120.0);
         let fixes = flight(|t| if t < 60.1 { 0.3 } else { 0.4 }, &motion, &[], 5);
         let first = Description { level_s: 0.3, terms: vec![term(Step, 60.1, 0.1)] };
@@ -446,7 +446,7 @@ mod tests {
         assert_eq!(one.description.terms[0].size, four.description.terms[0].size);
     }
 
-    /// White and independent of the fit: Σ squares has twice the number of fixes less what is fitted.
+    /// White residuals independent of the fit: Σ squares has twice the number of fixes less the fitted parameters.
     #[test]
     fn squares_at_the_truth_are_chi_squared() {
         let motion = turning(120.0);
@@ -460,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn two_steps_within_a_bin_become_one_and_two_far_apart_stay() {
+    fn two_steps_within_a_bin_merge_but_distant_ones_stay() {
         let motion = turning(120.0);
         let one = flight(|t| if t < 60.9 { 0.3 } else { 0.5 }, &motion, &[], 7);
         let first =
@@ -487,9 +487,9 @@ mod tests {
         assert!((found.terms[1].at_s - 90.1).abs() < 0.6 && (found.at(75.0) - 0.4).abs() < 0.02, "{found:?}");
     }
 
-    /// A term of nothing is dropped, and one that stays is not.
+    /// A term of size zero is dropped, and a real one is kept.
     #[test]
-    fn a_term_that_the_fixes_do_not_want_is_dropped() {
+    fn a_term_unsupported_by_the_fixes_is_dropped() {
         let motion = turning(120.0);
         let fixes = flight(|t| if t < 40.1 { 0.3 } else { 0.5 }, &motion, &[], 9);
         let first = Description {
@@ -501,7 +501,7 @@ mod tests {
         assert!(found.terms[0].kind == Step && (found.terms[0].size - 0.2).abs() < 0.02);
     }
 
-    /// Growth from 30 s on that falls back at 70.1 s: described by a bend that ends 6 s too early.
+    /// Growth from 30 s on that falls back at 70.1 s: first described by a bend that ends 6 s too early.
     #[test]
     fn a_bend_moves_to_the_step_where_the_growth_ends() {
         let motion = turning(120.0);

@@ -1,6 +1,6 @@
-//! What can be set, with the values of the specification.
+//! Settings, with the values of the specification.
 
-/// How a delay over time is looked for and judged (`delay-over-time.md`).
+/// How a delay over time is searched for and judged (`delay-over-time.md`).
 #[derive(Debug, Clone, PartialEq)]
 pub struct OverTimeSettings {
     /// Delays that are searched first, s.
@@ -11,27 +11,27 @@ pub struct OverTimeSettings {
     pub least_change_s: f64,
     /// Least change that counts as one, as a share of the level.
     pub least_change_share: f64,
-    /// Largest change that may be needed, s: the share of a delay of seconds would hide changes of seconds.
+    /// Upper limit on the least change, s: otherwise a share of a delay of seconds would hide changes of seconds.
     pub largest_limit_s: f64,
-    /// Probability below which windows disagree.
+    /// Probability below which windows are inconsistent.
     pub significance: f64,
-    /// Standard uncertainty up to which a window takes part, s.
+    /// Largest standard uncertainty with which a window is used, s.
     pub window_limit_s: f64,
     /// Least number of windows for a test of constancy.
     pub least_windows: usize,
-    /// Detectable change above which "constant" is said only "as far as can be seen", s.
+    /// Detectable change above which "constant" is qualified by "as far as can be seen", s.
     pub detectable_limit_s: f64,
-    /// Standard uncertainty of the level up to which it is known, s.
+    /// Largest standard uncertainty with which the level counts as known, s.
     pub known_limit_s: f64,
-    /// Delays below this are none, s.
+    /// Delays below this count as zero, s.
     pub on_time_margin_s: f64,
-    /// Delay that the flight is said to have, s; tested against it.
+    /// Configured delay of the flight, s; tested against the measured one.
     pub configured_delay_s: Option<f64>,
-    /// Least difference to the configured delay that refutes it, s.
+    /// Least difference from the configured delay that refutes it, s.
     pub configured_tolerance_s: f64,
-    /// Random draws behind a probability.
+    /// Random draws per probability.
     pub draws: usize,
-    /// Most fixes that are fitted; more are thinned.
+    /// Maximum number of fixes in the fit; more are thinned.
     pub most_fixes: usize,
 }
 

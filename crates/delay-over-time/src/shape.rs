@@ -1,14 +1,14 @@
-//! The word for a description: what it does between the first and the last fix (section 4 of the specification).
+//! The name of a description: its course between the first and the last fix (section 4 of the specification).
 
 use crate::describe::Description;
 use record::{DelayKind, DelayTermKind};
 
 /// A slope steeper than this is a flush, s/s.
 const FLUSH: f64 = -0.1;
-/// Least growth that is called a queue with a flush, and without one, s.
+/// Least growth that counts as a queue with a flush, and without one, s.
 const QUEUE_S: f64 = 0.05;
 const BUILD_UP_S: f64 = 0.3;
-/// Growth faster than this is no clock, s/s.
+/// Growth faster than this is not a clock drift, s/s.
 const FAST: f64 = 1e-3;
 
 /// Rises and falls of a description.
@@ -16,7 +16,7 @@ const FAST: f64 = 1e-3;
 pub(crate) struct Shape {
     pub(crate) least_s: f64,
     pub(crate) most_s: f64,
-    /// Slow rises and falls, jumps down, s.
+    /// Slow rises and falls, downward jumps, s.
     rise_s: f64,
     fall_s: f64,
     drop_s: f64,
@@ -134,9 +134,9 @@ mod tests {
         Description { level_s: 0.2, terms }
     }
 
-    /// Against a walk along the curve in steps of 10 ms.
+    /// Compared with a walk along the curve in steps of 10 ms.
     #[test]
-    fn a_shape_is_what_the_curve_does_from_instant_to_instant() {
+    fn a_shape_matches_a_walk_along_the_curve() {
         let mut random = Random::new(1);
         for _ in 0..60 {
             let d = anything(&mut random);

@@ -17,22 +17,22 @@ use crate::stamps::{Queued, queued};
 use crate::whitening::NoiseShape;
 use crate::windows::{Scratch, Starts, Window, fit_window, tile};
 
-/// Lengths of windows that are tried, s; at least this many fixes, and at most so many windows.
+/// Window lengths that are tried, s; least number of fixes per window, and maximum number of windows.
 const LENGTHS_S: [f64; 4] = [10.0, 15.0, 20.0, 25.0];
 const WINDOW_FIXES: f64 = 25.0;
 const MOST_WINDOWS: f64 = 24.0;
-/// Jump of the coarse path that leaves fixes about it out of windows and bins, s, and how far.
+/// Jump of the coarse path near which fixes are excluded from windows and bins, s, and the excluded half-width, s.
 const JUMP_S: f64 = 0.3;
 const JUMP_HALF_S: f64 = 3.0;
-/// Guard about the velocity's record, s.
+/// Guard at the ends of the velocity's record, s.
 const GUARD_S: f64 = 0.3;
-/// Delays are searched up to this share of the record, but at least this far, s: short records keep their fixes.
+/// Delays are searched over this share of the record, but at least over this range, s: short records keep their fixes.
 const SEARCH_SHARE: [f64; 2] = [-0.15, 0.35];
 const LEAST_SEARCH_S: [f64; 2] = [-1.0, 2.0];
-/// Unexplained share above which the position does not belong to the velocity.
+/// Unexplained share above which position and velocity do not belong together.
 pub(crate) const FOREIGN_SHARE: f64 = 0.5;
 
-/// All that was found before it is worded.
+/// All results before they are put into words.
 pub(crate) struct Found {
     pub(crate) motion: Motion,
     pub(crate) queued: Queued,
@@ -52,13 +52,13 @@ pub(crate) struct Found {
     pub(crate) span_s: [f64; 2],
 }
 
-/// Windows of one length, and what they say.
+/// Windows of one length, and their comparison.
 pub(crate) struct Test {
     pub(crate) windows: Vec<Window>,
     pub(crate) length_s: f64,
     pub(crate) all: Delays,
     pub(crate) known: Delays,
-    /// `None` if too few windows know their delay.
+    /// `None` if too few windows have a usable delay.
     pub(crate) comparison: Option<Comparison>,
     pub(crate) decision: Option<Decision>,
 }
@@ -106,7 +106,7 @@ fn sorted(breaks: &[f64]) -> Vec<f64> {
     breaks
 }
 
-/// The coarse map, over the wide range if the first does not hold the best.
+/// The coarse map, over the wide range if the best is not within the first.
 fn map_of(
     record: &PositionAgainstVelocity,
     y: &[[f64; 2]],
@@ -125,7 +125,7 @@ fn map_of(
     let ((first, last), (begin, end)) = (crate::input::span(&t), motion.span());
     let shared_s = last.min(end) - first.max(begin);
     let clip = |[lo, hi]: [f64; 2]| {
-        // A velocity that was logged before and after the position serves a wide search.
+        // A velocity logged before and after the position allows a wide search.
         let (before, after) = ((first - begin).max(0.0), (end - last).max(0.0));
         let least = (SEARCH_SHARE[0] * shared_s).min(LEAST_SEARCH_S[0]) - after;
         let most = (SEARCH_SHARE[1] * shared_s).max(LEAST_SEARCH_S[1]) + before;
@@ -145,11 +145,11 @@ fn map_of(
     }
 }
 
-/// Fixes as the steps need them.
+/// Selections of fixes for the steps.
 struct Selected {
-    /// Without bursts and odd fixes.
+    /// Without bursts and outliers.
     edges: Fixes,
-    /// Also without those beside jumps of the path.
+    /// Also without those near jumps of the path.
     calm: Fixes,
     odd: Odd,
     jitter: Jitter,
@@ -184,9 +184,9 @@ fn select(
     let odd_times: Vec<f64> = odd.rows.iter().map(|r| all.t[*r]).collect();
     let is_odd = |t: f64| odd_times.binary_search_by(|o| o.total_cmp(&t)).is_ok();
     let jumps = jumps(map);
-    let beside_jump = |t: f64| jumps.iter().any(|j| (t - j).abs() < JUMP_HALF_S);
+    let near_jump = |t: f64| jumps.iter().any(|j| (t - j).abs() < JUMP_HALF_S);
     let keep = |k: usize| usable(k) && !is_odd(record.t[k]);
-    let calm = |k: usize| keep(k) && !beside_jump(record.t[k]);
+    let calm = |k: usize| keep(k) && !near_jump(record.t[k]);
     let every = all.len().div_ceil(most_fixes.max(100)).max(1);
     let unthinned = Fixes::select(record.t, y, &breaks, calm, 1);
     Selected {
@@ -198,7 +198,7 @@ fn select(
     }
 }
 
-/// What lies between the map and the words.
+/// The fits between the coarse map and the wording.
 fn fit(
     record: &PositionAgainstVelocity,
     y: &[[f64; 2]],
@@ -249,7 +249,7 @@ fn jitter_of(fixes: &Fixes, motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Jitt
     jitter(&fixes.t, &e, &state, &late_s)
 }
 
-/// Shape of the noise, with the jitter that was found.
+/// Shape of the noise, with the estimated jitter.
 fn shape_of(
     fixes: &Fixes,
     motion: &Motion,
@@ -266,7 +266,7 @@ fn shape_of(
     }
 }
 
-/// Noise whose along-track part is the jitter: the white part is what remains of it.
+/// Noise whose along-track part is the jitter; the white part is the remainder.
 fn shape_with_jitter(
     fixes: &Fixes,
     motion: &Motion,
@@ -285,7 +285,7 @@ fn shape_with_jitter(
     sample.shape(fixes, motion, jitter, scratch)
 }
 
-/// Length of a window where nothing was compared, s.
+/// Length of a window if nothing was compared, s.
 pub(crate) fn usual_length(interval_s: f64) -> f64 {
     LENGTHS_S[2].max(WINDOW_FIXES * interval_s)
 }
@@ -302,7 +302,7 @@ pub(crate) fn fit_all(
     rows.into_iter().filter_map(|r| fit_window(fixes, r, motion, shape, starts, scratch)).collect()
 }
 
-/// Windows of the length that announces the smallest detectable change; the shortest if none can be tested.
+/// Windows of the length with the smallest detectable change; the shortest length if none can be tested.
 fn best_test(
     fixes: &Fixes,
     motion: &Motion,
@@ -337,7 +337,7 @@ mod tests {
     use super::*;
     use crate::dense::turning;
 
-    /// A flight of `seconds` whose velocity was logged from `before` s earlier to `after` s later: delays searched, s.
+    /// A flight of `seconds` with velocity logged from `before` s earlier to `after` s later: the searched delays, s.
     fn searched(seconds: f64, before: f64, after: f64) -> [f64; 2] {
         let motion = turning(seconds + 40.0);
         let velocity_t: Vec<f64> =
@@ -359,7 +359,7 @@ mod tests {
         run(&record, &OverTimeSettings::default()).search_s
     }
 
-    /// From −15 % to 35 % of the shared record, at least from −1 s to 2 s, and further where the velocity was logged longer.
+    /// From −15 % to 35 % of the shared record, at least −1 s to 2 s, further if the velocity was logged longer.
     #[test]
     fn a_short_record_is_searched_for_short_delays() {
         for (seconds, before, after, expected) in [
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_jumps_where_it_changes_by_more_than_three_tenths_of_a_second() {
+    fn a_path_jumps_if_it_changes_by_more_than_300_ms() {
         let f = crate::example::found(&[0.2; 12], 1e-3);
         let map = CoarseMap {
             middle_s: vec![1.0, 3.0, 5.0, 7.0, 9.0],

@@ -1,24 +1,24 @@
-//! What stamps say before any motion is looked at (S0).
+//! What timestamps show before any motion is examined (S0).
 
 use record::{Burst, DeviceTime};
 
-/// Share of the usual interval below which a fix has been queued behind the one before.
+/// Share of the usual interval below which a fix was queued after the previous one.
 const QUEUED_SHARE: f64 = 0.2;
-/// Share of queued fixes above which closeness says nothing: the log is written so.
+/// Share of queued fixes above which close fixes mean nothing: they are normal for the log.
 const MOST_QUEUED: f64 = 0.3;
-/// Fixes of a burst that is worth telling, also without a pause before it.
-const TOLD_FIXES: usize = 4;
-/// The same after a pause of this many usual intervals.
-const TOLD_FIXES_AFTER_HOLD: usize = 3;
+/// Least fixes of a burst that is reported, even without a pause before it.
+const REPORTED_FIXES: usize = 4;
+/// The same after a pause of at least `HOLD_INTERVALS` usual intervals.
+const REPORTED_FIXES_AFTER_HOLD: usize = 3;
 const HOLD_INTERVALS: f64 = 2.0;
 /// Most bursts that are listed.
 const MOST_BURSTS: usize = 100;
 
-/// Fixes that share a stamp, not a lateness.
+/// Fixes that share an arrival time but not a lateness.
 pub(crate) struct Queued {
-    /// Of each fix, whether it arrived in a burst. All false where that is the habit of the log.
+    /// Whether each fix arrived in a burst. All false if bursts are normal for the log.
     pub(crate) rows: Vec<bool>,
-    /// Bursts worth telling.
+    /// Bursts to report.
     pub(crate) bursts: Vec<Burst>,
 }
 
@@ -41,7 +41,7 @@ pub(crate) fn queued(t: &[f64], usual_s: f64) -> Queued {
         let hold_s = if first > 0 { t[first] - t[first - 1] } else { 0.0 };
         let held = hold_s > HOLD_INTERVALS * usual_s;
         let fixes = k - first;
-        if fixes >= TOLD_FIXES || (held && fixes >= TOLD_FIXES_AFTER_HOLD) {
+        if fixes >= REPORTED_FIXES || (held && fixes >= REPORTED_FIXES_AFTER_HOLD) {
             rows[first..k].fill(true);
             bursts.push(Burst { start_s: t[first], fixes: fixes as u64, hold_s });
         }
@@ -54,7 +54,7 @@ pub(crate) fn queued(t: &[f64], usual_s: f64) -> Queued {
     Queued { rows, bursts }
 }
 
-/// Lateness above the least from the device's own time, one value for each fix.
+/// Lateness above the minimum from the device's own time, one value per fix.
 pub(crate) fn device_lateness(device_s: &[f64], arrival_s: &[f64]) -> Option<(Vec<f64>, DeviceTime)> {
     let line = signal::lower_hull(device_s, arrival_s)?;
     let mut sorted = line.latency.clone();
@@ -88,14 +88,14 @@ mod tests {
     }
 
     #[test]
-    fn pairs_that_are_the_habit_of_a_log_are_no_bursts() {
+    fn regular_pairs_in_a_log_are_not_bursts() {
         let t: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k / 2) + 0.01 * f64::from(k % 2)).collect();
         let found = queued(&t, 0.1);
         assert!(found.bursts.is_empty() && !found.rows.contains(&true));
     }
 
     #[test]
-    fn the_devices_clock_shows_a_lateness_that_grows() {
+    fn the_device_clock_shows_a_growing_lateness() {
         let device: Vec<f64> = (0..600).map(|k| 0.2 * f64::from(k)).collect();
         let late = |s: f64| if (60.0..90.0).contains(&s) { 0.05 + 0.01 * (s - 60.0) } else { 0.05 };
         let arrival: Vec<f64> = device.iter().map(|s| s + 1e5 + late(*s)).collect();

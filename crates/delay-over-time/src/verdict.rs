@@ -1,4 +1,4 @@
-//! From what was found to the record: kind, level, constancy, curve, terms.
+//! Turns the results into the record: kind, level, constancy, curve, terms.
 
 use crate::bin_statistics::bin_statistics;
 use crate::delays::Effect;
@@ -10,27 +10,27 @@ use record::{Constancy, CurvePoint, DelayJitter, DelayKind, DelayTerm, DelayTerm
 /// Points of the curve.
 const CURVE_POINTS: usize = 160;
 const MOST_POINTS: usize = 200;
-/// Cost by which the best delay must win against one further away.
+/// Cost by which the best delay must beat a distant one.
 const RUNNER_UP_COST: f64 = 12.0;
-/// Chi-squared of a change on bins above which it is reported although no window knows its level.
+/// Chi-squared of a change on bins above which it is reported although no window has a usable level.
 const SURE_CHANGE: f64 = 40.0;
 
-/// Why nothing is said of the level.
+/// Why no level is reported.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Unknown {
     /// Too little motion within the velocity's record.
     NoMotion,
-    /// The level is known too badly, s.
+    /// The level is too uncertain, s.
     Wide(f64),
-    /// The best delay lies at the edge of the search.
+    /// The best delay is at the edge of the search.
     Edge,
-    /// The position does not follow the velocity: share that is unexplained.
+    /// The position does not follow the velocity: unexplained share.
     Foreign(f64),
     /// Two delays fit, s.
     TwoFit([f64; 2]),
 }
 
-/// Kind, and what it rests on.
+/// Kind, and its supporting figures.
 pub(crate) struct Verdict {
     pub(crate) kind: DelayKind,
     pub(crate) unknown: Option<Unknown>,
@@ -39,7 +39,7 @@ pub(crate) struct Verdict {
     pub(crate) widening_s: f64,
     /// Rises and falls of the description, if it varies.
     pub(crate) shape: Option<Shape>,
-    /// Chi-squared of the largest change on bins over the noise, if it is sure.
+    /// Chi-squared of the largest change on bins over the noise, if it is significant.
     pub(crate) change_on_bins: Option<f64>,
     pub(crate) two_delays: Option<[f64; 2]>,
 }
@@ -65,7 +65,7 @@ pub(crate) fn judge(found: &Found, settings: &OverTimeSettings) -> Verdict {
     Verdict { kind, unknown, level, constancy, widening_s, shape, change_on_bins, two_delays }
 }
 
-/// Level with the scatter between windows, if that is known.
+/// Level with the scatter between windows, if known.
 fn level_of(found: &Found) -> Option<Effect> {
     let test = found.test.as_ref()?;
     let level = test.all.level;
@@ -104,7 +104,7 @@ fn constant_kind(level: Option<Effect>, constancy: &Constancy, settings: &OverTi
     }
 }
 
-/// Of a flight of which nothing is known.
+/// For a flight without a test.
 fn untested(settings: &OverTimeSettings) -> Constancy {
     Constancy {
         tested: false,
@@ -123,7 +123,7 @@ fn untested(settings: &OverTimeSettings) -> Constancy {
     }
 }
 
-/// The test of constancy as a record, and what it adds to the uncertainty of a constant.
+/// The test of constancy as a record, and the uncertainty that it adds to a constant.
 fn constancy_of(test: Option<&Test>, first_s: f64, settings: &OverTimeSettings) -> (Constancy, f64) {
     let mut out = untested(settings);
     let Some(test) = test else { return (out, 0.0) };
@@ -146,7 +146,7 @@ fn constancy_of(test: Option<&Test>, first_s: f64, settings: &OverTimeSettings) 
     out.left_out_window_s = d.rests_on.as_ref().and_then(|w| window(w.row));
     let differs = d.p < settings.significance && !d.varies;
     out.note = note_of(&out, first_s, differs);
-    // A lone window that differs: the standard deviation of such a delay over the flight. Else any course between the two.
+    // A lone window differs: standard deviation of such a delay over the flight. Else any course between the two.
     let deviation = out.left_out_window_s.map_or(12f64.recip(), |[from, to]| {
         let flown: f64 = test.windows.iter().map(|w| w.to_s - w.from_s).sum();
         let share = (to - from) / flown.max(1e-9);
@@ -176,7 +176,7 @@ fn note_of(c: &Constancy, first_s: f64, differs: bool) -> Option<String> {
     Some(format!("The delay scatters by {} from window to window.", milliseconds(scatter)))
 }
 
-/// A change that the bins are sure of, though no window knows its level.
+/// A change that is significant on bins, although no window has a usable level.
 fn change_on_bins(found: &Found) -> Option<f64> {
     let (flexible, test) = (found.flexible.as_ref()?, found.test.as_ref()?);
     let statistics = bin_statistics(&flexible.a, &flexible.z, &flexible.middle_s)?;
@@ -271,9 +271,9 @@ mod tests {
         (a - b).abs() < 1e-9
     }
 
-    /// Twelve windows of ± 1 ms that lie 20 ms to either side of their mean: the level is known to their scatter / √12.
+    /// Twelve windows of ± 1 ms, 20 ms to either side of their mean: the level's uncertainty is their scatter / √12.
     #[test]
-    fn a_level_is_no_surer_than_its_windows_agree() {
+    fn a_level_is_as_uncertain_as_its_windows_disagree() {
         let delay_s: Vec<f64> = (0..12).map(|k| if k % 2 == 0 { 0.22 } else { 0.18 }).collect();
         let mut f = found(&delay_s, 1e-3);
         let level = judged(&f).level.unwrap();
@@ -284,7 +284,7 @@ mod tests {
         );
         let compared = f.test.as_ref().unwrap().comparison.as_ref().unwrap().level.uncertainty;
         assert!(near(level.uncertainty, compared));
-        // And no surer than the noise leaves it.
+        // Nor more certain than the noise allows.
         f.test.as_mut().unwrap().all.level.uncertainty = 0.03;
         assert!(near(judged(&f).level.unwrap().uncertainty, 0.03));
         f.test.as_mut().unwrap().comparison = None;
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_said_of_a_level_that_is_not_known() {
+    fn an_unknown_level_is_not_reported() {
         let with = |change: &dyn Fn(&mut Found)| {
             let mut f = found(&[0.2; 12], 1e-3);
             change(&mut f);
@@ -316,13 +316,13 @@ mod tests {
         let level = |u: f64| move |f: &mut Found| f.test.as_mut().unwrap().all.level.uncertainty = u;
         assert_eq!(with(&level(0.051)), Some(Unknown::Wide(0.051)));
         assert_eq!(with(&level(0.049)), None);
-        // Of a delay that varies the level need not be known, nor is one of two.
+        // If the delay varies, the level need not be known, and a second delay that fits does not matter.
         let varying = |f: &mut Found| f.test.as_mut().unwrap().decision.as_mut().unwrap().varies = true;
         assert_eq!(with(&|f| (varying(f), level(0.051)(f)).1), None);
         assert_eq!(with(&|f| (varying(f), map(f, &|m| m.runner_up_cost = 1.0)).1), None);
     }
 
-    /// 20 ms are the margin; 95 % lie within 1.645 standard uncertainties of one side and within 1.96 of both.
+    /// The margin is 20 ms; 95 % lie within 1.645 standard uncertainties on one side and within 1.96 on both.
     #[test]
     fn the_kind_of_a_constant_follows_from_its_level_and_uncertainty() {
         let kind = |size: f64, u: f64| {
@@ -342,7 +342,7 @@ mod tests {
         assert_eq!(judged(&f).kind, DelayKind::NotTested);
     }
 
-    /// The verdict on twelve windows that say, with probability `p`, that something differs by 90 ms.
+    /// The verdict on twelve windows where, with probability `p`, something differs by 90 ms.
     fn with_difference(p: f64, varies: bool, rests_on: Option<LoneWindow>) -> Verdict {
         let mut f = found(&[0.2; 12], 1e-3);
         let test = f.test.as_mut().unwrap();
@@ -353,7 +353,7 @@ mod tests {
 
     /// A delay that is `d` longer for a share p of the flight has the standard deviation d √(p (1 − p)).
     #[test]
-    fn a_constant_is_widened_by_a_window_that_differs_as_long_as_it_lasts() {
+    fn a_differing_window_widens_a_constant_by_its_duration() {
         let rests_on = LoneWindow { row: 3, difference: Effect { size: -0.06, uncertainty: 0.004 } };
         let lone = with_difference(1e-4, false, Some(rests_on));
         assert!(near(lone.widening_s, 0.06 * (1.0 / 12.0 * 11.0 / 12.0f64).sqrt()), "{}", lone.widening_s);
@@ -362,9 +362,9 @@ mod tests {
         assert!(note.starts_with("The delay differs by \u{2212}60.0 ± 8.0 ms in the 20 s that begin at "), "{note}");
     }
 
-    /// A delay that lies anywhere between two values that are `d` apart has the standard deviation d / √12.
+    /// A delay anywhere between two values that are `d` apart has the standard deviation d / √12.
     #[test]
-    fn a_constant_is_widened_by_parts_that_differ() {
+    fn differing_parts_widen_a_constant() {
         let parts = with_difference(1e-4, false, None);
         assert!(near(parts.widening_s, 0.09 / 12f64.sqrt()), "{}", parts.widening_s);
         let note =
@@ -383,7 +383,7 @@ mod tests {
 
     /// A step of `s` between two times ten bins of ± u has chi-squared s² / u² · 10 · 10 / 20.
     #[test]
-    fn a_change_on_bins_is_told_where_it_is_sure() {
+    fn a_change_on_bins_is_reported_if_significant() {
         let change = |chi_squared: f64, inflation: f64| {
             let (u, n) = (0.01, 20);
             let size = u * (chi_squared / 5.0f64).sqrt();
@@ -421,9 +421,9 @@ mod tests {
         assert!(terms.iter().all(|t| near(t.standard_uncertainty, 2e-3)));
     }
 
-    /// 300 bins make 150 points, and variances are 2.25 times those of white noise.
+    /// 300 bins become 150 points, and variances are 2.25 times those of white noise.
     #[test]
-    fn without_a_description_the_curve_is_that_of_the_bins() {
+    fn without_a_description_the_curve_is_from_the_bins() {
         let n = 300;
         let a = DMatrix::from_diagonal(&DVector::from_element(n, 1e4));
         let z = DVector::from_fn(n, |i, _| 1e4 * 0.001 * i as f64);
@@ -449,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_have_the_decimals_that_their_uncertainty_allows() {
+    fn numbers_have_the_decimals_their_uncertainty_allows() {
         let text = |value: f64, u: f64| plus_minus(Estimate { value, standard_uncertainty: Some(u) });
         assert_eq!(text(0.2034, 0.003), "203 ± 6 ms");
         assert_eq!(text(0.2034, 4e-4), "203.4 ± 0.8 ms");

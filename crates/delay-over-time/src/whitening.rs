@@ -1,17 +1,17 @@
-//! The filter that makes noise white: Ornstein–Uhlenbeck plus white, exact on irregular stamps (design note 3.5).
+//! The filter that whitens noise: Ornstein–Uhlenbeck plus white, exact on irregular timestamps (design note 3.5).
 
-/// Shape of the position's noise. All variances are in units of the white part's.
+/// Shape of the position's noise. All variances are relative to that of the white part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct NoiseShape {
-    /// Standard deviation of the wander over that of the white part.
+    /// Ratio of the standard deviations of the wander and the white part.
     pub(crate) wander: f64,
     /// Correlation time of the wander, s.
     pub(crate) time_constant_s: f64,
-    /// Scatter of the delay from fix to fix over the standard deviation of the white part, s/m.
+    /// Ratio of the fix-to-fix scatter of the delay and the standard deviation of the white part, s/m.
     pub(crate) jitter: f64,
 }
 
-/// What the filter does at one sample.
+/// Filter step at one sample.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Step {
     /// Share of the innovation that is wander.
@@ -22,7 +22,7 @@ pub(crate) struct Step {
     pub(crate) weight: f64,
 }
 
-/// Steps for the stamps `t`, and the logarithm of the determinant. `extra` gives the further variance of each sample.
+/// Steps for the timestamps `t`, and the log determinant. `extra` returns the additional variance of each sample.
 pub(crate) fn steps(t: &[f64], shape: &NoiseShape, mut extra: impl FnMut(usize) -> f64, out: &mut Vec<Step>) -> f64 {
     let wander = shape.wander * shape.wander;
     let mut known = wander;
@@ -55,7 +55,7 @@ pub(crate) fn steps(t: &[f64], shape: &NoiseShape, mut extra: impl FnMut(usize) 
     log_det + product.ln()
 }
 
-/// Makes `C` columns white in place.
+/// Whitens `C` columns in place.
 pub(crate) fn whiten_rows<const C: usize>(steps: &[Step], rows: &mut [[f64; C]]) {
     let mut wander = [0.0; C];
     for (step, row) in steps.iter().zip(rows) {
@@ -67,8 +67,8 @@ pub(crate) fn whiten_rows<const C: usize>(steps: &[Step], rows: &mut [[f64; C]])
     }
 }
 
-/// The whitened columns 1 and x (rising from −½ to ½ over the stamps) made orthonormal, and the logarithm of the
-/// determinant of their products: what an offset and a drift take away.
+/// Orthonormal basis of the whitened columns 1 and x (rising from −½ to ½ over the timestamps), and the logarithm of
+/// the determinant of their products: what an offset and a drift remove.
 pub(crate) fn offset_and_drift(t: &[f64], steps: &[Step], out: &mut Vec<[f64; 2]>) -> f64 {
     let (first, last) = crate::input::span(t);
     let length = (last - first).max(1e-9);
@@ -92,7 +92,7 @@ mod tests {
     use crate::dense::{Dense, Random, near};
 
     #[test]
-    fn the_filter_agrees_with_that_of_the_signal_crate() {
+    fn the_filter_agrees_with_the_signal_crate() {
         let t: Vec<f64> = (0..40).map(|k| 0.2 * f64::from(k) + 0.05 * f64::from(k % 3)).collect();
         let x: Vec<f64> = t.iter().map(|t| (1.3 * t).sin()).collect();
         let shape = NoiseShape { wander: 2.5, time_constant_s: 4.0, jitter: 0.0 };
@@ -119,7 +119,7 @@ mod tests {
         assert!(product(0, 1).abs() < 1e-12);
     }
 
-    /// Irregular stamps, and a further variance of every sample.
+    /// Irregular timestamps, and an additional variance for every sample.
     #[test]
     fn the_filter_is_the_triangular_factor_of_the_covariance() {
         let mut random = Random::new(3);
@@ -140,9 +140,9 @@ mod tests {
         }
     }
 
-    /// Variances of 10⁸ and of 10⁻⁸ would overflow and underflow if they were all multiplied.
+    /// A plain product of variances of 10⁸ and 10⁻⁸ would overflow and underflow.
     #[test]
-    fn the_determinant_of_a_thousand_samples_neither_overflows_nor_underflows() {
+    fn the_determinant_of_1000_samples_does_not_over_or_underflow() {
         let t: Vec<f64> = (0..1000).map(|k| 100.0 * f64::from(k)).collect();
         let shape = NoiseShape { wander: 1e4, time_constant_s: 1.0, jitter: 0.0 };
         let log_det = steps(&t, &shape, |_| 0.0, &mut vec![]);
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn offset_and_drift_span_what_the_dense_formula_takes_out() {
+    fn offset_and_drift_span_what_the_dense_formula_removes() {
         let mut random = Random::new(4);
         let t = random.stamps(40, 1000.0);
         let shape = NoiseShape { wander: 2.0, time_constant_s: 6.0, jitter: 0.0 };

@@ -1,4 +1,4 @@
-//! Windows with offset and drift of their own (B S5 a): the delay that each likes, and how surely.
+//! Windows with their own offset and drift (B S5 a): the best delay of each and its uncertainty.
 
 use crate::fixes::Fixes;
 use crate::motion::{Motion, speed};
@@ -10,22 +10,22 @@ const LEAST_FIXES: usize = 15;
 const ROUNDS: usize = 4;
 const LARGEST_STEP_S: f64 = 0.3;
 const STEADY_S: f64 = 1e-3;
-/// A start at the path must win by this much in −2 log likelihood of the window's own noise.
+/// A start at the path must win by this much in −2 log likelihood with the window's own noise.
 const PATH_MUST_WIN: f64 = 12.0;
 /// Difference of path and constant above which both are starts, s.
 const STARTS_APART_S: f64 = 0.03;
 /// Span of the Bartlett sum of the scores, s.
 const SCORE_SPAN_S: f64 = 2.0;
 
-/// What a window says.
+/// Results of a window.
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
-    /// First and last stamp, s.
+    /// First and last timestamp, s.
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
-    /// Mean stamp, s.
+    /// Mean timestamp, s.
     pub(crate) middle_s: f64,
-    /// Its delay, s.
+    /// Best delay, s.
     pub(crate) delay_s: f64,
     /// Information about the delay, 1/s², at white noise of standard deviation 1 m.
     pub(crate) information: f64,
@@ -43,15 +43,15 @@ pub(crate) struct Window {
     pub(crate) scores: [f64; 3],
 }
 
-/// Share of time in the measure by which windows are equal; the rest is change of velocity.
+/// Share of time in the measure that equalises windows; the rest is change of velocity.
 const TIME_SHARE: f64 = 0.5;
-/// Shortest window, as a share of the wanted length.
+/// Shortest window, as a share of the requested length.
 const SHORTEST_SHARE: f64 = 0.6;
-/// Interval over which changes of velocity are looked at, s.
+/// Interval over which changes of velocity are measured, s.
 const CHANGE_SPAN_S: f64 = 1.0;
 
-/// Rows of the windows that tile every piece: of about `length_s`, shorter where the velocity changes much and longer
-/// where it does not, so that they know about equally much.
+/// Rows of the windows that tile every piece. They are about `length_s` long, shorter if the velocity changes much and
+/// longer if not, so that all carry about the same information.
 pub(crate) fn tile(fixes: &Fixes, starts: &Starts, length_s: f64) -> Vec<Range<usize>> {
     let mut out = vec![];
     for piece in fixes.pieces() {
@@ -76,7 +76,7 @@ pub(crate) fn tile(fixes: &Fixes, starts: &Starts, length_s: f64) -> Vec<Range<u
     out
 }
 
-/// Rises from 0 to 1 over the stamps, with the time and with the change of the velocity.
+/// Rises from 0 to 1 over the timestamps, with time and with the change of the velocity.
 fn measure(t: &[f64], motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Vec<f64> {
     let (first, last) = crate::input::span(t);
     let mut hints = [0, 0];
@@ -103,25 +103,25 @@ fn measure(t: &[f64], motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Vec<f64> {
     t.iter().zip(&changes).map(of).collect()
 }
 
-/// Where windows begin: their rows, and their search.
+/// Starting points of windows: their rows, and their search.
 pub(crate) struct Starts<'a> {
     /// Best constant delay, s.
     pub(crate) constant_s: f64,
     /// Delay of the coarse path.
     path: &'a dyn Fn(f64) -> f64,
-    /// At each fix: rises from 0 to 1 over its piece, equally much over each window.
+    /// At each fix: rises from 0 to 1 over its piece, by the same amount over each window.
     measure: Vec<f64>,
 }
 
 impl<'a> Starts<'a> {
-    /// For windows of any length of these fixes.
+    /// For windows of any length on these fixes.
     pub(crate) fn new(fixes: &Fixes, motion: &Motion, constant_s: f64, path: &'a dyn Fn(f64) -> f64) -> Starts<'a> {
         let measure = fixes.pieces().flat_map(|piece| measure(&fixes.t[piece], motion, path)).collect();
         Starts { constant_s, path, measure }
     }
 }
 
-/// Memory that windows share.
+/// Buffers that windows share.
 #[derive(Default)]
 pub(crate) struct Scratch {
     steps: [Vec<Step>; 2],
@@ -132,7 +132,7 @@ pub(crate) struct Scratch {
     scores: Vec<f64>,
 }
 
-/// Fits one window; `None` if it does not move, or if no start lies within the velocity's record.
+/// Fits one window; `None` if it does not move, or if no start is within the velocity's record.
 pub(crate) fn fit_window(
     fixes: &Fixes,
     rows: Range<usize>,
@@ -158,8 +158,8 @@ pub(crate) fn fit_window(
     Some(summarise(t, y, motion, &best, scratch))
 }
 
-/// Filter, offset and drift of a window; with jitter at the speed that the delay `delay_s` shows. Gives the logarithm of
-/// the determinants of both axes.
+/// Filter, offset and drift of a window; jitter is applied at the speed for the delay `delay_s`. Returns the logarithm
+/// of the determinants of both axes.
 fn prepare(t: &[f64], motion: &Motion, shape: &NoiseShape, delay_s: f64, scratch: &mut Scratch) -> f64 {
     let mut log_det = 0.0;
     for axis in 0..2 {
@@ -181,8 +181,8 @@ fn prepare(t: &[f64], motion: &Motion, shape: &NoiseShape, delay_s: f64, scratch
     log_det
 }
 
-/// −2 log restricted likelihood of a window with these stamps at `delay_s`, where it has these [`columns`], its scale
-/// profiled out; `None` if it does not move.
+/// −2 log restricted likelihood of a window with these timestamps and [`columns`] at `delay_s`, with its scale profiled
+/// out; `None` if it does not move.
 pub(crate) fn window_likelihood(
     t: &[f64],
     columns: &[[f64; 4]],
@@ -198,7 +198,7 @@ pub(crate) fn window_likelihood(
     Some(free * (rss / free).ln() + log_det + information.ln())
 }
 
-/// Where a descent ended: the linearisation, and the step that it asks for.
+/// End of a descent: the linearisation, and its next step.
 struct Descent {
     at_s: f64,
     step_s: f64,
@@ -224,13 +224,13 @@ fn descend(t: &[f64], y: &[[f64; 2]], motion: &Motion, start_s: f64, scratch: &m
     last
 }
 
-/// Information, score and square of the whitened residuals, offset and drift projected out.
+/// Information, score and sum of squared whitened residuals, with offset and drift projected out.
 fn linearise(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mut Scratch) -> Option<(f64, f64, f64)> {
     columns(t, y, motion, at_s, &mut scratch.rows);
     projected(&scratch.rows, &scratch.steps, &scratch.basis)
 }
 
-/// Delay column and residual of both axes at the delay `at_s`, not yet whitened; of a residual the first is taken off.
+/// Delay column and residual of both axes at the delay `at_s`, not yet whitened. Residuals are relative to the first.
 pub(crate) fn columns(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, rows: &mut Vec<[f64; 4]>) {
     rows.clear();
     let mut hint = motion_start(motion, t[0] - at_s);
@@ -244,7 +244,7 @@ pub(crate) fn columns(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, row
     }
 }
 
-/// Of these rows, whitened on the way.
+/// The same for these rows, whitened in the process.
 fn projected(rows: &[[f64; 4]], steps: &[Vec<Step>; 2], basis: &[Vec<[f64; 2]>; 2]) -> Option<(f64, f64, f64)> {
     let [north, east] = steps;
     let mut wander = [0.0; 4];
@@ -285,7 +285,7 @@ fn motion_start(motion: &Motion, q: f64) -> usize {
     hint
 }
 
-/// All columns at the end of a descent: products, scores, and how the scores hang together.
+/// All columns at the end of a descent: products, scores, and the correlation of the scores.
 fn summarise(t: &[f64], y: &[[f64; 2]], motion: &Motion, best: &Descent, scratch: &mut Scratch) -> Window {
     let n = t.len();
     let speed = gather(t, y, motion, best.at_s, scratch);
@@ -310,7 +310,7 @@ fn summarise(t: &[f64], y: &[[f64; 2]], motion: &Motion, best: &Descent, scratch
     }
 }
 
-/// Puts all columns at the delay `at_s` into the scratch, not yet whitened, and adds up the speeds.
+/// Puts all columns at the delay `at_s` into the scratch, not yet whitened, and sums the speeds.
 fn gather(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mut Scratch) -> f64 {
     let mut speed = 0.0;
     let mut hint = motion_start(motion, t[0] - at_s);
@@ -331,8 +331,8 @@ fn gather(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mut S
     speed
 }
 
-/// Makes the columns white and takes offset and drift out: products of delay, lag and lever, and of these and of the
-/// residual with the residual.
+/// Whitens the columns and removes offset and drift. Returns the products of delay, lag and lever, and those of these
+/// and the residual with the residual.
 fn products_of(scratch: &mut Scratch) -> ([f64; 6], [f64; 4]) {
     let mut products = [0.0; 6];
     let mut with_residual = [0.0; 4];
@@ -418,7 +418,7 @@ mod tests {
     const SHAPE: NoiseShape = NoiseShape { wander: 2.0, time_constant_s: 5.0, jitter: 0.0 };
 
     #[test]
-    fn a_window_without_noise_knows_its_delay_whatever_its_offset_and_drift() {
+    fn a_noise_free_window_finds_its_delay_with_any_offset_and_drift() {
         let motion = turning(60.0);
         let mut random = Random::new(1);
         for (late, jitter) in [(0.2, 0.0), (-0.15, 0.05), (0.43, 0.0)] {
@@ -433,9 +433,9 @@ mod tests {
         }
     }
 
-    /// The path is 4 s from the constant: further than four steps go.
+    /// The path is 4 s from the constant, further than four steps reach.
     #[test]
-    fn a_window_begins_where_it_fits_better() {
+    fn a_window_starts_where_it_fits_better() {
         let motion = turning(60.0);
         let t = Random::new(2).stamps(70, 10.0);
         for (late, starts) in [(4.2, [0.2, 4.1]), (0.2, [0.25, 4.2]), (4.2, [4.1, 0.2])] {
@@ -443,7 +443,7 @@ mod tests {
             let w = fitted(&of, &motion, &SHAPE, starts).unwrap();
             assert!((w.delay_s - late).abs() < 0.03, "{starts:?}: {w:?}");
         }
-        // Outside the velocity's record one start is left, or none.
+        // Outside the velocity's record one start remains, or none.
         let of = fixes(t, &motion, 0.2, [0.1, 0.1], 2);
         assert!((fitted(&of, &motion, &SHAPE, [0.1, 90.0]).unwrap().delay_s - 0.2).abs() < 0.03);
         assert!((fitted(&of, &motion, &SHAPE, [90.0, 0.1]).unwrap().delay_s - 0.2).abs() < 0.03);
@@ -472,7 +472,7 @@ mod tests {
         })
     }
 
-    /// The delay of least squares, and there all columns made white and orthogonal to offset and drift by full matrices.
+    /// The least-squares delay, and all columns there, whitened and orthogonal to offset and drift, by full matrices.
     #[test]
     fn a_window_is_generalised_least_squares() {
         let motion = turning(60.0);
@@ -502,7 +502,7 @@ mod tests {
     }
 
     #[test]
-    fn the_likelihood_of_a_window_is_that_of_the_dense_formula() {
+    fn the_likelihood_of_a_window_matches_the_dense_formula() {
         let motion = turning(60.0);
         let t = Random::new(6).stamps(50, 3.0);
         let of = fixes(t.clone(), &motion, 0.3, [0.6, 0.3], 6);
@@ -531,10 +531,10 @@ mod tests {
         }
     }
 
-    /// Errors over uncertainties of a hundred windows: chi-squared with a hundred degrees of freedom lies within 60 to 150
-    /// with 99.9 %.
+    /// Errors over uncertainties of a hundred windows: chi-squared with a hundred degrees of freedom is within 60 to
+    /// 150 with 99.9 %.
     #[test]
-    fn windows_are_as_uncertain_as_they_say() {
+    fn uncertainties_of_windows_are_calibrated() {
         let motion = turning(60.0);
         let square = |seed: u64| {
             let of = fixes(Random::new(seed).stamps(60, 2.0 + 0.2 * seed as f64), &motion, 0.3, [0.6, 0.3], seed);
@@ -545,7 +545,7 @@ mod tests {
         assert!((60.0..150.0).contains(&squares), "{squares}");
     }
 
-    /// A quarter turn of the world: north becomes east, and east becomes south.
+    /// The world turned by a quarter: north becomes east, and east becomes south.
     #[test]
     fn a_window_is_the_same_in_a_turned_world() {
         let grid: Vec<f64> = (0..1500).map(|k| 0.04 * f64::from(k) - 5.0).collect();
@@ -578,9 +578,9 @@ mod tests {
         Motion::new(&t, &of(f64::cos), &of(f64::sin))
     }
 
-    /// Half of the measure is time, half the change of the velocity; on a straight line all is time.
+    /// Half of the measure is time, half the change of the velocity; on a straight line it is all time.
     #[test]
-    fn the_measure_rises_with_the_time_and_with_the_turns() {
+    fn the_measure_rises_with_time_and_with_turns() {
         let t: Vec<f64> = (0..=400).map(|k| 0.25 * f64::from(k)).collect();
         let of = |turns: fn(f64) -> bool| measure(&t, &circling(turns), &|_| 0.0);
         for (turns, at_half, at_three_quarters) in [
@@ -620,7 +620,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_that_stands_still_says_nothing() {
+    fn a_stationary_window_gives_no_result() {
         let grid: Vec<f64> = (0..1000).map(|k| 0.04 * f64::from(k)).collect();
         let speed: Vec<f64> = grid.iter().map(|t| if *t > 30.0 { 20.0 } else { 0.1 * t.sin() }).collect();
         let motion = Motion::new(&grid, &speed, &vec![0.0; 1000]);

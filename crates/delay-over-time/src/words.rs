@@ -1,4 +1,4 @@
-//! What a person reads.
+//! Text for the reader.
 
 use crate::delays::Effect;
 use crate::settings::OverTimeSettings;
@@ -6,20 +6,22 @@ use crate::stages::Found;
 use crate::verdict::{Unknown, Verdict, estimate, milliseconds, plus_minus};
 use record::{DelayKind, DelayTermKind};
 
-/// Slopes below this may be clocks that run at different rates, s/s.
+/// Slopes below this may come from clocks that run at different rates, s/s.
 const CLOCK_SKEW: f64 = 2e-4;
-/// Shortest flight that is advised, s.
+/// Shortest flight that is recommended, s.
 const SHORTEST_S: f64 = 120.0;
 
-/// One plain sentence.
+/// The result as one plain sentence.
 pub(crate) fn sentence(found: &Found, v: &Verdict) -> String {
     let mut text = match v.kind {
         DelayKind::CannotTell => cannot_tell(found, v),
-        DelayKind::NotTested => format!("{}. {}", late(v.level), seen(found, v)),
-        DelayKind::OnTime => format!("Position and velocity agree in time: {}. {}", late(v.level), seen(found, v)),
+        DelayKind::NotTested => format!("{}. {}", late(v.level), detectable_change(found, v)),
+        DelayKind::OnTime => {
+            format!("Position and velocity agree in time: {}. {}", late(v.level), detectable_change(found, v))
+        }
         DelayKind::Constant | DelayKind::Early => match &v.constancy.note {
             Some(note) => format!("{} on average. {note}", late(v.level)),
-            None => format!("{}, the same all through the flight. {}", late(v.level), seen(found, v)),
+            None => format!("{}, the same all through the flight. {}", late(v.level), detectable_change(found, v)),
         },
         _ => changes(found, v),
     };
@@ -48,8 +50,8 @@ fn late(level: Option<Effect>) -> String {
     }
 }
 
-/// The change that would have been seen, and when, after the first fix.
-fn seen(found: &Found, v: &Verdict) -> String {
+/// The detectable change, and between which instants after the first fix.
+fn detectable_change(found: &Found, v: &Verdict) -> String {
     if !v.constancy.tested {
         let windows = v.constancy.windows;
         let what = match v.change_on_bins {
@@ -94,7 +96,7 @@ fn cannot_tell(found: &Found, v: &Verdict) -> String {
     text
 }
 
-/// A step that makes up all of the change but this share is told with its levels.
+/// A step is reported with its levels if it makes up all of the change except this share.
 const MORE: f64 = 0.1;
 
 fn changes(found: &Found, v: &Verdict) -> String {
@@ -138,7 +140,7 @@ fn steps(found: &Found) -> Vec<(f64, f64)> {
     terms.filter(|t| t.kind == DelayTermKind::Step).map(|t| (t.at_s - found.span_s[0], t.size)).collect()
 }
 
-/// What follows for a compensation.
+/// Consequence for a compensation.
 pub(crate) fn advice(v: &Verdict) -> String {
     let text = match v.kind {
         DelayKind::CannotTell => "Remove no delay. A configured delay is not verified by this flight.",
@@ -158,7 +160,7 @@ pub(crate) fn advice(v: &Verdict) -> String {
     text.to_owned()
 }
 
-/// What to fly to learn more: minutes of turns at the speed of this flight.
+/// What to fly for a better result: minutes of turns at the speed of this flight.
 pub(crate) fn what_to_fly(found: &Found, v: &Verdict, settings: &OverTimeSettings) -> Option<String> {
     let missing = matches!(v.kind, DelayKind::CannotTell | DelayKind::NotTested);
     let blind = v.constancy.detectable_s.is_some_and(|x| x > settings.detectable_limit_s);
@@ -184,11 +186,11 @@ pub(crate) fn what_to_fly(found: &Found, v: &Verdict, settings: &OverTimeSetting
     ))
 }
 
-/// What else could look like this delay.
+/// Other causes that could look like this delay.
 pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
     let mut out = vec![];
     if v.unknown.is_none() && !v.kind.varies() {
-        out.push(seen(found, v));
+        out.push(detectable_change(found, v));
     }
     if let Some(test) = &found.test {
         let lever = test.all.lever_m;
@@ -222,7 +224,7 @@ fn sure(e: Effect) -> Option<record::Estimate> {
     estimate(e).filter(|_| e.size.abs() > 3.0 * e.uncertainty)
 }
 
-/// A trend as small as clocks have it.
+/// A trend as small as that of clocks.
 fn clock_skew(found: &Found, v: &Verdict) -> Option<String> {
     let c = found.test.as_ref()?.comparison.as_ref().filter(|_| !v.kind.varies())?;
     let rate = sure(c.rate)?;
@@ -272,25 +274,26 @@ mod tests {
         judge(found, &OverTimeSettings::default())
     }
 
-    fn said(found: &Found) -> String {
+    fn text_of(found: &Found) -> String {
         sentence(found, &judged(found))
     }
 
-    /// Twelve windows of ± 10 ms: at the worst place, after the third window, a step is known to 10 ms √(1/2 + 1/9) with one
-    /// left out; 3.3 times this beyond the 50 ms that count are seen. Instants count from the first fix.
+    /// Twelve windows of ± 10 ms. At the worst place, after the third window, the uncertainty of a step is 10 ms √(1/2
+    /// + 1/9) with one left out. A change of 50 ms plus 3.3 times this is detectable. Instants count from the first
+    /// fix.
     #[test]
-    fn a_constant_is_told_with_the_change_that_would_have_been_seen() {
+    fn a_constant_is_reported_with_the_detectable_change() {
         let f = found(&[0.2; 12], 0.01);
         let text = "The position is 200 ± 6 ms late, the same all through the flight. A lasting change of 76 ms or more between \
                     50 s and 190 s would have been seen.";
-        assert_eq!(said(&f), text);
+        assert_eq!(text_of(&f), text);
         assert_eq!(
             remarks(&f, &judged(&f)),
             [&text["The position is 200 ± 6 ms late, the same all through the flight. ".len()..]]
         );
         // ± 40 ms: 50 ms + 3.3 · 31.3 ms.
         let f = found(&[0.2; 12], 0.04);
-        let text = said(&f);
+        let text = text_of(&f);
         assert!(
             text.contains("As far as can be seen: only a change of 153 ms or more between 50 s and 190 s"),
             "{text}"
@@ -298,37 +301,41 @@ mod tests {
     }
 
     #[test]
-    fn what_is_early_is_told_as_a_late_velocity() {
+    fn an_early_position_is_reported_as_a_late_velocity() {
         let f = found(&[-0.2; 12], 0.01);
-        assert!(said(&f).starts_with("The velocity is 200 ± 6 ms later than the position, the same"), "{}", said(&f));
+        assert!(
+            text_of(&f).starts_with("The velocity is 200 ± 6 ms later than the position, the same"),
+            "{}",
+            text_of(&f)
+        );
         let f = found(&[0.0; 12], 0.01);
         assert!(
-            said(&f).starts_with("Position and velocity agree in time: The position is 0.0 ± 5.8 ms late."),
+            text_of(&f).starts_with("Position and velocity agree in time: The position is 0.0 ± 5.8 ms late."),
             "{}",
-            said(&f)
+            text_of(&f)
         );
     }
 
     #[test]
-    fn a_step_is_told_with_its_instant_after_the_first_fix_and_both_levels() {
+    fn a_step_is_reported_with_its_instant_and_both_levels() {
         let says = |terms: &[(DelayTermKind, f64, f64)], expected: &str| {
             let f = described(terms, 0.2);
-            assert_eq!(said(&f), format!("The delay {expected}."));
+            assert_eq!(text_of(&f), format!("The delay {expected}."));
         };
         says(&[(Step, 120.0, 0.3)], "jumps by 300 ms at 120 s of the flight, from 200 ms to 500 ms");
         says(&[(Step, 100.0, -0.15)], "jumps by \u{2212}150 ms at 100 s of the flight, from 200 ms to 50 ms");
         says(&[(Step, 80.0, 0.1), (Step, 160.0, 0.3)], "jumps 2 times between 200 ms and 600 ms");
         let to_and_fro = [(Step, 40.0, 0.3), (Step, 100.0, -0.3), (Step, 160.0, 0.3)];
         says(&to_and_fro, "switches to and fro 3 times between 200 ms and 500 ms");
-        // 240 s of 0.25 ms/s beside a step of 0.3 s: a span of 360 ms.
+        // 240 s of 0.25 ms/s in addition to a step of 0.3 s: a span of 360 ms.
         let text = "jumps by 300 ms at 120 s of the flight, and changes slowly besides: between 200 ms and 560 ms";
         says(&[(Bend, 0.0, 2.5e-4), (Step, 120.0, 0.3)], text);
     }
 
     #[test]
-    fn slow_changes_are_told_with_their_range() {
+    fn slow_changes_are_reported_with_their_range() {
         let says = |terms: &[(DelayTermKind, f64, f64)], expected: &str| {
-            assert_eq!(said(&described(terms, 0.1)), expected);
+            assert_eq!(text_of(&described(terms, 0.1)), expected);
         };
         says(&[(Bend, 0.0, 0.001)], "The delay drifts between 100 ms and 340 ms.");
         says(&[(Bend, 0.0, 0.01)], "The delay builds up between 100 ms and 2500 ms and does not fall back.");
@@ -341,23 +348,23 @@ mod tests {
     }
 
     #[test]
-    fn effects_that_are_sure_are_remarked_with_two_standard_uncertainties() {
+    fn significant_effects_are_remarked_with_two_uncertainties() {
         let mut f = found(&[0.2; 12], 0.01);
         let all = &mut f.test.as_mut().unwrap().all;
         all.lever_m = Effect { size: 0.4, uncertainty: 0.05 };
         all.speed_lag_s = Effect { size: -0.12, uncertainty: 0.01 };
-        let said = remarks(&f, &judged(&f));
-        assert_eq!(said[1], "The antenna seems to be 0.40 ± 0.10 m ahead of the point whose velocity is known.");
-        assert_eq!(said[2], "The direction follows 120 ± 20 ms later than the speed.");
+        let texts = remarks(&f, &judged(&f));
+        assert_eq!(texts[1], "The antenna seems to be 0.40 ± 0.10 m ahead of the point whose velocity is known.");
+        assert_eq!(texts[2], "The direction follows 120 ± 20 ms later than the speed.");
         let all = &mut f.test.as_mut().unwrap().all;
         all.lever_m.uncertainty = 0.14;
         all.speed_lag_s.size = 0.12;
         assert_eq!(remarks(&f, &judged(&f))[1..], ["The speed follows 120 ± 20 ms later than the direction."]);
     }
 
-    /// 12 windows that are 20 s apart: the rate is known to u / √(143 · 20²).
+    /// 12 windows 20 s apart: the uncertainty of the rate is u / √(143 · 20²).
     #[test]
-    fn clocks_of_different_rates_are_remarked_in_parts_per_million() {
+    fn differing_clock_rates_are_remarked_in_parts_per_million() {
         let skew = |rate: f64| {
             let f = found(&(0..12).map(|k| 0.2 + rate * WINDOW_S * f64::from(k)).collect::<Vec<f64>>(), 1e-3);
             remarks(&f, &judged(&f)).into_iter().find(|r| r.contains("clocks"))
@@ -373,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn thinning_and_single_late_fixes_are_told() {
+    fn thinning_and_single_late_fixes_are_reported() {
         let mut f = found(&[0.2; 12], 0.01);
         f.fixes_used = 500;
         assert_eq!(remarks(&f, &judged(&f)).last().unwrap(), "1 of 3 fixes was used.");
@@ -382,14 +389,14 @@ mod tests {
         f.odd.late = vec![record::LateFix { t_s: 120.0, late_s: 0.4 }; 3];
         f.jitter.found_s = Some(0.05);
         f.queued.bursts = vec![record::Burst { start_s: 130.0, fixes: 5, hold_s: 1.0 }; 2];
-        let text = said(&f);
+        let text = text_of(&f);
         let end = " It jitters by 50 ms (standard deviation) from fix to fix. 3 single fixes came late. Fixes arrived in 2 bursts.";
         assert!(text.ends_with(end), "{text}");
     }
 
-    /// White noise of 30 m at 20 m/s, ± 12.5 ms wanted: 2 · (30 / (20 · 0.0125))² fixes of 0.01 s are 288 s.
+    /// White noise of 30 m at 20 m/s and a target of ± 12.5 ms: 2 · (30 / (20 · 0.0125))² fixes of 0.01 s are 288 s.
     #[test]
-    fn as_many_minutes_are_advised_as_the_noise_needs() {
+    fn the_advised_minutes_follow_from_the_noise() {
         let settings = OverTimeSettings::default();
         let mut f = found(&[0.2; 12], 0.01);
         assert_eq!(what_to_fly(&f, &judged(&f), &settings), None);
@@ -406,9 +413,9 @@ mod tests {
         assert!(what_to_fly(&f, &judged(&f), &settings).unwrap().starts_with("Fly 10 minutes"));
     }
 
-    /// 30 ms are tolerated, and 3.29 standard uncertainties of the level.
+    /// The tolerance is 30 ms plus 3.29 standard uncertainties of the level.
     #[test]
-    fn a_configured_delay_is_refuted_where_the_difference_is_sure_and_matters() {
+    fn a_configured_delay_is_refuted_by_a_significant_difference() {
         let against = |f: &Found, configured: f64| {
             let settings = OverTimeSettings { configured_delay_s: Some(configured), ..OverTimeSettings::default() };
             contradiction(f, &judged(f), &settings)

@@ -1,4 +1,4 @@
-//! Simulated flights with known delays. Gates follow from the number of flights; `examples/over_time_study.rs` flies more.
+//! Simulated flights with known delays. Gates follow from their number; `examples/over_time_study.rs` uses more.
 
 #![allow(clippy::indexing_slicing, clippy::unwrap_used)]
 
@@ -28,10 +28,10 @@ fn constant_delays_are_not_called_varying() {
     );
 }
 
-/// Sum of squared errors over variances of 60 levels: chi-squared with 60 degrees of freedom lies within 35 to 92 with
-/// 99 %. An uncertainty wrong by 20 % moves it by 40 %.
+/// Sum of squared errors over variances of 60 levels: chi-squared with 60 degrees of freedom is within 35 to 92 with 99
+/// %. An uncertainty wrong by 20 % moves it by 40 %.
 #[test]
-fn levels_are_as_uncertain_as_they_say() {
+fn uncertainties_of_levels_are_calibrated() {
     let squares: f64 = (0..60)
         .map(|s| {
             let level = found(Path::Circuits, Profile::Constant, 3000 + s).level_s;
@@ -41,24 +41,24 @@ fn levels_are_as_uncertain_as_they_say() {
     assert!((35.0..92.0).contains(&squares), "{squares}");
 }
 
-/// What is missing is motion and not time: an hour of straight flight knows no more.
+/// Motion is missing, not time: an hour of straight flight gives no more information.
 #[test]
-fn a_change_that_cannot_be_tested_is_put_down_to_the_windows_that_know_their_delay() {
+fn an_untestable_change_is_explained_by_the_number_of_usable_windows() {
     let noise = [1.5, 60.0, 0.3];
     let cases = [Path::Circuits, Path::Sturns, Path::VarSpeed].into_iter().flat_map(|path| {
         let with = move |(duration, by)| Case { duration, noise, ..Case::gps(path, Profile::Step { by }) };
         [(30.0, 0.4), (40.0, 0.25), (50.0, 0.2), (60.0, 0.15), (60.0, 0.25), (80.0, 0.15)].into_iter().map(with)
     });
     let flights = cases.flat_map(|case| (0..4).map(move |seed| fly(&case, 900 + seed).analyse()));
-    let mut said = 0;
+    let mut remarks_checked = 0;
     for f in flights.filter(|f| f.kind == DelayKind::NotTested) {
         for remark in f.remarks.iter().filter(|remark| remark.starts_with("The delay may change")) {
             let count = format!("of the 8 windows needed, {} could be measured.", f.constancy.windows);
             assert!(remark.ends_with(&count) && f.constancy.windows < 8, "{remark}");
-            said += 1;
+            remarks_checked += 1;
         }
     }
-    assert!(said > 0);
+    assert!(remarks_checked > 0);
 }
 
 #[test]
@@ -78,10 +78,10 @@ fn steps_are_found_with_instant_and_size() {
     }
 }
 
-/// A step of the delay moves a fast aircraft's position by metres, so that it often counts as a reset too: then both pieces
-/// say when it was.
+/// A step of the delay moves the position of a fast aircraft by metres, so it often counts as a reset too. Both pieces
+/// then constrain its instant.
 #[test]
-fn a_step_is_one_step_also_where_the_position_is_reset_with_it() {
+fn a_step_with_a_reset_of_the_position_is_one_step() {
     for (by, noise) in [(0.1, RTK), (0.3, RTK), (0.3, GPS)] {
         for seed in 0..6 {
             let flight = fly(&Case { noise, ..Case::rtk(Path::Circuits, Profile::Constant) }, 620 + seed);
@@ -112,16 +112,16 @@ fn a_build_up_is_a_queue_with_a_burst() {
 }
 
 #[test]
-fn slow_changes_have_their_words() {
+fn slow_changes_are_named() {
     let ramp = found(Path::Circuits, Profile::Ramp { by: 0.3 }, 41);
     assert!(matches!(ramp.kind, DelayKind::Drifts | DelayKind::BuildsUp), "{}", ramp.words);
     let saw = found(Path::Circuits, Profile::Sawtooth { top: 0.6, period: 40.0 }, 42);
     assert!(saw.kind == DelayKind::Queues || saw.constancy.note.is_some(), "{}", saw.words);
 }
 
-/// In circuits, S-turns and surveys: grows from 0.2 s at a quarter of the flight to 1.7 s at 70 % of it, and falls back at once.
+/// In circuits, S-turns and surveys: 0.2 s at 25 % of the flight grows to 1.7 s at 70 %, then falls back at once.
 #[test]
-fn a_queue_is_described_by_its_ramp_with_levels_and_instants() {
+fn a_queue_is_described_by_its_ramp_levels_and_instants() {
     for seed in 50..58 {
         let case = Case { duration: 240.0, ..Case::gps(TURNING[seed as usize % 3], Profile::BuildUp { top: 1.7 }) };
         let flight = fly(&case, seed);
@@ -151,14 +151,14 @@ fn delays_of_minus_two_to_twelve_seconds_are_measured() {
 }
 
 #[test]
-fn a_delay_beyond_the_first_search_widens_it() {
+fn a_delay_outside_the_first_search_widens_it() {
     let case = Case { delay: -4.0, ..Case::gps(Path::Circuits, Profile::Constant) };
     let f = fly(&case, 31).analyse();
     assert!((f.level_s.value + 4.0).abs() < 0.1 && f.search_s[0] < -2.5, "{}", f.words);
 }
 
 #[test]
-fn zero_and_negative_delays_have_their_words() {
+fn zero_and_negative_delays_are_named() {
     let zero = fly(&Case { delay: 0.0, ..Case::gps(Path::Circuits, Profile::Constant) }, 11).analyse();
     assert_eq!(zero.kind, DelayKind::OnTime, "{}", zero.words);
     let early = fly(&Case { delay: -0.2, ..Case::gps(Path::Circuits, Profile::Constant) }, 12).analyse();
@@ -167,7 +167,7 @@ fn zero_and_negative_delays_have_their_words() {
 }
 
 #[test]
-fn straight_flight_cannot_tell() {
+fn straight_flight_gives_no_result() {
     let f = found(Path::Straight, Profile::Constant, 21);
     assert_eq!(f.kind, DelayKind::CannotTell, "{}", f.words);
     assert!(f.what_to_fly.is_some());
@@ -176,7 +176,7 @@ fn straight_flight_cannot_tell() {
 }
 
 #[test]
-fn jitter_is_measured_and_is_no_step() {
+fn jitter_is_measured_and_is_not_a_step() {
     for path in [Path::Circuits, Path::Survey] {
         let f = found(path, Profile::Jitter { mean: 0.08 }, 61);
         let jitter = f.jitters.expect("jitter").standard_deviation_s;
@@ -186,10 +186,10 @@ fn jitter_is_measured_and_is_no_step() {
     assert!(found(Path::Circuits, Profile::Constant, 62).jitters.is_none());
 }
 
-/// Between fixes that lie seconds apart the flight turns: a velocity that is a percent off, and the half step by which the coarse
-/// map misses the delay, are no jitter.
+/// Between sparse fixes the flight turns: a velocity that is one percent off, and the half step by which the coarse map
+/// misses the delay, are not jitter.
 #[test]
-fn errors_of_the_motion_between_sparse_fixes_are_no_jitter() {
+fn motion_errors_between_sparse_fixes_are_not_jitter() {
     for path in TURNING {
         for (interval_s, velocity_scale, delay) in
             [(3.0, 0.99, 0.2), (6.0, 0.99, 0.2), (2.0, 1.0, 0.25), (7.6, 1.0, 0.25)]
@@ -203,7 +203,7 @@ fn errors_of_the_motion_between_sparse_fixes_are_no_jitter() {
 }
 
 #[test]
-fn an_antenna_ahead_is_no_change_of_the_delay() {
+fn an_antenna_ahead_is_not_a_change_of_delay() {
     let f = fly(&Case { lever: 1.0, ..Case::rtk(Path::VarSpeed, Profile::Constant) }, 71).analyse();
     assert_eq!(f.kind, DelayKind::Constant, "{}", f.words);
     let lever = f.lever_arm_m.expect("lever");
@@ -227,7 +227,7 @@ fn a_configured_delay_is_tested_against_the_flight() {
 }
 
 #[test]
-fn a_reset_of_the_position_and_a_gap_of_the_velocity_are_no_change() {
+fn a_position_reset_and_a_velocity_gap_are_not_a_change() {
     let mut flight = fly(&Case::gps(Path::Circuits, Profile::Constant), 91);
     let at = flight.t.partition_point(|t| *t < 130.0);
     flight.north[at..].iter_mut().for_each(|n| *n += 40.0);
@@ -246,7 +246,7 @@ fn a_reset_of_the_position_and_a_gap_of_the_velocity_are_no_change() {
 }
 
 #[test]
-fn the_devices_own_time_agrees_with_the_motion() {
+fn the_device_time_agrees_with_the_motion() {
     let flight = fly(&Case::gps(Path::Circuits, Profile::BuildUp { top: 2.5 }), 95);
     let device: Vec<f64> = flight.t.iter().zip(&flight.late).map(|(t, l)| t - l + 5e4).collect();
     let record = PositionAgainstVelocity { device_time_s: Some(&device), ..flight.record() };
@@ -255,9 +255,9 @@ fn the_devices_own_time_agrees_with_the_motion() {
     assert!(device.disagreement_rms_s.unwrap() < 0.3, "{device:?}");
 }
 
-/// No number is NaN or infinite: JSON has no such numbers, and what is read back would differ.
+/// No number is NaN or infinite: JSON has no such numbers, so the value read back would differ.
 #[test]
-fn every_record_survives_json_and_comes_out_the_same_twice() {
+fn every_record_survives_json_and_is_reproducible() {
     let cases = [
         (Path::Straight, Profile::Constant),
         (Path::Hover, Profile::Two { by: 0.2, dwell: 60.0 }),
@@ -274,7 +274,7 @@ fn every_record_survives_json_and_comes_out_the_same_twice() {
 }
 
 #[test]
-fn odd_input_is_refused_or_survived() {
+fn odd_input_is_rejected_or_handled() {
     let flight = fly(&Case { duration: 40.0, ..Case::gps(Path::Circuits, Profile::Constant) }, 5);
     let settings = OverTimeSettings::default();
     let short = PositionAgainstVelocity { north: &flight.north[1..], ..flight.record() };
@@ -297,9 +297,9 @@ fn odd_input_is_refused_or_survived() {
     assert_eq!(analyse(&record, &settings).unwrap().kind, DelayKind::CannotTell);
 }
 
-/// A pendulum at 1 m/s: slow, but turning all the time.
+/// A pendulum at 1 m/s: slow, but always turning.
 #[test]
-fn a_slow_swing_answers() {
+fn a_slow_pendulum_gives_a_result() {
     let mut random = support::Random::new(7);
     let t: Vec<f64> = (0..1200).map(|k| 0.1 * f64::from(k)).collect();
     let phase = |t: f64| 2.0 * t + 2.5 * (0.13 * t).sin();
@@ -330,7 +330,7 @@ fn a_slow_swing_answers() {
 
 /// The flight an hour later, 50 km away, and turned by a quarter: north becomes east, and east becomes south.
 #[test]
-fn an_hour_a_place_and_a_quarter_turn_change_nothing() {
+fn shifting_time_and_place_and_a_quarter_turn_change_nothing() {
     for (profile, seed) in [(Profile::Constant, 7), (Profile::Step { by: 0.2 }, 8)] {
         let here = fly(&Case::gps(Path::Circuits, profile), seed);
         let there = Flight {
@@ -347,7 +347,7 @@ fn an_hour_a_place_and_a_quarter_turn_change_nothing() {
         assert!((a.level_s.value - b.level_s.value).abs() < 1e-6, "{:?} {:?}", a.level_s, b.level_s);
         assert_eq!((a.terms.len(), a.curve.len()), (b.terms.len(), b.curve.len()));
         for (x, y) in a.terms.iter().zip(&b.terms) {
-            // An instant lies anywhere between two fixes.
+            // An instant is anywhere between two fixes.
             assert!((y.at_s - x.at_s - 3600.0).abs() < 0.3 && (y.size - x.size).abs() < 1e-5, "{x:?} {y:?}");
         }
         if a.terms.is_empty() {
@@ -359,9 +359,9 @@ fn an_hour_a_place_and_a_quarter_turn_change_nothing() {
     }
 }
 
-/// Positions that are stamped 0.5 s later are 0.5 s later.
+/// Positions with timestamps 0.5 s later are 0.5 s later.
 #[test]
-fn stamps_that_are_later_are_a_delay_that_is_longer() {
+fn later_timestamps_are_a_longer_delay() {
     for (profile, seed) in [(Profile::Constant, 9), (Profile::Step { by: 0.2 }, 10)] {
         let flight = fly(&Case::gps(Path::Sturns, profile), seed);
         let later =

@@ -1,4 +1,4 @@
-//! What a log says of itself beside its samples: who flew, with what software and which settings.
+//! What a log states in addition to its samples: vehicle, software and settings.
 
 use crate::time::Clock;
 #[cfg(feature = "schema")]
@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What a log says of the vehicle, its software and its settings.
+/// What a log states about the vehicle, its software and its settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct About {
@@ -22,19 +22,19 @@ pub struct About {
     /// Serial number or identity of the vehicle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vehicle: Option<String>,
-    /// Receivers and drivers as they name themselves, such as `u-blox M8 3.01`.
+    /// Receivers and drivers by their own names, such as `u-blox M8 3.01`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub receivers: Vec<String>,
-    /// What the log says of each receiver, in the order of their numbers. Several texts of one receiver are one entry.
+    /// What the log states about each receiver, by number. Several texts of one receiver make one entry.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub receiver_identities: Vec<ReceiverIdentity>,
-    /// Where antennas and IMU sit on the vehicle, as the parameters say at the start.
+    /// Positions of antennas and IMU on the vehicle, from the parameters at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lever_arms: Vec<LeverArm>,
-    /// Parameters that set a delay, as they stood at the start.
+    /// Parameters that set a delay, with their values at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub configured_delays: Vec<ConfiguredDelay>,
-    /// How many parameters the log holds.
+    /// Number of parameters in the log.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub parameters: u64,
     /// Parameters that changed during the log: name, old and new value, in the order of time.
@@ -43,33 +43,33 @@ pub struct About {
     /// Flight modes in the order of time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub modes: Vec<ModeStart>,
-    /// Text messages of the autopilot, the first hundred, with their time.
+    /// First hundred text messages of the autopilot, with their time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<String>,
 }
 
 impl About {
-    /// Whether the log says nothing.
+    /// Whether the log states nothing.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == About::default()
     }
 
-    /// What the log says of the receiver with this number; the first is 1.
+    /// What the log states about the receiver with this number; the first is 1.
     #[must_use]
     pub fn receiver_identity(&self, number: u32) -> Option<&ReceiverIdentity> {
         self.receiver_identities.iter().find(|identity| identity.number == number)
     }
 
     /// The lever arm that the parameters state for a sensor: `gps`, `gps-2`, `imu`. One that is zero in all axes is the
-    /// default of the autopilot: nobody measured it, so it is not given.
+    /// autopilot's default: it was never measured, so `None` is returned.
     #[must_use]
     pub fn lever_arm(&self, sensor: &str) -> Option<&LeverArm> {
         self.lever_arms.iter().find(|arm| arm.sensor == sensor && arm.is_set())
     }
 }
 
-/// What a log says of one receiver. Absent is what the log does not say.
+/// What a log states about one receiver. Fields are absent if the log does not state them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReceiverIdentity {
@@ -90,16 +90,16 @@ pub struct ReceiverIdentity {
     /// Speed of its serial line, baud.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
-    /// Protocol that it speaks, such as `UBX`, `NMEA`, `DroneCAN`.
+    /// Protocol, such as `UBX`, `NMEA`, `DroneCAN`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
-    /// Where each of these was found: name of the field, and the parameter or text.
+    /// Source of each of these: name of the field, and the parameter or text.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub sources: BTreeMap<String, String>,
 }
 
 impl ReceiverIdentity {
-    /// Whether the log says anything of it but its number.
+    /// Whether the log states anything about it except its number.
     #[must_use]
     pub fn is_told(&self) -> bool {
         let texts = [&self.model, &self.firmware, &self.serial, &self.protocol];
@@ -107,14 +107,14 @@ impl ReceiverIdentity {
     }
 }
 
-/// Where a sensor sits on the vehicle, as configured: in body axes, from the point that the autopilot calls the
-/// vehicle's origin (PX4 and ArduPilot: the centre of gravity, as a rule).
+/// Configured position of a sensor on the vehicle: in body axes, from the point that the autopilot uses as the
+/// vehicle's origin (PX4 and ArduPilot: usually the centre of gravity).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeverArm {
     /// `gps` and `gps-2` for antennas, `imu` for the inertial sensors.
     pub sensor: String,
-    /// The parameters, as `EKF2_GPS_POS_X/Y/Z`.
+    /// The parameters, such as `EKF2_GPS_POS_X/Y/Z`.
     pub parameter: String,
     /// Ahead of the origin, m.
     pub forward_m: f64,
@@ -125,7 +125,7 @@ pub struct LeverArm {
 }
 
 impl LeverArm {
-    /// Whether anybody set it: zero in all axes is the default.
+    /// Whether it was set: zero in all axes is the default.
     #[must_use]
     pub fn is_set(&self) -> bool {
         [self.forward_m, self.right_m, self.down_m].iter().any(|axis| *axis != 0.0)
@@ -144,11 +144,11 @@ pub struct ConfiguredDelay {
     pub parameter: String,
     /// The delay, s.
     pub value_s: f64,
-    /// What it means, in words.
+    /// Its meaning, in words.
     pub meaning: String,
 }
 
-/// The begin of a flight mode.
+/// The start of a flight mode.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ModeStart {
@@ -169,14 +169,14 @@ mod tests {
     }
 
     #[test]
-    fn a_lever_arm_of_zero_was_set_by_nobody() {
+    fn a_zero_lever_arm_is_treated_as_unset() {
         let about = About { lever_arms: vec![arm("gps", 0.0), arm("imu", 0.1)], ..About::default() };
         assert_eq!(about.lever_arm("gps"), None);
         assert_eq!(about.lever_arm("imu").map(|arm| arm.forward_m), Some(0.1));
     }
 
     #[test]
-    fn what_a_log_does_not_say_is_not_written() {
+    fn absent_fields_are_not_serialised() {
         let about = About {
             receiver_identities: vec![ReceiverIdentity { number: 2, ..Default::default() }],
             ..About::default()

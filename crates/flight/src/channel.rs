@@ -1,4 +1,4 @@
-//! A flight: channels of checked samples with their origin.
+//! A flight: channels of checked samples with their source.
 
 use crate::notice::Notices;
 use crate::series::Series;
@@ -33,14 +33,14 @@ pub enum Quantity {
     MagneticField,
     /// As [`Quantity::MagneticField`], scaled by a number that the sensor chose: 1 is about the local field.
     MagneticDirection,
-    /// Counts of a rotary encoder: a running number that turns neither over nor back.
+    /// Counts of a rotary encoder: a running number that neither wraps around nor resets.
     EncoderCount,
     /// Angle of a rotary encoder, rad; it need not start at zero.
     EncoderAngle,
-    /// Edges of a pulse per second, stamped by the logger; the value is the second of the device's clock, or its
+    /// Edges of a pulse per second, timestamped by the logger; the value is the second of the device's clock, or a
     /// running number.
     Pulse,
-    /// Any one number.
+    /// A single number.
     Scalar,
 }
 
@@ -76,7 +76,7 @@ pub struct ChannelSource {
     pub fields: Vec<String>,
 }
 
-/// Samples of one quantity over their primary timeline, with the other stamps beside.
+/// Samples of one quantity over their primary timeline, with the other timestamps of the same rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
     /// What the components are.
@@ -84,30 +84,30 @@ pub struct Channel {
     /// The samples over the timeline that the channel map chose. A component that the log
     /// does not hold is zero throughout and not in `present`.
     pub series: Series,
-    /// Which components the log holds, in the order of [`Quantity::components`].
+    /// Which components the log contains, in the order of [`Quantity::components`].
     pub present: Vec<bool>,
-    /// Other stamps of the same rows; these need not rise.
+    /// Other timestamps of the same rows; these need not increase.
     pub other_stamps: Vec<(StampKind, Clock, Vec<Stamp>)>,
-    /// Rows that repeat a value held since an earlier row: not measurements. All false
-    /// unless the stream was recognised as held (design note 3.8).
+    /// Rows that repeat a value held since an earlier row, so not measurements. All false
+    /// unless the stream was detected as held (design note 3.8).
     pub held: Vec<bool>,
-    /// Where it came from.
+    /// Source of the values.
     pub source: ChannelSource,
 }
 
 impl Channel {
-    /// Rows at which the value was updated: all rows, less the held ones.
+    /// Rows at which the value was updated: all rows except the held ones.
     #[must_use]
     pub fn update_rows(&self) -> Vec<usize> {
         self.updates().collect()
     }
 
-    /// [`Channel::update_rows`] one after another: those of a long record take much memory.
+    /// [`Channel::update_rows`] as an iterator: the rows of a long record take much memory.
     pub fn updates(&self) -> impl Iterator<Item = usize> + '_ {
         self.held.iter().enumerate().filter(|(_, held)| !**held).map(|(row, _)| row)
     }
 
-    /// How many rows were updated.
+    /// Number of updated rows.
     #[must_use]
     pub fn update_count(&self) -> usize {
         self.held.iter().filter(|held| !**held).count()
@@ -126,27 +126,27 @@ impl Channel {
 pub struct Flight {
     /// Channels by name.
     pub channels: BTreeMap<String, Channel>,
-    /// What was lost, assumed or repaired on the way here.
+    /// What was lost, assumed or repaired on the way.
     pub notices: Notices,
     /// UTC of the clock since boot, where the log ties the two.
     pub utc: Option<UtcTie>,
 }
 
 impl Flight {
-    /// Adds a channel, which shares its stamps with another one if they are equal.
+    /// Adds a channel. It shares its timestamps with another channel if they are equal.
     pub fn insert(&mut self, name: impl Into<String>, mut channel: Channel) {
         let _ = self.channels.values().any(|other| channel.series.share_stamps(&other.series));
         self.channels.insert(name.into(), channel);
     }
 
-    /// The first of `names` that the flight holds.
+    /// The first of `names` that the flight contains.
     #[must_use]
     pub fn first_of<'a>(&'a self, names: &'a [String]) -> Option<(&'a str, &'a Channel)> {
         names.iter().find_map(|name| self.channels.get(name).map(|c| (name.as_str(), c)))
     }
 
-    /// UTC, as Unix counts, of a stamp; that of a clock since boot is as good as [`UtcTie::spread_s`]. `None` for a
-    /// clock that nothing ties to UTC.
+    /// UTC of a timestamp, as a Unix count; for a clock since boot it is as accurate as [`UtcTie::spread_s`]. `None`
+    /// for a clock without a tie to UTC.
     #[must_use]
     pub fn unix(&self, clock: Clock, stamp: Stamp) -> Option<Stamp> {
         let tied = || self.utc.as_ref().filter(|tie| tie.clock == clock)?.unix(stamp);
@@ -160,7 +160,7 @@ mod tests {
     use crate::series::Timeline;
 
     #[test]
-    fn updates_are_the_rows_that_are_not_held() {
+    fn updates_are_the_rows_not_held() {
         let timeline = Timeline::new(StampKind::Measured, Clock::Unix, (0..4).map(Stamp).collect()).unwrap();
         let channel = Channel {
             quantity: Quantity::Scalar,

@@ -1,4 +1,4 @@
-//! How numbers are spread.
+//! Distributions of numbers.
 
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;

@@ -57,10 +57,10 @@ impl Geodetic {
 }
 
 impl Ecef {
-    /// Bowring's parametric latitude, iterated to the last bits; poles included.
+    /// Bowring's parametric latitude, iterated to the last bits; valid at the poles.
     #[must_use]
     pub fn to_geodetic(self) -> Geodetic {
-        /// The first round is right to 1e-11 rad below 10 km (Bowring 1976); the test wants 10 nm up to 400 km.
+        /// The first round is accurate to 1e-11 rad below 10 km (Bowring 1976); the test demands 10 nm up to 400 km.
         const ROUNDS: usize = 2;
         let semi_minor = WGS84_A * (1.0 - WGS84_F);
         let second_e2 = WGS84_E2 / (1.0 - WGS84_E2);
@@ -82,13 +82,13 @@ impl Ecef {
     }
 }
 
-/// The plane that touches the ellipsoid's normal at an origin: north, east, down.
+/// The plane tangent to the ellipsoid at an origin: north, east, down.
 ///
 /// This is the rigid local frame, so a long track curves *away* below it (8 m down at 10 km,
 /// 785 m at 100 km) and horizontal coordinates are chords, not arcs. Rates of change of these
 /// coordinates are velocities in the **origin's** north and east; a velocity measured in the
-/// aircraft's own north and east turns against them by the convergence of the meridians.
-/// [`LocalFrame::from_local_ned`] turns it back, so position and integrated velocity agree over 100 km and more.
+/// aircraft's own north and east rotates relative to them by the convergence of the meridians.
+/// [`LocalFrame::from_local_ned`] rotates it back, so position and integrated velocity agree over 100 km and more.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LocalFrame {
     origin: Geodetic,
@@ -103,7 +103,7 @@ impl LocalFrame {
         LocalFrame { origin, origin_ecef: vector(origin.to_ecef()), ned_from_ecef: ned_from_ecef(origin) }
     }
 
-    /// Where it touches.
+    /// The origin.
     #[must_use]
     pub fn origin(&self) -> Geodetic {
         self.origin
@@ -122,13 +122,13 @@ impl LocalFrame {
         Ecef { x: ecef.x, y: ecef.y, z: ecef.z }.to_geodetic()
     }
 
-    /// A vector (velocity) given in the north-east-down of `at`, in this frame's axes.
+    /// A vector (velocity) given in the north-east-down axes of `at`, in this frame's axes.
     #[must_use]
     pub fn from_local_ned(&self, at: Geodetic, vector: [f64; 3]) -> [f64; 3] {
         (self.rotation_from(at) * Vector3::from(vector)).into()
     }
 
-    /// The rotation of [`LocalFrame::from_local_ned`], for many vectors at one place.
+    /// The rotation of [`LocalFrame::from_local_ned`], for many vectors at one position.
     #[must_use]
     pub fn rotation_from(&self, at: Geodetic) -> Matrix3<f64> {
         self.ned_from_ecef * ned_from_ecef(at).transpose()
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn there_and_back_stays_within_ten_nanometres() {
+    fn a_round_trip_stays_within_ten_nanometres() {
         for point in grid() {
             let there = point.to_ecef();
             let again = there.to_geodetic().to_ecef();
@@ -202,14 +202,14 @@ mod tests {
     }
 
     #[test]
-    fn the_antimeridian_is_no_edge() {
+    fn crossing_the_antimeridian_is_continuous() {
         let frame = LocalFrame::new(Geodetic::from_degrees(10.0, 179.9999, 0.0));
         let [_, east, _] = frame.to_ned(Geodetic::from_degrees(10.0, -179.9999, 0.0));
         assert!((east - 21.93).abs() < 0.01, "{east}");
     }
 
     #[test]
-    fn integrated_velocity_meets_the_position_after_two_hundred_kilometres() {
+    fn integrated_velocity_matches_the_position_after_200_km() {
         // East along a parallel at constant speed: the aircraft's own velocity is purely "east" all
         // the way; turned into the origin's axes its integral must land on the position.
         let frame = LocalFrame::new(Geodetic::from_degrees(60.0, 10.0, 1000.0));

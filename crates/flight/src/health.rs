@@ -1,4 +1,4 @@
-//! What was read, what was not, and how good the time stamps are.
+//! What was read, what was not, and the quality of the timestamps.
 
 use crate::about::About;
 use crate::channel::{ChannelSource, Quantity};
@@ -8,15 +8,15 @@ use crate::time::{Clock, NANOS_PER_SECOND, StampKind, UtcTie};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Where every byte of a log went: the five numbers below `size` add up to it.
+/// Accounting of every byte of a log: the five numbers after `size` add up to it.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ByteLedger {
     /// Size of all files of the flight together.
     pub size: u64,
-    /// Held values that were wanted. A compressed chunk counts whole.
+    /// Wanted values. A compressed chunk counts as a whole.
     pub decoded: u64,
-    /// Intact, but nothing in it was wanted.
+    /// Intact, but not wanted.
     pub skipped: u64,
     /// Magic, headers, indexes, definitions, comment lines.
     pub structure: u64,
@@ -28,12 +28,12 @@ pub struct ByteLedger {
 }
 
 impl ByteLedger {
-    /// The part of a file that a record which was begun at its end may have without being damage: a thousandth,
+    /// Largest fraction of a file that an unfinished last record may take without counting as damage: a thousandth,
     pub const LARGEST_TAIL: f64 = 1e-3;
-    /// and in short files a hundredth, if it is no longer than a row of a table, bytes.
+    /// and in short files a hundredth, if it is no longer than one row of a table, bytes.
     pub const LARGEST_TAIL_OF_SHORT: (f64, u64) = (1e-2, 1024);
 
-    /// All bytes with a fate: `size`, if none was forgotten.
+    /// The sum of all fates: equals `size` unless bytes were forgotten.
     #[must_use]
     pub fn sum(&self) -> u64 {
         [self.decoded, self.skipped, self.structure, self.damaged, self.tail_cut]
@@ -41,9 +41,9 @@ impl ByteLedger {
             .fold(0, |a, b| a.saturating_add(*b))
     }
 
-    /// Whether `bytes` of a record that a file of `size` bytes ends inside of are the way in which logs end where the power
-    /// goes off, and no damage. Asked only of formats that do not state where they end: where an index, a footer or a
-    /// size says that something is missing, that is a loss.
+    /// Whether `bytes` of a truncated last record in a file of `size` bytes are the normal end of a log at power-off,
+    /// not damage. Only for formats that do not state where they end: where an index, a footer or a size shows that
+    /// something is missing, that is a loss.
     #[must_use]
     pub fn is_cut_tail(bytes: u64, size: u64) -> bool {
         let (share, row) = ByteLedger::LARGEST_TAIL_OF_SHORT;
@@ -52,7 +52,7 @@ impl ByteLedger {
     }
 }
 
-/// A stretch of bytes that could not be used.
+/// A range of bytes that could not be used.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DamagedRange {
@@ -78,11 +78,11 @@ impl DamagedRange {
     }
 }
 
-/// Everything about the reading of one log.
+/// How one log was read.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LogHealth {
-    /// Format, such as `MCAP` or `ROS 1 bag 2.0`, with what its header says of its writer.
+    /// Format, such as `MCAP` or `ROS 1 bag 2.0`, with the writer stated in its header.
     pub format: String,
     /// Bytes.
     pub bytes: ByteLedger,
@@ -98,7 +98,7 @@ pub struct LogHealth {
     pub topics: Vec<TopicHealth>,
     /// Attachments, metadata and the like, by name: listed, not read.
     pub extras: Vec<String>,
-    /// What the log says of the vehicle and its settings.
+    /// What the log states about the vehicle and its settings.
     #[serde(default, skip_serializing_if = "About::is_empty")]
     pub about: About,
     /// UTC of the clock since boot, where the log ties the two.
@@ -114,17 +114,17 @@ pub struct TopicHealth {
     pub name: String,
     /// Message type; empty if the format has none.
     pub type_name: String,
-    /// Encoding of its messages, as `ros1`, `cdr`, `json`, `csv`.
+    /// Encoding of its messages, such as `ros1`, `cdr`, `json`, `csv`.
     pub encoding: String,
     /// Intact messages (rows).
     pub messages: u64,
-    /// Those of which a checksum of the format, of frame, sentence, chunk or data section, vouches for their values. Checksums
-    /// of what packs a log, as bz2, are tried too and not counted.
+    /// Messages whose values are covered by a checksum of the format: of a frame, sentence, chunk or data section.
+    /// Checksums of compression formats such as bz2 are verified too, but not counted.
     #[serde(default)]
     pub vouched: u64,
     /// Their payload bytes, uncompressed.
     pub payload_bytes: u64,
-    /// Stamps of these messages, one entry for each kind that the log holds.
+    /// Timestamps of these messages, one entry for each kind in the log.
     pub stamps: Vec<StampHealth>,
     /// Whether its values were decoded.
     pub decoded: bool,
@@ -132,8 +132,8 @@ pub struct TopicHealth {
     pub reason: String,
 }
 
-/// How one kind of stamp of one topic behaves. Of a channel whose stamps go back, rate, steps, gaps and ends are those
-/// of its rows in order.
+/// Statistics of one kind of timestamp of one topic. For a channel whose timestamps go back, rate, steps, gaps and
+/// ends are those of its sorted rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StampHealth {
@@ -141,46 +141,46 @@ pub struct StampHealth {
     pub kind: StampKind,
     /// Clock.
     pub clock: Clock,
-    /// Field that the stamps were read from; `log`, `publish` for the container's own.
+    /// Field from which the timestamps were read; `log` or `publish` for the container's own.
     pub source: String,
-    /// First stamp, ns.
+    /// First timestamp, ns.
     pub first_ns: i64,
-    /// Last stamp, ns.
+    /// Last timestamp, ns.
     pub last_ns: i64,
-    /// Number of stamps.
+    /// Number of timestamps.
     pub count: u64,
-    /// Forward steps per second, Hz; gaps are left out while there are fewer than ten, or no more than one in a hundred steps.
-    /// `None` with fewer than two different stamps, or where one stamp holds half of the rows: they were written at once.
+    /// Forward steps per second, Hz; gaps are excluded if there are fewer than ten, or at most one in a hundred steps.
+    /// `None` with fewer than two different timestamps, or if half of the rows share one: they were written at once.
     pub rate_hz: Option<f64>,
-    /// Steps between stamps, s; `None` when there are none.
+    /// Steps between timestamps, s; `None` without steps.
     pub steps_s: Option<Distribution>,
     /// Steps longer than [`Gap`]'s threshold.
     pub gap_count: u64,
     /// The longest gaps, at most ten, longest first.
     pub gaps: Vec<Gap>,
-    /// Stamps equal to the one before.
+    /// Timestamps equal to the previous one.
     pub duplicates: u64,
-    /// Stamps earlier than the one before.
+    /// Timestamps earlier than the previous one.
     pub back_jumps: u64,
 }
 
-/// A hole in the stamps: a step of more than 2.5 median steps.
+/// A gap in the timestamps: a step of more than 2.5 median steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Gap {
-    /// Seconds after the first stamp.
+    /// Seconds after the first timestamp.
     pub start_s: f64,
     /// Its length, s.
     pub length_s: f64,
 }
 
-/// One kind of stamp less another, on the same messages, s.
+/// Difference between two kinds of timestamp of the same messages, s.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StampOffset {
-    /// The later kind as a rule.
+    /// The kind subtracted from; usually the later one.
     pub of: StampKind,
-    /// Less this one.
+    /// The kind subtracted.
     pub against: StampKind,
     /// The differences, s. Both clocks count the same kind of time.
     pub offset_s: Distribution,
@@ -198,11 +198,11 @@ pub struct RejectCount {
     pub first: String,
 }
 
-/// Recognised repetition of held values (design note 3.8).
+/// Detected repetition of held values (design note 3.8).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Held {
-    /// Rows that repeat the value before.
+    /// Rows that repeat the previous value.
     pub repeats: u64,
     /// Most frequent run length of equal values.
     pub modal_run: u64,
@@ -210,7 +210,7 @@ pub struct Held {
     pub update_interval_s: f64,
 }
 
-/// A channel that was bound, and what it cost.
+/// A bound channel, with its rejected rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ChannelHealth {
@@ -220,7 +220,7 @@ pub struct ChannelHealth {
     pub quantity: Quantity,
     /// Topic and fields, with the units read.
     pub source: ChannelSource,
-    /// Components that the log does not hold, by name.
+    /// Components missing from the log, by name.
     pub absent: Vec<String>,
     /// Rows in the topic.
     pub rows: u64,
@@ -230,9 +230,9 @@ pub struct ChannelHealth {
     pub rejected: Vec<RejectCount>,
     /// The timeline that the analysis uses.
     pub stamps: Option<StampHealth>,
-    /// Differences between the kinds of stamp.
+    /// Differences between the kinds of timestamp.
     pub offsets: Vec<StampOffset>,
-    /// Held values, if the stream was recognised as held.
+    /// Held values, if the stream was detected as held.
     pub held: Option<Held>,
 }
 
@@ -244,7 +244,7 @@ pub struct MapCandidate {
     pub map: String,
     /// Channels it would bind.
     pub binds: Vec<String>,
-    /// Why it was not taken, or why it was.
+    /// Why it was chosen, or why not.
     pub why: String,
 }
 
@@ -252,7 +252,7 @@ pub struct MapCandidate {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Binding {
-    /// Name of the map taken.
+    /// Name of the chosen map.
     pub map: String,
     /// Why this one.
     pub why: String,

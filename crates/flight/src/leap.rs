@@ -1,4 +1,4 @@
-//! Leap seconds, and what follows from them: UTC of GPS time. The only place that counts them.
+//! Leap seconds, and the conversion from GPS time to UTC. The only place that counts leap seconds.
 //!
 //! Source: IERS Bulletin C, as the time-zone database carries it (`leap-seconds.list`).
 
@@ -8,10 +8,10 @@ use crate::time::{Clock, NANOS_PER_SECOND, Stamp};
 pub const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
 /// Seconds in a GPS week.
 pub const WEEK_S: i64 = 604_800;
-/// Atomic time is ahead of GPS time by this much, always, s.
+/// TAI is always ahead of GPS time by this much, s.
 pub const TAI_LESS_GPS_S: i64 = 19;
 
-/// The midnights (UTC, as Unix counts, s) before which a leap second was inserted, since the epoch of GPS.
+/// The midnights (UTC, as Unix counts, s) before which a leap second was inserted, since the GPS epoch.
 /// From the n-th on, counted from 1, GPS time is n seconds ahead of UTC.
 const LEAPS_UNIX_S: [i64; 18] = [
     362_793_600,   // 1981-07-01
@@ -34,10 +34,10 @@ const LEAPS_UNIX_S: [i64; 18] = [
     1_483_228_800, // 2017-01-01
 ];
 
-/// The table is known to be whole until this instant, as Unix counts, s: the expiry date of the list as of July 2026.
+/// The table is known to be complete until this instant, as a Unix count, s: expiry of the list as of July 2026.
 const KNOWN_UNTIL_UNIX_S: i64 = 1_814_140_800;
 
-/// The day until which the table is known to be whole, for people.
+/// The day until which the table is known to be complete, for people.
 pub const LEAPS_KNOWN_UNTIL: &str = "2027-06-28";
 
 /// How far GPS time is ahead of UTC at an instant of UTC, s.
@@ -49,31 +49,31 @@ pub fn gps_ahead_of_utc_s(unix: Stamp) -> i64 {
     LEAPS_UNIX_S.partition_point(|&leap| leap <= second) as i64
 }
 
-/// Whether an instant of UTC lies where the table is known to be whole.
+/// Whether the table is known to be complete at an instant of UTC.
 #[must_use]
 pub fn leaps_are_known_at(unix: Stamp) -> bool {
     unix.0.div_euclid(NANOS_PER_SECOND) < KNOWN_UNTIL_UNIX_S
 }
 
-/// UTC, as Unix counts, of GPS time. A leap second counts as the second after, as POSIX has it, so the two share
-/// their numbers; everywhere else [`gps_of_unix`] is the exact inverse. `None` beyond the range of `i64`.
+/// UTC of GPS time, as a Unix count. A leap second counts as the second after it, as in POSIX, so the two share
+/// a number; everywhere else [`gps_of_unix`] is the exact inverse. `None` outside the range of `i64`.
 #[must_use]
 pub fn unix_of_gps(gps: Stamp) -> Option<Stamp> {
     let second = gps.0.div_euclid(NANOS_PER_SECOND);
-    // A leap second is still counted the old way: it ends where the new count begins.
+    // During the leap second the old offset still applies: it ends where the new one starts.
     let begins = |index: usize, leap: i64| leap - GPS_EPOCH_UNIX_S + index as i64 + 1;
     let ahead = LEAPS_UNIX_S.iter().enumerate().take_while(|&(i, &leap)| begins(i, leap) <= second).count() as i64;
     gps.0.checked_add((GPS_EPOCH_UNIX_S - ahead) * NANOS_PER_SECOND).map(Stamp)
 }
 
-/// GPS time of UTC as Unix counts. `None` beyond the range of `i64`.
+/// GPS time of UTC given as a Unix count. `None` outside the range of `i64`.
 #[must_use]
 pub fn gps_of_unix(unix: Stamp) -> Option<Stamp> {
     unix.0.checked_sub((GPS_EPOCH_UNIX_S - gps_ahead_of_utc_s(unix)) * NANOS_PER_SECOND).map(Stamp)
 }
 
 impl Clock {
-    /// UTC, as Unix counts, of a stamp of this clock; `None` for clocks that do not know the time of day.
+    /// UTC of a timestamp of this clock, as a Unix count; `None` for clocks without a date.
     #[must_use]
     pub fn unix(self, stamp: Stamp) -> Option<Stamp> {
         match self {
@@ -91,7 +91,7 @@ mod tests {
     const S: i64 = NANOS_PER_SECOND;
 
     #[test]
-    fn gps_seconds_have_the_utc_that_other_tools_give_them() {
+    fn gps_seconds_convert_to_the_utc_of_other_tools() {
         // GPS 1 450 000 000 s is 2025-12-17 09:46:22 UTC (hifitime; date -u -d '2025-12-17 09:46:22' +%s).
         assert_eq!(unix_of_gps(Stamp(1_450_000_000 * S)), Some(Stamp(1_765_964_782 * S)));
         // GPS 0 is its epoch; 1 000 000 000 s is 2011-09-14 01:46:25 UTC, 15 leap seconds ahead.
@@ -120,8 +120,8 @@ mod tests {
     }
 
     #[test]
-    fn every_leap_second_stands_before_a_first_of_january_or_july() {
-        // Days since 1970 of a civil date (H. Hinnant's days_from_civil, in its plainest form).
+    fn every_leap_second_precedes_a_first_of_january_or_july() {
+        // Days since 1970 of a civil date (H. Hinnant's days_from_civil, in its simplest form).
         let days = |year: i64, july: bool| {
             let leap = |y: i64| (y % 4 == 0 && y % 100 != 0) || y % 400 == 0;
             let to_year: i64 = (1970..year).map(|y| if leap(y) { 366 } else { 365 }).sum();
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn clocks_that_do_not_know_the_day_have_no_utc_and_the_ends_of_time_do_not_overflow() {
+    fn clocks_without_a_date_have_no_utc_and_extremes_do_not_overflow() {
         assert_eq!(Clock::Boot.unix(Stamp(1)), None);
         assert_eq!(Clock::Unix.unix(Stamp(1)), Some(Stamp(1)));
         assert_eq!(Clock::Gps.unix(Stamp(i64::MAX)), None);

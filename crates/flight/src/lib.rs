@@ -1,7 +1,7 @@
-//! The first waist: what was measured. Knows no file and no filter.
+//! The first waist of the architecture: what was measured. Independent of files and filters.
 //!
 //! Many log formats become one [`Flight`]: named [`Channel`]s of strictly timed,
-//! finite samples in SI units, with the [`Notice`]s that tell what was lost on the way.
+//! finite samples in SI units, with [`Notice`]s that report what was lost on the way.
 //!
 //! Convention of the whole project: a positive [`Delay`] means **late**,
 //! `measured(t) = truth(t − delay)`.

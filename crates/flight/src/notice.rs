@@ -1,4 +1,4 @@
-//! What a person must hear: nothing is dropped in silence.
+//! Notices: what the user must know. Nothing is dropped silently.
 
 mod catalogue;
 mod code;
@@ -15,16 +15,16 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
-    /// Worth knowing; every number stands.
+    /// Worth knowing; every number is valid.
     Info,
     /// Something was assumed, skipped or repaired; a number may deserve a second look.
     Warning,
-    /// Data that the logger wrote could not be read: bytes damaged, cut or failing their checksum.
+    /// Data that the logger wrote could not be read: bytes are damaged, truncated or fail their checksum.
     Loss,
 }
 
 impl Severity {
-    /// As it is serialised and shown.
+    /// The word that is serialised and shown.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -43,9 +43,9 @@ pub struct Notice {
     pub severity: Severity,
     /// A stable name for machines, such as `duplicate-stamp`.
     pub code: String,
-    /// File, topic, line or byte, as precise as is known; empty for the whole flight.
+    /// File, topic, line or byte, as precise as known; empty for the whole flight.
     pub place: String,
-    /// How many samples, rows, bytes or events it is about.
+    /// Number of samples, rows, bytes or events concerned.
     pub count: u64,
     /// A sentence for people.
     pub text: String,
@@ -58,30 +58,30 @@ pub struct Notice {
 pub struct Notices(Vec<Notice>);
 
 impl Notices {
-    /// None yet.
+    /// An empty list.
     #[must_use]
     pub fn new() -> Notices {
         Notices::default()
     }
 
-    /// Raises one: a [`Code`], which has its usual severity, or [`Code::at`] another.
+    /// Adds a notice: a [`Code`] with its usual severity, or [`Code::at`] with another.
     pub fn push(&mut self, what: impl Into<Graded>, place: impl Into<String>, count: u64, text: impl Into<String>) {
         let Graded { code, severity } = what.into();
         let code = code.name().to_owned();
         self.add(Notice { severity, code, place: place.into(), count, text: text.into() });
     }
 
-    /// Passes on one that was raised elsewhere.
+    /// Adds a notice that was created elsewhere.
     pub fn add(&mut self, notice: Notice) {
         self.0.push(notice);
     }
 
-    /// Takes over the notices of a part.
+    /// Appends the notices of a part.
     pub fn extend(&mut self, other: Notices) {
         self.0.extend(other.0);
     }
 
-    /// Takes over what is not said yet: two studies of one channel find the same in it.
+    /// Appends only notices that are not in the list yet: two studies of one channel find the same things.
     pub fn extend_unsaid(&mut self, other: Notices) {
         for notice in other.0 {
             if !self.0.contains(&notice) {
@@ -90,24 +90,24 @@ impl Notices {
         }
     }
 
-    /// Makes warnings of all losses, for a log whose losses touch no result.
+    /// Turns all losses into warnings, for a log whose losses do not affect any result.
     pub fn lower_losses(&mut self) {
         let losses = self.0.iter_mut().filter(|notice| notice.severity == Severity::Loss);
         losses.for_each(|notice| notice.severity = Severity::Warning);
     }
 
-    /// All of them.
+    /// All notices.
     pub fn iter(&self) -> impl Iterator<Item = &Notice> {
         self.0.iter()
     }
 
-    /// How many.
+    /// Number of notices.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// None at all.
+    /// Whether there are no notices.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_already_is_not_said_again() {
+    fn a_duplicate_notice_is_not_added_again() {
         let gap = |count| {
             let mut notices = Notices::new();
             notices.push(Code::RecordSplit, "velocity.gps", count, "the record is cut there");

@@ -1,29 +1,29 @@
-//! Timelines and series, checked once at birth and total afterwards.
+//! Timelines and series, validated once at construction.
 
 use crate::time::{Clock, Stamp, StampKind};
 use std::sync::Arc;
 
-/// Strictly rising stamps of one kind, read from one clock.
+/// Strictly increasing timestamps of one kind, read from one clock.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timeline {
     kind: StampKind,
     clock: Clock,
-    /// Channels of one topic often have the same ones, and then share them.
+    /// Shared, because channels of one topic often have the same timestamps.
     stamps: Arc<Vec<Stamp>>,
     shared_step_s: f64,
 }
 
-/// Why stamps and values do not make a series.
+/// Why timestamps and values do not form a series.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SeriesError {
-    /// A stamp is not later than the one before it.
+    /// A timestamp is not later than the previous one.
     #[error("stamp {index} ({now} ns) is not later than the one before it ({before} ns)")]
     NotRising {
-        /// Row of the offending stamp.
+        /// Row of the offending timestamp.
         index: usize,
-        /// The stamp before it.
+        /// The previous timestamp.
         before: i64,
-        /// The offending stamp.
+        /// The offending timestamp.
         now: i64,
     },
     /// A value is NaN or infinite.
@@ -36,23 +36,23 @@ pub enum SeriesError {
         /// The value.
         value: f64,
     },
-    /// A component has another number of rows than the timeline.
+    /// A component has a different number of rows than the timeline.
     #[error("component {component} has {rows} rows where the timeline has {stamps} stamps")]
     Length {
         /// The component.
         component: usize,
         /// Its rows.
         rows: usize,
-        /// Stamps in the timeline.
+        /// Number of timestamps in the timeline.
         stamps: usize,
     },
 }
 
 impl Timeline {
-    /// Checks that the stamps rise strictly.
+    /// Checks that the timestamps increase strictly.
     ///
     /// # Errors
-    /// [`SeriesError::NotRising`] with the first stamp that does not.
+    /// [`SeriesError::NotRising`] with the first timestamp that does not.
     pub fn new(kind: StampKind, clock: Clock, stamps: Vec<Stamp>) -> Result<Timeline, SeriesError> {
         for (i, pair) in stamps.windows(2).enumerate() {
             if pair[1] <= pair[0] {
@@ -62,20 +62,20 @@ impl Timeline {
         Ok(Timeline { kind, clock, stamps: Arc::new(stamps), shared_step_s: 0.0 })
     }
 
-    /// The same timeline of a clock so coarse that several rows had one stamp, of which one row is left: its stamps are
-    /// `step_s` apart, and a row may have been measured at any time between two.
+    /// The same timeline for a clock so coarse that several rows shared a timestamp and only one of them was kept: its
+    /// timestamps are `step_s` apart, and a row may have been measured at any time between two.
     #[must_use]
     pub fn with_shared_step(self, step_s: f64) -> Timeline {
         Timeline { shared_step_s: step_s, ..self }
     }
 
-    /// How far apart the stamps are that several rows shared, s; 0 if each row had its own.
+    /// Distance between the timestamps that several rows shared, s; 0 if each row had its own.
     #[must_use]
     pub fn shared_step_s(&self) -> f64 {
         self.shared_step_s
     }
 
-    /// Which stamps these are.
+    /// Kind of these timestamps.
     #[must_use]
     pub fn kind(&self) -> StampKind {
         self.kind
@@ -87,31 +87,31 @@ impl Timeline {
         self.clock
     }
 
-    /// The stamps, strictly rising.
+    /// The timestamps, strictly increasing.
     #[must_use]
     pub fn stamps(&self) -> &[Stamp] {
         &self.stamps
     }
 
-    /// Seconds of every stamp after `origin`.
+    /// Seconds from `origin` to every timestamp.
     #[must_use]
     pub fn seconds_since(&self, origin: Stamp) -> Vec<f64> {
         self.stamps.iter().map(|s| s.seconds_since(origin)).collect()
     }
 
-    /// First stamp, if there is one.
+    /// First timestamp, if any.
     #[must_use]
     pub fn first(&self) -> Option<Stamp> {
         self.stamps.first().copied()
     }
 
-    /// Last stamp, if there is one.
+    /// Last timestamp, if any.
     #[must_use]
     pub fn last(&self) -> Option<Stamp> {
         self.stamps.last().copied()
     }
 
-    /// From the first stamp to the last, s; 0 when there are fewer than two.
+    /// Time from the first timestamp to the last, s; 0 if there are fewer than two.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         match (self.first(), self.last()) {
@@ -121,7 +121,7 @@ impl Timeline {
     }
 }
 
-/// Finite values of one or more components over one [`Timeline`], column by column.
+/// Finite values of one or more components over one [`Timeline`], by column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     timeline: Timeline,
@@ -129,7 +129,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// Checks that every component has one finite value for every stamp.
+    /// Checks that every component has one finite value per timestamp.
     ///
     /// # Errors
     /// [`SeriesError::Length`] or [`SeriesError::NotFinite`] for the first fault found.
@@ -145,13 +145,14 @@ impl Series {
         Ok(Series { timeline, components })
     }
 
-    /// When.
+    /// The timestamps.
     #[must_use]
     pub fn timeline(&self) -> &Timeline {
         &self.timeline
     }
 
-    /// Takes the stamps of another series in place of its own if they are equal: those of a long record are then held once.
+    /// Shares the timestamps of another series if they are equal, so that those of a long record are held in memory
+    /// once.
     pub(crate) fn share_stamps(&mut self, other: &Series) -> bool {
         let is_equal = self.timeline.stamps == other.timeline.stamps;
         if is_equal {
@@ -160,13 +161,13 @@ impl Series {
         is_equal
     }
 
-    /// All components, each with one value per stamp.
+    /// All components, each with one value per timestamp.
     #[must_use]
     pub fn components(&self) -> &[Vec<f64>] {
         &self.components
     }
 
-    /// All components, without the timeline: a long record is not held twice.
+    /// All components, without the timeline, so that a long record is not held twice.
     #[must_use]
     pub fn into_components(self) -> Vec<Vec<f64>> {
         self.components
@@ -175,19 +176,19 @@ impl Series {
     /// One component.
     ///
     /// # Panics
-    /// If there are not that many.
+    /// If `index` is out of range.
     #[must_use]
     pub fn component(&self, index: usize) -> &[f64] {
         &self.components[index]
     }
 
-    /// Rows.
+    /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.timeline.stamps.len()
     }
 
-    /// Without rows.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.timeline.stamps.is_empty()
@@ -203,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_and_falling_stamps_are_refused_with_their_row() {
+    fn equal_and_decreasing_stamps_are_rejected_with_their_row() {
         for bad in [[0, 5, 5], [0, 5, 4]] {
             let error = Timeline::new(StampKind::Logged, Clock::Unix, stamps(&bad)).unwrap_err();
             assert_eq!(error, SeriesError::NotRising { index: 2, before: 5, now: bad[2] });
@@ -211,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_are_not_finite_or_do_not_fit_are_refused() {
+    fn non_finite_and_misaligned_values_are_rejected() {
         let line = || Timeline::new(StampKind::Logged, Clock::Unix, stamps(&[0, 1])).unwrap();
         assert!(matches!(
             Series::new(line(), vec![vec![1.0, 2.0], vec![1.0, f64::INFINITY]]),
@@ -221,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_series_is_a_series() {
+    fn an_empty_series_is_valid() {
         let empty =
             Series::new(Timeline::new(StampKind::Measured, Clock::Boot, vec![]).unwrap(), vec![vec![]]).unwrap();
         assert!(empty.is_empty());

@@ -1,4 +1,4 @@
-//! Stamps, their clocks, their kinds, and the one definition of delay.
+//! Timestamps, their clocks and kinds, and the one definition of delay.
 
 use crate::distribution::Distribution;
 #[cfg(feature = "schema")]
@@ -25,25 +25,25 @@ impl Stamp {
         nanos as f64 / NANOS_PER_SECOND as f64
     }
 
-    /// The stamp `seconds` later, rounded to the nanosecond and saturated at the ends of `i64`.
+    /// The timestamp `seconds` later, rounded to the nanosecond and saturated at the limits of `i64`.
     #[must_use]
     pub fn plus_seconds(self, seconds: f64) -> Stamp {
         Stamp(self.0.saturating_add((seconds * NANOS_PER_SECOND as f64).round() as i64))
     }
 }
 
-/// The clock that a stamp was read from. Stamps of different clocks are never compared.
+/// The clock of a timestamp. Timestamps of different clocks are never compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
-    /// UTC as Unix counts it: since 1970-01-01, leap seconds not counted.
+    /// UTC as a Unix count: since 1970-01-01, leap seconds not counted.
     Unix,
     /// GPS time since 1980-01-06, leap seconds counted.
     Gps,
     /// Since the device was switched on.
     Boot,
-    /// Since an unnamed start, as the time column of a hand-made table.
+    /// Since an unspecified start, such as the time column of a hand-made table.
     Elapsed,
 }
 
@@ -58,42 +58,42 @@ impl fmt::Display for Clock {
     }
 }
 
-/// UTC of a clock that does not know it, from messages of the log that say both: as a rule those of its receiver.
+/// UTC of a clock without UTC, from messages of the log that contain both: usually those of its receiver.
 ///
-/// It dates the flight. Samples keep their stamps, for a receiver's message comes late by an unknown and changing
-/// time, so that a tie is no better than its spread.
+/// It dates the flight. Samples keep their timestamps: a receiver's message is late by an unknown and varying time,
+/// so a tie is no better than its spread.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct UtcTie {
     /// The clock that is tied.
     pub clock: Clock,
-    /// Topic and fields that say both.
+    /// Topic and fields that contain both.
     pub source: String,
-    /// UTC (Unix) less the clock, ns: the median of the pairs.
+    /// UTC (Unix) minus the clock, ns: the median of the pairs.
     pub offset_ns: i64,
-    /// The pairs less their median, s, without the outliers.
+    /// The pairs minus their median, s, without outliers.
     pub spread_s: Distribution,
-    /// Pairs that were used.
+    /// Number of pairs used.
     pub pairs: u64,
-    /// Pairs more than a second off, not used.
+    /// Number of pairs more than a second off, not used.
     pub outliers: u64,
 }
 
 impl UtcTie {
-    /// UTC, as Unix counts, of a stamp of the tied clock. `None` beyond the range of `i64`.
+    /// UTC of a timestamp of the tied clock, as a Unix count. `None` outside the range of `i64`.
     #[must_use]
     pub fn unix(&self, stamp: Stamp) -> Option<Stamp> {
         stamp.0.checked_add(self.offset_ns).map(Stamp)
     }
 }
 
-/// What a stamp says about its sample. The three are kept apart, for their
+/// What a timestamp means for its sample. The three are kept separate, because their
 /// differences are what flightlag measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum StampKind {
-    /// When the device says that the value was true (ROS `header.stamp`, ULog `timestamp_sample`).
+    /// When the value was true according to the device (ROS `header.stamp`, ULog `timestamp_sample`).
     Measured,
     /// When the driver sent the message.
     Published,
@@ -122,31 +122,31 @@ impl Delay {
     /// No delay.
     pub const ZERO: Delay = Delay(0.0);
 
-    /// A delay of `seconds`; `None` if that is not finite.
+    /// A delay of `seconds`; `None` if not finite.
     #[must_use]
     pub fn from_seconds(seconds: f64) -> Option<Delay> {
         seconds.is_finite().then_some(Delay(seconds))
     }
 
-    /// In seconds.
+    /// The delay in seconds.
     #[must_use]
     pub fn seconds(self) -> f64 {
         self.0
     }
 
-    /// In milliseconds.
+    /// The delay in milliseconds.
     #[must_use]
     pub fn millis(self) -> f64 {
         self.0 * 1e3
     }
 
-    /// The instant at which a value stamped `stamp` was true.
+    /// The instant at which a value with timestamp `stamp` was true.
     #[must_use]
     pub fn true_time(self, stamp: Stamp) -> Stamp {
         stamp.plus_seconds(-self.0)
     }
 
-    /// The stamp that a value true at `instant` carries.
+    /// The timestamp of a value that was true at `instant`.
     #[must_use]
     pub fn stamp_of(self, instant: Stamp) -> Stamp {
         instant.plus_seconds(self.0)
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn a_late_sensor_has_a_positive_delay() {
         let late = Delay::from_seconds(0.4).unwrap();
-        // A value that was true at 10.0 s and carries the stamp 10.4 s is 0.4 s late.
+        // A value that was true at 10.0 s and has the timestamp 10.4 s is 0.4 s late.
         assert_eq!(late.true_time(Stamp(10_400_000_000)), Stamp(10_000_000_000));
         assert_eq!(late.stamp_of(Stamp(10_000_000_000)), Stamp(10_400_000_000));
     }

@@ -1,4 +1,4 @@
-//! Units as channel maps write them, and their way to SI and radians.
+//! Units as channel maps write them, and their conversion to SI and radians.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,25 +8,25 @@ use std::str::FromStr;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Dimension {
-    /// Radians inside.
+    /// Stored in radians.
     Angle,
-    /// Metres inside.
+    /// Stored in metres.
     Length,
-    /// Metres per second inside.
+    /// Stored in metres per second.
     Speed,
-    /// Metres per second squared inside.
+    /// Stored in metres per second squared.
     Acceleration,
-    /// Radians per second inside.
+    /// Stored in radians per second.
     AngularRate,
-    /// Seconds inside.
+    /// Stored in seconds.
     Time,
-    /// Tesla inside.
+    /// Stored in tesla.
     MagneticField,
-    /// A pure number.
+    /// A dimensionless number.
     None,
 }
 
-/// A unit with its exact linear way to SI: `si = value · factor / divisor`.
+/// A unit with its exact linear conversion to SI: `si = value · factor / divisor`.
 ///
 /// Two numbers, so that a decimal scale such as 1e-7 deg divides by an exact power of
 /// ten instead of multiplying by a rounded one.
@@ -118,7 +118,7 @@ impl fmt::Display for Unit {
     }
 }
 
-/// A unit nobody taught us. We do not guess.
+/// A unit that flightlag does not know. It never guesses.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown unit {0:?}; known are {list}", list = Unit::all().map(|u| u.symbol).collect::<Vec<_>>().join(", "))]
 pub struct UnknownUnit(pub String);
@@ -146,8 +146,8 @@ mod tests {
     }
 
     #[test]
-    fn thousandths_and_hundredths_are_what_they_say() {
-        // 1000 mg0 is standard gravity, 1 G is 0.1 mT, 60 rev/min is a turn a second.
+    fn prefixed_units_convert_exactly() {
+        // 1000 mg0 is standard gravity, 1 G is 0.1 mT, 60 rev/min is one turn per second.
         assert_eq!([si("mg0", 1000.0), si("cm/s^2", 981.0), si("mm/s^2", 9810.0)], [9.806_65, 9.81, 9.81]);
         assert_eq!([si("mrad/s", 1500.0), si("mrad", 250.0), si("rev/min", 60.0)], [1.5, 0.25, std::f64::consts::TAU]);
         assert_eq!([si("1e-2 deg/s", 4500.0), si("1e-3 deg/s", 45_000.0)], [45_f64.to_radians(); 2]);
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn integer_degrees_equal_the_decimal_text_of_the_same_angle() {
-        // 1e-7 deg integers and decimal degrees of two loggers must give the same bits.
+        // 1e-7 deg integers and decimal degrees of two loggers must give identical bits.
         for e7 in [423_585_499_i32, -710_872_500, 1, i32::MAX] {
             let decimal: f64 = format!("{}e-7", e7).parse().unwrap();
             assert_eq!(si("1e-7 deg", f64::from(e7)), si("deg", decimal));
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_unit_is_refused_with_the_known_ones() {
+    fn an_unknown_unit_is_rejected_with_the_list_of_known_ones() {
         let error = "knots".parse::<Unit>().unwrap_err().to_string();
         assert!(error.contains("\"knots\"") && error.contains("kt"), "{error}");
     }

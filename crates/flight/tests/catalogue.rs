@@ -1,4 +1,4 @@
-//! The catalogue of notices and alarms: its page in the book, and that every code is fired by a test.
+//! The catalogue of notices and alarms: its page in the book, and a check that a test fires every code.
 
 use flight::{Alarm, Code, Gravity, Severity};
 use std::collections::BTreeSet;
@@ -61,9 +61,9 @@ fn page() -> String {
     page
 }
 
-/// `FLIGHTLAG_BLESS=1` writes it again.
+/// `FLIGHTLAG_BLESS=1` rewrites it.
 #[test]
-fn the_page_of_notices_is_that_of_the_catalogue() {
+fn the_page_of_notices_matches_the_catalogue() {
     let (path, made) = (root().join("docs/src/notices.md"), page());
     if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
         fs::write(&path, &made).unwrap();
@@ -72,12 +72,12 @@ fn the_page_of_notices_is_that_of_the_catalogue() {
 }
 
 #[test]
-fn a_name_is_of_one_code_only_and_is_kept_short() {
+fn each_name_belongs_to_one_code_and_is_short() {
     let mut names = BTreeSet::new();
     let former = Code::ALL.iter().flat_map(|code| code.former());
     let now = Code::ALL.iter().map(|code| code.name()).chain(Alarm::ALL.iter().map(|alarm| alarm.name()));
     for name in now.chain(former) {
-        assert!(names.insert(name), "{name} is a duplicate");
+        assert!(names.insert(name), "{name} appears twice");
         let plain = name.split('-').all(|word| !word.is_empty() && word.bytes().all(|b| b.is_ascii_alphanumeric()));
         assert!(plain && name.len() <= 30 && name == name.to_lowercase(), "{name}");
     }
@@ -124,14 +124,14 @@ fn body<'s>(source: &'s str, test: &str) -> Option<&'s str> {
     is_test.then(|| &from[test.len()..end])
 }
 
-/// That this test is there and names this code, as text or as a variant.
+/// Asserts that this test exists and names this code, as text or as a variant.
 fn is_named(code: &str, variant: &str, file: &str, test: &str) {
     let source = fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
     let body = body(&source, test).unwrap_or_else(|| panic!("{file} has no test {test}"));
     assert!(body.contains(&format!("\"{code}\"")) || body.contains(variant), "{file}: {test} does not name {code}");
 }
 
-/// Of each code one test in which it fires. A code that no input can fire is to be removed.
+/// One test for each code in which it fires. Remove a code that no input can fire.
 #[test]
 fn every_code_is_fired_by_a_test() {
     let codes: Vec<Code> = FIRED.iter().map(|(code, ..)| *code).collect();
@@ -150,8 +150,8 @@ fn every_alarm_is_fired_by_a_test() {
 
 /// Code, file, test.
 const FIRED: &[(Code, &str, &str)] = &[
-    (Code::Damaged, "crates/logscan/src/ledger.rs", "damaged_ranges_are_losses_and_those_beyond_the_list_are_counted"),
-    (Code::TailCut, "crates/logscan/src/ledger.rs", "a_last_record_cut_at_power_off_is_counted_and_told_and_no_loss"),
+    (Code::Damaged, "crates/logscan/src/ledger.rs", "damaged_ranges_are_losses_and_unlisted_ones_are_counted"),
+    (Code::TailCut, "crates/logscan/src/ledger.rs", "a_last_record_cut_at_power_off_is_reported_but_not_a_loss"),
     (Code::MinorLoss, "crates/campaign/src/losses.rs", "a_loss_in_a_topic_that_nothing_uses_is_minor_and_named"),
     (Code::IncompleteRecording, "crates/ingest/tests/it/bag.rs", "a_bag_that_was_never_closed_reads_whole_and_says_so"),
     (Code::Corrupt, "crates/ingest/tests/it/db3.rs", "a_bag_without_its_first_page_still_gives_its_messages"),
@@ -239,7 +239,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::StampWrap,
         "crates/convert/tests/it/recover.rs",
-        "a_recovered_log_has_the_order_of_the_original_also_where_its_clock_began_anew",
+        "a_recovered_log_keeps_its_order_across_a_clock_wraparound",
     ),
     (
         Code::DateInferred,
@@ -320,11 +320,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/compensation-replay/tests/it/scores.rs",
         "an_onboard_position_that_is_none_is_not_compared_and_the_reason_is_given",
     ),
-    (
-        Code::LeftOffCard,
-        "crates/bench-analysis/src/card/combine/tests.rs",
-        "a_record_that_is_off_is_left_out_and_named",
-    ),
+    (Code::LeftOffCard, "crates/bench-analysis/src/card/combine/tests.rs", "an_outlying_record_is_excluded_and_named"),
     (
         Code::NotComparable,
         "crates/bench-analysis/src/card/combine/tests.rs",
@@ -342,11 +338,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/campaign/src/delay/tests.rs",
         "a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told",
     ),
-    (
-        Code::ClockTie,
-        "crates/bench-analysis/tests/it/clocks.rs",
-        "a_channel_on_a_clock_of_its_own_is_left_out_and_named",
-    ),
+    (Code::ClockTie, "crates/bench-analysis/tests/it/clocks.rs", "a_channel_on_its_own_clock_is_skipped_and_named"),
     (
         Code::NoReference,
         "crates/bench-analysis/tests/it/references.rs",
@@ -355,19 +347,15 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::RigContradicted,
         "crates/bench-analysis/tests/it/encoder.rs",
-        "stated_counts_that_the_angle_contradicts_are_told",
+        "stated_counts_that_the_angle_contradicts_are_reported",
     ),
     (
         Code::EncoderRepaired,
         "crates/bench-analysis/tests/it/encoder.rs",
-        "single_glitches_are_left_out_counted_and_told",
+        "single_glitches_are_rejected_counted_and_reported",
     ),
-    (
-        Code::ValuesReplaced,
-        "crates/convert/tests/it/original.rs",
-        "a_log_that_was_recovered_twice_is_read_as_the_original",
-    ),
-    (Code::NotWritten, "crates/convert/src/recover.rs", "messages_that_were_found_and_not_written_are_a_loss"),
+    (Code::ValuesReplaced, "crates/convert/tests/it/original.rs", "a_log_recovered_twice_reads_as_the_original"),
+    (Code::NotWritten, "crates/convert/src/recover.rs", "messages_found_but_not_written_are_a_loss"),
 ];
 
 /// Alarm, file, test.
@@ -418,7 +406,7 @@ const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
     ),
     (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
     (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
-    (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason"),
+    (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "an_unusable_reference_file_is_an_alarm_with_its_reason"),
     (
         Alarm::DelayDiffersBetweenParts,
         "crates/campaign/src/answer/alarms.rs",

@@ -1,5 +1,5 @@
-//! What is written for the aircraft: compensators as C, and the parameter of an autopilot, for each group of flights whose
-//! lateness is known.
+//! Outputs for the aircraft: compensators as C, and autopilot parameters, for each group of flights with a known
+//! lateness.
 
 use crate::arguments::AircraftArguments;
 use crate::failure::Failure;
@@ -12,7 +12,7 @@ use flight::Delay;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes what was asked for.
+/// Writes the requested files.
 pub(crate) fn write(arguments: &AircraftArguments, groups: &[GroupLine]) -> Result<(), Failure> {
     if let Some(folder) = &arguments.c {
         compensators(folder, arguments.step_s, groups)?;
@@ -30,14 +30,14 @@ pub(crate) fn put(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|e| failed(path, &e))
 }
 
-/// A file that was there is replaced, as every tool that takes the name of its output does; the user reads which it was.
+/// An existing file is replaced, as by every tool that takes the name of its output; the output states which happened.
 fn done(was_there: bool) -> &'static str {
     if was_there { "replaced" } else { "written" }
 }
 
-/// On standard error: standard output is for the answer.
+/// Prints to standard error: standard output is for the answer.
 pub(crate) fn say(text: &str) {
-    // If standard error is closed, nobody is left to read it.
+    // If standard error is closed, the message cannot be shown.
     let _ = writeln!(std::io::stderr(), "{}", visible(text));
 }
 
@@ -49,13 +49,13 @@ fn failed(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(Exit::Failed, format!("{}: {error}", path.display()))
 }
 
-/// Delay of a group that a compensator can remove, s. `None` where it is not known against the IMU or a reference, is not one
-/// delay, or is none: then there is nothing to set either.
+/// Delay of a group that a compensator can remove, s. `None` if it is unknown relative to the IMU or a reference, is
+/// not a single delay, or is zero: then there is nothing to set either.
 fn delay_of(group: &GroupLine) -> Option<f64> {
     group.lateness_s.filter(|s| *s > 0.0 && !group.set.is_empty() && !group.datum.starts_with("relative"))
 }
 
-/// The exact and the paper's form of each group whose lateness is known, with delay and interval.
+/// The exact and the paper's form for each group with known lateness, with delay and interval.
 fn compensators(folder: &Path, step_s: f64, groups: &[GroupLine]) -> Result<(), Failure> {
     let late: Vec<(&GroupLine, f64)> = groups.iter().filter_map(|g| Some((g, delay_of(g)?))).collect();
     if late.is_empty() {
@@ -77,7 +77,7 @@ fn compensators(folder: &Path, step_s: f64, groups: &[GroupLine]) -> Result<(), 
 /// The filter of Park and Lee (2010).
 const PAPERS: CompensatorKind = CompensatorKind::Pade { m: 1, n: 1, rule: Discretisation::Tustin };
 
-/// Writes one compensator; gives its header.
+/// Writes one compensator; returns its header.
 fn compensator(
     folder: &Path,
     kind: CompensatorKind,
@@ -106,10 +106,10 @@ fn compensator(
     Ok(header.display().to_string())
 }
 
-/// Oldest fix that the written C takes, s.
+/// Oldest fix that the generated C accepts, s.
 const MAX_AGE_S: f64 = 1.0;
 
-/// A file that Mission Planner and MAVProxy (ArduPilot) or QGroundControl (PX4) load.
+/// A file that Mission Planner and MAVProxy (ArduPilot) or QGroundControl (PX4) can load.
 fn parameters(groups: &[GroupLine]) -> Result<String, Failure> {
     let mut lines = vec![];
     for group in groups {
@@ -156,7 +156,7 @@ fn line(name: &str, value_ms: i64) -> String {
     }
 }
 
-/// A delay is known, and no parameter of an autopilot removes it.
+/// A delay is known, but no autopilot parameter removes it.
 fn no_autopilot(groups: &[GroupLine]) -> Failure {
     let late: Vec<&GroupLine> = groups.iter().filter(|group| delay_of(group).is_some()).collect();
     let names: Vec<String> = late.iter().map(|group| format!("{}: {}", group.group, group.words)).collect();
@@ -169,7 +169,7 @@ fn no_autopilot(groups: &[GroupLine]) -> Failure {
     Failure::new(Exit::Failed, format!("no parameters were written: {why}. {}", names.join("; ")))
 }
 
-/// No group has a delay that can be written.
+/// No group has a delay to write.
 fn nothing(what: &str, groups: &[GroupLine]) -> Failure {
     let named = groups.iter().filter(|g| !g.group.is_empty());
     let why: Vec<String> = named.map(|g| format!("{}: {}", g.group, g.words)).collect();
@@ -207,7 +207,7 @@ mod tests {
         }
     }
 
-    /// A group of logs that name no autopilot.
+    /// A group of logs without an autopilot name.
     fn group_in_seconds(name: &str, lateness_s: f64, datum: &str) -> GroupLine {
         let set =
             vec![LineSetting { name: "position_s".into(), value: lateness_s, unit: "s".into(), note: String::new() }];
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_are_in_the_autopilots_own_format() {
+    fn parameters_use_the_autopilots_own_format() {
         let ardupilot = parameters(&[group("u-blox", 0.201, "imu", "GPS1_DELAY_MS")]).unwrap();
         assert_eq!(ardupilot, "# u-blox: GPS1_DELAY_MS = 201 ms, 193 to 209 ms (k = 2)\nGPS1_DELAY_MS,201\n");
         let px4 = parameters(&[group("F9P", 0.11, "imu", "EKF2_GPS_DELAY")]).unwrap();
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_that_would_be_wrong_are_refused_with_the_reason() {
+    fn wrong_parameters_are_rejected_with_the_reason() {
         for (groups, why) in [
             (vec![group("a", 0.4, "imu", "GPS1_DELAY_MS")], "400 ms cannot be set: it takes 0 to 250 ms"),
             (vec![group("a", 0.2, "relative to velocity.gps", "GPS1_DELAY_MS")], "must be known against the IMU"),
@@ -231,7 +231,7 @@ mod tests {
                 vec![group("a", 0.2, "imu", "GPS1_DELAY_MS"), group("b", 0.1, "imu", "GPS1_DELAY_MS")],
                 "are of 2 receivers",
             ),
-            // Against a reference no parameter of an autopilot is known.
+            // Relative to a reference no autopilot parameter is known.
             (vec![group_in_seconds("a", 0.25, "reference")], "the delay is known against a reference alone"),
             (vec![group_in_seconds("a", 0.25, "imu")], "these logs name no autopilot (ArduPilot or PX4)"),
             (vec![], "no flight was measured"),
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn each_group_gets_its_own_c() {
+    fn each_group_gets_its_own_c_files() {
         let folder = tempfile::tempdir().unwrap();
         let two = [group("a", 0.2, "imu", "x"), group("b", 0.1, "imu", "x"), group("c", 0.1, "relative to v", "x")];
         compensators(folder.path(), 0.01, &two).unwrap();

@@ -1,4 +1,4 @@
-//! `flightlag bench`: records of a swing bench in, a sensor card and pages out.
+//! `flightlag bench`: reads records of a swing bench, writes a sensor card and pages.
 
 use crate::arguments::{BenchArguments, DeskArguments};
 use crate::campaign_command::{desk, name_for_shell, quoted, say};
@@ -12,7 +12,7 @@ use record::{BenchOutcome, CardChannel, CardMagnetometer, Finding, TimeBasis, Ve
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Half an interval of 95 % in standard uncertainties, as it is shown.
+/// Half-width of a displayed 95 % interval in standard uncertainties.
 const COVERAGE: f64 = 2.0;
 
 pub(crate) fn run(arguments: &BenchArguments, stop: &Stop) -> Result<End, Failure> {
@@ -31,7 +31,7 @@ pub(crate) fn run(arguments: &BenchArguments, stop: &Stop) -> Result<End, Failur
     Ok(verdict.exit().into())
 }
 
-/// Runs a bench and says what came of it.
+/// Runs a bench and reports the result.
 pub(crate) fn run_order(order: &BenchOrder, arguments: &DeskArguments, stop: &Stop) -> Result<BenchVerdict, Failure> {
     let events = listener(arguments);
     let verdict = bench_run(order, &desk(arguments, stop, events.as_ref()))?;
@@ -53,7 +53,7 @@ pub(crate) fn run_order(order: &BenchOrder, arguments: &DeskArguments, stop: &St
     Ok(verdict)
 }
 
-/// Text whose lines were made visible already.
+/// Prints text whose control characters are already escaped.
 fn write_all(text: &str) -> Result<(), Failure> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
@@ -61,7 +61,7 @@ fn write_all(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// The card as a table, what its delays are measured against, and what must be said of the records.
+/// The card as a table, the references of its delays, and remarks about the records.
 fn summary(verdict: &BenchVerdict) -> String {
     let mut text = String::new();
     for row in &verdict.rows {
@@ -112,13 +112,13 @@ fn cells(channel: &CardChannel) -> Vec<String> {
     ]
 }
 
-/// Digits behind the point that show two figures of an uncertainty, at most four.
+/// Decimals that show two significant digits of an uncertainty, at most four.
 fn digits(uncertainty: f64) -> usize {
     let limits = [10.0, 1.0, 0.1, 0.01];
     limits.iter().position(|limit| uncertainty >= *limit).unwrap_or(limits.len())
 }
 
-/// Hard and soft iron in a line; the numbers of the soft iron stand on the page.
+/// Hard and soft iron in one line; the soft iron values are on the page.
 fn iron(magnetometer: &CardMagnetometer) -> String {
     let name = &magnetometer.channel;
     let found = match &magnetometer.iron {
@@ -147,7 +147,7 @@ fn verdict_word(verdict: Verdict) -> &'static str {
     }
 }
 
-/// The numbers of a lag: the delay in the table is only the one that fits the bench's swing best.
+/// The parameters of a filter lag: the delay in the table is only the best fit for the bench's swing.
 fn lag(channel: &CardChannel) -> Option<String> {
     let number = |value_s: f64, u_s: Option<f64>| {
         let u_ms = u_s.map(|u| COVERAGE * u * 1e3);
@@ -172,7 +172,7 @@ fn lag(channel: &CardChannel) -> Option<String> {
     })
 }
 
-/// What is relative, and to what.
+/// Which delays are relative, and to what.
 fn anchors(channels: &[CardChannel]) -> Vec<String> {
     let line = |c: &CardChannel| {
         match &c.basis {
@@ -191,7 +191,7 @@ fn anchors(channels: &[CardChannel]) -> Vec<String> {
     lines.into_iter().collect()
 }
 
-/// The folder of the report; `reports/bench-NAME` below the working folder if none is given.
+/// The report folder; by default `reports/bench-NAME` in the working folder.
 fn out_of(arguments: &BenchArguments) -> PathBuf {
     let usual = || {
         let first = arguments.records.first().cloned().unwrap_or_default();
@@ -202,7 +202,7 @@ fn out_of(arguments: &BenchArguments) -> PathBuf {
     arguments.out.clone().unwrap_or_else(usual)
 }
 
-/// The command that makes the report again, with names instead of paths: the same on every machine.
+/// The command that reproduces the report, with names instead of paths: the same on every machine.
 fn command_of(arguments: &BenchArguments) -> String {
     let mut command = "flightlag bench".to_owned();
     for record in &arguments.records {
@@ -225,7 +225,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_uncertainty_is_shown_with_two_figures_and_its_value_with_as_many() {
+    fn an_uncertainty_has_two_digits_and_its_value_matches() {
         assert_eq!([34.2, 3.42, 0.342, 0.0342, 0.00342, 0.0].map(digits), [0, 1, 2, 3, 4, 4]);
     }
 }

@@ -1,4 +1,4 @@
-//! `flightlag campaign`: the whole on this machine, or one step of it on a cluster.
+//! `flightlag campaign`: a whole campaign on this machine, or one step of it on a cluster.
 
 use crate::aircraft;
 use crate::arguments::{AircraftArguments, CampaignArguments, DeskArguments, OrderArguments, Step, clock_rule_name};
@@ -32,11 +32,11 @@ fn whole(order: &OrderArguments, files: &AircraftArguments, desk: &DeskArguments
     Ok(verdict.exit().into())
 }
 
-/// Runs a campaign and says how it went.
+/// Runs a campaign and reports how it went.
 pub(crate) fn run_order(order: &Order, arguments: &DeskArguments, stop: &Stop) -> Result<Verdict, Failure> {
     let events = listener(arguments);
     let verdict = campaign::run(order, &desk(arguments, stop, events.as_ref()))?;
-    say_verdict(&verdict, &order.out, arguments)?;
+    print_verdict(&verdict, &order.out, arguments)?;
     Ok(verdict)
 }
 
@@ -65,7 +65,7 @@ fn plan(
     let (flights, stale, shards) = (manifest.flight_count(), manifest.stale_count(), manifest.shards());
     let stage = manifest.stage().map_or("done".to_owned(), |stage| stage.to_string());
     let line = format!("flights={flights} stage={stage} stale={stale} shards={shards} manifest={}", path.display());
-    // A script reads this line, whatever else is quiet.
+    // Scripts read this line, so it is printed even with --quiet.
     match arguments.quiet && !arguments.json {
         true => writeln!(std::io::stdout(), "{}", visible(&line))?,
         false => say(arguments, &line)?,
@@ -85,7 +85,7 @@ fn reduce(path: &Path, files: &AircraftArguments, arguments: &DeskArguments, sto
     let events = listener(arguments);
     let manifest = Manifest::read(path)?;
     let verdict = campaign::reduce(&manifest, &desk(arguments, stop, events.as_ref()))?;
-    say_verdict(&verdict, manifest.out(), arguments)?;
+    print_verdict(&verdict, manifest.out(), arguments)?;
     if let Some(next) = next_step(&verdict, &manifest) {
         say(arguments, &next)?;
     }
@@ -93,7 +93,7 @@ fn reduce(path: &Path, files: &AircraftArguments, arguments: &DeskArguments, sto
     Ok(verdict.exit().into())
 }
 
-/// What to do about flights without a result; `None` if all have one.
+/// What to do about flights without a result; `None` if all have a result.
 fn next_step(verdict: &Verdict, manifest: &Manifest) -> Option<String> {
     let pending = verdict.totals.pending;
     let is_measured = || {
@@ -135,7 +135,7 @@ fn status_text(status: &Status) -> String {
     text
 }
 
-fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Result<(), Failure> {
+fn print_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Result<(), Failure> {
     let totals = &verdict.totals;
     let groups: Vec<GroupLine> = verdict.groups.clone();
     for line in delay_command::short_text(&verdict.lines, &groups).lines() {
@@ -157,16 +157,16 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
     let nothing = if verdict.nothing_changed { "nothing changed: " } else { "" };
     say(arguments, &format!("{nothing}{}: {}", count(totals.flights, "flight"), parts.join(", ")))?;
     if let Some(criteria) = &verdict.criteria {
-        say_criteria(criteria, arguments)?;
+        print_criteria(criteria, arguments)?;
     }
     say(arguments, &format!("open {}", out.join("index.html").display()))
 }
 
-/// Most names of failing flights in a line; the page has all.
+/// Maximum number of failing flights named in a line; the page lists all.
 const MOST_NAMES: usize = 3;
 
-/// A line for all flights, and one for each criterion that a flight fails.
-fn say_criteria(criteria: &CampaignCriteria, arguments: &DeskArguments) -> Result<(), Failure> {
+/// A line for all flights, and one for each criterion that some flight fails.
+fn print_criteria(criteria: &CampaignCriteria, arguments: &DeskArguments) -> Result<(), Failure> {
     say(arguments, &format!("criteria, flights by worst verdict: {}", tally(&criteria.flights)))?;
     for failed in criteria.each.iter().filter(|each| each.tally.fail > 0) {
         let names: Vec<&str> = failed.failed.iter().take(MOST_NAMES).map(String::as_str).collect();
@@ -193,7 +193,7 @@ fn tally(tally: &VerdictTally) -> String {
     all.iter().filter(|(n, _)| *n > 0).map(|(n, word)| format!("{n} {word}")).collect::<Vec<_>>().join(", ")
 }
 
-/// Tells a person on standard output how it went; machines have their events.
+/// Reports to a person on standard output; machines have events.
 pub(crate) fn say(arguments: &DeskArguments, text: &str) -> Result<(), Failure> {
     if arguments.json || arguments.quiet {
         return Ok(());
@@ -211,7 +211,7 @@ pub(crate) fn desk<'a>(arguments: &DeskArguments, stop: &'a Stop, events: &'a dy
     Desk { threads: threads(arguments), cancel: stop.flag(), events }
 }
 
-/// As asked; else what the cluster gave us; else every core.
+/// As requested, otherwise as allocated by the cluster, otherwise every core.
 fn threads(arguments: &DeskArguments) -> usize {
     let of_cluster =
         || std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok()).filter(|n| *n > 0);
@@ -219,7 +219,7 @@ fn threads(arguments: &DeskArguments) -> usize {
     arguments.threads.map(usize::from).or_else(of_cluster).unwrap_or_else(cores)
 }
 
-/// The pipeline of a file, else the shipped one.
+/// The pipeline from a file, otherwise the shipped one.
 pub(crate) fn pipeline_of(
     file: Option<&Path>,
     map: Option<String>,
@@ -232,7 +232,7 @@ pub(crate) fn pipeline_of(
     Ok(pipeline.with_forced_map(map).with_maps_folder(maps))
 }
 
-/// The pipeline with the second file that the arguments name. A path that leads to a file from here is that file.
+/// The pipeline with the reference file given in the arguments. A path that exists relative to here is used as such.
 pub(crate) fn with_reference(
     pipeline: Pipeline,
     file: Option<&str>,
@@ -259,7 +259,7 @@ fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
     })
 }
 
-/// The folder of the report; `reports/NAME` below the working folder if none is given.
+/// The report folder; by default `reports/NAME` in the working folder.
 fn out_of(arguments: &OrderArguments) -> PathBuf {
     let usual = || {
         let flights = arguments.flights.canonicalize().unwrap_or_else(|_| arguments.flights.clone());
@@ -268,7 +268,7 @@ fn out_of(arguments: &OrderArguments) -> PathBuf {
     arguments.out.clone().unwrap_or_else(usual)
 }
 
-/// The command that makes the report again, with names instead of paths: the same on every machine.
+/// The command that reproduces the report, with names instead of paths: the same on every machine.
 fn command_of(arguments: &OrderArguments) -> String {
     let mut command = format!("flightlag campaign {}", name_for_shell(&arguments.flights));
     let files = [("--pipeline", &arguments.pipeline), ("--criteria", &arguments.criteria), ("--maps", &arguments.maps)];
@@ -291,13 +291,13 @@ fn command_of(arguments: &OrderArguments) -> String {
     command + " --out REPORT"
 }
 
-/// The name of a path without its folder, as a shell takes it.
+/// The name of a path without its folder, quoted for a shell.
 pub(crate) fn name_for_shell(path: &Path) -> String {
     let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     quoted(&whole.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// A word as a shell takes it.
+/// A word quoted for a shell.
 pub(crate) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=@%+,".contains(c);
     match !word.is_empty() && word.chars().all(plain) && !word.starts_with('-') {
@@ -311,7 +311,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_word_survives_the_shell() {
+    fn a_quoted_word_survives_the_shell() {
         assert_eq!(quoted("day-1"), "day-1");
         assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
         assert_eq!(quoted("-rf"), "'-rf'");

@@ -1,4 +1,4 @@
-//! `flightlag compensator`: one compensator as C, where it helps, and what to set in an autopilot instead.
+//! `flightlag compensator`: one compensator as C, its useful band, and the equivalent autopilot parameters.
 
 use crate::arguments::CompensatorArguments;
 use crate::failure::{End, Failure};
@@ -10,10 +10,10 @@ use compensation_replay::{
 use flight::Delay;
 use std::io::Write;
 
-/// Share of the raw error that still counts as help.
+/// Fraction of the raw error that still counts as help.
 const HELP: f64 = 0.1;
 
-/// The names that can be given, and what follows them in the help.
+/// The valid names, and the help text that follows them.
 pub(crate) fn names_and(exit_codes: &str) -> String {
     let (written, others): (Vec<CompensatorKind>, Vec<CompensatorKind>) = CompensatorKind::all()
         .into_iter()
@@ -72,12 +72,12 @@ fn delay_of(arguments: &CompensatorArguments) -> Result<Delay, String> {
     }
 }
 
-/// Up to which frequency of motion it helps, and from where on it harms.
+/// Up to which motion frequency it helps, and from which on it harms.
 fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
     let CompensatorKind::Pade { m, n, .. } = kind else { return None };
     let form = PadeForm::new(m, n).ok()?;
     let band = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(delay_s), HELP)?;
-    // A loop sees no motion above half of its rate.
+    // A loop cannot see motion above half its rate.
     let nyquist_hz = 0.5 / step_s;
     let up_to = |hz: Option<f64>| match hz {
         None => "nowhere".to_owned(),
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_in_the_help_can_be_written_as_c_or_is_for_pipelines_alone() {
+    fn every_name_in_the_help_is_available_as_c_or_for_pipelines_only() {
         let help = names_and("");
         let (written, others) = help.split_once("A pipeline's").unwrap();
         let names = |text: &str| -> Vec<String> {

@@ -1,4 +1,4 @@
-//! `flightlag criteria`: what can be asked of a flight, and whether a criteria file is right.
+//! `flightlag criteria`: lists the available criteria, and checks a criteria file.
 
 use crate::arguments::CriteriaArguments;
 use crate::failure::{End, Failure};
@@ -17,7 +17,7 @@ pub(crate) fn run(arguments: &CriteriaArguments) -> Result<End, Failure> {
     Ok(Exit::Well.into())
 }
 
-/// What the file means, in the layout of the file.
+/// The resolved criteria, in the layout of the file.
 fn checked(file: &Path) -> Result<String, Failure> {
     let criteria = Criteria::read(file).map_err(CampaignError::from)?;
     let used = criteria.as_used();

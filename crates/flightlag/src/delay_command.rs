@@ -1,4 +1,4 @@
-//! `flightlag delay`: how late the positions of some logs are.
+//! `flightlag delay`: how late the positions of logs are.
 
 use crate::aircraft;
 use crate::arguments::{DelayArguments, DeskArguments};
@@ -13,9 +13,9 @@ use record::Estimate;
 use std::io::Write;
 use std::path::Path;
 
-/// Most lines of flights at the end of a campaign; its page has all.
+/// Maximum number of flight lines at the end of a campaign; its page lists all.
 const MOST_FLIGHTS: usize = 40;
-/// Most alarms that are printed.
+/// Maximum number of alarms printed.
 const MOST_ALARMS: usize = 20;
 
 pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failure> {
@@ -67,7 +67,7 @@ pub(crate) fn text(flights: &[DelayLine], groups: &[GroupLine], most: usize) -> 
     }
 }
 
-/// The same, cut to what a terminal holds.
+/// The same, shortened for a terminal.
 pub(crate) fn short_text(flights: &[DelayLine], groups: &[GroupLine]) -> String {
     text(flights, groups, MOST_FLIGHTS)
 }
@@ -105,7 +105,7 @@ fn is_reference(alarm: &LineAlarm) -> bool {
     alarm.code == flight::Alarm::ReferenceNotUsed
 }
 
-/// Empty for a log that is whole.
+/// Empty for an intact log.
 fn data(word: &str) -> String {
     match word {
         "whole" => String::new(),
@@ -120,7 +120,7 @@ fn groups_text(groups: &[GroupLine]) -> String {
         let set = settings(&group.set);
         let set = if set.is_empty() { set } else { format!("  set {set}\n") };
         let line = format!("{}: {}\n{set}", group.group, group.words);
-        // Groups may differ in what their names do not say.
+        // Groups may differ in properties that are not in their names.
         if !lines.contains(&line) {
             lines.push(line);
         }
@@ -132,7 +132,7 @@ fn groups_text(groups: &[GroupLine]) -> String {
     lines.concat()
 }
 
-/// The state of the log, and whether it counts for another one.
+/// The state of the log, and whether it is a copy of another flight.
 fn data_cell(line: &DelayLine) -> String {
     let copy = line.duplicate_of.as_ref().map_or(String::new(), |of| format!(", copy of {of}"));
     format!("{}{copy}", line.data.replace('-', " "))
@@ -161,7 +161,7 @@ fn flights_text(flights: &[DelayLine], most: usize) -> String {
     format!("{}{more}", table.text())
 }
 
-/// The gravest alarms first; grey ones only on the page and in JSON.
+/// The most severe alarms first; grey ones only on the page and in JSON.
 fn alarms_text(flights: &[DelayLine]) -> String {
     let of = |gravity: &'static str| {
         flights.iter().flat_map(move |line| {
@@ -234,7 +234,7 @@ fn removed(line: &DelayLine) -> String {
     }
 }
 
-/// Empty where nothing was removed: the column beside it says that.
+/// Empty if nothing was removed: the neighbouring column says so.
 fn effect(line: &DelayLine) -> String {
     if line.removed_s.is_none() && line.effect == "no-change" {
         return String::new();

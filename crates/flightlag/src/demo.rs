@@ -1,4 +1,4 @@
-//! `flightlag demo`: simulated flights and bench records, and on request their reports.
+//! `flightlag demo`: simulated flights and bench records, and optionally their reports.
 
 use crate::arguments::DemoArguments;
 use crate::campaign_command::{run_order, say};
@@ -52,12 +52,12 @@ fn report(arguments: &DemoArguments) -> PathBuf {
     arguments.folder.join("report")
 }
 
-/// One bench run for each sensor; the rig files lie beside the records.
+/// One bench run per sensor; the rig files are next to the records.
 fn benches(arguments: &DemoArguments, folder: &Path, demo: &BenchDemo) -> Vec<BenchOrder> {
     let mut of_sensor: BTreeMap<&str, Vec<PathBuf>> = BTreeMap::new();
     for record in &demo.records {
         let logs = of_sensor.entry(&record.serial).or_default();
-        // A folder would be taken as a whole: its logs belong to several sensors.
+        // A folder would be taken as one bench run, but its logs belong to several sensors.
         logs.push(folder.join(&record.sensor));
         if record.encoder != record.sensor {
             logs.push(folder.join(&record.encoder));
@@ -80,7 +80,7 @@ fn benches(arguments: &DemoArguments, folder: &Path, demo: &BenchDemo) -> Vec<Be
     of_sensor.into_iter().map(order).collect()
 }
 
-/// The flights are compensated by the number that was simulated, not by a card: their receiver never hung on the bench.
+/// The flights are compensated with the simulated delay, not by a card: their receiver was never on the bench.
 fn run_flights(arguments: &DemoArguments, flights: PathBuf, stop: &Stop) -> Result<Verdict, Failure> {
     let pipeline = Pipeline::parse(DEMO_PIPELINE, Path::new("demo.toml")).map_err(campaign::CampaignError::from)?;
     let criteria =
@@ -92,7 +92,7 @@ fn run_flights(arguments: &DemoArguments, flights: PathBuf, stop: &Stop) -> Resu
     run_order(&order, &arguments.desk, stop)
 }
 
-/// The demo holds a truncated flight and missed criteria on purpose: that they are found is no fault of the demo.
+/// The demo contains a truncated flight and failed criteria on purpose: finding them is not a fault of the demo.
 fn exit_of_flights(verdict: &Verdict) -> Exit {
     let only_lossy = verdict.totals.failed == 0 && verdict.troubled == 0;
     if only_lossy { Exit::Well } else { Exit::Incomplete }

@@ -1,4 +1,4 @@
-//! `flightlag diff`: two reports, or two pipelines over the same flights.
+//! `flightlag diff`: compares two reports, or two pipelines over the same flights.
 
 use crate::arguments::DiffArguments;
 use crate::campaign_command::{desk, name_for_shell, pipeline_of};
@@ -12,7 +12,7 @@ use record::{ComparedReport, DiffRecord, Estimate, FlightWords, MovedNumber, Nam
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Most flights that are listed in a section; page and JSON have all.
+/// Maximum number of flights listed in a section; page and JSON list all.
 const MOST: usize = 50;
 
 pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure> {
@@ -47,7 +47,7 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
             "a comparison of two pipelines needs a folder for both reports: add --out DIR",
         ));
     };
-    // Standard output is for the comparison alone.
+    // Standard output is reserved for the comparison.
     let quiet = crate::arguments::DeskArguments {
         quiet: arguments.desk.quiet || arguments.desk.json,
         json: false,
@@ -193,7 +193,7 @@ fn lists(changes: &RunChanges) -> String {
         + &names("only in the first", &changes.gone)
 }
 
-/// A table under its title with how many rows are not shown; nothing if it has no row.
+/// A titled table with the number of rows not shown; empty if it has no rows.
 fn section(title: &str, table: &Table, all: usize) -> String {
     let more = match all.saturating_sub(MOST) {
         0 => String::new(),

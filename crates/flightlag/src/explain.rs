@@ -1,4 +1,4 @@
-//! `flightlag explain`: what a code of a notice or an alarm means. The texts are those of the catalogue.
+//! `flightlag explain`: what a code of a notice or an alarm means. The texts are from the catalogue.
 
 use crate::arguments::ExplainArguments;
 use crate::failure::{End, Failure};
@@ -7,7 +7,7 @@ use campaign::Exit;
 use flight::{Alarm, Code, Severity};
 use std::io::Write;
 
-/// Where alarms stand in the list.
+/// Heading of the alarms in the list.
 const ALARMS: &str = "Alarms of a delay";
 
 pub(crate) fn run(arguments: &ExplainArguments) -> Result<End, Failure> {
@@ -22,7 +22,7 @@ pub(crate) fn run(arguments: &ExplainArguments) -> Result<End, Failure> {
     Ok(Exit::Well.into())
 }
 
-/// The entry of a code; of a code of an older release that of the one that has taken its place.
+/// The entry of a code; for a code of an older release, that of its replacement.
 fn explained(wanted: &str) -> Result<String, String> {
     if let Some(code) = Code::of_name(wanted) {
         return Ok(notice(code));
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_code_is_explained_in_the_words_of_the_catalogue() {
+    fn a_code_is_explained_with_the_text_of_the_catalogue() {
         assert_eq!(
             explained("tail-cut").unwrap(),
             "tail-cut: info (exit code 0)\nBytes and damage\n\n\
@@ -97,7 +97,7 @@ mod tests {
             damaged.starts_with("damaged: loss (exit code 3; delay, campaign and bench: 0 if all losses are minor)\n"),
             "{damaged}"
         );
-        // Of a warning that marks a card the text says when.
+        // For a warning that marks a card, the text says when.
         assert!(
             explained("rig-contradicted").unwrap().starts_with("rig-contradicted: warning (exit code: see below)\n")
         );
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_code_of_an_older_release_leads_to_the_one_of_today() {
+    fn a_code_of_an_older_release_leads_to_its_replacement() {
         let text = explained("no-end").unwrap();
         assert!(
             text.starts_with("no-end is called incomplete-recording in this release.\n\nincomplete-recording: loss"),
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_code_is_answered_with_the_nearest() {
+    fn an_unknown_code_gets_the_nearest_suggestion() {
         let why = explained("tail-cutt").unwrap_err();
         assert!(why.contains("nearest: tail-cut"), "{why}");
     }

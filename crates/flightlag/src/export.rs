@@ -1,4 +1,4 @@
-//! `flightlag export`: a log as tables.
+//! `flightlag export`: exports a log as tables.
 
 use crate::arguments::{ExportArguments, ExportKind};
 use crate::failure::{End, Failure};
@@ -52,13 +52,13 @@ pub(crate) fn run(arguments: &ExportArguments, stop: &Stop) -> Result<End, Failu
     Ok(if exported.notices.any_loss() { Exit::Incomplete } else { Exit::Well }.into())
 }
 
-/// Points per second on a map: a line needs no more, and maps get slow.
+/// Points per second on a map: a line needs no more, and maps become slow.
 const MAP_HZ: f64 = 5.0;
 
-/// Most points per second that make sense to ask for.
+/// Maximum sensible number of points per second.
 const MOST_HZ: f64 = 1e4;
 
-/// The track of the flight whose page is in this folder: its record names the result that holds it.
+/// The track of the flight whose page is in this folder: its record names the result with the track.
 fn track_in(folder: &Path) -> Option<PathBuf> {
     let json = campaign::record_beside(&folder.join("index.html")).ok()??;
     let record: serde_json::Value = serde_json::from_slice(&json).ok()?;
@@ -67,7 +67,7 @@ fn track_in(folder: &Path) -> Option<PathBuf> {
     Some(folder.canonicalize().ok()?.join("../../by-key").join(key.get(..2)?).join(key).join("track.parquet"))
 }
 
-/// The track of a flight of a report.
+/// Exports the track of a flight of a report.
 fn track(arguments: &ExportArguments) -> Result<End, Failure> {
     let (to, ending) = track_to(arguments.to)?;
     let most_hz = most_hz(arguments.rate, to)?;
@@ -81,7 +81,7 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
     }
     let written = export_track(&TrackOrder { track: &table, name: &name, to, most_hz, out: &out })?;
     let utc = if written.has_utc { "" } else { "; the log does not know UTC, so the points have no date" };
-    let mut said = format!(
+    let mut text = format!(
         "{}: {} of {} rows, {}{utc}\n",
         visible(&out.display().to_string()),
         written.points,
@@ -89,13 +89,13 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
         written.lines.join(" and "),
     );
     for (path, program) in layouts.iter().zip(["Foxglove", "PlotJuggler"]) {
-        said += &format!("{}: layout for {program}\n", visible(&path.display().to_string()));
+        text += &format!("{}: layout for {program}\n", visible(&path.display().to_string()));
     }
-    std::io::stdout().lock().write_all(said.as_bytes())?;
+    std::io::stdout().lock().write_all(text.as_bytes())?;
     Ok(Exit::Well.into())
 }
 
-/// As what a track is written, and how the name of such a file ends.
+/// Output format of a track, and its file name extension.
 fn track_to(kind: ExportKind) -> Result<(TrackTo, &'static str), Failure> {
     match kind {
         ExportKind::Geojson => Ok((TrackTo::GeoJson, "geojson")),
@@ -109,7 +109,7 @@ fn track_to(kind: ExportKind) -> Result<(TrackTo, &'static str), Failure> {
     }
 }
 
-/// Most points per second of a track; `None` for all.
+/// Maximum points per second of a track; `None` for all.
 fn most_hz(asked: Option<f64>, to: TrackTo) -> Result<Option<f64>, Failure> {
     let is_map = matches!(to, TrackTo::GeoJson | TrackTo::Kml | TrackTo::Gpx);
     match asked {
@@ -120,7 +120,7 @@ fn most_hz(asked: Option<f64>, to: TrackTo) -> Result<Option<f64>, Failure> {
     }
 }
 
-/// The folder of a flight in a report and its track, of either of them.
+/// The folder of a flight in a report and its track, given either of them.
 fn flight_of(given: &Path) -> Result<(&Path, PathBuf), Failure> {
     let (folder, table) = match given.is_dir() {
         true => (given, track_in(given).unwrap_or_default()),
@@ -134,7 +134,7 @@ fn flight_of(given: &Path) -> Result<(&Path, PathBuf), Failure> {
     Err(Failure::new(Exit::Wrong, format!("{}: {what}", given.display())))
 }
 
-/// Beside where the user stands, named after the log.
+/// Default output: in the working folder, named after the log.
 fn usual_out(log: &Path, to: ExportKind) -> PathBuf {
     let name = log.file_name().map(|n| n.to_string_lossy().into_owned());
     let name = name.unwrap_or_else(|| "flight".to_owned());
@@ -145,7 +145,7 @@ fn usual_out(log: &Path, to: ExportKind) -> PathBuf {
     })
 }
 
-/// The command that makes it again.
+/// The command that repeats the export.
 fn command(arguments: &ExportArguments) -> String {
     let kind = match arguments.to {
         ExportKind::Parquet => "parquet",

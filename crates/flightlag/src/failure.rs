@@ -21,7 +21,7 @@ impl From<End> for ExitCode {
     }
 }
 
-/// Why the command failed; told once, on standard error.
+/// Why the command failed; printed once, on standard error.
 #[derive(Debug)]
 pub(crate) struct Failure {
     exit: Exit,
@@ -33,10 +33,10 @@ impl Failure {
         Failure { exit, text: text.into() }
     }
 
-    /// Prints it, and gives the exit code.
-    pub(crate) fn told(self) -> ExitCode {
+    /// Prints it, and returns the exit code.
+    pub(crate) fn report(self) -> ExitCode {
         if !self.text.is_empty() {
-            // If standard error is closed too, nobody is left to be told.
+            // If standard error is closed too, the message cannot be shown.
             let text: Vec<String> = self.text.lines().map(visible).collect();
             let _ = writeln!(std::io::stderr(), "flightlag: {}", text.join("\n"));
         }
@@ -46,7 +46,7 @@ impl Failure {
 
 impl From<CampaignError> for Failure {
     fn from(error: CampaignError) -> Failure {
-        // SIGTERM and SIGHUP come from a machine that may start us again.
+        // SIGTERM and SIGHUP come from a machine that may restart us.
         let exit = match error.exit() {
             Exit::Stopped => crate::stop::exit_of_last_signal(),
             exit => exit,
@@ -71,7 +71,7 @@ impl From<ingest::IngestError> for Failure {
 }
 
 impl From<std::io::Error> for Failure {
-    /// Standard output cannot be written. That its reader has gone, as `head` does, is no failure.
+    /// Standard output cannot be written. If its reader has closed it, as `head` does, that is not a failure.
     fn from(error: std::io::Error) -> Failure {
         match error.kind() {
             std::io::ErrorKind::BrokenPipe => Failure::new(Exit::Well, ""),

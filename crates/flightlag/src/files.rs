@@ -1,12 +1,12 @@
-//! Pages that a command writes by itself.
+//! Pages that a command writes itself.
 
 use crate::failure::Failure;
 use campaign::Exit;
 use report::Site;
 use std::path::Path;
 
-/// Writes the files of a site and some texts to a folder, each to a temporary name first. A folder that holds something else
-/// than an earlier page of the same kind is refused: the first of the texts is the mark of that kind.
+/// Writes the files of a site and some texts to a folder, each to a temporary name first. A folder with anything other
+/// than an earlier page of the same kind is rejected: the first of the texts is the marker of that kind.
 pub(crate) fn write_site(out: &Path, site: &Site, texts: &[(&str, &str)]) -> Result<(), Failure> {
     let holds_page = out.join("index.html").exists();
     if let Some((mark, _)) = texts.first().filter(|(mark, _)| holds_page && !out.join(mark).exists()) {
@@ -17,7 +17,7 @@ pub(crate) fn write_site(out: &Path, site: &Site, texts: &[(&str, &str)]) -> Res
         return Err(Failure::new(Exit::Wrong, what));
     }
     let texts = texts.iter().map(|(name, text)| (*name, text.as_bytes()));
-    // The page last: it is complete when it is there.
+    // The page last: if it exists, it is complete.
     let pages = site.to_write();
     let mut files: Vec<(&str, &[u8])> =
         texts.chain(pages.iter().map(|(name, bytes)| (*name, bytes.as_ref()))).collect();

@@ -1,10 +1,10 @@
-//! What went wrong with a log, and what to do about it: said alike by all commands that read one.
+//! What went wrong with a log, and what to do about it: the same text in all commands that read one.
 
 use crate::show::{Table, visible};
 use flight::{Code, LogHealth, Notice, Notices};
 use std::path::Path;
 
-/// The ranges that could not be read.
+/// The damaged ranges.
 pub(crate) fn damage(health: &LogHealth) -> String {
     let mut table = Table::new(&["file", "first byte|", "bytes|", "after s|", "why"]);
     for range in &health.damage {
@@ -17,7 +17,7 @@ pub(crate) fn damage(health: &LogHealth) -> String {
     section("damage", &table) + &more
 }
 
-/// Notices but for those of the damage, losses first.
+/// Notices except those about damage, losses first.
 pub(crate) fn notices(notices: &Notices) -> String {
     let mut sorted: Vec<&Notice> = notices.iter().filter(|n| n.code != Code::Damaged).collect();
     sorted.sort_by_key(|n| std::cmp::Reverse(n.severity));
@@ -33,12 +33,12 @@ pub(crate) fn notices(notices: &Notices) -> String {
     section("notices", &table)
 }
 
-/// A table under its title; nothing if it has no row.
+/// A titled table; empty if it has no rows.
 pub(crate) fn section(title: &str, table: &Table) -> String {
     if table.is_empty() { String::new() } else { format!("{title}\n{}", table.text()) }
 }
 
-/// A path as it can be typed in a shell.
+/// A path quoted for a shell.
 pub(crate) fn typed(path: &Path) -> String {
     let text = path.display().to_string();
     let plain = |c: char| c.is_alphanumeric() || "/._-+=:@,".contains(c);
@@ -53,13 +53,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_can_be_typed_as_it_is_shown() {
+    fn a_shown_path_can_be_pasted_into_a_shell() {
         assert_eq!(typed(Path::new("logs/a-1.ulg")), "logs/a-1.ulg");
         assert_eq!(typed(Path::new("my log's.bag")), r"'my log'\''s.bag'");
     }
 
     #[test]
-    fn losses_come_first_and_damage_is_not_told_twice() {
+    fn losses_come_first_and_damage_is_not_repeated() {
         let mut all = Notices::new();
         all.push(Code::HeldRows, "gps", 3, "held rows");
         all.push(Code::Damaged, "a, bytes 0 to 9", 9, "cut");

@@ -25,7 +25,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_says_what_was_removed_and_what_stays() {
+    fn the_line_shows_what_was_removed_and_what_was_kept() {
         let garbage = Garbage { results: 1, bytes: 2048, kept: 12 };
         assert!(
             line(&garbage, true).starts_with("would remove 1 result that no report refers to, 2"),

@@ -17,15 +17,15 @@ pub(crate) fn history(arguments: &HistoryArguments) -> Result<End, Failure> {
     if arguments.latency {
         let read = history.briefs(&|_| true)?;
         let lines = latency(&latest_briefs(&read.rows));
-        return said(arguments.json, &lines, || latency_text(&lines), &read.unreadable);
+        return print_lines(arguments.json, &lines, || latency_text(&lines), &read.unreadable);
     }
     let lines = runs(&history)?;
     let unreadable = lines.iter().filter_map(|line| Some(format!("{}: {}", line.run, line.unreadable.as_ref()?)));
     let unreadable: Vec<String> = unreadable.collect();
-    said(arguments.json, &lines, || runs_text(&lines), &unreadable)
+    print_lines(arguments.json, &lines, || runs_text(&lines), &unreadable)
 }
 
-/// A history that is there. A folder without files is a wrong path more often than an empty history.
+/// A history that exists. A folder without files is more often a wrong path than an empty history.
 pub(crate) fn existing(folder: &Path) -> Result<History, Failure> {
     let history = History::new(folder);
     match history.files()?.is_empty() {
@@ -38,8 +38,8 @@ pub(crate) fn existing(folder: &Path) -> Result<History, Failure> {
     }
 }
 
-/// Prints lines as JSON or as text, then what could not be read: exit code 3 if that is anything.
-fn said<T: serde::Serialize>(
+/// Prints lines as JSON or as text, then the unreadable files: exit code 3 if there are any.
+fn print_lines<T: serde::Serialize>(
     json: bool,
     lines: &T,
     text: impl Fn() -> String,
@@ -53,7 +53,7 @@ fn said<T: serde::Serialize>(
     warn(unreadable)
 }
 
-/// Names files that could not be read on standard error.
+/// Lists files that could not be read on standard error.
 pub(crate) fn warn(unreadable: &[String]) -> Result<End, Failure> {
     for what in unreadable {
         let _ = writeln!(std::io::stderr(), "flightlag: not read: {}", visible(what));
@@ -229,7 +229,7 @@ fn trend_csv(found: &TrendRecord) -> String {
     sheet.push("is_outside", marks(&|p| p.is_outside));
     sheet.push("is_odd", marks(&|p| p.is_odd));
     let mut bytes = vec![];
-    // Columns are of one length, and a vector takes everything.
+    // All columns have the same length, and writing to a vector cannot fail.
     let _ = convert::write_csv(&sheet, &mut bytes);
     String::from_utf8(bytes).unwrap_or_default()
 }

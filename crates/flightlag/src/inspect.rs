@@ -1,4 +1,4 @@
-//! `flightlag inspect`: what is in a log, how good its stamps are, and what a map would bind.
+//! `flightlag inspect`: the content of a log, the quality of its timestamps, and what a map would bind.
 
 mod vehicle;
 
@@ -15,20 +15,20 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
-/// Below every table that counts gaps.
+/// Printed below every table that counts gaps.
 const GAP: &str = "  a gap is a step of more than 2.5 median steps\n";
-/// Topics that are listed unasked.
+/// Maximum number of topics listed by default.
 const MOST_TOPICS: usize = 40;
-/// And beside those that were read.
+/// Maximum number of topics listed in addition to those that were read.
 const MOST_OTHERS: usize = 12;
-/// Other things that are listed unasked.
+/// Maximum number of other items listed by default.
 const MOST_LISTED: usize = 8;
 
 pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Failure> {
     let library = library(arguments.maps.as_deref())?;
     check_name(&library, arguments.map.as_deref())?;
     let unit = unit_of(&arguments.log, &library)?;
-    // It answers for every byte, wanted or not.
+    // It accounts for every byte, wanted or not.
     let limits = Limits { may_leave_closed: false, ..Limits::default() };
     let context = ReadContext { limits, cancel: stop.flag(), on_bytes: &|_| {} };
     let loaded = load(&unit, &library, arguments.map.as_deref(), &context)?;
@@ -37,7 +37,7 @@ pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Fail
     Ok(exit(&loaded).into())
 }
 
-/// A map that does not fit is a wrong map, and no damage.
+/// A map that does not fit is the wrong map, not damage.
 fn exit(loaded: &Loaded) -> Exit {
     let notices = &loaded.flight.notices;
     if notices.iter().any(|notice| notice.code == flight::Code::MapLacks) {
@@ -49,7 +49,7 @@ fn exit(loaded: &Loaded) -> Exit {
     }
 }
 
-/// The flight that a path stands for: a file, or a folder that holds one flight.
+/// The flight at a path: a file, or a folder that contains one flight.
 pub(crate) fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failure> {
     let failure = |exit, what: String| Failure::new(exit, format!("{}: {what}", path.display()));
     let about = std::fs::metadata(path).map_err(|e| failure(Exit::Wrong, e.to_string()))?;
@@ -101,7 +101,7 @@ fn page(unit: &FlightUnit, loaded: &Loaded, arguments: &InspectArguments) -> Str
     let health = &loaded.health;
     let binding = match &loaded.binding {
         Ok(binding) => binding_text(binding, &loaded.flight),
-        Err(reason) => format!("{}\n", visible(&said_once(reason, &health.topics))),
+        Err(reason) => format!("{}\n", visible(&without_repeats(reason, &health.topics))),
     };
     let parts = [
         head(unit, health),
@@ -146,7 +146,7 @@ fn head(unit: &FlightUnit, health: &LogHealth) -> String {
     )
 }
 
-/// Topics that were read, and others as far as there is room.
+/// Topics that were read, and as many others as there is room for.
 fn topics(topics: &[TopicHealth], all: bool) -> String {
     let mut table = Table::new(&["topic", "type", "encoding", "messages|", "rate Hz|", "duration s|", "values"]);
     let any = topics.iter().any(|t| t.decoded);
@@ -179,7 +179,7 @@ fn topics(topics: &[TopicHealth], all: bool) -> String {
     text
 }
 
-/// What the rate of a topic does not say: how many of its messages it is of.
+/// What the rate of a topic does not show: how many of its messages it covers.
 fn about_rate(topic: &TopicHealth) -> Option<String> {
     let stamps = topic.stamps.first()?;
     let (name, all) = (visible(&topic.name), topic.messages);
@@ -203,12 +203,12 @@ fn topic_cells(topic: &TopicHealth) -> Vec<String> {
     ]
 }
 
-/// Hz: of bursts, thousands without a fraction.
+/// Rate in Hz: thousands, which occur in bursts, without a fraction.
 fn rate(hz: Option<f64>) -> String {
     number(hz, if hz.is_some_and(|hz| hz >= 1000.0) { 0 } else { 2 })
 }
 
-/// From the first stamp to the last, s; unknown where stamps go back.
+/// From the first timestamp to the last, s; unknown where timestamps go back.
 fn duration(stamps: &StampHealth) -> Option<f64> {
     let span = i128::from(stamps.last_ns) - i128::from(stamps.first_ns);
     (stamps.back_jumps == 0 && span >= 0).then_some(span as f64 * 1e-9)
@@ -223,7 +223,7 @@ fn decoded(topic: &TopicHealth) -> String {
     }
 }
 
-/// Of the topics that were read; of all if none was.
+/// For the topics that were read; for all if none was.
 fn stamps(topics: &[TopicHealth], all: bool) -> String {
     let mut table = Table::new(&[
         "topic",
@@ -306,13 +306,14 @@ fn binding_text(binding: &Binding, flight: &Flight) -> String {
     text
 }
 
-/// Why no map fits, less what the table of topics says of each.
-fn said_once(reason: &str, topics: &[TopicHealth]) -> String {
-    let told = topics.iter().filter(|t| !t.reason.is_empty()).map(|t| (&t.name, format!("{} ({})", t.name, t.reason)));
-    told.fold(reason.to_owned(), |text, (name, both)| text.replace(&both, name))
+/// Why no map fits, without what the table of topics already says about each topic.
+fn without_repeats(reason: &str, topics: &[TopicHealth]) -> String {
+    let listed =
+        topics.iter().filter(|t| !t.reason.is_empty()).map(|t| (&t.name, format!("{} ({})", t.name, t.reason)));
+    listed.fold(reason.to_owned(), |text, (name, both)| text.replace(&both, name))
 }
 
-/// When it was: what the channels span together, with the date where the log tells it.
+/// Time span of the channels together, with the date if the log has it.
 fn span(channels: &[ChannelHealth], flight: &Flight) -> Option<String> {
     let stamps: Vec<&StampHealth> = channels.iter().filter_map(|c| c.stamps.as_ref()).collect();
     let clock = stamps.first()?.clock;
@@ -365,7 +366,7 @@ fn gaps(stamps: &StampHealth) -> String {
     }
 }
 
-/// How far the kinds of stamp of a channel are apart.
+/// Differences between the timestamp kinds of a channel.
 fn offsets(channels: &[ChannelHealth]) -> Table {
     let mut table = Table::new(&["channel", "stamps", "median ms|", "p01|", "p99|"]);
     for (channel, o) in channels.iter().flat_map(|c| c.offsets.iter().map(move |o| (c, o))) {
@@ -385,7 +386,7 @@ fn others(binding: &Binding) -> Table {
     table
 }
 
-/// What can be done about it.
+/// Possible next steps.
 fn next(unit: &FlightUnit, loaded: &Loaded, log: &Path) -> String {
     let mut text = String::new();
     if loaded.flight.notices.any_loss() {
@@ -415,19 +416,19 @@ mod tests {
     use flight::Clock;
 
     #[test]
-    fn what_the_table_says_of_a_topic_is_not_said_again() {
+    fn the_reason_does_not_repeat_the_topic_table() {
         let topic: TopicHealth = serde_json::from_value(serde_json::json!({
             "name": "motor", "type_name": "", "encoding": "csv", "messages": 2, "payload_bytes": 8, "stamps": [],
             "decoded": false, "reason": "none of the wanted columns is among t, rpm",
         }))
         .unwrap();
         let reason = "no channel map fits; the log holds motor (none of the wanted columns is among t, rpm)";
-        assert_eq!(said_once(reason, &[topic]), "no channel map fits; the log holds motor");
+        assert_eq!(without_repeats(reason, &[topic]), "no channel map fits; the log holds motor");
     }
 
     #[test]
-    fn a_flight_by_gps_time_is_dated_by_utc() {
-        // Week 2313 and 500000 s: 2024-05-10 18:53:20 by GPS, which is 18 s ahead of UTC.
+    fn a_flight_on_gps_time_is_dated_in_utc() {
+        // Week 2313 and 500000 s: 2024-05-10 18:53:20 GPS time, which is 18 s ahead of UTC.
         let first = (2313 * 604_800 + 500_000) * flight::NANOS_PER_SECOND;
         let last = first + 60 * flight::NANOS_PER_SECOND;
         let kind = flight::StampKind::Measured;
@@ -446,7 +447,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_hole_is_said_and_gaps_of_unknown_steps_are_not_counted() {
+    fn the_longest_gap_is_shown_and_gaps_of_unknown_steps_are_not_counted() {
         let stamps = |stamps: &[i64]| {
             ingest::stamps::StampStats::from_slice(flight::StampKind::Logged, Clock::Unix, "log", stamps).unwrap()
         };

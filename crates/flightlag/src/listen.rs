@@ -1,4 +1,4 @@
-//! Listeners: a bar on a terminal, lines elsewhere, JSON for machines.
+//! Event listeners: a progress bar on a terminal, lines elsewhere, JSON for machines.
 
 use crate::arguments::DeskArguments;
 use crate::show::{bytes, count, visible};
@@ -9,7 +9,7 @@ use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// How often sums of bytes are told to machines.
+/// Interval at which sums of bytes are reported to machines.
 const OFTEN: Duration = Duration::from_millis(500);
 
 /// The listener that the user wants.
@@ -22,10 +22,10 @@ pub(crate) fn listener(desk: &DeskArguments) -> Box<dyn EventSink> {
     }
 }
 
-/// What a person wants to hear of an event, apart from progress.
+/// The text of an event for a person, except progress.
 fn sentence(event: &Event) -> Option<String> {
     let count = |n: &usize, what| count(*n as u64, what);
-    let said = match event {
+    let text = match event {
         Event::Found { flights, ignored, bytes: size } => {
             let others = match ignored {
                 0 => String::new(),
@@ -53,10 +53,10 @@ fn sentence(event: &Event) -> Option<String> {
         Event::Campaign { name, flights } => format!("campaign {name}: {}", flights.display()),
         _ => return None,
     };
-    Some(said)
+    Some(text)
 }
 
-/// As the badge on the pages: a flight that says nothing is no flight without a change.
+/// As on the page badges: a flight that cannot be measured is not a flight without change.
 fn result_word(outcome: &str, effect: Option<EffectVerdict>) -> &str {
     match (outcome, effect) {
         ("not-measurable", _) => "not measurable",
@@ -85,7 +85,7 @@ fn reasons(why: &[Why]) -> String {
     why.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// Lines on standard error, each with how far the work is.
+/// Lines on standard error, each with the overall progress.
 #[derive(Default)]
 struct Lines {
     progress: Mutex<(usize, usize)>,
@@ -114,7 +114,7 @@ impl EventSink for Lines {
     }
 }
 
-/// A bar with flights done, bytes a second and the time left; what went wrong stands above it.
+/// A bar with flights done, bytes per second and the time left; problems are printed above it.
 struct Bar {
     bar: ProgressBar,
     flights: Mutex<(usize, usize)>,
@@ -140,7 +140,7 @@ impl Bar {
     }
 
     fn advance(&self, n: u64) {
-        // A file that is looked at twice shall not lead beyond the end.
+        // A file that is read twice must not take the bar past its end.
         let room = self.bar.length().unwrap_or(0).saturating_sub(self.bar.position());
         self.bar.inc(n.min(room));
     }
@@ -197,7 +197,7 @@ impl EventSink for Bar {
     }
 }
 
-/// Every event as one line of JSON on standard output; bytes are summed and told now and then.
+/// Every event as one line of JSON on standard output; bytes are summed and reported periodically.
 struct JsonLines {
     sums: Mutex<Sums>,
 }
@@ -205,22 +205,22 @@ struct JsonLines {
 struct Sums {
     hashed: u64,
     read: u64,
-    told: Instant,
+    last_report: Instant,
 }
 
 impl Default for JsonLines {
     fn default() -> JsonLines {
-        JsonLines { sums: Mutex::new(Sums { hashed: 0, read: 0, told: Instant::now() }) }
+        JsonLines { sums: Mutex::new(Sums { hashed: 0, read: 0, last_report: Instant::now() }) }
     }
 }
 
 impl Sums {
-    /// Takes the sums if it is time, or if something else is to be told.
+    /// Takes the sums if they are due, or if another event is about to be reported.
     fn due(&mut self, now: bool) -> Vec<Event> {
-        if !now && self.told.elapsed() < OFTEN {
+        if !now && self.last_report.elapsed() < OFTEN {
             return vec![];
         }
-        self.told = Instant::now();
+        self.last_report = Instant::now();
         let (hashed, read) = (std::mem::take(&mut self.hashed), std::mem::take(&mut self.read));
         let mut events = vec![];
         if hashed > 0 {
@@ -252,7 +252,7 @@ impl EventSink for JsonLines {
             }
         };
         for text in lines.iter().filter_map(|e| serde_json::to_string(e).ok()) {
-            // A reader that has gone does not stop the campaign.
+            // A closed pipe does not stop the campaign.
             let _ = writeln!(std::io::stdout(), "{text}");
         }
     }
@@ -263,7 +263,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flight_that_says_nothing_is_not_measurable_on_the_terminal_too() {
+    fn an_unmeasurable_flight_is_shown_as_not_measurable() {
         assert_eq!(result_word("not-measurable", Some(EffectVerdict::NoChange)), "not measurable");
         assert_eq!(result_word("compensated", Some(EffectVerdict::Harmed)), "HARMED");
         assert_eq!(result_word("uncompensated", Some(EffectVerdict::NoChange)), "no change");

@@ -1,4 +1,4 @@
-//! The command: what the user typed becomes calls of the crates below, and what they find becomes text.
+//! The command: converts the command line to calls of the other crates, and their findings to text.
 
 mod aircraft;
 mod arguments;
@@ -40,7 +40,7 @@ fn main() -> ExitCode {
     campaign::quiet_caught_panics();
     match run(arguments.command) {
         Ok(exit) => exit.into(),
-        Err(failure) => failure.told(),
+        Err(failure) => failure.report(),
     }
 }
 

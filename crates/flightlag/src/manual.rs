@@ -1,4 +1,4 @@
-//! `flightlag completions` and `flightlag man`: what shells and `man` want to know of the command, from its own help.
+//! `flightlag completions` and `flightlag man`: shell completions and manual pages, generated from the help texts.
 
 use crate::arguments::{Arguments, CompletionsArguments, ManArguments};
 use crate::failure::{End, Failure};
@@ -29,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_command_has_a_manual_page() {
+    fn every_command_has_a_man_page() {
         let folder = tempfile::tempdir().unwrap();
         let dir = folder.path().join("man1");
         man(&ManArguments { dir: dir.clone() }).unwrap();

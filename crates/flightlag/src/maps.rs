@@ -1,4 +1,4 @@
-//! `flightlag maps`: the channel maps that there are, and the text of one.
+//! `flightlag maps`: lists the channel maps, and prints one of them.
 
 use crate::arguments::MapsArguments;
 use crate::failure::{End, Failure};
@@ -37,7 +37,7 @@ pub(crate) fn run(arguments: &MapsArguments, stop: &Stop) -> Result<End, Failure
     Ok(Exit::Well.into())
 }
 
-/// A flight, or a table without a header, which only a map makes one.
+/// A flight, or a table without a header, which is a flight only by means of a map.
 fn unit_of_table(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failure> {
     let is_text = path.extension().is_some_and(|ending| ending == "csv" || ending == "txt");
     unit_of(path, library).or_else(|failure| {
@@ -46,7 +46,7 @@ fn unit_of_table(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failur
     })
 }
 
-/// A map that does not exist is a wrong command, and not a log that cannot be read.
+/// An unknown map is a usage error, not an unreadable log.
 pub(crate) fn check_name(library: &MapLibrary, name: Option<&str>) -> Result<(), Failure> {
     match name.map(|name| library.get(name)) {
         Some(Err(unknown)) => Err(Failure::new(Exit::Wrong, unknown.to_string())),

@@ -1,4 +1,4 @@
-//! `flightlag nightly`: every campaign of a night, the history, and the page of the morning.
+//! `flightlag nightly`: every campaign of a night, the history, and the morning page.
 
 use crate::arguments::NightlyArguments;
 use crate::campaign_command::{desk, say};

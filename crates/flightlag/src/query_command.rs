@@ -1,4 +1,4 @@
-//! `flightlag query`: questions to a history.
+//! `flightlag query`: queries a history.
 
 use crate::arguments::QueryArguments;
 use crate::failure::{End, Failure};
@@ -14,7 +14,7 @@ pub(crate) fn run(arguments: &QueryArguments) -> Result<End, Failure> {
         write!(std::io::stdout(), "{}", table.text())?;
         return Ok(Exit::Well.into());
     }
-    // A wrong question is wrong with every build.
+    // An invalid query is rejected by every build.
     let query =
         Query::parse(arguments.condition.as_deref(), &arguments.by, arguments.agg.as_deref(), arguments.every_run)?;
     answer(arguments, &query)
@@ -38,7 +38,7 @@ mod with_polars {
     use convert::{Cells, Sheet};
     use history::write_file;
 
-    /// Rows of the table for people.
+    /// Maximum number of rows in the table for people.
     const MOST: usize = 100;
 
     pub(super) fn answer(arguments: &QueryArguments, query: &Query) -> Result<End, Failure> {
@@ -85,7 +85,7 @@ mod with_polars {
         let shown = |value: serde_json::Value| match value {
             serde_json::Value::Null => "-".to_owned(),
             serde_json::Value::String(text) => crate::show::visible(&text),
-            // Six digits are more than any uncertainty leaves; CSV, JSON and Parquet have all.
+            // Six digits exceed the precision of any uncertainty; CSV, JSON and Parquet have all.
             serde_json::Value::Number(number) if number.is_f64() => {
                 format!("{:.6}", number.as_f64().unwrap_or(f64::NAN))
             }
@@ -116,7 +116,7 @@ mod with_polars {
         use super::*;
         use history::{History, Row, Run};
 
-        /// A history of two nights; flight `a` was run in both.
+        /// A history of two nights; flight `a` was run on both.
         fn history(folder: &std::path::Path) {
             let history = History::new(folder);
             for (night, late_s) in [(0, [0.4, 0.2]), (1, [0.5, 0.3])] {

@@ -1,4 +1,4 @@
-//! `flightlag recover`: what is good of a damaged log.
+//! `flightlag recover`: writes everything recoverable from a damaged log.
 
 use crate::arguments::RecoverArguments;
 use crate::failure::{End, Failure};
@@ -13,7 +13,7 @@ use ingest::{Limits, ReadContext};
 use std::io::Write;
 use std::path::Path;
 
-/// Topics that are listed although all of their messages were written.
+/// Maximum number of topics listed although all of their messages were written.
 const MOST_TOPICS: usize = 60;
 
 pub(crate) fn run(arguments: &RecoverArguments, stop: &Stop) -> Result<End, Failure> {
@@ -26,15 +26,15 @@ pub(crate) fn run(arguments: &RecoverArguments, stop: &Stop) -> Result<End, Fail
     Ok(if recovered.any_loss() { Exit::Incomplete } else { Exit::Well }.into())
 }
 
-/// What a command writes.
+/// Kind of output of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Output {
     File,
-    /// With files in it.
+    /// A folder with files.
     Folder,
 }
 
-/// Before any work: can `out` be this? What is there is not written over unasked.
+/// Checks before any work whether `out` can be the output. An existing one is not overwritten unless `force`.
 pub(crate) fn check_output(out: &Path, output: Output, force: bool) -> Result<(), Failure> {
     let wrong = |what: &str| Err(Failure::new(Exit::Wrong, format!("{} {what}", out.display())));
     let folder = out.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -48,7 +48,7 @@ pub(crate) fn check_output(out: &Path, output: Output, force: bool) -> Result<()
     }
 }
 
-/// Neither file nor folder, whatever links lead to it.
+/// Neither file nor folder, with links resolved.
 fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir())
 }

@@ -1,4 +1,4 @@
-//! `flightlag schema`: the JSON schemas of settings files and of what programs read, for editors and programs.
+//! `flightlag schema`: JSON schemas of settings files and of machine-readable output, for editors and programs.
 
 use crate::arguments::{SchemaArguments, SchemaOf};
 use crate::failure::{End, Failure};
@@ -45,7 +45,7 @@ mod tests {
         }
     }
 
-    /// Whether a text gives a value to a key, in a comment or not: `key = `, `[key]`, `[[a.key]]`.
+    /// Whether a text sets a key, in a comment or not: `key = `, `[key]`, `[[a.key]]`.
     fn explains(text: &str, key: &str) -> bool {
         let names = |line: &str| -> bool {
             let is_part = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn every_key_of_every_schema_is_explained_in_the_commented_example() {
+    fn every_schema_key_is_explained_in_the_commented_example() {
         for (of, example) in [
             (SchemaOf::Pipeline, pipelines::DEFAULT_PIPELINE),
             (SchemaOf::Criteria, pipelines::EXAMPLE_CRITERIA),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-/// Text from a log, with everything that could steer a terminal or turn the line made visible.
+/// Text from a log, with everything that could control a terminal or reverse text direction made visible.
 pub(crate) fn visible(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.chars() {
@@ -15,9 +15,9 @@ pub(crate) fn visible(text: &str) -> String {
 }
 
 fn is_hidden(c: char) -> bool {
-    let turns_the_line =
+    let reverses_text =
         matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}');
-    c.is_control() || turns_the_line
+    c.is_control() || reverses_text
 }
 
 /// Bytes for people: three digits and a decimal unit.
@@ -45,12 +45,12 @@ pub(crate) fn count(n: u64, noun: &str) -> String {
     if n == 1 { format!("1 {noun}") } else { format!("{n} {noun}s") }
 }
 
-/// A number with `digits` digits behind the point, or a dash.
+/// A number with `digits` decimals, or a dash.
 pub(crate) fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
 }
 
-/// How a column stands.
+/// Alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Align {
     Left,
@@ -64,7 +64,7 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// Columns; a heading that ends in a bar `|` stands right.
+    /// Columns; a heading that ends in a bar `|` is right-aligned.
     pub(crate) fn new(heads: &[&'static str]) -> Table {
         let align = |h: &&'static str| match h.strip_suffix('|') {
             Some(plain) => (plain, Align::Right),
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_cannot_steer_the_terminal() {
+    fn a_log_cannot_control_the_terminal() {
         assert_eq!(visible("/imu\u{1b}[2J\n\u{202e}x é"), "/imu\\u{1b}[2J\\n\\u{202e}x é");
     }
 
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_stand_under_their_headings() {
+    fn columns_are_aligned_under_their_headings() {
         let mut table = Table::new(&["topic", "rate|"]);
         table.row(vec!["/gps".into(), "10.0".into()]);
         table.row(vec!["/imu/data".into(), "400.0".into()]);

@@ -1,4 +1,4 @@
-//! Ctrl-C and the like: stop cleanly, and within a second in any case.
+//! Ctrl-C and similar signals: stop cleanly, and within a second in any case.
 
 use campaign::Exit;
 #[cfg(unix)]
@@ -12,9 +12,9 @@ use std::sync::atomic::{AtomicI32, Ordering};
 #[cfg(unix)]
 use std::time::Duration;
 
-/// How long flights in work get to stop by themselves. Results are written whole or not at all,
-/// so that leaving earlier than that loses work and nothing else. A person who presses Ctrl-C waits for it; a machine that
-/// sends SIGTERM gives more time, in which a reduction writes down how far it is.
+/// Time for running flights to stop by themselves. Results are written atomically, so leaving
+/// earlier loses only unfinished work. A person who presses Ctrl-C is waiting; a machine that
+/// sends SIGTERM gives more time, in which a reduction saves its progress.
 #[cfg(unix)]
 fn patience(signal: i32) -> Duration {
     Duration::from_millis(if signal == SIGINT { 700 } else { 5000 })
@@ -23,18 +23,18 @@ fn patience(signal: i32) -> Duration {
 #[cfg(unix)]
 static LAST_SIGNAL: AtomicI32 = AtomicI32::new(0);
 
-/// Set when the user wants to stop.
+/// Set when the user requests a stop.
 pub(crate) struct Stop {
     flag: Arc<AtomicBool>,
 }
 
 impl Stop {
-    /// Begins to listen for signals.
+    /// Starts listening for signals.
     #[cfg(unix)]
     pub(crate) fn listen() -> io::Result<Stop> {
         let flag = Arc::new(AtomicBool::new(false));
         let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
-        // A file size limit shall be an error of the write, not the end of the process.
+        // Exceeding a file size limit must be a write error, not the end of the process.
         signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
         let raised = Arc::clone(&flag);
         std::thread::spawn(move || {
@@ -52,7 +52,7 @@ impl Stop {
         Ok(Stop { flag })
     }
 
-    /// Begins to listen for Ctrl-C, the second of which ends the process.
+    /// Starts listening for Ctrl-C; the second one ends the process.
     #[cfg(not(unix))]
     pub(crate) fn listen() -> io::Result<Stop> {
         let flag = Arc::new(AtomicBool::new(false));
@@ -63,7 +63,7 @@ impl Stop {
         Ok(Stop { flag })
     }
 
-    /// The flag that workers look at.
+    /// The flag that workers check.
     pub(crate) fn flag(&self) -> &AtomicBool {
         &self.flag
     }
@@ -74,7 +74,7 @@ fn leave() -> ! {
     std::process::exit(exit_of_last_signal() as i32)
 }
 
-/// Ctrl-C is the user's; the other signals come from a machine that may start us again.
+/// Ctrl-C comes from the user; other signals come from a machine that may restart us.
 #[cfg(unix)]
 pub(crate) fn exit_of_last_signal() -> Exit {
     match LAST_SIGNAL.load(Ordering::SeqCst) {
@@ -83,7 +83,7 @@ pub(crate) fn exit_of_last_signal() -> Exit {
     }
 }
 
-/// Only Ctrl-C is heard here.
+/// Only Ctrl-C is handled here.
 #[cfg(not(unix))]
 pub(crate) fn exit_of_last_signal() -> Exit {
     Exit::Stopped

@@ -18,9 +18,9 @@ use std::path::Path;
 pub struct Answer {
     /// The table: rows of the history, or one row for each group.
     pub table: Sheet,
-    /// Rows that count.
+    /// Number of rows that match.
     pub matched: usize,
-    /// Rows that were looked at.
+    /// Number of rows examined.
     pub of: usize,
     /// Files that could not be read, each with the reason.
     pub unreadable: Vec<String>,
@@ -29,7 +29,7 @@ pub struct Answer {
 /// Answers a query.
 ///
 /// # Errors
-/// The folder cannot be listed. A file that cannot be read is named in the answer.
+/// The folder cannot be listed. A file that cannot be read is listed in the answer.
 pub fn answer(history: &History, query: &Query) -> Result<Answer, HistoryError> {
     let names = query.columns();
     let mut frame: Option<DataFrame> = None;
@@ -53,7 +53,7 @@ fn failed(path: &Path, error: &PolarsError) -> HistoryError {
     HistoryError::Report { path: path.to_owned(), what: error.to_string() }
 }
 
-/// The wanted columns of a file. Files of the current layout are read by polars, earlier ones are brought to it first.
+/// The wanted columns of a file. Polars reads files of the current layout; earlier ones are converted first.
 fn read(path: &Path, names: &[&str]) -> Result<DataFrame, String> {
     let open = || File::open(path).map_err(|e| format!("cannot be opened: {e}"));
     let about = read_parquet_columns(open()?, &|_| false).map_err(|e| format!("cannot be read: {e}"))?;
@@ -122,7 +122,7 @@ fn latest_rows(frame: &DataFrame) -> PolarsResult<DataFrame> {
     frame.take(&IdxCa::from_vec("row".into(), rows))
 }
 
-/// Which rows count. A comparison with an absent value is absent, and such a row does not count.
+/// Which rows match. A comparison with an absent value is absent, and such a row does not match.
 fn mask(frame: &DataFrame, condition: &Condition) -> PolarsResult<BooleanChunked> {
     match condition {
         Condition::And(one, other) => Ok(&mask(frame, one)? & &mask(frame, other)?),
@@ -154,12 +154,12 @@ where
     }
 }
 
-/// A value by which rows are grouped, in its order.
+/// A value by which rows are grouped, with its order.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Key {
     Absent,
     Integer(i64),
-    /// The bits of a number in the order of numbers.
+    /// The bits of a number, in numeric order.
     Number(i64),
     Text(String),
 }
@@ -180,7 +180,7 @@ fn keys(frame: &DataFrame, name: &str) -> PolarsResult<Vec<Key>> {
     })
 }
 
-/// One row for each group, in the order of what it is grouped by.
+/// One row for each group, ordered by the grouping columns.
 fn groups(frame: &DataFrame, query: &Query) -> PolarsResult<Sheet> {
     let columns: Vec<Vec<Key>> = query.by.iter().map(|name| keys(frame, name)).collect::<PolarsResult<_>>()?;
     let mut groups: BTreeMap<Vec<&Key>, Vec<u32>> = BTreeMap::new();
@@ -189,7 +189,7 @@ fn groups(frame: &DataFrame, query: &Query) -> PolarsResult<Sheet> {
         groups.entry(key).or_default().push(u32::try_from(row).unwrap_or(u32::MAX));
     }
     if query.by.is_empty() {
-        // A question over all rows has one answer, also if there are none.
+        // A query over all rows has one answer, even if there are no rows.
         groups.entry(vec![]).or_default();
     }
     let firsts: Vec<u32> = groups.values().filter_map(|rows| rows.first().copied()).collect();
@@ -206,7 +206,7 @@ fn groups(frame: &DataFrame, query: &Query) -> PolarsResult<Sheet> {
     Ok(sheet)
 }
 
-/// A number of each group.
+/// One aggregate of each group.
 fn numbers<'a>(
     frame: &DataFrame,
     aggregate: &Aggregate,
@@ -233,7 +233,7 @@ fn numbers<'a>(
     Ok(Cells::F64(groups.map(one).collect::<PolarsResult<_>>()?))
 }
 
-/// Of a sample; `None` for fewer than two numbers.
+/// Sample standard deviation; `None` for fewer than two values.
 fn standard_deviation(values: &[f64]) -> Option<f64> {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn an_absent_value_is_in_no_comparison_and_not_in_the_opposite() {
+    fn an_absent_value_matches_neither_a_comparison_nor_its_negation() {
         let flights = |condition: &str| {
             texts(&ask(Some(condition), &[], None), "flight").into_iter().flatten().collect::<Vec<_>>().join("")
         };
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn a_question_over_all_rows_has_one_answer() {
+    fn a_query_over_all_rows_has_one_answer() {
         let found = ask(
             None,
             &[],
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_of_layout_1_answers_too() {
+    fn a_file_of_layout_1_can_be_queried() {
         let folder = tempfile::tempdir().unwrap();
         let history = History::new(folder.path());
         let mut sheet = crate::row::sheet_of(&[Row {

@@ -1,4 +1,4 @@
-//! What trends, latencies and proofs need of a row, in few bytes: a history of years has a million of them.
+//! The parts of a row needed for trends, latencies and proofs, in little memory: a history of years has a million rows.
 
 use crate::dataset::History;
 use crate::error::HistoryError;
@@ -11,19 +11,19 @@ use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The first 64 bits of a BLAKE3 in hexadecimal; of the hashes of several files all of them together. `None` for other texts.
+/// The first 64 bits of a hexadecimal BLAKE3; for hashes of several files, combined. `None` for other texts.
 fn short(hashes: &str) -> Option<u64> {
     let mut bits = hashes.split('+').map(|hash| u64::from_str_radix(hash.get(..16)?, 16).ok());
     bits.try_fold(0_u64, |all, one| Some(all.rotate_left(1) ^ one?))
 }
 
-/// A text that many rows share.
+/// A text shared by many rows.
 type Shared = Option<Arc<str>>;
 
-/// The page of a flight of a campaign, relative to the page that names it.
+/// The page of a campaign's flight, relative to the page that links to it.
 pub type PageOf<'a> = &'a dyn Fn(&str, &str) -> Option<String>;
 
-/// The struct, its columns, and how it is made of a row and of a sheet.
+/// Defines the struct, its columns, and its conversion from a row and from a sheet.
 macro_rules! brief {
     (boxed { $($boxed:ident,)+ } own { $($own:ident: $kind:ty,)+ } hash { $($hash:ident,)+ } one { $($one:ident,)+ } shared { $($shared:ident,)+ }) => {
         /// Some columns of a [`Row`].
@@ -52,7 +52,7 @@ macro_rules! brief {
 
         impl Texts {
             /// # Errors
-            /// Names a column that is missing or holds something else.
+            /// Names a column that is missing or has the wrong type.
             fn briefs_of(&mut self, mut sheet: Sheet) -> Result<Vec<Brief>, String> {
                 let rows = sheet.rows();
                 $(let mut $boxed = column::<String>(&mut sheet, stringify!($boxed))?.into_iter();)+
@@ -118,7 +118,7 @@ brief! {
     }
 }
 
-/// Texts that were met, each kept once.
+/// Distinct texts seen so far.
 #[derive(Default)]
 struct Texts(HashSet<Arc<str>>);
 
@@ -133,20 +133,20 @@ impl Texts {
     }
 }
 
-/// Rows that were read in brief, and files that could not be.
+/// Rows read in brief, and files that could not be read.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Briefs {
-    /// Rows, by run and then as they are in the file.
+    /// Rows, by run, then in file order.
     pub rows: Vec<Brief>,
     /// Files that could not be read, each with the reason.
     pub unreadable: Vec<String>,
 }
 
 impl History {
-    /// Every row of every run of the campaigns that are wanted.
+    /// Every row of every run of the wanted campaigns.
     ///
     /// # Errors
-    /// The folder cannot be listed. A file that cannot be read is named in the answer.
+    /// The folder cannot be listed. A file that cannot be read is listed in the result.
     pub fn briefs(&self, is_wanted: &dyn Fn(&str) -> bool) -> Result<Briefs, HistoryError> {
         let mut all = Briefs::default();
         let mut texts = Texts::default();
@@ -173,8 +173,8 @@ fn read(path: &Path, texts: &mut Texts) -> Result<Vec<Brief>, String> {
     texts.briefs_of(current(table)?)
 }
 
-/// The latest of the rows of each flight, by campaign and flight. A log that was renamed is one flight: of rows of one campaign
-/// with the same content that of the latest run counts.
+/// The latest row of each flight, by campaign and flight. A renamed log is the same flight: of rows of one campaign
+/// with the same content, the one of the latest run counts.
 #[must_use]
 pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
     let mut latest: HashMap<(&str, &str), &Brief> = HashMap::with_capacity(rows.len());
@@ -184,7 +184,7 @@ pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
             *known = row;
         }
     }
-    // Of copies in one run the flight that counts comes first.
+    // Of copies in one run, the flight that counts comes first.
     let newer = |row: &Brief, known: &Brief| {
         (row.run_ns, row.duplicate_of.is_none(), &known.flight)
             > (known.run_ns, known.duplicate_of.is_none(), &row.flight)
@@ -207,7 +207,7 @@ pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
 }
 
 impl Brief {
-    /// The flight's value of a dimension; `None` where it is not known.
+    /// The flight's value of a dimension; `None` if unknown.
     #[must_use]
     pub fn of(&self, dimension: Dimension) -> Option<String> {
         let text = |text: &Shared| text.as_deref().map(str::to_owned);
@@ -221,7 +221,7 @@ impl Brief {
         }
     }
 
-    /// When the flight was flown; where its log does not know the day, when it was first run.
+    /// Time of the flight; if its log has no date, time of its first run.
     pub(crate) fn order(&self) -> i64 {
         self.flown_ns.unwrap_or(self.run_ns)
     }
@@ -239,7 +239,7 @@ mod tests {
     use crate::dataset::Run;
 
     #[test]
-    fn a_brief_from_a_file_says_what_its_row_says() {
+    fn a_brief_from_a_file_matches_its_row() {
         let folder = tempfile::tempdir().unwrap();
         let history = History::new(folder.path());
         let rows = [0, 86_400].map(|second| {
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_that_was_renamed_is_one_flight() {
+    fn a_renamed_log_is_the_same_flight() {
         let row = |flight: &str, run_ns: i64, content: Option<&str>, duplicate_of: Option<&str>| {
             let text = |text: &str| text.to_owned();
             let (log_hash, duplicate_of) = (content.map(text), duplicate_of.map(text));

@@ -1,78 +1,81 @@
-//! Steps in a series of numbers that each have their own uncertainty.
+//! Detects steps in a series of values with individual uncertainties.
 //!
 //! The model is a mean that is constant between steps: `x[i] = m + e[i]`, where `e[i]` is normal with the variance
-//! `u[i]² + τ²`. `u[i]` is the number's own standard uncertainty, `τ` the spread between flights beyond it.
+//! `u[i]² + τ²`. `u[i]` is the value's own standard uncertainty, `τ` the additional spread between flights.
 //!
-//! 1. `τ` follows from the differences of neighbours, so that steps hardly widen it: the mean of
+//! 1. `τ` is estimated from differences of neighbours, so that steps hardly increase it: the mean of
 //!    `min(d² / (u[i]² + u[i+1]² + 2 τ²), 6)` is that of a χ² distribution with one degree of freedom, clipped in the same way.
-//! 2. A number that is far from the medians of three numbers before it and of three after it is odd. It is listed, and takes
-//!    no part in the search.
-//! 3. The threshold `β` is found by simulation: many series without a step are drawn with the same uncertainties and with a
-//!    known spread, `τ` is estimated of each again, and `β` is exceeded by their best single step with the wanted false alarm
-//!    rate. How `τ` is spread is not known, and where it is about as large as the uncertainties it is estimated worst. So `β`
-//!    is the largest of those for a spread of half, once, twice and four times the median uncertainty.
+//! 2. A value that is far from the medians of the three values before it and of the three after it is an outlier. It is
+//!    listed, and excluded from the search.
+//! 3. The threshold `β` is found by simulation: many series without a step are drawn with the same uncertainties and a
+//!    known spread, `τ` is estimated again for each, and their best single step exceeds `β` with the wanted false alarm
+//!    rate. The distribution of `τ` is unknown, and it is estimated worst where it is about as large as the
+//!    uncertainties. So `β` is the largest of those for a spread of half, one, two and four times the median
+//!    uncertainty.
 //!    (With the estimated spread alone, and `τ` from medians, 3.8 % of series of 20 showed a step where 1 % was wanted.)
-//!    That is the threshold for one look. Who looks again after each flight sees a step at some time in far more series: for such
-//!    looks the threshold is [`threshold_of_every_look`], which holds over all of them together.
-//! 4. The steps are the exact minimum of `Σ cost(segment) + β · steps` over all segmentations with at least three numbers in
-//!    a segment (PELT, Killick, Fearnhead & Eckley 2012). The cost of a segment is its weighted sum of squares.
+//! That is the threshold for one look. With a new look after each flight, far more series show a step at some time: for
+//! such looks the threshold is [`threshold_of_every_look`], which holds over all of them together.
+//! 4. The steps are the exact minimum of `Σ cost(segment) + β · steps` over all segmentations with at least three
+//!    values per segment (PELT, Killick, Fearnhead & Eckley 2012). The cost of a segment is its weighted sum of
+//!    squares.
 //!
-//! How well it does is measured in the tests. In 2000 series each, false alarms were 0 % (8 numbers, no spread), 0.05 % (20, no
-//! spread), 0.65 % (20, spread of twice the median uncertainty), 0.75 % (60, as large as it) and 1.3 % (200, half as large), where
-//! 1 % was wanted. With the threshold for one look and a look after each flight from the sixth to the hundred-and-twentieth, 16 %
-//! of 200 series showed a step at some time. With that for every look none of 300 did within sixty flights; `just trend-calibration` looks at a year.
+//! The performance is measured in the tests. In 2000 series each, false alarms were 0 % (8 values, no spread), 0.05 %
+//! (20, no spread), 0.65 % (20, spread of twice the median uncertainty), 0.75 % (60, as large as it) and 1.3 % (200,
+//! half as large); 1 % was wanted. With the threshold for one look and a look after each flight from the 6th to the
+//! 120th, 16 % of 200 series showed a step at some time. With the threshold for every look none of 300 did within sixty
+//! flights; `just trend-calibration` tests a year.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-/// Fewest numbers in a segment.
+/// Minimum number of values in a segment.
 const LEAST: usize = 3;
-/// Beyond this many standard deviations from both sides, a number is odd.
+/// A value more than this many standard deviations from both sides is an outlier.
 const ODD_SIGMAS: f64 = 5.0;
-/// Where a squared difference over its variance is clipped, so that a step or an odd number hardly widens the spread.
+/// Limit of a squared difference over its variance, so that a step or an outlier hardly increases the spread.
 const CLIP: f64 = 6.0;
-/// Mean of χ² with one degree of freedom clipped there: `P(χ²₃ ≤ 6) + 6 P(χ²₁ > 6)`.
+/// Mean of χ² with one degree of freedom clipped at that limit: `P(χ²₃ ≤ 6) + 6 P(χ²₁ > 6)`.
 const CLIPPED_MEAN: f64 = 0.974_226;
 /// Spreads for which the threshold is simulated, in median uncertainties.
 const SPREADS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Below any threshold for 1 %: a series that shows no step with this one needs no simulation.
 const FLOOR: f64 = 10.0;
-/// Series that are simulated for the threshold.
+/// Number of series simulated for the threshold.
 const SIMULATED: usize = 999;
-/// Longest series that is simulated. The threshold of a longer one grows as `2 ln ln n` does.
+/// Longest series that is simulated. The threshold of a longer one grows as `2 ln ln n`.
 const LONGEST: usize = 300;
-/// Worth of one flight for the estimate of the spread, in degrees of freedom: differences of neighbours, clipped.
+/// Contribution of one flight to the estimate of the spread, in degrees of freedom: differences of neighbours, clipped.
 const FREEDOM: f64 = 0.5;
-/// Constant of the threshold that holds over every look, found by simulation.
+/// Constant of the threshold that holds over all looks, found by simulation.
 const EVERY_LOOK: f64 = 6.5;
-/// Newest numbers at each of which a step is looked for, and most places before them.
+/// Number of newest values that are all tested for a step, and maximum number of positions tested before them.
 const FINE: usize = 1000;
 const COARSE: usize = 1000;
-/// Halvings of the interval in which a variance is looked for.
+/// Number of bisections in the search for a variance.
 const BISECTIONS: u32 = 30;
-/// Least uncertainty of a flight beyond what it shares with others, s, as in the pool of a group.
+/// Minimum uncertainty of a flight in addition to its shared part, s, as in the pool of a group.
 const LEAST_OWN_S: f64 = 0.2e-3;
-/// Smallest standard deviation that is told apart from zero, in the unit of the numbers.
+/// Smallest standard deviation that counts as non-zero, in the unit of the values.
 const TINY: f64 = 1e-12;
 
-/// Steps that were found.
+/// The detected steps.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct ChangePoints {
-    /// First number after each step, rising.
+    /// First value after each step, ascending.
     pub(crate) changes: Vec<usize>,
-    /// For each step the first and the last number at which it may be (95 %).
+    /// For each step the first and the last value at which it may be (95 %).
     pub(crate) ranges: Vec<(usize, usize)>,
-    /// Numbers that differ from those before and after them, rising.
-    pub(crate) odd: Vec<usize>,
-    /// Spread between numbers beyond their own uncertainties.
+    /// Outliers: values that differ from those before and after them, ascending.
+    pub(crate) outliers: Vec<usize>,
+    /// Spread between values in addition to their own uncertainties.
     pub(crate) between: f64,
-    /// What a step has to lower the weighted sum of squares by; `None` if the series is too short, or has no step even with a
-    /// lower threshold.
+    /// The reduction of the weighted sum of squares that a step needs; `None` if the series is too short, or has no
+    /// step even with a lower threshold.
     pub(crate) threshold: Option<f64>,
 }
 
-/// What the probability of a false alarm, [`FALSE_ALARM`], is of.
+/// What the false alarm probability, [`FALSE_ALARM`], refers to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Looks {
     /// One look at the series.
@@ -87,11 +90,12 @@ pub const FALSE_ALARM: f64 = 0.01;
 /// Finds the steps of a series. `u` are standard uncertainties.
 pub(crate) fn change_points(x: &[f64], u: &[f64], looks: Looks) -> ChangePoints {
     let between = spread(x, u);
-    let odd = odd_ones(x, u, between);
-    let kept: Vec<usize> = (0..x.len()).filter(|i| odd.binary_search(i).is_err()).collect();
+    let outliers = find_outliers(x, u, between);
+    let kept: Vec<usize> = (0..x.len()).filter(|i| outliers.binary_search(i).is_err()).collect();
     let [x, mut u] = [x, u].map(|values| kept.iter().map(|&i| values[i]).collect::<Vec<f64>>());
     if looks == Looks::Every && !u.is_empty() {
-        // Else a spread that was estimated too small once makes a step of a few flights that are far better than the others.
+        // Otherwise, an underestimated spread would turn a few flights with far better accuracy than the others into a
+        // step.
         let usual = median(&mut u.clone());
         u.iter_mut().for_each(|u| *u = u.max(usual));
     }
@@ -112,7 +116,7 @@ pub(crate) fn change_points(x: &[f64], u: &[f64], looks: Looks) -> ChangePoints 
     ChangePoints {
         ranges: ranges.map(range).collect(),
         changes: changes.iter().map(|&at| kept[at]).collect(),
-        odd,
+        outliers,
         between,
         threshold,
     }
@@ -128,31 +132,32 @@ pub(crate) fn weighted_mean(x: &[f64], u: &[f64], between: f64) -> Option<(f64, 
     Some((sums.offset + sums.first[x.len()] / weight, weight.recip().sqrt()))
 }
 
-/// Mean over flights that share a part of their errors.
+/// Mean over flights that share part of their errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SharedMean {
     /// Weighted mean.
     pub(crate) mean: f64,
-    /// Its standard uncertainty from what each flight has for itself. It is that of a difference to flights that share the
-    /// same errors.
+    /// Its standard uncertainty from the errors that are not shared. It is also that of a difference to flights that
+    /// share the same errors.
     pub(crate) own_u: f64,
-    /// Part that all flights share: no number of flights averages it away.
+    /// The part that all flights share: averaging over more flights does not reduce it.
     pub(crate) common: f64,
-    /// Spread between flights beyond their own uncertainties.
+    /// Spread between flights in addition to their own uncertainties.
     pub(crate) between: f64,
 }
 
 impl SharedMean {
-    /// Weighted mean of numbers with their standard uncertainties and the model part of those. Common is the least model part, as
-    /// in the pool of a campaign's group ([`campaign`]'s `delay_network::pool`). Where the model part is not known, all of
-    /// the uncertainty may be: it is at most that.
+    /// Weighted mean of values with their standard uncertainties and the model part of those. The shared part is the
+    /// smallest model part, as in the pool of a campaign's group ([`campaign`]'s `delay_network::pool`). Where the
+    /// model part is unknown, it may be the whole uncertainty: that is its upper limit.
     ///
-    /// The spread follows from neighbours and not by REML, so that a history of a million flights takes a second.
+    /// The spread is estimated from neighbours instead of by REML, so that a history of a million flights takes a
+    /// second.
     pub(crate) fn of(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Option<SharedMean> {
         SharedMean::with(x, u, model, spread)
     }
 
-    /// As [`SharedMean::of`] of flights among which there may be a step: the spread is that of all of them.
+    /// As [`SharedMean::of`] for flights that may contain a step: the spread is that of all of them.
     pub(crate) fn of_one_line(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Option<SharedMean> {
         SharedMean::with(x, u, model, spread_of_all)
     }
@@ -173,7 +178,8 @@ impl SharedMean {
     }
 }
 
-/// Standard deviation between all of them beyond their uncertainties (DerSimonian and Laird 1986): 0 if those explain all of it.
+/// Standard deviation between all values in addition to their uncertainties (DerSimonian and Laird 1986): 0 if those
+/// explain everything.
 fn spread_of_all(x: &[f64], u: &[f64]) -> f64 {
     let weights: Vec<f64> = u.iter().map(|u| u.powi(-2)).collect();
     let (sum, squares) = weights.iter().fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w));
@@ -183,7 +189,7 @@ fn spread_of_all(x: &[f64], u: &[f64]) -> f64 {
     if variance.is_finite() { variance.max(0.0).sqrt() } else { 0.0 }
 }
 
-/// Spread between neighbours beyond their uncertainties: 0 if those explain all of it.
+/// Spread between neighbours in addition to their uncertainties: 0 if those explain everything.
 pub(crate) fn spread(x: &[f64], u: &[f64]) -> f64 {
     let pairs: Vec<(f64, f64)> =
         x.windows(2).zip(u.windows(2)).map(|(x, u)| ((x[1] - x[0]).powi(2), u[0].powi(2) + u[1].powi(2))).collect();
@@ -205,7 +211,7 @@ pub(crate) fn spread(x: &[f64], u: &[f64]) -> f64 {
     (0.5 * (low + high)).sqrt()
 }
 
-/// Median; of an even number the mean of the middle two. The values are put in another order.
+/// Median; for an even number of values the mean of the middle two. Reorders the values.
 fn median(values: &mut [f64]) -> f64 {
     let (middle, is_odd) = (values.len() / 2, values.len() % 2 == 1);
     let (below, at, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
@@ -217,8 +223,8 @@ fn median(values: &mut [f64]) -> f64 {
     0.5 * (lower + upper)
 }
 
-/// Numbers that are far from the numbers before them and from those after them. At an end only one side speaks.
-fn odd_ones(x: &[f64], u: &[f64], between: f64) -> Vec<usize> {
+/// Values that are far from those before them and from those after them. At an end there is only one side.
+fn find_outliers(x: &[f64], u: &[f64], between: f64) -> Vec<usize> {
     let far = |i: usize, side: std::ops::Range<usize>| {
         if side.is_empty() {
             return true;
@@ -229,13 +235,13 @@ fn odd_ones(x: &[f64], u: &[f64], between: f64) -> Vec<usize> {
         let middle = median(&mut x[side].to_vec());
         (x[i] - middle).abs() > ODD_SIGMAS * variance.sqrt().max(TINY)
     };
-    let is_odd = |i: &usize| far(*i, i.saturating_sub(3)..*i) && far(*i, i + 1..(i + 4).min(x.len()));
-    if x.len() < 4 { vec![] } else { (0..x.len()).filter(is_odd).collect() }
+    let is_outlier = |i: &usize| far(*i, i.saturating_sub(3)..*i) && far(*i, i + 1..(i + 4).min(x.len()));
+    if x.len() < 4 { vec![] } else { (0..x.len()).filter(is_outlier).collect() }
 }
 
-/// Sums from the first number on, from which the cost of any segment follows.
+/// Cumulative sums, from which the cost of any segment follows.
 struct Sums {
-    /// Subtracted from all numbers, so that squares keep their digits.
+    /// Subtracted from all values to preserve the precision of the squares.
     offset: f64,
     weight: Vec<f64>,
     first: Vec<f64>,
@@ -264,13 +270,13 @@ impl Sums {
         self.weight.len() - 1
     }
 
-    /// Weighted sum of squares about the mean of the numbers in `from..to`.
+    /// Weighted sum of squares about the mean of the values in `from..to`.
     fn cost(&self, from: usize, to: usize) -> f64 {
         let of = |sums: &[f64]| sums[to] - sums[from];
         (of(&self.second) - of(&self.first).powi(2) / of(&self.weight)).max(0.0)
     }
 
-    /// What a step at `at` lowers the cost of `from..to` by.
+    /// Reduction of the cost of `from..to` by a step at `at`.
     fn gain(&self, from: usize, at: usize, to: usize) -> f64 {
         let part = |from: usize, to: usize| {
             (self.first[to] - self.first[from]).powi(2) / (self.weight[to] - self.weight[from])
@@ -278,23 +284,23 @@ impl Sums {
         part(from, at) + part(at, to) - part(from, to)
     }
 
-    /// The most that one step in all numbers can gain.
+    /// The largest gain of a single step in all values.
     fn best_gain(&self) -> f64 {
         let n = self.len();
         (LEAST..=n.saturating_sub(LEAST)).map(|at| self.gain(0, at, n)).fold(0.0, f64::max)
     }
 }
 
-/// Where a step may be looked for: at each of the newest numbers, and before them at one number in so many. The time of the
-/// search grows as the square of their count.
+/// Candidate positions of a step: each of the newest values, and every n-th value before them. The search time grows
+/// as the square of their number.
 fn places(n: usize) -> Vec<usize> {
     let newest = n.saturating_sub(FINE);
     let each = newest.div_ceil(COARSE).next_power_of_two();
-    // The same places at every look, as long as the distance is the same.
+    // The same positions at every look, as long as the spacing is the same.
     (0..newest).step_by(each).chain(newest..=n).filter(|&at| at == 0 || at >= LEAST).collect()
 }
 
-/// Each step at its best place between those before and after it.
+/// Moves each step to its best position between its neighbours.
 fn refined(sums: &Sums, mut changes: Vec<usize>) -> Vec<usize> {
     for k in 0..changes.len() {
         let from = if k == 0 { 0 } else { changes[k - 1] };
@@ -306,14 +312,14 @@ fn refined(sums: &Sums, mut changes: Vec<usize>) -> Vec<usize> {
     changes
 }
 
-/// The best segmentation with steps at some of these places, the first and the last number among them: first numbers after each
-/// step.
+/// The best segmentation with steps at some of these positions, including the first and the last value. Returns the
+/// first value after each step.
 fn segmentation(sums: &Sums, places: &[usize], penalty: f64) -> Vec<usize> {
     let n = sums.len();
     let mut best = vec![f64::INFINITY; n + 1];
     let mut back = vec![0; n + 1];
     best[0] = -penalty;
-    // A start that can no longer win, from some end on. It may win before, while the better start has too few numbers.
+    // A start that cannot win from some end on. It may still win earlier, while the better start has too few values.
     let mut starts: Vec<(usize, usize)> = vec![];
     let mut next = places.iter().copied().peekable();
     for &end in places.iter().filter(|&&end| end >= LEAST) {
@@ -343,8 +349,8 @@ fn segmentation(sums: &Sums, places: &[usize], penalty: f64) -> Vec<usize> {
     changes
 }
 
-/// The steps without one at either end whose best place leaves fewer than three numbers there: it waits for more numbers. The
-/// segmentation itself would take a number of the other side to make it three.
+/// Removes a step at either end whose best position leaves fewer than three values there: it waits for more values. The
+/// segmentation itself would borrow a value from the other side to make it three.
 fn supported(sums: &Sums, mut changes: Vec<usize>) -> Vec<usize> {
     let best = |from: usize, to: usize| {
         (from + 1..to).max_by(|&a, &b| sums.gain(from, a, to).total_cmp(&sums.gain(from, b, to))).unwrap_or(to)
@@ -361,7 +367,7 @@ fn supported(sums: &Sums, mut changes: Vec<usize>) -> Vec<usize> {
     changes
 }
 
-/// Where step `k` may be: all places whose gain is within 3.84 (95 % of χ² with one degree of freedom) of the best.
+/// Where step `k` may be: all positions whose gain is within 3.84 (95 % of χ² with one degree of freedom) of the best.
 fn range_of(sums: &Sums, changes: &[usize], k: usize) -> (usize, usize) {
     let from = if k == 0 { 0 } else { changes[k - 1] };
     let to = changes.get(k + 1).copied().unwrap_or(sums.len());
@@ -371,10 +377,11 @@ fn range_of(sums: &Sums, changes: &[usize], k: usize) -> (usize, usize) {
     (first, near.next_back().unwrap_or(first).max(changes[k]))
 }
 
-/// What the best step of a series without one exceeds with the probability `false_alarm`, for the least favourable spread.
+/// The gain that the best step of a step-free series exceeds with probability `false_alarm`, for the least favourable
+/// spread.
 fn threshold(u: &[f64], false_alarm: f64) -> f64 {
     let n = u.len();
-    // Evenly thinned: the threshold depends on the number of numbers as ln ln n, and hardly on single uncertainties.
+    // Evenly thinned: the threshold depends on the number of values as ln ln n, and hardly on single uncertainties.
     let used: Vec<f64> = if n <= LONGEST { u.to_vec() } else { (0..LONGEST).map(|k| u[k * n / LONGEST]).collect() };
     let usual = median(&mut used.clone()).max(TINY);
     let simulated = SPREADS.map(|factor| exceeded(&used, factor * usual, false_alarm)).into_iter().fold(0.0, f64::max);
@@ -382,21 +389,22 @@ fn threshold(u: &[f64], false_alarm: f64) -> f64 {
     simulated + 2.0 * growth.max(0.0)
 }
 
-/// What the best step of a series without one exceeds at any time, as the series grows to `n` numbers and beyond, with a
-/// probability of at most 1 %.
+/// The gain that the best step of a step-free series exceeds at any time, as the series grows to `n` values and more,
+/// with a probability of at most 1 %.
 ///
-/// If the spread were known, the best step of a look would have the tail of χ². It is estimated from about `ν = n/2` degrees of
-/// freedom, so that the tail is that of `t²`: `P(gain > g) ~ (1 + g/ν)^(−(ν+1)/2)`. The looks share the 1 % in proportion to
-/// `1 / (n ln² n)`, whose sum over all `n` is finite. Both together give `(ν+1) ln(1 + g/ν) = 2 ln n + 4 ln ln n + c`. `c` was found
-/// by simulation of 1500 series each, for seven spreads from none to 16 times the uncertainty, and uncertainties that are equal, that
-/// differ threefold, and that are log-normal with a factor of e: 6.0 for the worst of them. It holds with no number counting for more
-/// than one of the median uncertainty; without that limit the log-normal ones needed 29.6.
+/// If the spread were known, the best step of a look would have the tail of χ². It is estimated from about `ν = n/2`
+/// degrees of freedom, so the tail is that of `t²`: `P(gain > g) ~ (1 + g/ν)^(−(ν+1)/2)`. The looks share the 1 % in
+/// proportion to `1 / (n ln² n)`, whose sum over all `n` is finite. So `(ν+1) ln(1 + g/ν) = 2 ln n + 4 ln ln n + c`.
+/// `c` was found by simulation of 1500 series each, for seven spreads from none to 16 times the uncertainty, and for
+/// uncertainties that are equal, differ threefold, or are log-normal with a factor of e: 6.0 for the worst of them. It
+/// requires that no value weighs more than one with the median uncertainty; without that limit the log-normal ones
+/// needed 29.6.
 fn threshold_of_every_look(n: usize) -> f64 {
     let (freedom, ln) = (FREEDOM * n as f64, (n as f64).ln());
     freedom * ((2.0 * ln + 4.0 * ln.ln() + EVERY_LOOK) / (freedom + 1.0)).exp_m1()
 }
 
-/// What the best step exceeds with this probability, in simulated series without a step and with this spread.
+/// The gain that the best step exceeds with this probability, in simulated step-free series with this spread.
 fn exceeded(u: &[f64], between: f64, false_alarm: f64) -> f64 {
     let scale: Vec<f64> = u.iter().map(|u| u.hypot(between)).collect();
     let mut random = Pcg64::seed_from_u64(u.len() as u64);
@@ -441,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_without_a_step_hardly_ever_shows_one() {
+    fn a_series_without_a_step_rarely_shows_one() {
         for (n, between) in [(8, 0.0), (20, 4.0)] {
             // 200 series of 1 % each give 2 ± 1.4.
             assert!(false_alarms(n, between, 200) <= 0.035);
@@ -451,13 +459,13 @@ mod tests {
     /// The same with 2000 series: 1 % is 20 ± 4.5. `cargo test --release -p flightlag-history -- --ignored` runs it.
     #[test]
     #[ignore = "takes minutes; its figures are in docs/src/nightly.md"]
-    fn a_series_without_a_step_shows_one_as_rarely_as_is_said() {
+    fn a_series_without_a_step_shows_one_at_the_stated_rate() {
         for (n, between) in [(8, 0.0), (20, 0.0), (20, 4.0), (60, 2.0), (200, 1.0)] {
             assert!(false_alarms(n, between, 2000) <= 0.02);
         }
     }
 
-    /// How many of these series without a step show one at some look: one look after each flight from the sixth on.
+    /// How many of these step-free series show a step at some look: one look after each flight from the sixth on.
     fn false_alarms_of_every_look(n: usize, between: f64, trials: u64, looks: Looks) -> f64 {
         let rate = share(n, trials, |random| {
             let (x, u) = series(random, n, between, &|_| 118.0);
@@ -468,31 +476,31 @@ mod tests {
     }
 
     #[test]
-    fn a_look_after_every_flight_hardly_ever_shows_a_step_that_is_not_there() {
-        // At most 3 of 300 are wanted; three standard deviations more are 8.2.
+    fn a_look_after_every_flight_rarely_raises_a_false_alarm() {
+        // The target is at most 3 of 300; with three standard deviations more, 8.2.
         assert!(false_alarms_of_every_look(60, 2.0, 300, Looks::Every) <= 8.2 / 300.0);
     }
 
-    /// `just trend-calibration` runs it: a year of nights with a flight each.
+    /// `just trend-calibration` runs it: a year of nights with one flight each.
     #[test]
     #[ignore = "takes many minutes; its figures are in docs/src/nightly.md"]
-    fn a_year_of_looks_shows_a_step_that_is_not_there_as_rarely_as_is_said() {
+    fn a_year_of_looks_raises_false_alarms_at_the_stated_rate() {
         for between in [0.0, 1.0, 2.0, 4.0, 8.0] {
             // 1 % of 1000 series is 10 ± 3.1.
             assert!(false_alarms_of_every_look(365, between, 1000, Looks::Every) <= 0.019);
         }
     }
 
-    /// The same with the threshold for one look, to the hundred-and-twentieth flight.
+    /// The same with the threshold for one look, up to the 120th flight.
     #[test]
     #[ignore = "takes many minutes; its figure is in docs/src/nightly.md"]
-    fn a_look_each_night_with_the_threshold_for_one_gives_more_false_alarms() {
+    fn nightly_looks_with_the_single_look_threshold_raise_more_false_alarms() {
         // Measured: 0.16 ± 0.03.
         assert!(false_alarms_of_every_look(120, 2.0, 200, Looks::One) > 0.08);
     }
 
-    /// For each of 100 series with a step of so many standard deviations of a flight after `before` flights: the flights after
-    /// the step that were needed to see it, rising.
+    /// For each of 100 series with a step of `sigmas` standard deviations of a flight after `before` flights: the
+    /// number of flights after the step needed to detect it, ascending.
     fn flights_needed(before: usize, sigmas: f64) -> Vec<usize> {
         let mut needed: Vec<usize> = (0..100)
             .map(|seed| {
@@ -513,13 +521,13 @@ mod tests {
     }
 
     #[test]
-    fn a_step_of_three_sigma_is_seen_within_eight_flights_at_every_look() {
+    fn a_three_sigma_step_is_detected_within_eight_flights_at_every_look() {
         let needed = flights_needed(40, 3.0);
         assert!(needed[49] <= 5 && needed[94] <= 8, "{} and {}", needed[49], needed[94]);
     }
 
     #[test]
-    fn a_long_series_is_searched_at_fewer_places_and_its_steps_are_found_where_they_are() {
+    fn steps_in_a_thinned_long_series_are_found_in_the_right_place() {
         let places = places(100_000);
         assert!(places.len() <= FINE + COARSE + 1 && places.is_sorted() && places.last() == Some(&100_000));
         let mut random = Pcg64::seed_from_u64(3);
@@ -537,7 +545,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_of_three_sigma_is_found_where_it_is() {
+    fn a_three_sigma_step_is_found_in_the_right_place() {
         let (mut found, mut inside) = (0, 0);
         for seed in 0..100 {
             let mut random = Pcg64::seed_from_u64(seed);
@@ -551,7 +559,7 @@ mod tests {
         }
         println!("found {found} of 100; the true place is in the range of {inside}");
         assert!(found >= 90, "{found} of 100");
-        assert!(f64::from(inside) >= 0.9 * f64::from(found), "the true place is in {inside} of {found} ranges");
+        assert!(f64::from(inside) >= 0.9 * f64::from(found), "the true position is in {inside} of {found} ranges");
     }
 
     #[test]
@@ -565,24 +573,24 @@ mod tests {
     }
 
     #[test]
-    fn one_odd_flight_is_listed_and_is_no_step() {
+    fn a_single_outlier_is_listed_but_is_not_a_step() {
         let mut random = Pcg64::seed_from_u64(9);
         let (mut x, u) = series(&mut random, 30, 0.5, &|_| 100.0);
         x[12] += 60.0;
         let points = change_points(&x, &u, Looks::One);
-        assert_eq!((points.odd.as_slice(), points.changes.as_slice()), (&[12][..], &[][..]));
-        // The newest flight alone is odd; three of them are a step.
+        assert_eq!((points.outliers.as_slice(), points.changes.as_slice()), (&[12][..], &[][..]));
+        // The newest flight alone is an outlier; three of them are a step.
         let (mut x, u) = series(&mut random, 20, 0.5, &|_| 100.0);
         x[19] += 60.0;
-        assert_eq!(change_points(&x, &u, Looks::One).odd, [19]);
+        assert_eq!(change_points(&x, &u, Looks::One).outliers, [19]);
         x[18] += 60.0;
         x[17] += 60.0;
         let points = change_points(&x, &u, Looks::One);
-        assert_eq!((points.odd.as_slice(), points.changes.as_slice()), (&[][..], &[17][..]));
+        assert_eq!((points.outliers.as_slice(), points.changes.as_slice()), (&[][..], &[17][..]));
     }
 
     #[test]
-    fn the_segmentation_is_the_best_of_all() {
+    fn the_segmentation_is_optimal() {
         for seed in 0..40 {
             let mut random = Pcg64::seed_from_u64(seed);
             let (x, u) = series(&mut random, 14, 0.0, &|i| if i < 5 { 0.0 } else { 4.0 });
@@ -600,12 +608,12 @@ mod tests {
             let all = (0_u32..1 << 13).map(|bits| (1..14).filter(|i| bits >> (i - 1) & 1 == 1).collect::<Vec<usize>>());
             let best = all.filter(valid).map(|changes| total(&changes)).fold(f64::INFINITY, f64::min);
             let found = total(&segmentation(&sums, &places(x.len()), penalty));
-            assert!((found - best).abs() < 1e-9, "seed {seed}: {found} and not {best}");
+            assert!((found - best).abs() < 1e-9, "seed {seed}: {found} instead of {best}");
         }
     }
 
     #[test]
-    fn the_spread_between_flights_is_found_in_spite_of_a_step() {
+    fn the_spread_between_flights_is_found_despite_a_step() {
         let mut sum = 0.0;
         for seed in 0..50 {
             let mut random = Pcg64::seed_from_u64(seed);
@@ -616,7 +624,7 @@ mod tests {
     }
 
     #[test]
-    fn few_numbers_and_equal_ones_have_no_step() {
+    fn short_and_constant_series_have_no_step() {
         assert_eq!(change_points(&[], &[], Looks::One).changes, [] as [usize; 0]);
         assert_eq!(change_points(&[1.0; 5], &[0.1; 5], Looks::One).changes, [] as [usize; 0]);
         assert_eq!(change_points(&[1.0; 50], &[0.0; 50], Looks::One).changes, [] as [usize; 0]);

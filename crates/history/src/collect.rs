@@ -1,4 +1,4 @@
-//! From the report of a campaign to rows of the history.
+//! Converts the report of a campaign to rows of the history.
 
 use crate::compare::{HARMED, Texts, failed_criterion};
 use crate::dataset::{Latest, Run};
@@ -13,23 +13,23 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What the rows of a report are made with.
+/// Inputs for the rows of a report, other than the report itself.
 #[derive(Debug, Clone, Copy)]
 pub struct Collecting<'a> {
-    /// The run that they are rows of.
+    /// The run of the rows.
     pub run: &'a Run,
     /// Name of the campaign in the history.
     pub campaign: &'a str,
-    /// Identities that logs do not say.
+    /// Identities that logs do not state.
     pub fleet: &'a Fleet,
-    /// The latest row of each flight that is known already: the record of a flight with the same result is not read again.
+    /// The latest known row of each flight: the record of a flight with the same result is not read again.
     pub known: &'a Latest,
 }
 
 /// The record of the campaign whose report is in a folder.
 ///
 /// # Errors
-/// The folder holds no report of a campaign, or one of another version.
+/// The folder does not contain a campaign report, or one of another version.
 pub fn read_campaign(report: &Path) -> Result<CampaignRecord, HistoryError> {
     let wrong = |(path, what): (PathBuf, String)| HistoryError::Report { path, what };
     let found = campaign::read_report(report).map_err(wrong)?.ok_or_else(|| {
@@ -58,7 +58,7 @@ pub fn collect(record: &CampaignRecord, report: &Path, with: &Collecting<'_>) ->
     record.flights.iter().map(row).collect()
 }
 
-/// The sentences of every flight of a report.
+/// The texts of every flight of a report.
 #[must_use]
 pub fn texts_of(record: &CampaignRecord, campaign: &str) -> Texts {
     let of = |flight: &FlightRow| {
@@ -68,7 +68,7 @@ pub fn texts_of(record: &CampaignRecord, campaign: &str) -> Texts {
         let effect = flight.effect.as_ref().map(|effect| (HARMED.to_owned(), effect.words.clone()));
         let mut texts = BTreeMap::new();
         for (word, text) in alarms.chain(criteria).chain(effect) {
-            // A flight may have several alarms of one code.
+            // A flight may have several alarms with the same code.
             texts.entry(word).and_modify(|all: &mut String| *all += &format!("; {text}")).or_insert(text);
         }
         texts
@@ -76,13 +76,13 @@ pub fn texts_of(record: &CampaignRecord, campaign: &str) -> Texts {
     record.flights.iter().map(|flight| ((campaign.to_owned(), flight.flight.clone()), of(flight))).collect()
 }
 
-/// The group of each flight. A group that was split describes no flight: its parts do.
+/// The group of each flight. A split group describes no flight: its parts do.
 fn groups_of(groups: &[GroupLateness]) -> BTreeMap<&str, &GroupLateness> {
     let whole = groups.iter().filter(|group| group.split.is_none());
     whole.flat_map(|group| group.members.iter().map(move |member| (member.as_str(), group))).collect()
 }
 
-/// What only the flight's own record holds.
+/// Data that only the flight's own record contains.
 #[derive(Debug, Default, Deserialize)]
 struct RecordPart {
     #[serde(default)]
@@ -96,7 +96,7 @@ struct LogPart {
     about: About,
 }
 
-/// The record beside the flight's page; `None` if there is none.
+/// The record next to the flight's page, if any.
 fn record_part(report: &Path, flight: &FlightRow) -> Result<Option<RecordPart>, HistoryError> {
     let page = report.join(&flight.page);
     let damaged = |what: String| HistoryError::Report { path: page.clone(), what };
@@ -141,7 +141,7 @@ fn row_of(
     Ok(with_identity(with_advice(row, flight, group), flight, with.fleet))
 }
 
-/// Adds how late the position is, and what was removed.
+/// Adds the lateness of the position, and what was removed.
 fn with_answer(row: Row, line: &DelayLine) -> Row {
     let codes: Vec<&str> = line.alarms.iter().map(|alarm| alarm.code.as_str()).collect();
     Row {
@@ -171,7 +171,7 @@ fn text(words: &str) -> Option<String> {
     Some(words.to_owned()).filter(|w| !w.is_empty())
 }
 
-/// Adds what only the flight's record says. A known row of the same result says the same.
+/// Adds data that only the flight's record contains. They are copied from a known row with the same result.
 fn with_record(
     row: Row,
     (flight, group): (&FlightRow, Option<&GroupLateness>),
@@ -204,13 +204,13 @@ fn with_record(
     })
 }
 
-/// One hash of all files of a flight: that of the only file, else all of them in their order.
+/// One hash for all files of a flight: that of the only file, otherwise all of them in order.
 fn content_hash(inputs: &[InputFile]) -> Option<String> {
     let hashes: Vec<&str> = inputs.iter().map(|input| input.blake3.as_str()).filter(|hash| !hash.is_empty()).collect();
     (!hashes.is_empty()).then(|| hashes.join("+"))
 }
 
-/// The autopilot's parameter that is recommended for a flight, and its value, s. What cannot be set is not recommended.
+/// The autopilot parameter recommended for a flight, and its value, s. Only values that can be set are recommended.
 fn advised(flight: &FlightRow, group: Option<&GroupLateness>) -> Option<(String, f64)> {
     if group.is_some_and(GroupLateness::is_apart) {
         return None;
@@ -221,13 +221,14 @@ fn advised(flight: &FlightRow, group: Option<&GroupLateness>) -> Option<(String,
     Some((found.name.clone(), found.value / 1e3))
 }
 
-/// Adds what is recommended: by the group where it says something, else by the flight.
+/// Adds the recommendation: the group's if it has one, otherwise the flight's.
 fn with_advice(row: Row, flight: &FlightRow, group: Option<&GroupLateness>) -> Row {
     let Some((parameter, value_s)) = advised(flight, group) else { return row };
     let of_group =
         group.filter(|g| g.advice.set.iter().any(|s| s.unit == "ms" && !s.out_of_range)).and_then(|g| g.lateness_s);
     let from = of_group.or_else(|| flight.lateness.as_ref().and_then(|l| l.lateness_s()));
-    // The log says the value of one parameter only: that of another would be compared with the wrong one.
+    // The log states the value of one parameter only: a recommendation for another would be compared with the wrong
+    // one.
     let parameter_s = row.parameter_s.filter(|_| row.parameter.as_ref() == Some(&parameter));
     Row {
         parameter: Some(parameter),
@@ -239,7 +240,7 @@ fn with_advice(row: Row, flight: &FlightRow, group: Option<&GroupLateness>) -> R
     }
 }
 
-/// Who flew: the log first, then the fleet file.
+/// Adds the identity: from the log first, then from the fleet file.
 fn with_identity(row: Row, flight: &FlightRow, fleet: &Fleet) -> Row {
     let parts = flight.lateness.iter().flat_map(|l| &l.group.parts);
     let part = |what: &str| parts.clone().find(|part| part.what == what).map(|part| part.value.clone());
@@ -257,7 +258,7 @@ fn with_identity(row: Row, flight: &FlightRow, fleet: &Fleet) -> Row {
     Row { airframe, receiver, serial, firmware, rate_hz, baud, identity_from, ..row }
 }
 
-/// What the log says, else what the fleet file says; writes down which.
+/// The value from the log, otherwise from the fleet file; records which.
 fn first_of<T>(what: &str, log: Option<T>, fleet: Option<T>, from: &mut Vec<String>) -> Option<T> {
     let source = match (&log, &fleet) {
         (Some(_), _) => "log",

@@ -1,4 +1,4 @@
-//! One set of rows against another: what is new, what moved, what fails now, and why.
+//! Compares two sets of rows: what is new, what moved, what fails now, and why.
 
 use crate::brief::PageOf;
 use crate::dataset::Latest;
@@ -13,20 +13,20 @@ pub(crate) const FAILED: &str = "failed";
 const PENDING: &str = "pending";
 const DAMAGED: &str = "log damaged";
 pub(crate) const HARMED: &str = "harmed";
-/// Trouble of a flight from which a delay was removed before.
+/// Trouble of a flight from which a delay used to be removed.
 const NOTHING_REMOVED: &str = "nothing is removed any more";
-/// A number has moved if it did by more than this many standard uncertainties.
+/// A number counts as moved beyond this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
-/// A number whose uncertainty is not known has moved if it changed by more than this share.
+/// A number of unknown uncertainty counts as moved if it changed by more than this fraction.
 const MOVED_SHARE: f64 = 0.1;
-/// Recommended values nearer than this are the same, s: parameters are whole milliseconds.
+/// Recommended values closer than this are equal, s: parameters are whole milliseconds.
 const SAME_ADVICE_S: f64 = 0.5e-3;
 
-/// What alarms and troubles of flights say in full, by campaign and flight, then by code or trouble: rows hold only these.
+/// Full texts of alarms and troubles, by campaign and flight, then by code or trouble: rows contain only the latter.
 pub type Texts = BTreeMap<(String, String), BTreeMap<String, String>>;
 
-/// Compares rows with the latest ones before; `texts` are of these rows. Flights that are gone are not in rows: the
-/// caller knows them.
+/// Compares rows with the latest earlier ones; `texts` are of these rows. Flights that have disappeared are not in the
+/// rows: the caller knows them.
 #[must_use]
 pub fn compare(before: &Latest, now: &[Row], texts: &Texts, page: PageOf<'_>) -> RunChanges {
     let mut changes = RunChanges::default();
@@ -52,7 +52,7 @@ pub fn compare(before: &Latest, now: &[Row], texts: &Texts, page: PageOf<'_>) ->
     changes
 }
 
-/// A flight as it is now.
+/// The current state of a flight.
 struct Flight<'a> {
     row: &'a Row,
     named: NamedFlight,
@@ -60,7 +60,7 @@ struct Flight<'a> {
 }
 
 impl Flight<'_> {
-    /// What an alarm or a trouble says.
+    /// The text of an alarm or a trouble.
     fn text(&self, word: &str) -> Option<&str> {
         match word {
             FAILED | NOT_MEASURABLE | PENDING | NOTHING_REMOVED => self.row.reason.as_deref(),
@@ -74,7 +74,7 @@ impl Flight<'_> {
         (!words.is_empty()).then(|| FlightWords { flight: self.named.clone(), words, error, texts })
     }
 
-    /// Troubles with the reason of the first that has one.
+    /// Troubles with the first reason available.
     fn failing(&self, troubles: Vec<String>) -> Option<FlightWords> {
         let error = troubles.iter().find_map(|trouble| self.text(trouble)).map(str::to_owned);
         self.words(troubles, error.as_deref(), vec![])
@@ -86,7 +86,7 @@ impl Flight<'_> {
         self.words(codes, None, texts)
     }
 
-    /// Words that need no reason.
+    /// Words without a reason.
     fn plain(&self, words: Vec<String>) -> Option<FlightWords> {
         self.words(words, None, vec![])
     }
@@ -97,7 +97,7 @@ fn name_of(row: &Row, page: PageOf<'_>) -> NamedFlight {
     NamedFlight { campaign: row.campaign.clone(), flight: row.flight.clone(), page: page(&row.campaign, &row.page) }
 }
 
-/// A flight that was not there before. One that cannot be measured never could: that is no failure.
+/// A new flight. One that cannot be measured never could: that is not a failure.
 fn new_flight(changes: &mut RunChanges, flight: Flight<'_>) {
     let (cannot, troubles): (Vec<String>, _) =
         troubles(flight.row).into_iter().partition(|what| what == NOT_MEASURABLE);
@@ -109,7 +109,7 @@ fn new_flight(changes: &mut RunChanges, flight: Flight<'_>) {
     changes.new.push(flight.named);
 }
 
-/// Troubles and alarms that came or went.
+/// Troubles and alarms that appeared or disappeared.
 fn came_and_went(changes: &mut RunChanges, was: &Row, flight: &Flight<'_>) {
     let row = flight.row;
     let only = |of: &[String], not: &[String]| of.iter().filter(|t| !not.contains(t)).cloned().collect::<Vec<_>>();
@@ -118,9 +118,9 @@ fn came_and_went(changes: &mut RunChanges, was: &Row, flight: &Flight<'_>) {
         has.push(NOTHING_REMOVED.to_owned());
     }
     changes.failing.extend(flight.failing(only(&has, &had)));
-    // A flight that fails for another reason now has not recovered.
+    // A flight that now fails for another reason has not recovered.
     if has.is_empty() {
-        // What other criteria do not judge is not known to be well.
+        // Without a judgement by the same criteria, recovery is unknown.
         let same_criteria = was.criteria_hash == row.criteria_hash;
         let lost = only(&had, &has).into_iter().filter(|what| same_criteria || !is_criterion(what)).collect();
         changes.recovered.extend(flight.plain(lost));
@@ -128,14 +128,14 @@ fn came_and_went(changes: &mut RunChanges, was: &Row, flight: &Flight<'_>) {
     let ((had, had_remarks), (has, has_remarks)) = (codes(was), codes(row));
     changes.alarms_new.extend(flight.alarming(only(&has, &had)));
     changes.remarks_new.extend(flight.plain(only(&has_remarks, &had_remarks)));
-    // A flight that could not be read shows neither that an alarm is gone nor that it is still there.
+    // A flight that could not be read shows neither that an alarm is gone nor that it persists.
     if row.outcome != FAILED {
         changes.alarms_cleared.extend(flight.plain(only(&had, &has)));
         changes.remarks_cleared.extend(flight.plain(only(&had_remarks, &has_remarks)));
     }
 }
 
-/// Codes of the alarms of a flight that ask for something, and of its remarks, each once.
+/// Codes of the alarms of a flight that require action, and of its remarks, each once.
 fn codes(row: &Row) -> (Vec<String>, Vec<String>) {
     let codes: BTreeSet<String> = row.alarm_codes().map(str::to_owned).collect();
     codes.into_iter().partition(|code| !is_remark(code))
@@ -146,7 +146,7 @@ fn is_remark(code: &str) -> bool {
     Alarm::ALL.iter().any(|alarm| alarm.name() == code && alarm.gravity() == Gravity::Grey)
 }
 
-/// Everything that makes a flight one to look at.
+/// Everything that makes a flight worth examining.
 fn troubles(row: &Row) -> Vec<String> {
     let outcome = match row.outcome.as_str() {
         FAILED => Some(FAILED.to_owned()),
@@ -176,7 +176,7 @@ pub fn causes(was: &Row, row: &Row) -> Vec<ChangeCause> {
     let log = was.log_hash.is_some() && row.log_hash.is_some() && was.log_hash != row.log_hash;
     let build = was.analysis_version != row.analysis_version || was.build != row.build;
     let settings = was.settings_hash != row.settings_hash;
-    // Criteria make no other result.
+    // Criteria do not change results.
     let others = was.key != row.key && !(log || settings || build);
     let found = [
         (log, ChangeCause::Log),
@@ -190,7 +190,7 @@ pub fn causes(was: &Row, row: &Row) -> Vec<ChangeCause> {
 
 /// Numbers of a flight that moved.
 fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> Vec<MovedNumber> {
-    // A lateness against the velocity is the difference that has its own name.
+    // A lateness relative to the velocity is the difference, which has its own name.
     let is_relative = row.datum.as_deref().is_some_and(|datum| datum.starts_with("relative"));
     let is_lateness = was.datum == row.datum && !is_relative;
     let numbers = [
@@ -229,7 +229,7 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
     wanted.filter_map(one).collect()
 }
 
-/// A recommended value that is another one than before. A flight that could not be read withdraws nothing.
+/// A recommended value that changed. A flight that could not be read withdraws nothing.
 fn moved_advice(was: &Row, row: &Row, named: &NamedFlight) -> Option<MovedAdvice> {
     let is_same = match (was.advised_s, row.advised_s) {
         (Some(before), Some(now)) => was.parameter == row.parameter && (before - now).abs() < SAME_ADVICE_S,
@@ -243,7 +243,7 @@ fn moved_advice(was: &Row, row: &Row, named: &NamedFlight) -> Option<MovedAdvice
     Some(MovedAdvice { flight: named.clone(), parameter, before_s, now_s: row.advised_s })
 }
 
-/// The causes of another result or number: criteria change neither.
+/// The causes that can change a result or number: criteria change neither.
 fn of_result(causes: &[ChangeCause]) -> Vec<ChangeCause> {
     causes.iter().copied().filter(|cause| *cause != ChangeCause::Criteria).collect()
 }
@@ -252,7 +252,7 @@ fn estimate((value, u): (Option<f64>, Option<f64>)) -> Option<Estimate> {
     Some(Estimate { value: value?, standard_uncertainty: u })
 }
 
-/// Now less before over the root of the sum of both squared standard uncertainties.
+/// Now minus before, divided by the root of the sum of both squared standard uncertainties.
 fn sigmas(before: &Estimate, now: &Estimate) -> Option<f64> {
     let u = before.standard_uncertainty?.hypot(now.standard_uncertainty?);
     (u > 0.0).then(|| (now.value - before.value) / u)
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn each_cause_is_told_from_the_others() {
+    fn each_cause_is_distinguished() {
         let rerun = |change: &dyn Fn(&mut Row)| {
             let mut now = row("a");
             now.key = "k2".into();
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_without_an_uncertainty_moves_by_more_than_a_tenth() {
+    fn a_number_without_uncertainty_moves_by_more_than_a_tenth() {
         let error = |error_compensated_m| Row {
             error_compensated_m: Some(error_compensated_m),
             error_compensated_u_m: None,
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_moves_by_its_combined_uncertainty_and_never_against_another_datum() {
+    fn a_delay_moves_by_combined_uncertainty_only_within_one_datum() {
         let by = |ms: f64, datum: &str| {
             let now = Row { lateness_s: Some(0.118 + ms / 1e3), datum: Some(datum.into()), ..row("a") };
             changes(&[row("a")], &[now]).moved.first().and_then(|m| m.sigmas)
@@ -340,26 +340,26 @@ mod tests {
         assert_eq!(found.failing[0].error.as_deref(), Some("a.bin: byte 12: no frame"));
         assert_eq!((found.failing[1].flight.flight.as_str(), found.failing[1].words[0].as_str()), ("n", "log damaged"));
         assert_eq!(found.alarms_new[0].words, ["steps"]);
-        // `a` could not be read; of `b` the alarm is gone.
+        // `a` could not be read; the alarm of `b` is gone.
         assert_eq!(found.alarms_cleared.iter().map(|of| of.flight.flight.as_str()).collect::<Vec<_>>(), ["b"]);
         assert_eq!((found.compared, found.new.len(), found.rerun.len()), (2, 1, 0));
     }
 
     #[test]
-    fn a_flight_that_stands_still_from_the_first_night_on_is_not_failing() {
+    fn a_flight_that_never_moved_is_not_failing() {
         let parked =
             |flight| Row { outcome: "not-measurable".into(), reason: Some("stands still".into()), ..row(flight) };
         let found = changes(&[row("a")], &[parked("a"), parked("n")]);
         assert_eq!(found.failing.iter().map(|of| of.flight.flight.as_str()).collect::<Vec<_>>(), ["a"]);
         assert_eq!(found.new_not_measurable, found.new);
         assert_eq!(found.new[0].flight, "n");
-        // What is damaged as well, is.
+        // One that is also damaged is failing.
         let found = changes(&[], &[Row { data: "damaged".into(), ..parked("n") }]);
         assert_eq!(found.failing[0].words, ["log damaged"]);
     }
 
     #[test]
-    fn a_flight_that_fails_for_another_reason_has_not_recovered() {
+    fn a_flight_failing_for_another_reason_has_not_recovered() {
         let damaged = |criterion: Option<&str>| Row {
             data: "damaged".into(),
             criteria_failed: criterion.map(str::to_owned),
@@ -370,9 +370,9 @@ mod tests {
         assert_eq!((found.recovered, found.failing), (vec![], vec![]));
         let found = changes(&[damaged(None)], &[row("a")]);
         assert_eq!(found.recovered[0].words, ["log damaged"]);
-        // Why nothing was removed is no reason of the damage.
+        // Why nothing was removed is not a reason for the damage.
         assert_eq!(changes(&[row("a")], &[damaged(None)]).failing[0].error, None);
-        // What cannot be read shows no alarm, and clears none.
+        // A flight that cannot be read shows no alarm, and clears none.
         let failed = Row { outcome: "failed".into(), alarms: None, ..row("a") };
         assert_eq!(changes(&[row("a")], &[failed]).alarms_cleared, vec![]);
     }
@@ -384,23 +384,23 @@ mod tests {
             alarms: Some("log-damaged weak delay-steps".into()),
             ..row(flight)
         };
-        let said =
+        let messages =
             [("log-damaged", "12 of 900 bytes could not be read\nmore"), ("delay-steps", "The delay steps by 90 ms.")];
-        let said = BTreeMap::from(said.map(|(code, text)| (code.to_owned(), text.to_owned())));
-        let texts = ["a", "n"].map(|flight| (("c".to_owned(), flight.to_owned()), said.clone())).into();
+        let messages = BTreeMap::from(messages.map(|(code, text)| (code.to_owned(), text.to_owned())));
+        let texts = ["a", "n"].map(|flight| (("c".to_owned(), flight.to_owned()), messages.clone())).into();
         let found = compare(&latest_of([row("a")]), &[damaged("a"), damaged("n")], &texts, &|_, _| None);
         for failing in &found.failing {
             assert_eq!(failing.error.as_deref(), Some("12 of 900 bytes could not be read"));
         }
-        let said: Vec<_> = found.alarms_new.iter().map(|of| (of.words.join(" "), of.texts.join("|"))).collect();
+        let alarms: Vec<_> = found.alarms_new.iter().map(|of| (of.words.join(" "), of.texts.join("|"))).collect();
         let steps = "12 of 900 bytes could not be read\nmore";
-        assert_eq!(said[0], ("delay-steps log-damaged".to_owned(), format!("The delay steps by 90 ms.|{steps}")));
-        // `weak` is no alarm of this flight's record: an empty text keeps the others in their places.
-        assert_eq!(said[1].1, format!("The delay steps by 90 ms.|{steps}|"));
+        assert_eq!(alarms[0], ("delay-steps log-damaged".to_owned(), format!("The delay steps by 90 ms.|{steps}")));
+        // `weak` is not an alarm in this flight's record: an empty text keeps the others aligned.
+        assert_eq!(alarms[1].1, format!("The delay steps by 90 ms.|{steps}|"));
     }
 
     #[test]
-    fn another_recommended_value_is_named_once_it_differs_by_a_millisecond() {
+    fn a_recommendation_is_reported_once_it_differs_by_a_millisecond() {
         let advised = |ms: Option<f64>, parameter: &str| Row {
             parameter: Some(parameter.into()),
             advised_s: ms.map(|ms| ms / 1e3),
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn other_criteria_make_no_other_result_and_no_flight_well() {
+    fn new_criteria_change_no_result_and_recover_no_flight() {
         let was = Row { criteria_failed: Some("late".into()), criteria_hash: Some("one".into()), ..row("a") };
         let now = Row { key: "k2".into(), criteria_hash: None, ..row("a") };
         let found = changes(std::slice::from_ref(&was), &[now]);
@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flight_from_which_nothing_is_removed_any_more_is_newly_failing() {
+    fn a_flight_whose_delay_is_no_longer_removed_is_newly_failing() {
         let was = Row { removed_s: Some(0.2), ..row("a") };
         let now = Row { outcome: "uncompensated".into(), reason: Some("no one delay".into()), ..row("a") };
         let found = changes(&[was], &[now]);
@@ -457,7 +457,7 @@ mod tests {
     }
 
     #[test]
-    fn remarks_are_no_alarms() {
+    fn remarks_are_not_alarms() {
         let [remark, alarm] = [Gravity::Grey, Gravity::Red]
             .map(|gravity| Alarm::ALL.iter().find(|alarm| alarm.gravity() == gravity).unwrap().name());
         let with = |alarms: &[&str], flight: &str| Row { alarms: Some(alarms.join(" ")), ..row(flight) };
@@ -469,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_without_an_uncertainty_comes_after_those_that_moved_by_sigmas() {
+    fn numbers_without_uncertainty_are_listed_last() {
         let error = |error_compensated_m, lateness_s| Row {
             error_compensated_m: Some(error_compensated_m),
             lateness_s: Some(lateness_s),

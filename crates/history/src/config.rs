@@ -1,4 +1,4 @@
-//! The nightly file: which campaigns a night runs, and where everything goes.
+//! The nightly file: which campaigns a night runs, and where the outputs go.
 
 use crate::error::HistoryError;
 use crate::fleet::Fleet;
@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use toml::Spanned;
 
-/// Names that a campaign may not have: the night writes files of these names into the same folder.
+/// Names that a campaign must not have: the night writes files with these names into the same folder.
 const TAKEN: [&str; 6] = ["nights", "history", "index.html", "morning.html", "figures.zip", "summary"];
 
-/// The nightly file as its author writes it.
+/// The nightly file.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -33,16 +33,16 @@ struct NightlyFile {
     /// Folder of the history: one Parquet file for each night. Default: OUT/history.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     history: Option<Spanned<PathBuf>>,
-    /// Fleet file: aircraft and receivers that logs do not say.
+    /// Fleet file: aircraft and receivers that logs do not state.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     fleet: Option<Spanned<PathBuf>>,
     /// Settings of all campaigns (TOML). Default: the shipped ones.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pipeline: Option<Spanned<PathBuf>>,
-    /// Criteria of all campaigns (TOML). Default: those that the pipeline names, if any.
+    /// Criteria of all campaigns (TOML). Default: those in the pipeline, if any.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     criteria: Option<Spanned<PathBuf>>,
-    /// A log that was written to less than this ago is left for the next night, minutes. Default: 10.
+    /// A log modified less than this ago is left for the next night, minutes. Default: 10.
     #[serde(default = "default_settle")]
     #[cfg_attr(feature = "schema", schemars(with = "f64", range(min = 0.0, max = 1440.0)))]
     settle_min: Spanned<f64>,
@@ -71,20 +71,20 @@ struct CampaignTable {
     /// Name of the campaign in reports and history. Default: the name of the folder.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>", regex(pattern = "^[A-Za-z0-9._-]+$")))]
     name: Option<Spanned<String>>,
-    /// Settings of this campaign instead of those of all.
+    /// Settings of this campaign, instead of the common ones.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pipeline: Option<Spanned<PathBuf>>,
-    /// Criteria of this campaign instead of those of all.
+    /// Criteria of this campaign, instead of the common ones.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     criteria: Option<Spanned<PathBuf>>,
-    /// Channel map with which every flight is read.
+    /// Channel map for every flight.
     map: Option<String>,
     /// Folder with further channel maps.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     maps: Option<PathBuf>,
 }
 
-/// A night as it is meant.
+/// The resolved configuration of a night.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NightlyConfig {
     /// Name of the night.
@@ -93,17 +93,18 @@ pub struct NightlyConfig {
     pub out: PathBuf,
     /// Folder of the history.
     pub history: PathBuf,
-    /// Identities that logs do not say.
+    /// Identities that logs do not state.
     pub fleet: Fleet,
-    /// Campaigns in their order: name and what is asked.
+    /// Campaigns in order: name and request.
     pub campaigns: Vec<(String, Order)>,
 }
 
 impl NightlyConfig {
-    /// Reads a nightly file, and the pipelines, criteria and fleet that it names. Paths are relative to its folder.
+    /// Reads a nightly file, and the pipelines, criteria and fleet files it refers to. Paths are relative to its
+    /// folder.
     ///
     /// # Errors
-    /// Everything that is wrong with the file, with lines; or what is wrong with a file that it names.
+    /// Everything that is wrong with the file, with lines; or what is wrong with a file it refers to.
     pub fn read(path: &Path) -> Result<NightlyConfig, HistoryError> {
         let fault = |line, what| HistoryError::Settings { file: path.to_owned(), line, what };
         let text = std::fs::read_to_string(path).map_err(|e| fault(None, format!("cannot be read: {e}")))?;
@@ -163,7 +164,7 @@ impl Reader<'_> {
         })
     }
 
-    /// A folder of outputs. A night writes nothing into a folder of logs.
+    /// An output folder. A night never writes into a folder of logs.
     fn outside_logs(
         &self,
         key: &str,
@@ -187,7 +188,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The folder that a night is written to.
+    /// The output folder of the night.
     fn out(&self, written: &NightlyFile) -> Result<PathBuf, Refused> {
         let refusal = "out: a night is written to a folder; only its flights may be in a bucket";
         match campaign::is_in_bucket(written.out.get_ref()) {
@@ -196,7 +197,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The folder of the history. The report of a campaign is a folder of its own.
+    /// The folder of the history. It must not be the report folder of a campaign.
     fn history(
         &self,
         at: &Spanned<PathBuf>,
@@ -224,7 +225,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The names of all campaigns; each is the name of a folder, and no two are equal.
+    /// The names of all campaigns; each is a folder name, and all are unique.
     fn names(&self, campaigns: &[Spanned<CampaignTable>]) -> Result<Vec<String>, Refused> {
         let mut lines: BTreeMap<String, usize> = BTreeMap::new();
         let mut names = vec![];
@@ -253,7 +254,7 @@ impl Reader<'_> {
         right.map(|()| names)
     }
 
-    /// What is asked of a campaign. Its output folder follows from its name.
+    /// The request for a campaign. Its output folder follows from its name.
     fn order(
         &self,
         table: &CampaignTable,
@@ -265,7 +266,7 @@ impl Reader<'_> {
             true => table.flights.get_ref().clone(),
             false => self.folder.join(table.flights.get_ref()),
         };
-        // A folder that is not there may be mounted by the next night; the campaign says so.
+        // A missing folder may be mounted by the next night; the campaign reports it.
         let there = match in_bucket || flights.is_dir() || !flights.exists() {
             true => Ok(()),
             false => Err(self.file.reject(&table.flights, format!("flights: {} is not a folder", flights.display()))),
@@ -292,7 +293,7 @@ impl Reader<'_> {
         })
     }
 
-    /// What `read` makes of a file that is named here.
+    /// The result of `read` for a file referred to here.
     fn named_file<T>(
         &self,
         at: &Spanned<PathBuf>,
@@ -312,7 +313,7 @@ fn campaign_error(error: impl Into<CampaignError>) -> HistoryError {
     HistoryError::Campaign(error.into())
 }
 
-/// The command that makes the same report by hand, with names instead of paths.
+/// The command that produces the same report by hand, with names instead of paths.
 fn command(flights: &Path, pipeline: Option<&Spanned<PathBuf>>, criteria: Option<&Spanned<PathBuf>>) -> String {
     let name = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -365,14 +366,14 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_wrong_is_said_at_once_with_lines() {
+    fn all_errors_are_reported_at_once_with_their_lines() {
         let folder = folder();
         std::fs::write(folder.path().join("p.toml"), "schema = 1\n[delay]\npositon_s = 0.4\nsource = \"x\"\n").unwrap();
         std::fs::write(folder.path().join("july"), "a file").unwrap();
         let text = "schema = 1\nout = \"reports\"\nsettle_min = -1\npipeline = \"p.toml\"\nfleet = \"none.toml\"\n\
                     [[campaign]]\nflights = \"may\"\n[[campaign]]\nflights = \"may\"\n[[campaign]]\nflights = \"july\"\n\
                     name = \"nights\"\nflihgts = 1\n";
-        let said = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
+        let error = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
         for part in [
             "n.toml:3: settle_min must be from 0 to 1440 minutes",
             "p.toml:3: unknown key `positon_s`",
@@ -384,29 +385,29 @@ mod tests {
             "n.toml:12: name \"nights\" is reserved",
             "n.toml:13: unknown key `flihgts`: did you mean `flights`?",
         ] {
-            assert!(said.contains(part), "{part}\nis not in\n{said}");
+            assert!(error.contains(part), "{part}\nis not in\n{error}");
         }
     }
 
     #[test]
-    fn a_night_is_not_written_into_a_folder_of_logs() {
+    fn a_night_does_not_write_into_a_folder_of_logs() {
         let folder = folder();
         let text =
             "schema = 1\nout = \"may/reports\"\n[[campaign]]\nflights = \"june\"\n[[campaign]]\nflights = \"may\"\n";
-        let said = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
-        assert!(said.ends_with("n.toml:2: out lies in the folder of logs may, which is only read"), "{said}");
+        let error = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
+        assert!(error.ends_with("n.toml:2: out lies in the folder of logs may, which is only read"), "{error}");
     }
 
     #[test]
-    fn a_history_has_a_folder_of_its_own() {
+    fn a_history_needs_its_own_folder() {
         let folder = folder();
-        let said = |history: &str| {
+        let history_of = |history: &str| {
             let text =
                 format!("schema = 1\nout = \"reports\"\nhistory = \"{history}\"\n[[campaign]]\nflights = \"may\"\n");
             NightlyConfig::parse(&text, &folder.path().join("n.toml")).map(|config| config.history)
         };
-        assert_eq!(said("years").unwrap(), folder.path().join("years"));
-        let refused = |history: &str| said(history).unwrap_err().to_string();
+        assert_eq!(history_of("years").unwrap(), folder.path().join("years"));
+        let refused = |history: &str| history_of(history).unwrap_err().to_string();
         let of_report = "n.toml:3: history lies in the report of the campaign may: give it a folder of its own";
         assert!(refused("reports/may/history").ends_with(of_report));
         let of_logs = "n.toml:3: history lies in the folder of logs may, which is only read";
@@ -415,12 +416,12 @@ mod tests {
     }
 
     #[test]
-    fn the_example_is_right_but_for_its_folders() {
+    fn the_example_is_valid_except_for_its_folders() {
         let folder = tempfile::tempdir().unwrap();
-        let said = NightlyConfig::parse(pipelines::EXAMPLE_NIGHTLY, &folder.path().join("nightly.toml"))
+        let error = NightlyConfig::parse(pipelines::EXAMPLE_NIGHTLY, &folder.path().join("nightly.toml"))
             .unwrap_err()
             .to_string();
-        let others: Vec<&str> = said.lines().filter(|line| !line.contains("cannot be read")).collect();
-        assert_eq!(others, [] as [&str; 0], "{said}");
+        let others: Vec<&str> = error.lines().filter(|line| !line.contains("cannot be read")).collect();
+        assert_eq!(others, [] as [&str; 0], "{error}");
     }
 }

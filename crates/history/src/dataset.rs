@@ -1,4 +1,4 @@
-//! The history as a folder: one Parquet file for each run, written whole and never changed.
+//! The history as a folder: one Parquet file for each run, written atomically and never changed.
 
 use crate::error::HistoryError;
 use crate::row::{Row, column, rows_of, sheet_of};
@@ -12,20 +12,20 @@ use std::path::{Path, PathBuf};
 /// Ending of a history file.
 const ENDING: &str = "parquet";
 
-/// Most runs that may begin within one second.
+/// Maximum number of runs that may start within one second.
 const MOST_RUNS_A_SECOND: u32 = 1000;
 
-/// When a run began, and the name that this gives it.
+/// The start of a run, and the name derived from it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Run {
-    /// Its name: the instant without colons, as `2026-11-25T220512Z`.
+    /// Its name: the start without colons, such as `2026-11-25T220512Z`.
     pub id: String,
     /// Its start, ns UTC since 1970.
     pub start_ns: i64,
 }
 
 impl Run {
-    /// A run that begins at an instant.
+    /// A run that starts at an instant.
     #[must_use]
     pub fn at(start: jiff::Timestamp) -> Run {
         let second = start.as_second();
@@ -34,7 +34,7 @@ impl Run {
         Run { id, start_ns: i64::try_from(start.as_nanosecond()).unwrap_or(i64::MAX) }
     }
 
-    /// A run that begins at an instant, with a number at the end of its name if a run of that name `exists`.
+    /// A run that starts at an instant, with a number appended to its name if a run of that name `exists`.
     #[must_use]
     pub fn unused(start: jiff::Timestamp, exists: &dyn Fn(&str) -> bool) -> Run {
         let first = Run::at(start);
@@ -66,7 +66,7 @@ impl History {
         &self.folder
     }
 
-    /// Its files, the earliest run first. A folder that does not exist has none.
+    /// Its files, earliest run first. Empty if the folder does not exist.
     ///
     /// # Errors
     /// The folder cannot be listed.
@@ -87,7 +87,7 @@ impl History {
         Ok(files)
     }
 
-    /// Name of the latest run; `None` if there is none. A run that found nothing new has a file without rows.
+    /// Name of the latest run, if any. A run that found nothing new has a file without rows.
     ///
     /// # Errors
     /// The folder cannot be listed.
@@ -96,8 +96,8 @@ impl History {
         Ok(files.last().and_then(|path| path.file_stem()).map(|name| name.to_string_lossy().into_owned()))
     }
 
-    /// Writes the rows of a run as a new file. The file is written to a temporary name, synced and then given its name, so
-    /// it is whole or absent. A file that exists is never changed: a second run within the same second gets a number.
+    /// Writes the rows of a run as a new file. It is written under a temporary name, synced and renamed, so it is
+    /// complete or absent. An existing file is never changed: a second run within the same second gets a number.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -125,8 +125,8 @@ impl History {
         )))
     }
 
-    /// The latest row of each of these flights of a campaign. Files that cannot be read are left out: [`History::briefs`] names
-    /// them.
+    /// The latest row of each of these flights of a campaign. Files that cannot be read are skipped:
+    /// [`History::briefs`] lists them.
     ///
     /// # Errors
     /// The folder cannot be listed.
@@ -134,7 +134,7 @@ impl History {
         let mut latest = Latest::new();
         for path in self.files()? {
             let is_named = |names: &(String, String)| names.0 == campaign && flights.contains(names.1.as_str());
-            // Most files hold none of them, and two columns of fifty tell.
+            // Most files contain none of them, and two of fifty columns are enough to see that.
             if names_in(&path).is_ok_and(|names| !names.iter().any(is_named)) {
                 continue;
             }
@@ -164,7 +164,7 @@ fn order_of(path: &Path) -> (String, u32) {
     numbered.unwrap_or((name, 1))
 }
 
-/// Puts a row in the place of an earlier one of the same flight.
+/// Replaces an earlier row of the same flight.
 fn keep_later(latest: &mut Latest, row: Row) {
     let name = (row.campaign.clone(), row.flight.clone());
     if latest.get(&name).is_none_or(|known| known.run_ns <= row.run_ns) {
@@ -172,7 +172,7 @@ fn keep_later(latest: &mut Latest, row: Row) {
     }
 }
 
-/// The latest row of each flight of some rows.
+/// The latest of these rows for each flight.
 #[must_use]
 pub fn latest_of(rows: impl IntoIterator<Item = Row>) -> Latest {
     let mut latest = Latest::new();
@@ -198,7 +198,7 @@ pub(crate) fn readable_by_all(_file: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// After this a new name survives a loss of power.
+/// After this a new file name survives a power loss.
 #[cfg(unix)]
 fn sync_folder(folder: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn the_latest_run_counts_and_earlier_files_are_not_changed() {
+    fn the_latest_run_counts_and_earlier_files_stay_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         let history = History::new(&folder.path().join("history"));
         assert_eq!(history.files().unwrap(), [] as [PathBuf; 0]);
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_run_of_the_same_second_writes_a_file_of_its_own() {
+    fn a_second_run_in_the_same_second_writes_its_own_file() {
         let folder = tempfile::tempdir().unwrap();
         let history = History::new(folder.path());
         let run = run(1_795_644_000);
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_file_is_named_and_the_others_are_read() {
+    fn a_damaged_file_is_reported_and_the_others_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let history = History::new(folder.path());
         let (first, second) = (run(1_795_644_000), run(1_795_730_400));

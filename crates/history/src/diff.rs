@@ -12,14 +12,14 @@ use record::{
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
-/// A mean has moved if it did by more than this many standard uncertainties.
+/// A mean counts as moved beyond this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
 
-/// Compares two reports of campaigns. `page_folder` is the folder of the page that will name the flights: pages of flights are
-/// linked from there.
+/// Compares two reports of campaigns. `page_folder` is the folder of the page that will list the flights; links to
+/// pages of flights are relative to it.
 ///
 /// # Errors
-/// A folder holds no report of a campaign, or a record in it is damaged.
+/// A folder does not contain a campaign report, or a record in it is damaged.
 pub fn diff(before: &Path, now: &Path, page_folder: Option<&Path>) -> Result<DiffRecord, HistoryError> {
     let records = (read_campaign(before)?, read_campaign(now)?);
     let (was, is) = (rows(&records.0, before)?, rows(&records.1, now)?);
@@ -40,7 +40,7 @@ pub fn diff(before: &Path, now: &Path, page_folder: Option<&Path>) -> Result<Dif
     })
 }
 
-/// The rows of a report, of no campaign: two reports may have different names.
+/// The rows of a report, without a campaign name: two reports may have different names.
 fn rows(record: &CampaignRecord, report: &Path) -> Result<Vec<Row>, HistoryError> {
     let run = Run { id: report.display().to_string(), start_ns: 0 };
     let (fleet, known) = (Fleet::default(), Latest::new());
@@ -70,7 +70,7 @@ fn settings_that_differ(before: &str, now: &str) -> Vec<String> {
     differs.map(|key| format!("{key}: was {}, is {}", value(&was, key), value(&is, key))).collect()
 }
 
-/// Keys with dots between their parts, and their values.
+/// Dotted keys and their values.
 fn flat(text: &str) -> BTreeMap<String, String> {
     fn walk(path: &str, value: &toml::Value, into: &mut BTreeMap<String, String>) {
         match value {
@@ -84,7 +84,7 @@ fn flat(text: &str) -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
     match toml::from_str::<toml::Table>(text) {
         Ok(table) => walk("", &toml::Value::Table(table), &mut all),
-        // Not TOML: the whole text stands for itself.
+        // Not TOML: keep the whole text.
         Err(_) => drop(all.insert("settings".to_owned(), text.to_owned())),
     }
     all
@@ -107,7 +107,7 @@ fn moved_groups(before: &[GroupLateness], now: &[GroupLateness]) -> Vec<MovedDel
     all
 }
 
-/// The way from one folder to another, with `/` between folders; `None` if there is none.
+/// The relative path from one folder to another, with `/` as separator; `None` if there is none.
 fn relative(from: &Path, to: &Path) -> Option<String> {
     let whole = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path)).ok();
     let (from, to): (PathBuf, PathBuf) = (whole(from)?, whole(to)?);
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_that_differ_are_named_with_both_values() {
+    fn differing_settings_are_listed_with_both_values() {
         let before = "title = \"a\"\n[delay]\nposition_s = 0.4\n[replay]\nstep = 1\n";
         let now = "title = \"a\"\n[delay]\nposition_s = 0.35\nsource = \"card\"\n[replay]\nstep = 1\n";
         assert_eq!(

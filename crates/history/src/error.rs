@@ -10,9 +10,9 @@ pub enum HistoryError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried.
+        /// The attempted operation.
         doing: &'static str,
-        /// What the system says.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// A settings file is wrong.
@@ -20,7 +20,7 @@ pub enum HistoryError {
     Settings {
         /// The file.
         file: PathBuf,
-        /// Line, from 1, where there is one.
+        /// Line, from 1, if known.
         line: Option<usize>,
         /// What is wrong, and what would be right.
         what: String,
@@ -33,7 +33,7 @@ pub enum HistoryError {
         /// What is wrong.
         what: String,
     },
-    /// The command asks for something that cannot be done.
+    /// The command requests something impossible.
     #[error("{0}")]
     Asked(String),
     /// A campaign failed, or one of its settings files is wrong.
@@ -46,7 +46,7 @@ impl HistoryError {
         HistoryError::Io { path: path.to_owned(), doing, source }
     }
 
-    /// The exit code that this error stands for.
+    /// The exit code for this error.
     #[must_use]
     pub fn exit(&self) -> campaign::Exit {
         match self {

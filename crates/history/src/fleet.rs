@@ -1,4 +1,4 @@
-//! The fleet file: which aircraft and receiver a flight is of, where its log does not say it.
+//! The fleet file: aircraft and receiver of a flight, where its log does not state them.
 
 use crate::error::HistoryError;
 #[cfg(feature = "schema")]
@@ -8,7 +8,7 @@ use settings::{Refused, SettingsFile};
 use std::path::Path;
 use toml::Spanned;
 
-/// The fleet file as its author writes it.
+/// The fleet file.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -17,21 +17,21 @@ struct FleetFile {
     /// Version of this file's layout: 1.
     #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     schema: Spanned<u32>,
-    /// Aircraft, each with the flights that are its own. The first that fits a flight counts.
+    /// Aircraft, each with its flights. The first that matches a flight counts.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "Vec<AircraftTable>", length(min = 1)))]
     aircraft: Vec<Spanned<AircraftTable>>,
 }
 
-/// An aircraft with its receiver, and which flights are its own.
+/// An aircraft with its receiver and its flights.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct AircraftTable {
-    /// Pattern of CAMPAIGN/FLIGHT; `*` stands for anything, also for several folders.
+    /// Pattern of CAMPAIGN/FLIGHT; `*` matches anything, including several folders.
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     flights: Spanned<String>,
-    /// Aircraft, as its registration or tail number.
+    /// Aircraft: registration or tail number.
     airframe: Option<String>,
     /// Make and model of the receiver.
     receiver: Option<String>,
@@ -47,7 +47,7 @@ struct AircraftTable {
     baud: Option<Spanned<u32>>,
 }
 
-/// What the fleet file says of a flight.
+/// What the fleet file states about a flight.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Aircraft {
     /// Aircraft.
@@ -64,10 +64,10 @@ pub struct Aircraft {
     pub baud: Option<i64>,
 }
 
-/// Which aircraft flew what. Empty without a fleet file.
+/// Aircraft of each flight. Empty without a fleet file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Fleet {
-    /// Patterns with what they stand for, the first that fits counts.
+    /// Patterns and their aircraft; the first match counts.
     aircraft: Vec<(String, Aircraft)>,
 }
 
@@ -75,7 +75,7 @@ impl Fleet {
     /// Reads a fleet file.
     ///
     /// # Errors
-    /// The file cannot be read, or holds something wrong: every complaint with its line.
+    /// The file cannot be read or is invalid: every error with its line.
     pub fn read(path: &Path) -> Result<Fleet, HistoryError> {
         let text = std::fs::read_to_string(path).map_err(|e| HistoryError::Settings {
             file: path.to_owned(),
@@ -97,7 +97,7 @@ impl Fleet {
         file.finish(meant).map_err(wrong)
     }
 
-    /// What is said of a flight; the first pattern that fits `CAMPAIGN/FLIGHT` counts.
+    /// The entry for a flight: the first pattern that matches `CAMPAIGN/FLIGHT`.
     #[must_use]
     pub fn of(&self, campaign: &str, flight: &str) -> Option<&Aircraft> {
         let name = format!("{campaign}/{flight}");
@@ -125,7 +125,7 @@ fn aircraft(file: &SettingsFile<'_>, written: Spanned<AircraftTable>) -> Result<
     Ok((flights.into_inner(), Aircraft { airframe, receiver, serial, firmware, rate_hz, baud }))
 }
 
-/// Everything that is wrong with an aircraft is said.
+/// Reports everything that is wrong with an aircraft.
 fn check(file: &SettingsFile<'_>, whole: &Spanned<()>, table: &AircraftTable) -> Result<(), Refused> {
     let says_nothing = table.airframe.is_none()
         && [&table.receiver, &table.serial, &table.firmware].iter().all(|text| text.is_none())
@@ -149,7 +149,7 @@ fn check(file: &SettingsFile<'_>, whole: &Spanned<()>, table: &AircraftTable) ->
     right
 }
 
-/// Whether a name fits a pattern in which `*` stands for anything.
+/// Whether a name matches a pattern in which `*` matches anything.
 fn fits(pattern: &str, name: &str) -> bool {
     let mut parts = pattern.split('*');
     let first = parts.next().unwrap_or_default();
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_pattern_that_fits_counts() {
+    fn the_first_matching_pattern_counts() {
         let text = "schema = 1\n[[aircraft]]\nflights = \"uav/may/*\"\nairframe = \"N1\"\nbaud = 115200\n\
                     [[aircraft]]\nflights = \"uav/*.bin\"\nairframe = \"N2\"\nserial = \"7\"\n";
         let fleet = Fleet::parse(text, Path::new("fleet.toml")).unwrap();
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_star_stands_for_anything() {
+    fn a_star_matches_anything() {
         for (pattern, name, does) in [
             ("*", "", true),
             ("a*", "abc", true),
@@ -205,17 +205,17 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_wrong_is_said_at_once_with_lines() {
+    fn all_errors_are_reported_at_once_with_their_lines() {
         let text = "schema = 1\n[[aircraft]]\nflights = \"a/*\"\n[[aircraft]]\nflights = \"b/*\"\nairfarme = \"N2\"\n\
                     [[aircraft]]\nflights = \"c/*\"\nrate_hz = -5.0\n";
-        let said = Fleet::parse(text, Path::new("fleet.toml")).unwrap_err().to_string();
-        assert!(said.contains("fleet.toml:2: [[aircraft]] says nothing"), "{said}");
-        assert!(said.contains("fleet.toml:6: unknown key `airfarme`: did you mean `airframe`?"), "{said}");
-        assert!(said.contains("fleet.toml:9: rate_hz must be more than 0 Hz"), "{said}");
+        let error = Fleet::parse(text, Path::new("fleet.toml")).unwrap_err().to_string();
+        assert!(error.contains("fleet.toml:2: [[aircraft]] says nothing"), "{error}");
+        assert!(error.contains("fleet.toml:6: unknown key `airfarme`: did you mean `airframe`?"), "{error}");
+        assert!(error.contains("fleet.toml:9: rate_hz must be more than 0 Hz"), "{error}");
     }
 
     #[test]
-    fn the_example_is_a_fleet() {
+    fn the_example_is_a_valid_fleet() {
         let fleet = Fleet::parse(pipelines::EXAMPLE_FLEET, Path::new("fleet.toml")).unwrap();
         assert!(!fleet.aircraft.is_empty());
     }

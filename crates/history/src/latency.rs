@@ -1,4 +1,4 @@
-//! How late positions are, by receiver, firmware, rate and baud.
+//! Lateness of positions, by receiver, firmware, rate and baud.
 
 use crate::brief::Brief;
 use crate::change_points::SharedMean;
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LatencyLine {
-    /// Make and model of the receiver; `null` if it is not known.
+    /// Make and model of the receiver; `null` if unknown.
     pub receiver: Option<String>,
     /// Firmware of the receiver.
     pub firmware: Option<String>,
@@ -26,11 +26,11 @@ pub struct LatencyLine {
     pub flights: u64,
     /// Weighted mean, s.
     pub lateness_s: f64,
-    /// Its standard uncertainty, s. The part of the model error that the flights share is not averaged down.
+    /// Its standard uncertainty, s. The part of the model error that all flights share is not averaged down.
     pub lateness_u_s: f64,
-    /// That part, s; the least that any of these flights has.
+    /// That shared part, s: the smallest of any of these flights.
     pub lateness_common_u_s: f64,
-    /// Standard deviation between flights beyond their own uncertainties, s.
+    /// Standard deviation between flights in addition to their own uncertainties, s.
     pub between_s: f64,
     /// Smallest, s.
     pub low_s: f64,
@@ -82,7 +82,7 @@ mod tests {
     use crate::row::Row;
 
     #[test]
-    fn receivers_and_firmwares_are_lines_of_their_own() {
+    fn each_receiver_and_firmware_has_its_own_line() {
         let row = |n: usize, firmware: &str, late_s: f64| Row {
             flight: format!("{n}"),
             receiver: Some("u-blox M8".into()),
@@ -117,12 +117,12 @@ mod tests {
         };
         let rows: Vec<Brief> = (0..16).map(|n| Brief::from(&row(n))).collect();
         let found = latency(&latest_briefs(&rows)).into_iter().next().unwrap();
-        // Ten at 400 ms and six at 450 ms: mean 418.75 ms, standard deviation of the sample 25.0 ms.
+        // Ten at 400 ms and six at 450 ms: mean 418.75 ms, sample standard deviation 25.0 ms.
         assert!((found.lateness_s - 0.41875).abs() < 0.1e-3 && (found.between_s - 0.025).abs() < 0.2e-3, "{found:?}");
         assert!((found.lateness_u_s - 0.025 / 4.0).abs() < 0.1e-3, "{found:?}");
     }
 
-    /// The line of some flights that agree, each with U = 16 ms, of which so much is the model's.
+    /// The line for some flights that agree, each with U = 16 ms, of which `model_u_s` is the model's part.
     fn line(flights: usize, model_u_s: Option<f64>) -> LatencyLine {
         let row = |n: usize| Row {
             flight: format!("{n:03}"),
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_that_all_flights_share_is_not_averaged_down() {
+    fn a_shared_error_is_not_averaged_down() {
         for flights in [1, 8, 400] {
             let exact = ((0.008f64.powi(2) - 0.0075f64.powi(2)) / flights as f64 + 0.0075f64.powi(2)).sqrt();
             let found = line(flights, Some(0.0075));
@@ -147,14 +147,14 @@ mod tests {
     }
 
     #[test]
-    fn where_the_shared_part_is_not_known_more_flights_do_not_help() {
+    fn more_flights_do_not_help_if_the_shared_part_is_unknown() {
         for flights in [1, 8, 400] {
             assert!((line(flights, None).lateness_u_s - 0.008).abs() < 0.1e-3);
         }
     }
 
     #[test]
-    fn the_mean_of_a_history_is_that_of_the_campaigns_group() {
+    fn the_mean_of_a_history_matches_the_campaigns_group() {
         let (late, u) = ([0.1949, 0.2021, 0.2034, 0.2045, 0.2002, 0.2011, 0.1987, 0.2030], 0.0082);
         let model = [0.0078, 0.0079, 0.0078, 0.0080, 0.0078, 0.0078, 0.0081, 0.0078];
         let rows = late.iter().zip(model).enumerate().map(|(n, (late, model))| Row {

@@ -1,8 +1,8 @@
 //! Campaigns over many nights.
 //!
-//! A [`History`] is a folder of Parquet files, one for each run. A run adds one [`Row`] for each flight whose finding is new
-//! or changed. Each row has two time axes: when the flight was flown and when the run was.
-//! [`collect`] makes the rows from the report of a campaign. Identities that a log does not say come from a [`Fleet`] file.
+//! A [`History`] is a folder of Parquet files, one for each run. A run adds one [`Row`] for each flight whose finding
+//! is new or changed. Each row has two time axes: when the flight was flown and when the run took place. [`collect`]
+//! makes the rows from the report of a campaign. A [`Fleet`] file supplies identities that a log does not state.
 //!
 //! ```
 //! use history::{History, Row, Run};

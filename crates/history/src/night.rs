@@ -1,4 +1,4 @@
-//! One night: every campaign, the history, what changed, trends, and whether settings held.
+//! One night: every campaign, the history, what changed, trends, and whether settings had the predicted effect.
 
 use crate::brief::{Brief, latest_briefs};
 use crate::change_points::Looks;
@@ -26,13 +26,13 @@ use std::time::Instant;
 const NIGHTS: &str = "nights";
 /// Page of the latest night, in the folder of the reports.
 const MORNING: &str = "morning.html";
-/// Held while a night runs.
+/// Held while a night is running.
 const LOCK: &str = ".nightly-lock";
 
-/// What a night left.
+/// The result of a night.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Night {
-    /// Everything that it found.
+    /// Everything it found.
     pub record: NightRecord,
     /// Page to open.
     pub page: PathBuf,
@@ -47,8 +47,8 @@ pub struct Night {
 /// Runs a night.
 ///
 /// # Errors
-/// The user stopped, another night is at work on the same folder, or an output cannot be written. A campaign that fails is a
-/// row of the night's page.
+/// The user stopped, another night is running on the same folder, or an output cannot be written. A campaign that fails
+/// is a row of the night's page.
 pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, HistoryError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
     std::fs::create_dir_all(&config.out).map_err(|e| HistoryError::io(&config.out, "make this folder", e))?;
@@ -63,7 +63,7 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
         desk.events.event(&Event::Campaign { name: name.clone(), flights: order.flights.clone() });
         made.campaign(name, order, &Context { run: &run, config, history: &history, desk })?;
     }
-    let fresh: Vec<Row> = made.rows.iter().filter(|row| !stands(row, &made.before)).cloned().collect();
+    let fresh: Vec<Row> = made.rows.iter().filter(|row| !is_recorded(row, &made.before)).cloned().collect();
     let record = record(config, &run, clock, known.rows, &fresh, made);
     let exit = exit_of(record.exit);
     let folder = config.out.join(NIGHTS).join(&run.id);
@@ -75,7 +75,7 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
 }
 
 impl Night {
-    /// What went wrong: campaigns that failed, then problems of the others.
+    /// What went wrong: failed campaigns, then problems of the others.
     pub fn errors(&self) -> impl Iterator<Item = String> {
         let failed = self.record.campaigns.iter();
         let failed = failed.filter_map(|campaign| Some(format!("{}: {}", campaign.name, campaign.error.as_ref()?)));
@@ -95,19 +95,19 @@ impl Night {
     }
 }
 
-/// A run whose name neither a night nor the history has.
+/// A run whose name is unused by nights and history.
 fn unused_run(config: &NightlyConfig, start: jiff::Timestamp) -> Run {
     let nights = config.out.join(NIGHTS);
     let is_used = |id: &str| nights.join(id).exists() || config.history.join(format!("{id}.parquet")).exists();
     Run::unused(start, &is_used)
 }
 
-/// Whether the history says the same already.
-fn stands(row: &Row, before: &Latest) -> bool {
+/// Whether the history already has the same result.
+fn is_recorded(row: &Row, before: &Latest) -> bool {
     before.get(&(row.campaign.clone(), row.flight.clone())).is_some_and(|known| known.says_the_same(row))
 }
 
-/// Two nights at once would write the same pages.
+/// Locks the folder: two nights at once would write the same pages.
 fn lock(out: &Path) -> Result<File, HistoryError> {
     let path = out.join(LOCK);
     let file = File::create(&path).map_err(|e| HistoryError::io(&path, "make", e))?;
@@ -117,12 +117,12 @@ fn lock(out: &Path) -> Result<File, HistoryError> {
             let what = format!("{}: another nightly run is using this folder", out.display());
             Err(CampaignError::TryAgain(what).into())
         }
-        // Some network file systems know no locks: the campaigns have locks of their own.
+        // Some network file systems have no locks: the campaigns have locks of their own.
         Err(std::fs::TryLockError::Error(_)) => Ok(file),
     }
 }
 
-/// What a campaign needs of its night.
+/// What a campaign needs from its night.
 struct Context<'a> {
     run: &'a Run,
     config: &'a NightlyConfig,
@@ -130,16 +130,16 @@ struct Context<'a> {
     desk: &'a Desk<'a>,
 }
 
-/// What was made so far.
+/// Results so far.
 #[derive(Default)]
 struct Made {
     /// The last run before.
     since: Option<String>,
     campaigns: Vec<NightCampaign>,
     rows: Vec<Row>,
-    /// What the alarms and failures of these rows say.
+    /// Texts of the alarms and failures of these rows.
     texts: Texts,
-    /// What the history says of the flights of these rows.
+    /// Earlier rows of the same flights in the history.
     before: Latest,
     gone: Vec<NamedFlight>,
     groups: Vec<NightGroup>,
@@ -148,19 +148,19 @@ struct Made {
 }
 
 impl Made {
-    /// Runs one campaign and takes down what came of it. Only the user's stop ends the night.
+    /// Runs one campaign and records its results. Only a stop by the user ends the night.
     fn campaign(&mut self, name: &str, order: &Order, context: &Context<'_>) -> Result<(), HistoryError> {
         let earlier = read_campaign(&order.out).ok();
         let is_there = campaign::is_in_bucket(&order.flights) || order.flights.is_dir();
         let ran = match is_there {
             true => campaign::run(order, context.desk),
-            // A disk that is not mounted: the other campaigns go on.
+            // A disk that is not mounted: the other campaigns continue.
             false => Err(CampaignError::TryAgain(format!("{}: the folder does not exist", order.flights.display()))),
         };
         let ended = match ran {
             Err(CampaignError::Cancelled) => return Err(CampaignError::Cancelled.into()),
             Ok(verdict) => self.collected(name, order, context, earlier.as_ref(), &verdict).map(|()| verdict),
-            // A folder that held flights is a disk that is not mounted, more often than a folder that somebody emptied.
+            // A folder that used to have flights is more often an unmounted disk than a folder that somebody emptied.
             Err(CampaignError::NoFlights { path, what }) if earlier.is_some() && what == EMPTY_FOLDER => {
                 let what = format!("{}: no flight found, and the report has some: {what}", path.display());
                 Err(CampaignError::TryAgain(what).into())
@@ -194,7 +194,7 @@ impl Made {
         let now: BTreeSet<&str> = record.flights.iter().map(|row| row.flight.as_str()).collect();
         let left = left_of(name, &record);
         let before = earlier.iter().flat_map(|record| &record.flights).map(|row| row.flight.as_str());
-        let unusable = self.lost(name, before.filter(|flight| !now.contains(flight)), &record, &left);
+        let unusable = self.missing(name, before.filter(|flight| !now.contains(flight)), &record, &left);
         let names = now.iter().copied().chain(unusable.iter().map(|input| input.path.as_str())).collect();
         let known = context.history.latest(name, &names)?;
         let with = Collecting { run: context.run, campaign: name, fleet, known: &known };
@@ -202,7 +202,7 @@ impl Made {
         self.rows.extend(unusable.iter().map(|input| unusable_row(input, &record, &with)));
         self.texts.extend(texts_of(&record, name));
         self.before.extend(known);
-        self.groups.extend(apart(name, &record, earlier));
+        self.groups.extend(divided_groups(name, &record, earlier));
         self.left.extend(left);
         if verdict.troubled > 0 {
             self.problems.push(format!(
@@ -213,9 +213,9 @@ impl Made {
         Ok(())
     }
 
-    /// Takes down which of these flights of the report before are gone. The files of the others are there, and are no flights
-    /// any more: those that are not just `left` are returned.
-    fn lost<'a>(
+    /// Records which flights of the previous report are gone. Returns those whose files still exist but are no longer
+    /// flights, except those just `left` for the next night.
+    fn missing<'a>(
         &mut self,
         campaign: &str,
         flights: impl Iterator<Item = &'a str>,
@@ -237,7 +237,7 @@ impl Made {
     }
 }
 
-/// The row of a log that was a flight, and of which nothing can be used any more.
+/// The row of a log that used to be a flight and is now unusable.
 fn unusable_row(input: &IgnoredInput, record: &CampaignRecord, with: &Collecting<'_>) -> Row {
     Row {
         run_id: with.run.id.clone(),
@@ -254,25 +254,25 @@ fn unusable_row(input: &IgnoredInput, record: &CampaignRecord, with: &Collecting
     }
 }
 
-/// Groups whose flights do not share one delay, or of which some differ from the others. Parts of a group that was split are
-/// told by the whole.
-fn apart(name: &str, record: &CampaignRecord, earlier: Option<&CampaignRecord>) -> Vec<NightGroup> {
+/// Groups whose flights do not share one delay, or of which some differ from the others. A split group is reported as a
+/// whole, not by its parts.
+fn divided_groups(name: &str, record: &CampaignRecord, earlier: Option<&CampaignRecord>) -> Vec<NightGroup> {
     let before: Vec<&GroupLateness> = earlier.iter().flat_map(|record| &record.groups).collect();
     let of = |group: &GroupLateness| {
         let same = |other: &&&GroupLateness| other.group.key == group.group.key && other.against == group.against;
-        let was_apart = before.iter().filter(same).any(|other| other.is_apart());
+        let was_divided = before.iter().filter(same).any(|other| other.is_apart());
         let known: Vec<&String> = before.iter().filter(same).flat_map(|other| &other.outliers).collect();
         let (is_new, words) = match (group.is_apart(), group.lone_outliers()) {
-            (true, _) => (!was_apart, group.split.clone().unwrap_or_else(|| group.words.clone())),
+            (true, _) => (!was_divided, group.split.clone().unwrap_or_else(|| group.words.clone())),
             (false, []) => return None,
-            (false, lone) => (!was_apart && lone.iter().any(|flight| !known.contains(&flight)), group.words.clone()),
+            (false, lone) => (!was_divided && lone.iter().any(|flight| !known.contains(&flight)), group.words.clone()),
         };
         Some(NightGroup { campaign: name.to_owned(), is_new, group: group.group.name.clone(), words })
     };
     record.groups.iter().filter_map(of).collect()
 }
 
-/// Logs that are left for the next night.
+/// Logs left for the next night.
 fn left_of(name: &str, record: &CampaignRecord) -> Vec<LeftLog> {
     let unsettled = record.ignored.iter().filter(|input| input.reason.starts_with(STILL_WRITTEN));
     let left = unsettled.map(|input| (input.path.clone(), input.reason.clone()));
@@ -343,7 +343,7 @@ fn record(
     record
 }
 
-/// Only the charts that show a change: `flightlag trend` shows all.
+/// Only the charts with a change: `flightlag trend` shows all.
 fn with_changes(trend: Trend) -> TrendRecord {
     let mut record = trend.record;
     let all = record.charts.len();
@@ -352,7 +352,7 @@ fn with_changes(trend: Trend) -> TrendRecord {
     record
 }
 
-/// The gravest exit code. What no retry heals comes first, then what one may heal, then what was found.
+/// The most severe exit code: first what no retry fixes, then what a retry may fix, then findings.
 fn code(record: &NightRecord) -> u8 {
     let is_failed = record.proofs.iter().any(|proof| proof.verdict == ProofVerdict::Fail);
     let proof = if is_failed { Exit::CriterionFailed } else { Exit::Well };
@@ -371,7 +371,7 @@ fn exit_of(code: u8) -> Exit {
     GRAVEST_LAST.into_iter().find(|known| *known as u8 == code).unwrap_or(Exit::Failed)
 }
 
-/// Writes the pages and summaries: those of this night in its folder, and the page of the latest night above.
+/// Writes the pages and summaries: those of this night into its folder, and the page of the latest night above it.
 fn write(record: &NightRecord, config: &NightlyConfig, folder: &Path) -> Result<(), HistoryError> {
     let site = report::night_site(record, "../../");
     for (path, bytes) in site.to_write() {
@@ -399,7 +399,7 @@ fn write(record: &NightRecord, config: &NightlyConfig, folder: &Path) -> Result<
     Ok(())
 }
 
-/// Writes a file whole: to a temporary name in its folder, then renamed.
+/// Writes a file atomically: to a temporary name in its folder, then renamed.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -413,7 +413,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), HistoryError> {
     Ok(())
 }
 
-/// The name of a flight for a sentence.
+/// The name of a flight, as text.
 pub(crate) fn flight_name(flight: &NamedFlight) -> String {
     if flight.campaign.is_empty() { flight.flight.clone() } else { format!("{}/{}", flight.campaign, flight.flight) }
 }

@@ -1,25 +1,25 @@
-//! "Set this, then prove it": whether a recommended parameter did what was predicted, by the flights after it.
+//! "Set this, then prove it": whether a recommended parameter had the predicted effect, judged by later flights.
 //!
-//! The residual is the lateness of the position less the value of the parameter: what the autopilot does not account for. A
-//! run recommends a value from the lateness of the flights before. When later logs show that the parameter was set, their
-//! residual is measured and put beside the prediction.
+//! The residual is the lateness of the position minus the value of the parameter: what the autopilot does not account
+//! for. A run recommends a value from the lateness of earlier flights. When later logs show that the parameter was set,
+//! their residual is measured and compared with the prediction.
 
 use crate::brief::{Brief, PageOf, latest_briefs};
 use crate::change_points::SharedMean;
 use record::{Estimate, ProofVerdict, SettingProof};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Parameters are whole milliseconds: values nearer than this are the same, s.
+/// Parameters are whole milliseconds: values closer than this are equal, s.
 const SAME_S: f64 = 0.5e-3;
-/// Residuals that differ by no more than the step of the parameter agree, s.
+/// Residuals agree if they differ by at most the step of the parameter, s.
 const STEP_S: f64 = 1e-3;
 /// Prediction and measurement agree within this many combined standard uncertainties.
 const AGREE_SIGMAS: f64 = 2.0;
 
-/// Which setting of which aircraft.
+/// Identifies a setting of an aircraft.
 type Subject<'a> = (&'a str, &'a str, &'a str, &'a str);
 
-/// Flights after one another with the same value of the parameter.
+/// Consecutive flights with the same value of the parameter.
 struct Epoch<'a> {
     set_s: f64,
     /// The latest row of each flight.
@@ -47,7 +47,7 @@ pub fn proofs(rows: &[Brief], page: PageOf<'_>) -> Vec<SettingProof> {
     subjects.iter().flat_map(|(subject, rows)| of_subject(*subject, rows, page)).collect()
 }
 
-/// The latest change of a setting, and the recommendation that is open.
+/// The latest change of a setting, and its open recommendation.
 fn of_subject(subject: Subject<'_>, rows: &[&Brief], page: PageOf<'_>) -> Vec<SettingProof> {
     let epochs = epochs(rows);
     let mut found = vec![];
@@ -60,7 +60,7 @@ fn of_subject(subject: Subject<'_>, rows: &[&Brief], page: PageOf<'_>) -> Vec<Se
     found
 }
 
-/// Flights with a known value of the parameter, in the order in which they were flown, by value.
+/// Flights with a known value of the parameter, in flying order, grouped by value.
 fn epochs<'a>(rows: &[&'a Brief]) -> Vec<Epoch<'a>> {
     let mut latest: BTreeMap<&str, &Brief> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.parameter_s.is_some()) {
@@ -82,7 +82,7 @@ fn epochs<'a>(rows: &[&'a Brief]) -> Vec<Epoch<'a>> {
     epochs
 }
 
-/// What the last run before any of the later flights recommended for the earlier ones.
+/// The recommendation for the earlier flights by the last run before any of the later ones.
 fn recommendation<'a>(before: &Epoch<'_>, after: &Epoch<'_>, rows: &[&'a Brief]) -> Option<&'a Brief> {
     let is_in = |epoch: &Epoch<'_>, row: &Brief| epoch.latest.iter().any(|of| of.flight == row.flight);
     let first_run = rows.iter().filter(|row| is_in(after, row)).map(|row| row.run_ns).min()?;
@@ -103,7 +103,7 @@ fn tested(
     let less = |set_s: f64| Estimate { value: from.value - set_s, ..from };
     let before_s = (!is_automatic(parameter, before.set_s)).then(|| less(before.set_s));
     let predicted_s = less(if is_automatic(parameter, after.set_s) { advised_s } else { after.set_s });
-    let measures = |row: &&Brief| row.datum == recommended.datum && tells_lateness(row);
+    let measures = |row: &&Brief| row.datum == recommended.datum && has_lateness(row);
     let measuring: Vec<&Brief> = after.latest.iter().copied().filter(measures).collect();
     let measured = mean_lateness(&measuring).filter(|_| !is_automatic(parameter, after.set_s));
     let measured_s = measured.map(|mean| residual(&mean, after.set_s));
@@ -136,12 +136,12 @@ fn tested(
 }
 
 /// Whether a flight has a lateness with an uncertainty.
-fn tells_lateness(row: &Brief) -> bool {
+fn has_lateness(row: &Brief) -> bool {
     row.lateness_s.is_some() && row.lateness_u_s.is_some_and(|u| u > 0.0)
 }
 
-/// A recommendation that no later log shows to be followed. The newest flight whose delay is known decides: what older ones
-/// recommend may be of another state of the receiver.
+/// A recommendation that no later log shows to be followed. The newest flight with a known delay decides: older
+/// recommendations may be for another state of the receiver.
 fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
     let measured = last.latest.iter().filter(|row| row.lateness_s.is_some());
     let recommended = measured.max_by_key(|row| (row.order(), &row.flight))?;
@@ -171,7 +171,7 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
     })
 }
 
-/// A recommendation without a flight after it: what is left of a lateness `from` once it is followed.
+/// A recommendation without a later flight: the residual of a lateness `from` once it is followed.
 fn not_set(subject: Subject<'_>, last: &Epoch<'_>, (by, advised_s): (&Brief, f64), from: Estimate) -> SettingProof {
     SettingProof {
         campaign: subject.0.to_owned(),
@@ -190,7 +190,7 @@ fn not_set(subject: Subject<'_>, last: &Epoch<'_>, (by, advised_s): (&Brief, f64
     }
 }
 
-/// Older flights recommend a value, and the newest does not: it may need one that the parameter does not take.
+/// Older flights recommend a value, and the newest does not: it may need one outside the parameter's range.
 fn withdrawn(subject: Subject<'_>, last: &Epoch<'_>, newest: &Brief) -> Option<SettingProof> {
     let older =
         last.latest.iter().filter(|row| row.advised_s.is_some()).max_by_key(|row| (row.order(), &row.flight))?;
@@ -204,7 +204,7 @@ fn withdrawn(subject: Subject<'_>, last: &Epoch<'_>, newest: &Brief) -> Option<S
     Some(SettingProof { words, ..not_set(subject, last, (older, advised_s), late_s) })
 }
 
-/// What other flights with the same setting recommend.
+/// The recommendations of other flights with the same setting.
 fn others(last: &Epoch<'_>, advised_s: f64) -> String {
     let mut values: Vec<i64> =
         last.latest.iter().filter_map(|row| row.advised_s).map(|s| (s * 1e3).round() as i64).collect();
@@ -218,17 +218,17 @@ fn others(last: &Epoch<'_>, advised_s: f64) -> String {
     }
 }
 
-/// Whether ArduPilot takes a value of its own for this kind of receiver: the log does not say which.
+/// Whether ArduPilot uses its own value for this kind of receiver, which the log does not state.
 fn is_automatic(parameter: &str, set_s: f64) -> bool {
     parameter.starts_with("GPS") && parameter.ends_with("DELAY_MS") && set_s.abs() < SAME_S
 }
 
-/// The value of a parameter for a sentence.
+/// The value of a parameter as text.
 fn set_words(parameter: &str, set_s: f64) -> String {
     if is_automatic(parameter, set_s) { "0 (automatic)".to_owned() } else { millis(set_s) }
 }
 
-/// The lateness that a recommendation follows from.
+/// The lateness on which a recommendation is based.
 fn lateness_from(row: &Brief) -> Option<Estimate> {
     Some(Estimate { value: row.advised_from_s?, standard_uncertainty: row.advised_from_u_s })
 }
@@ -240,13 +240,14 @@ fn mean_lateness(rows: &[&Brief]) -> Option<SharedMean> {
     SharedMean::of(&of(&|row| row.lateness_s), &of(&|row| row.lateness_u_s), &model)
 }
 
-/// What the autopilot does not account for.
+/// The lateness that the autopilot does not account for.
 fn residual(mean: &SharedMean, set_s: f64) -> Estimate {
     Estimate { value: mean.mean - set_s, standard_uncertainty: Some(mean.u()) }
 }
 
-/// The verdict, and why. A change that the measurement could not have shown proves nothing. Prediction and measurement are of one
-/// receiver with one channel map: the part of the model error that flights share is in both. It counts once, with the prediction.
+/// The verdict and the reason. A change too small for the measurement to detect proves nothing. Prediction and
+/// measurement are from one receiver with one channel map, so both contain the model error that flights share. It
+/// counts once, with the prediction.
 fn judge(predicted: &Estimate, measured: Option<(SharedMean, Estimate)>, changed_by_s: f64) -> (ProofVerdict, String) {
     let Some((mean, measured)) = measured else {
         return (ProofVerdict::CannotTell, "No flight after it measures its lateness.".to_owned());
@@ -276,7 +277,7 @@ fn label((_, airframe, receiver, _): Subject<'_>) -> String {
     [airframe, receiver].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
 }
 
-/// Seconds as milliseconds, for a sentence.
+/// Seconds as milliseconds, as text.
 pub(crate) fn millis(seconds: f64) -> String {
     let text = flight::fixed(seconds * 1e3, 1);
     format!("{} ms", text.strip_suffix(".0").unwrap_or(&text))
@@ -296,7 +297,7 @@ mod tests {
     use super::*;
     use crate::row::Row;
 
-    /// A flight of `uav-1` whose position is 118 ms late, in a log with this parameter.
+    /// A flight of `uav-1` whose position is 118 ms late, with this parameter in its log.
     fn row(run: i64, day: i64, set_ms: f64, late_ms: f64) -> Row {
         Row {
             run_id: format!("night-{run}"),
@@ -334,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn a_setting_that_does_what_was_predicted_passes() {
+    fn a_setting_with_the_predicted_effect_passes() {
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(20, day, 118.0, 117.5 + (day % 2) as f64)));
         let proof = only(&rows);
@@ -351,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_that_is_late_by_something_else_afterwards_fails() {
+    fn a_receiver_with_another_lateness_afterwards_fails() {
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(20, day, 118.0, 150.0)));
         let proof = only(&rows);
@@ -360,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn a_setting_that_nobody_made_is_open_and_one_that_is_right_is_no_news() {
+    fn an_unset_recommendation_is_open_and_a_correct_setting_is_not_listed() {
         let proof = only(&before());
         assert_eq!((proof.verdict, proof.set_s, proof.measured_s), (ProofVerdict::NotSet, None, None));
         let right: Vec<Row> = (1..=5).map(|day| row(10, day, 118.0, 118.0)).collect();
@@ -368,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_flight_decides_and_what_it_has_no_value_for_is_said() {
+    fn the_newest_flight_decides_and_withdrawn_advice_is_reported() {
         let moved = |advised_s: Option<f64>| {
             let newest = Row { advised_s, lateness_s: Some(0.303), ..row(20, 9, 0.0, 303.0) };
             only(&(1..=5).map(|day| row(10, day, 0.0, 118.0)).chain([newest]).collect::<Vec<Row>>())
@@ -383,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn an_automatic_delay_of_ardupilot_has_no_known_residual() {
+    fn an_automatic_ardupilot_delay_has_an_unknown_residual() {
         let mut rows: Vec<Row> = (1..=5).map(|day| row(10, day, 0.0, 118.0)).collect();
         let proof = only(&rows);
         assert_eq!((proof.verdict, proof.before_s), (ProofVerdict::NotSet, None));
@@ -402,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn what_all_flights_share_is_shown_and_does_not_hide_a_change() {
+    fn a_shared_error_is_shown_and_does_not_hide_a_change() {
         let shared = |row: Row| Row { lateness_model_u_s: Some(0.0019), advised_from_u_s: Some(0.002), ..row };
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(20, day, 118.0, 118.0)));
@@ -413,15 +414,15 @@ mod tests {
     }
 
     #[test]
-    fn only_a_recommendation_that_came_before_the_flights_is_proved() {
-        // All flights are in one run: nothing was recommended before the later ones were flown.
+    fn only_recommendations_made_before_the_flights_are_tested() {
+        // All flights are in one run: there was no recommendation before the later ones were flown.
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(10, day, 118.0, 118.0)));
         assert_eq!(proofs(&briefs(&rows), &|_, _| None), []);
     }
 
     #[test]
-    fn another_value_than_the_recommended_one_is_judged_by_its_own_prediction() {
+    fn a_value_other_than_recommended_is_judged_by_its_own_prediction() {
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(20, day, 100.0, 118.0)));
         let all = proofs(&briefs(&rows), &|_, _| None);

@@ -1,4 +1,4 @@
-//! Questions to a history: which rows, by what, and which numbers of each group.
+//! Queries of a history: which rows, grouped by what, and which aggregates of each group.
 //!
 //! ```text
 //! condition  = or ;  or = and { "or" and } ;  and = one { "and" one }
@@ -8,33 +8,33 @@
 //! aggregates = aggregate { "," aggregate } ;  aggregate = "count()" | name "(" column ")" | "quantile(" column "," share ")"
 //! ```
 //!
-//! A comparison with an absent value is neither true nor false: such a row is not in the answer, nor is it in that of the
-//! opposite question. `is null` finds it.
+//! A comparison with an absent value is neither true nor false: such a row matches neither the query nor its
+//! negation. `is null` finds it.
 
 use crate::error::HistoryError;
 use crate::row::{COLUMNS, sheet_of};
 use convert::Cells;
 
-/// Another name of a column, and the column.
+/// An alias, and its column.
 const ALSO_CALLED: [(&str, &str); 3] = [("delay_s", "lateness_s"), ("delay_u_s", "lateness_u_s"), ("rate", "rate_hz")];
 
-/// What is asked of a history.
+/// A query of a history.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Query {
-    /// Rows that count; `None` for all.
+    /// Rows that match; `None` for all.
     pub(crate) condition: Option<Condition>,
     /// Columns by which rows are grouped.
     pub(crate) by: Vec<String>,
-    /// Numbers of each group; without any the rows themselves are the answer.
+    /// Aggregates of each group; without any, the answer is the rows themselves.
     pub(crate) aggregates: Vec<Aggregate>,
-    /// Every row of every run counts, and not only the latest of each flight.
+    /// Use every row of every run, not only the latest of each flight.
     pub(crate) every_run: bool,
 }
 
-/// Which rows count.
+/// Which rows match.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Condition {
-    /// A column against a value.
+    /// Compares a column with a value.
     Compare {
         column: String,
         operator: Operator,
@@ -49,7 +49,7 @@ pub(crate) enum Condition {
     Or(Box<Condition>, Box<Condition>),
 }
 
-/// How a column is compared.
+/// A comparison operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Operator {
     Equal,
@@ -60,7 +60,7 @@ pub(crate) enum Operator {
     GreaterOrEqual,
 }
 
-/// What a column is compared with.
+/// The value that a column is compared with.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Value {
     Number(f64),
@@ -68,17 +68,17 @@ pub(crate) enum Value {
     Text(String),
 }
 
-/// A number of a group.
+/// An aggregate of a group.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Aggregate {
-    /// As it was written: the name of the column of the answer.
+    /// As written: the column name in the answer.
     pub(crate) name: String,
     pub(crate) function: Function,
     /// `None` for a count of rows.
     pub(crate) column: Option<String>,
 }
 
-/// How a number of a group is made.
+/// An aggregate function.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Function {
     Count,
@@ -91,7 +91,7 @@ pub(crate) enum Function {
     Quantile(f64),
 }
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Integer,
@@ -100,10 +100,10 @@ enum Kind {
 }
 
 impl Query {
-    /// A question as it is written on the command line.
+    /// Parses a query as written on the command line.
     ///
     /// # Errors
-    /// Says what is wrong, where, and what would be right.
+    /// States what is wrong, where, and what would be right.
     pub fn parse(
         condition: Option<&str>,
         by: &[String],
@@ -117,7 +117,7 @@ impl Query {
         Ok(Query { condition, by, aggregates, every_run })
     }
 
-    /// Columns that are needed to answer; all of them if rows are the answer.
+    /// Columns needed for the answer; all of them if the answer is rows.
     #[cfg(any(test, feature = "query"))]
     pub(crate) fn columns(&self) -> Vec<&str> {
         if self.by.is_empty() && self.aggregates.is_empty() {
@@ -153,7 +153,7 @@ fn asked(part: &str, what: &str) -> HistoryError {
     HistoryError::Asked(format!("{part}: {what}"))
 }
 
-/// The column of this name.
+/// The column with this name.
 fn known_column(name: &str) -> Result<String, String> {
     let name = ALSO_CALLED.iter().find(|(also, _)| *also == name).map_or(name, |(_, column)| column);
     if COLUMNS.iter().any(|(column, _)| *column == name) {
@@ -172,7 +172,7 @@ fn kind_of(column: &str) -> Kind {
     }
 }
 
-/// A word of a condition and where it begins, in characters from 1.
+/// A word of a condition and its position, in characters from 1.
 #[derive(Debug, Clone, PartialEq)]
 struct Token {
     at: usize,
@@ -265,7 +265,7 @@ impl Parser {
         Ok(token)
     }
 
-    /// Takes a word if it comes next.
+    /// Consumes a word if it comes next.
     fn is_next(&mut self, word: &str) -> bool {
         let is = match self.tokens.get(self.next).map(|token| &token.what) {
             Some(Word::Name(name)) => name.eq_ignore_ascii_case(word),
@@ -343,7 +343,7 @@ impl Parser {
     }
 }
 
-/// A value of the kind that the column holds. An instant may be a date.
+/// A value of the column's type. An instant may be a date.
 fn value_for(column: &str, word: Word) -> Result<Value, String> {
     match (kind_of(column), word) {
         (Kind::Text, Word::Text(text)) => Ok(Value::Text(text)),
@@ -358,7 +358,7 @@ fn value_for(column: &str, word: Word) -> Result<Value, String> {
     }
 }
 
-/// Nanoseconds since 1970 of `2026-05-04` or `2026-05-04T09:30:00Z`.
+/// Nanoseconds since 1970 for `2026-05-04` or `2026-05-04T09:30:00Z`.
 fn instant(text: &str) -> Result<i64, String> {
     let whole = if text.len() == 10 { format!("{text}T00:00:00Z") } else { text.to_owned() };
     crate::schema::nanoseconds(&whole)
@@ -408,7 +408,7 @@ impl Parser {
         Ok(Aggregate { name, function, column: Some(column) })
     }
 
-    /// The name of an aggregate and the parenthesis that opens it.
+    /// The name of an aggregate and its opening parenthesis.
     fn aggregate_name(&mut self) -> Result<String, String> {
         const KNOWN: [&str; 8] = ["count", "median", "mean", "min", "max", "std", "sum", "quantile"];
         let token = self.take("an aggregate, as count()")?;
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn and_binds_closer_than_or_and_names_have_aliases() {
+    fn and_binds_tighter_than_or_and_names_have_aliases() {
         let Condition::Or(one, other) = parsed("delay_s > 0.3 and firmware == '3.01' or not baud is null") else {
             panic!()
         };
@@ -478,7 +478,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_with_its_place_and_what_would_be_right() {
+    fn errors_state_their_position_and_the_correction() {
         let wrong = |text: &str| parse_condition(text).unwrap_err();
         assert!(wrong("latenes_s > 1").starts_with("character 1: no column \"latenes_s\"; the nearest are lateness_s"));
         assert_eq!(wrong("firmware == 3.01"), "character 13: firmware holds text: put 3.01 in quotes");

@@ -1,8 +1,8 @@
-//! One row of the history: what one run found of one flight.
+//! One row of the history: the result of one run for one flight.
 
 use convert::{Cells, Sheet};
 
-/// A value that a column can hold.
+/// A value that a column can store.
 pub(crate) trait Cell: Sized {
     fn gather(values: Vec<Self>) -> Cells;
     fn scatter(cells: Cells) -> Option<Vec<Self>>;
@@ -67,17 +67,17 @@ impl Cell for i64 {
     }
 }
 
-/// The row, its columns in their order, and both ways between rows and a sheet.
+/// Defines the row, its columns in order, and the conversions between rows and a sheet.
 macro_rules! row {
     ($($(#[doc = $doc:literal])+ $name:ident: $kind:ty,)+) => {
-        /// What one run found of one flight. Seconds, metres and hertz; instants are nanoseconds UTC since 1970. Uncertainties
-        /// are standard uncertainties (k = 1).
+        /// The result of one run for one flight. Seconds, metres and hertz; instants are nanoseconds UTC since 1970.
+        /// Uncertainties are standard uncertainties (k = 1).
         #[derive(Debug, Clone, Default, PartialEq)]
         pub struct Row {
             $($(#[doc = $doc])+ pub $name: $kind,)+
         }
 
-        /// Every column of the history with what it holds, in the order of the files.
+        /// Every column of the history with its description, in file order.
         pub const COLUMNS: &[(&str, &str)] = &[$((stringify!($name), concat!($($doc),+)),)+];
 
         /// Rows as a sheet with one column for each field.
@@ -89,7 +89,7 @@ macro_rules! row {
 
         /// The rows of a sheet.
         ///
-        /// # Errors
+        /// Names a column that is missing or has the wrong type.
         /// Names a column that is missing or holds something else.
         pub(crate) fn rows_of(sheet: Sheet) -> Result<Vec<Row>, String> {
             let rows = sheet.rows();
@@ -101,7 +101,7 @@ macro_rules! row {
     };
 }
 
-/// Takes a column out of a sheet.
+/// Removes a column from a sheet and returns it.
 pub(crate) fn column<T: Cell>(sheet: &mut Sheet, name: &str) -> Result<Vec<T>, String> {
     let at = sheet.columns.iter().position(|c| c.name == name).ok_or(format!("column {name} is missing"))?;
     T::scatter(sheet.columns.swap_remove(at).cells).ok_or(format!("column {name} holds another type, or has gaps"))
@@ -215,7 +215,7 @@ row! {
     page: String,
 }
 
-/// What a flight is told apart by in a trend.
+/// A property by which a trend separates flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Dimension {
     /// Aircraft.
@@ -233,7 +233,7 @@ pub enum Dimension {
 }
 
 impl Dimension {
-    /// All of them, in the order in which they are listed.
+    /// All dimensions, in listing order.
     pub const ALL: [Dimension; 6] = [
         Dimension::Airframe,
         Dimension::Serial,
@@ -243,7 +243,7 @@ impl Dimension {
         Dimension::Baud,
     ];
 
-    /// What it is.
+    /// Its description.
     #[must_use]
     pub fn what(self) -> &'static str {
         match self {
@@ -271,7 +271,7 @@ impl Dimension {
 }
 
 impl Row {
-    /// Whether both rows say the same of the flight, whenever the runs were.
+    /// Whether both rows have the same result for the flight, regardless of the runs.
     #[must_use]
     pub fn says_the_same(&self, other: &Row) -> bool {
         let undated = |row: &Row| Row { run_id: String::new(), run_ns: 0, ..row.clone() };

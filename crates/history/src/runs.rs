@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RunLine {
-    /// Name of its file without the ending.
+    /// Name of its file without the extension.
     pub run: String,
     /// Campaigns with a new or changed finding.
     pub campaigns: Vec<String>,
@@ -20,19 +20,19 @@ pub struct RunLine {
     pub flights: u64,
     /// Those that failed.
     pub failed: u64,
-    /// Those that were harmed, or fail a criterion.
+    /// Those that were harmed or fail a criterion.
     pub harmed_or_criterion_failed: u64,
     /// First flight, UTC.
     pub flown_from: Option<String>,
     /// Last flight, UTC.
     pub flown_to: Option<String>,
-    /// Builds of flightlag.
+    /// Builds of flightlag used.
     pub builds: Vec<String>,
     /// Why the file cannot be read; `null` if it can.
     pub unreadable: Option<String>,
 }
 
-/// Every run, the earliest first. A file that cannot be read is a line too.
+/// Every run, earliest first. A file that cannot be read is also a line.
 ///
 /// # Errors
 /// The folder cannot be listed.

@@ -1,4 +1,4 @@
-//! The layout of a history file, and how files of earlier layouts are read.
+//! The layout of a history file, and reading of earlier layouts.
 
 use convert::{Cells, ReadTable, Sheet};
 
@@ -8,7 +8,7 @@ pub const HISTORY_SCHEMA: u32 = 3;
 /// Name of the version in the file's metadata.
 pub(crate) const SCHEMA_KEY: &str = "flightlag-history-schema";
 
-/// Columns that layout 1 has not: they are empty in rows from such files.
+/// Columns missing from layout 1: they are empty in rows from such files.
 const SINCE_2: [&str; 14] = [
     "identity_from",
     "vehicle",
@@ -26,32 +26,32 @@ const SINCE_2: [&str; 14] = [
     "duration_s",
 ];
 
-/// Columns that layout 2 has not.
+/// Columns missing from layout 2.
 const SINCE_3: [&str; 1] = ["lateness_model_u_s"];
 
 /// A table in the current layout, whatever layout its file has.
 ///
 /// # Errors
-/// The file does not say its layout, says one that this flightlag does not know, or does not keep to it.
+/// The file does not state its layout, states an unknown one, or does not follow it.
 pub(crate) fn current(table: ReadTable) -> Result<Sheet, String> {
-    let said = table.about.get(SCHEMA_KEY).ok_or("does not say its layout: it is not a file of a history")?;
-    match said.parse() {
+    let stated = table.about.get(SCHEMA_KEY).ok_or("does not say its layout: it is not a file of a history")?;
+    match stated.parse() {
         Ok(1) => from_1(table.sheet).map(|sheet| with_empty(sheet, &SINCE_2)).map(|sheet| with_empty(sheet, &SINCE_3)),
         Ok(2) => Ok(with_empty(table.sheet, &SINCE_3)),
         Ok(HISTORY_SCHEMA) => Ok(table.sheet),
         Ok(newer) if newer > HISTORY_SCHEMA => Err(format!(
             "has layout {newer}; this flightlag reads up to layout {HISTORY_SCHEMA}: use the flightlag that wrote it, or a newer one"
         )),
-        _ => Err(format!("says layout {said:?}, which does not exist")),
+        _ => Err(format!("says layout {stated:?}, which does not exist")),
     }
 }
 
-/// Whether a table is of layout 1, whose columns have other names.
+/// Whether a table has layout 1, whose columns have other names.
 pub(crate) fn is_of_layout_1(table: &ReadTable) -> bool {
-    table.about.get(SCHEMA_KEY).is_some_and(|said| said == "1")
+    table.about.get(SCHEMA_KEY).is_some_and(|stated| stated == "1")
 }
 
-/// Layout 1 gave instants as text (`flown_at`, `run_at`) and delays in milliseconds.
+/// Layout 1 had instants as text (`flown_at`, `run_at`) and delays in milliseconds.
 fn from_1(mut sheet: Sheet) -> Result<Sheet, String> {
     for column in &mut sheet.columns {
         if let Some(base) = column.name.strip_suffix("_at") {
@@ -70,7 +70,7 @@ fn from_1(mut sheet: Sheet) -> Result<Sheet, String> {
     Ok(sheet)
 }
 
-/// Adds the columns of a later layout, without a value.
+/// Adds the columns of a later layout, all empty.
 fn with_empty(mut sheet: Sheet, columns: &[&str]) -> Sheet {
     let rows = sheet.rows();
     let missing: Vec<&str> = columns.iter().copied().filter(|name| sheet.cells(name).is_none()).collect();
@@ -88,7 +88,7 @@ fn with_empty(mut sheet: Sheet, columns: &[&str]) -> Sheet {
     sheet
 }
 
-/// Nanoseconds since 1970 of an instant such as `2026-05-04T09:30:00Z`.
+/// Nanoseconds since 1970 for an instant such as `2026-05-04T09:30:00Z`.
 pub(crate) fn nanoseconds(instant: &str) -> Result<i64, String> {
     let parsed: jiff::Timestamp = instant.parse().map_err(|e| format!("{instant:?} is not an instant: {e}"))?;
     i64::try_from(parsed.as_nanosecond()).map_err(|_| format!("{instant:?} is too far from 1970"))
@@ -117,7 +117,7 @@ mod tests {
         }
     }
 
-    /// The sheet as layout 1 had it.
+    /// The sheet in layout 1.
     fn layout_1(rows: &[Row]) -> Sheet {
         let mut sheet = sheet_of(rows);
         sheet.columns.retain(|c| !SINCE_2.contains(&c.name.as_str()) && !SINCE_3.contains(&c.name.as_str()));
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_layout_2_do_not_know_the_part_that_flights_share() {
+    fn rows_of_layout_2_have_no_shared_part() {
         let mut old = sheet_of(&[row()]);
         old.columns.retain(|column| !SINCE_3.contains(&column.name.as_str()));
         let read = rows_of(current(table("2", old)).unwrap()).unwrap();
@@ -159,12 +159,12 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_the_current_layout_are_read_back_to_the_bit() {
+    fn rows_of_the_current_layout_are_read_back_exactly() {
         assert_eq!(rows_of(current(table("3", sheet_of(&[row()]))).unwrap()).unwrap(), [row()]);
     }
 
     #[test]
-    fn a_newer_layout_and_a_file_without_one_are_refused_with_what_to_do() {
+    fn newer_and_missing_layouts_are_rejected_with_advice() {
         let newer = current(table("4", sheet_of(&[row()]))).unwrap_err();
         assert!(newer.contains("layout 4") && newer.contains("up to layout 3"), "{newer}");
         let other = current(ReadTable { sheet: sheet_of(&[row()]), ..ReadTable::default() }).unwrap_err();

@@ -8,7 +8,7 @@ use record::{
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Most names in a line; the page has all.
+/// Maximum number of names in a line; the page lists all.
 const MOST_NAMES: usize = 2;
 
 /// The five lines.
@@ -126,7 +126,7 @@ fn alarms(record: &NightRecord) -> String {
     format!("Alarms: {} new{codes}, {cleared} cleared; remarks: {remarks} new; trend: {trend}{groups}", count(new))
 }
 
-/// How many alarms or remarks there are: a flight may have several.
+/// Total number of alarms or remarks: a flight may have several.
 fn count(all: &[FlightWords]) -> usize {
     all.iter().map(|of| of.words.len()).sum()
 }
@@ -178,7 +178,7 @@ pub(crate) fn text(record: &NightRecord) -> String {
     record.summary.iter().map(|line| one_line(line) + "\n").collect()
 }
 
-/// The five lines and the counts behind them.
+/// The five lines and the underlying counts.
 pub(crate) fn json(record: &NightRecord) -> String {
     let changes = &record.changes;
     let value = serde_json::json!({
@@ -206,7 +206,7 @@ pub(crate) fn json(record: &NightRecord) -> String {
     format!("{value:#}\n")
 }
 
-/// The five lines as a list. Names from logs are no markup.
+/// The five lines as a list. Names from logs are escaped.
 pub(crate) fn markdown(record: &NightRecord) -> String {
     record.summary.iter().map(|line| format!("- {}\n", escaped_markdown(&one_line(line)))).collect()
 }
@@ -222,7 +222,8 @@ fn escaped_markdown(text: &str) -> String {
     escaped
 }
 
-/// The night for a build server: a test for each campaign, each new trouble, each new change of a trend and each setting.
+/// The night for a build server: one test for each campaign, each new trouble, each new change of a trend and each
+/// setting.
 pub(crate) fn junit(record: &NightRecord) -> String {
     let mut cases = Cases::default();
     for campaign in &record.campaigns {
@@ -248,7 +249,7 @@ pub(crate) fn junit(record: &NightRecord) -> String {
             ProofVerdict::Pass => cases.add("setting", &name, None),
             ProofVerdict::Fail => cases.add("setting", &name, Some(&proof.words)),
             ProofVerdict::CannotTell => cases.skip("setting", &name, &proof.words),
-            // A setting may be tested and another value for it be recommended.
+            // A setting may be tested while another value is recommended for it.
             ProofVerdict::NotSet => cases.skip("recommendation", &name, &proof.words),
         }
     }
@@ -308,7 +309,7 @@ impl Cases {
     }
 }
 
-/// A text in XML: characters that XML 1.0 does not know become `?`.
+/// A text in XML: characters not allowed in XML 1.0 become `?`.
 fn escaped_xml(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -329,7 +330,7 @@ fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
 }
 
-/// A line without characters that begin another or steer a terminal.
+/// A line without characters that start another line or control a terminal.
 fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') { ' ' } else { c }).collect()
 }
@@ -378,7 +379,7 @@ pub(crate) mod tests {
         record
     }
 
-    /// A flight is new, one moved, and one fails.
+    /// One flight is new, one moved, and one fails.
     fn changes() -> RunChanges {
         let named = |flight: &str| NamedFlight { campaign: "uav".into(), flight: flight.into(), page: None };
         let estimate = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
@@ -405,7 +406,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_summary_has_five_lines_that_say_what_matters() {
+    fn the_summary_has_five_lines_with_the_essentials() {
         let text = text(&night());
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(
@@ -421,7 +422,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_number_without_an_uncertainty_moved_by_no_sigmas() {
+    fn a_number_without_uncertainty_has_no_sigmas() {
         let mut night = night();
         let known = night.changes.moved.clone();
         let unsure = MovedNumber {
@@ -444,7 +445,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn names_from_logs_are_no_markup() {
+    fn names_from_logs_are_escaped() {
         let junit = junit(&night());
         assert!(junit.contains("name=\"uav/&lt;b&gt;&amp;.bin\""), "{junit}");
         assert!(junit.contains("tests=\"3\" failures=\"2\" errors=\"0\" skipped=\"1\""), "{junit}");
@@ -454,7 +455,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn no_two_cases_of_a_build_server_have_one_name() {
+    fn junit_case_names_are_unique() {
         let proof = |verdict, words: &str| SettingProof {
             campaign: "uav".into(),
             of: "D9".into(),

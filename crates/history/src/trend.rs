@@ -1,4 +1,4 @@
-//! Control charts: the lateness of flights in the order in which they were flown, and where it changes.
+//! Control charts: the lateness of flights in flying order, and where it changes.
 
 use crate::brief::{Brief, PageOf};
 use crate::change_points::{ChangePoints, FALSE_ALARM, Looks, SharedMean, change_points, weighted_mean};
@@ -8,27 +8,27 @@ use record::{
 };
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Fewest flights of a chart.
+/// Minimum number of flights in a chart.
 const FEWEST: usize = 3;
-/// Most points that a chart lists, the newest.
+/// Maximum number of points that a chart lists, the newest.
 const MOST_POINTS: usize = 1000;
 /// Limits are this many standard deviations from the centre.
 const LIMIT_SIGMAS: f64 = 3.0;
 
-/// Control charts, and when their changes may be.
+/// Control charts, and the intervals of their changes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Trend {
     /// The charts.
     pub record: TrendRecord,
-    /// For each chart and each of its changes: first and last instant at which it may be.
+    /// For each chart and each of its changes: first and last instant at which it may have happened.
     spans: Vec<Vec<(i64, i64)>>,
 }
 
-/// What a chart is of: dimension, value, datum.
+/// Subject of a chart: dimension, value, datum.
 type ChartKey = (Dimension, String, String);
 
-/// The control charts of the latest row of each flight, by each of the dimensions. The probability of a false alarm is that of one look, or
-/// of every look as the charts grow.
+/// The control charts of the latest row of each flight, for each of the dimensions. `looks` states whether the false
+/// alarm probability is for one look, or for all looks as the charts grow.
 #[must_use]
 pub fn trend(latest: &[&Brief], dimensions: &[Dimension], looks: Looks, page: PageOf<'_>) -> Trend {
     let mut left_out: BTreeMap<String, u64> = BTreeMap::new();
@@ -63,8 +63,8 @@ pub fn trend(latest: &[&Brief], dimensions: &[Dimension], looks: Looks, page: Pa
     trend
 }
 
-/// Changes that another look did not show: its chart has no change at the same place, and no other chart one at the same
-/// flight, as after an edit of the fleet file.
+/// Changes that another look did not show: its chart has no change at the same place, and no other chart has one at the
+/// same flight (as after an edit of the fleet file).
 #[must_use]
 pub fn new_changes(before: &Trend, now: &Trend) -> Vec<NewTrendChange> {
     let key = |chart: &TrendChart| (chart.dimension.clone(), chart.value.clone(), chart.datum.clone());
@@ -87,7 +87,7 @@ pub fn new_changes(before: &Trend, now: &Trend) -> Vec<NewTrendChange> {
     new
 }
 
-/// Why a flight is on no chart.
+/// Why a flight is not on any chart.
 fn why_not(row: &Brief) -> Option<&'static str> {
     let known = row.lateness_s.is_some_and(f64::is_finite);
     let uncertain = row.lateness_u_s.is_some_and(|u| u.is_finite() && u > 0.0);
@@ -138,7 +138,7 @@ fn chart(
     (chart, spans.collect())
 }
 
-/// A stretch without a change.
+/// A segment without a change.
 struct Part {
     from: usize,
     to: usize,
@@ -146,15 +146,15 @@ struct Part {
     mean_s: f64,
     /// Standard uncertainty of the mean as a lateness.
     u_s: f64,
-    /// The same as a difference to other flights of the chart: what all share is in both, and drops out. Their model errors may
-    /// differ, so each flight counts with its full uncertainty.
+    /// The same for a difference to other flights of the chart: the error that all share cancels. Their model errors
+    /// may differ, so each flight counts with its full uncertainty.
     difference_u_s: f64,
 }
 
 impl Part {
     fn of(from: usize, to: usize, (x, u, model): (&[f64], &[f64], &[Option<f64>]), found: &ChangePoints) -> Part {
-        let counts: Vec<usize> = (from..to).filter(|i| found.odd.binary_search(i).is_err()).collect();
-        // If every one of them is odd, they are all there is.
+        let counts: Vec<usize> = (from..to).filter(|i| found.outliers.binary_search(i).is_err()).collect();
+        // If all of them are outliers, use them all.
         let counts = if counts.is_empty() { (from..to).collect() } else { counts };
         let of = |values: &[f64]| counts.iter().map(|&i| values[i]).collect::<Vec<f64>>();
         let (x, u) = (of(x), of(u));
@@ -205,13 +205,13 @@ fn points(
             centre_s,
             limit_s,
             is_outside: (x[i] - centre_s).abs() > limit_s,
-            is_odd: found.odd.binary_search(&i).is_ok(),
+            is_odd: found.outliers.binary_search(&i).is_ok(),
         }
     };
     (newest..rows.len()).map(point).collect()
 }
 
-/// What else most flights after a change have, and most flights before it had not.
+/// Other properties that most flights after a change have and most flights before it did not.
 fn with_it(before: &[&Brief], after: &[&Brief]) -> Vec<String> {
     type Fact = fn(&Brief) -> Option<String>;
     let facts: [(&str, Fact); 10] = [
@@ -253,7 +253,7 @@ mod tests {
 
     const DAY_NS: i64 = 86_400_000_000_000;
 
-    /// Forty flights a day apart; from the 24th on another firmware, and 20 ms later.
+    /// Forty flights a day apart; from the 24th on with another firmware and 20 ms later.
     fn fleet() -> Vec<Row> {
         let wiggle = [0.4, -1.1, 0.9, -0.3, 1.3, -0.8, 0.1, -0.6, 0.7, -0.2];
         let row = |n: usize| Row {
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn another_firmware_is_a_change_of_the_serial_and_none_of_the_firmware() {
+    fn a_firmware_update_is_a_change_by_serial_but_not_by_firmware() {
         let found = charts(&fleet());
         let serial = chart_of(&found, "serial");
         assert_eq!(serial.changes.len(), 1);
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_all_flights_share_is_in_the_mean_and_not_in_the_step() {
+    fn the_shared_error_is_in_the_mean_but_not_in_the_step() {
         let flights =
             |model_u_s: f64| fleet().into_iter().map(move |row| Row { lateness_model_u_s: Some(model_u_s), ..row });
         let [none, most] = [0.0, 0.0029].map(|model| charts(&flights(model).collect::<Vec<Row>>()));
@@ -311,17 +311,17 @@ mod tests {
     }
 
     #[test]
-    fn a_change_is_new_in_the_night_that_first_shows_it() {
+    fn a_change_is_new_only_in_the_first_night_that_shows_it() {
         let rows = fleet();
         let nights: Vec<Trend> = (24..=30).map(|n| charts(&rows[..n])).collect();
         let new: Vec<usize> = nights.windows(2).map(|pair| new_changes(&pair[0], &pair[1]).len()).collect();
-        // Airframe and serial; each once.
+        // Airframe and serial; one each.
         assert_eq!(new.iter().sum::<usize>(), 2, "{new:?}");
-        assert_eq!(new[..2], [0, 0], "two flights may be odd, three are a change");
+        assert_eq!(new[..2], [0, 0], "two flights may be outliers, three are a change");
     }
 
     #[test]
-    fn flights_against_another_datum_are_on_another_chart_and_copies_on_none() {
+    fn another_datum_has_its_own_chart_and_copies_are_excluded() {
         let mut rows = fleet();
         rows.iter_mut().take(10).for_each(|row| row.datum = Some("reference".into()));
         rows[39].duplicate_of = Some("38.bin".into());

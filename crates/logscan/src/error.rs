@@ -1,4 +1,4 @@
-//! Why a file cannot be read. Damage that leaves something to use is no error.
+//! Why a file cannot be read. Damage that leaves something usable is not an error.
 
 /// The file cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -8,9 +8,9 @@ pub enum ScanError {
     Io {
         /// File name.
         file: String,
-        /// Where the read began.
+        /// Offset at which the read began.
         offset: u64,
-        /// What the system says.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// It is not a regular file.
@@ -19,7 +19,7 @@ pub enum ScanError {
         /// File name.
         file: String,
     },
-    /// It changed while it was read.
+    /// It changed while it was being read.
     #[error("{file}: the file changed while it was read")]
     Changed {
         /// File name.

@@ -1,4 +1,4 @@
-//! Where every byte went. One type for all readers, so that tests can assert the sum.
+//! Accounting of every byte. One type for all readers, so that tests can assert the sum.
 
 use flight::{ByteLedger, Code, DamagedRange, LogHealth, Notices};
 use std::cell::Cell;
@@ -15,12 +15,12 @@ pub struct Ledger {
     time: LogTime,
 }
 
-/// How far the log has come, by the log times of its messages; shared by those who count them and who meet damage.
+/// How far the log has come, by log time; shared by whoever counts messages and reports damage.
 #[derive(Debug, Clone, Default)]
 pub struct LogTime(Rc<Cell<Option<(i64, i64)>>>);
 
 impl LogTime {
-    /// A message was logged at this time. Zero is none: it is what loggers without a clock write.
+    /// Notes the log time of a message. Zero is ignored: loggers without a clock write it.
     pub fn passes(&self, logged_ns: i64) {
         if logged_ns != 0 {
             let first = self.0.get().map_or(logged_ns, |(first, _)| first);
@@ -28,7 +28,7 @@ impl LogTime {
         }
     }
 
-    /// Since the first message, ns.
+    /// Time since the first message, ns.
     fn elapsed_ns(&self) -> Option<i64> {
         self.0.get().and_then(|(first, last)| last.checked_sub(first))
     }
@@ -41,12 +41,12 @@ pub enum Fate {
     Decoded,
     /// Intact and unwanted.
     Skipped,
-    /// The container's own.
+    /// Container overhead.
     Structure,
 }
 
 impl Ledger {
-    /// Of files of this size in all; so many damaged ranges are listed.
+    /// A ledger of files of `size` bytes in total; lists up to `listed` damaged ranges.
     #[must_use]
     pub fn new(size: u64, listed: usize) -> Ledger {
         Ledger {
@@ -59,13 +59,13 @@ impl Ledger {
         }
     }
 
-    /// Damage is told with the time at which it lies. Only where messages stand in the order in which they were logged.
+    /// Reports damage with its log time. Only where messages are stored in the order in which they were logged.
     pub fn timed_by(mut self, time: &LogTime) -> Ledger {
         self.time = time.clone();
         self
     }
 
-    /// These bytes have this fate.
+    /// Assigns a fate to some bytes.
     pub fn count(&mut self, fate: Fate, bytes: u64) {
         match fate {
             Fate::Decoded => self.bytes.decoded += bytes,
@@ -74,7 +74,7 @@ impl Ledger {
         }
     }
 
-    /// Bytes that cannot be used. Ranges that touch and have the same reason become one.
+    /// Records bytes that cannot be used. Adjacent ranges with the same reason are merged.
     pub fn damaged(&mut self, file: &str, offset: u64, length: u64, reason: impl Into<String>) {
         let reason = reason.into();
         self.bytes.damaged += length;
@@ -93,8 +93,8 @@ impl Ledger {
         }
     }
 
-    /// The bytes from `offset` to the end of `file`, which ends inside the record that they begin. Few are the tail of a log
-    /// that was written until the power went off, more are damage. Whether they are damage.
+    /// Records the bytes from `offset` to the end of `file`, where a truncated record starts. A few bytes are the cut
+    /// tail of a log written until power-off; more are damage. Returns whether they are damage.
     pub fn cut(&mut self, file: &str, offset: u64, length: u64, reason: impl Into<String>) -> bool {
         if !ByteLedger::is_cut_tail(length, offset + length) {
             self.damaged(file, offset, length, reason);
@@ -111,7 +111,7 @@ impl Ledger {
         self.bytes.size.saturating_sub(self.bytes.sum())
     }
 
-    /// Writes the result into `health`, and one notice of the losses.
+    /// Writes the result into `health`, and one notice about the losses.
     pub fn finish(self, health: &mut LogHealth, notices: &mut Notices) {
         debug_assert_eq!(self.open(), 0, "bytes without a fate: {:?}", self.bytes);
         for d in &self.damage {
@@ -144,7 +144,7 @@ fn place_of(range: &DamagedRange) -> String {
 mod tests {
     use super::*;
 
-    /// Fate of the last `length` bytes of a file of `size`, which ends inside a record.
+    /// Fate of the last `length` bytes of a file of `size` bytes that ends inside a record.
     fn cut(size: u64, length: u64) -> (LogHealth, Notices) {
         let (mut ledger, mut health, mut notices) = (Ledger::new(size, 10), LogHealth::default(), Notices::new());
         ledger.count(Fate::Decoded, size - length);
@@ -154,29 +154,29 @@ mod tests {
     }
 
     #[test]
-    fn a_last_record_cut_at_power_off_is_counted_and_told_and_no_loss() {
+    fn a_last_record_cut_at_power_off_is_reported_but_not_a_loss() {
         let (health, notices) = cut(1_000_000, 999);
         assert_eq!((health.bytes.tail_cut, health.bytes.damaged, health.damage_count), (999, 0, 0));
-        let told: Vec<_> = notices.iter().collect();
-        assert_eq!((told.len(), told[0].code.as_str(), told[0].count), (1, "tail-cut", 999));
-        assert_eq!(told[0].place, "a.bin, bytes 999001 to 1000000");
-        assert!(!notices.any_loss(), "{told:?}");
+        let raised: Vec<_> = notices.iter().collect();
+        assert_eq!((raised.len(), raised[0].code.as_str(), raised[0].count), (1, "tail-cut", 999));
+        assert_eq!(raised[0].place, "a.bin, bytes 999001 to 1000000");
+        assert!(!notices.any_loss(), "{raised:?}");
     }
 
     #[test]
-    fn damaged_ranges_are_losses_and_those_beyond_the_list_are_counted() {
+    fn damaged_ranges_are_losses_and_unlisted_ones_are_counted() {
         let (mut ledger, mut health, mut notices) = (Ledger::new(100, 2), LogHealth::default(), Notices::new());
         ledger.count(Fate::Decoded, 97);
         (0..3).for_each(|at| ledger.damaged("a.bin", 10 * at, 1, "a checksum is wrong"));
         ledger.finish(&mut health, &mut notices);
-        let said: Vec<_> = notices.iter().map(|n| (n.code.as_str(), n.place.as_str(), n.count)).collect();
+        let reported: Vec<_> = notices.iter().map(|n| (n.code.as_str(), n.place.as_str(), n.count)).collect();
         let listed = [("damaged", "a.bin, bytes 0 to 1", 1), ("damaged", "a.bin, bytes 10 to 11", 1)];
-        assert_eq!(said, [&listed[..], &[("damaged", "", 1)]].concat());
+        assert_eq!(reported, [&listed[..], &[("damaged", "", 1)]].concat());
         assert!(notices.iter().all(|n| n.severity == flight::Severity::Loss));
     }
 
     #[test]
-    fn a_thousandth_of_the_log_is_more_than_a_tail_unless_it_is_one_row_of_a_short_table() {
+    fn a_cut_tail_is_under_a_thousandth_or_one_row_of_a_short_table() {
         let is_tail = |size: u64, length: u64| {
             let (health, notices) = cut(size, length);
             let bytes = &health.bytes;

@@ -1,8 +1,8 @@
-//! Frames out of files, damaged or not. Knows no format.
+//! Extracts frames from files, damaged or not. Independent of any format.
 //!
-//! A format says what a frame is ([`Framing`]); [`scan`] walks from frame to frame, searches for the next one after damage,
-//! and gives every byte a fate in the [`Ledger`]. It walks over a file, or over bytes in memory as those of a decompressed chunk
-//! ([`Source`]). Frames may be longer than memory: of such ones it looks at the head, and the format fetches the rest.
+//! A format defines its frames ([`Framing`]). [`scan`] walks from frame to frame, resyncs after damage, and assigns
+//! every byte a fate in the [`Ledger`]. It scans a file, or bytes in memory such as a decompressed chunk ([`Source`]).
+//! Frames may be larger than memory: of those it examines only the head, and the format fetches the rest.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

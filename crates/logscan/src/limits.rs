@@ -1,31 +1,31 @@
-//! Bounds on what is done for a file, progress and cancellation.
+//! Limits for reading a file, progress and cancellation.
 
 use crate::error::ScanError;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A search after damage ends after this many zero bytes: a sparse file has nothing more.
+/// A search after damage ends after this many zero bytes: a sparse file holds nothing more.
 pub const MOST_ZEROS: u64 = 64 << 20;
-/// It begins with a block of so many bytes: the next frame is mostly near, and damage may be in many places.
+/// Size of the first block of a search, bytes: the next frame is usually near, and damage may be in many places.
 pub const FIRST_BLOCK: usize = 512;
-/// False starts are looked into up to this multiple of the file: a hostile file has many that overlap.
+/// False starts are examined up to this multiple of the file size: a hostile file has many that overlap.
 pub const MOST_IN_VAIN: u64 = 4;
 
-/// Bounds on what is done for a file, also for a hostile or damaged one (faults.md P5).
+/// Limits for reading a file, including a hostile or damaged one (faults.md P5).
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
-    /// Largest record that is taken into memory, bytes.
+    /// Largest record that is read into memory, bytes.
     pub record_bytes: u64,
     /// Largest decompressed chunk, bytes.
     pub chunk_bytes: u64,
-    /// Largest log that is unpacked onto the disk, bytes, whatever its packed size.
+    /// Largest log that is unpacked to disk, bytes, whatever its packed size.
     pub unpacked_bytes: u64,
-    /// Most topics in one log.
+    /// Maximum number of topics in one log.
     pub topics: usize,
-    /// Damaged ranges that are listed; the rest is counted.
+    /// Number of damaged ranges that are listed; the rest are counted.
     pub listed_damage: usize,
     /// Longest line of a text log, bytes.
     pub line_bytes: usize,
-    /// Chunks whose index says that nothing in them is wanted need not be read: then nobody knows whether they are intact.
+    /// Skip chunks whose index shows nothing wanted. Whether they are intact is then unknown.
     pub may_leave_closed: bool,
 }
 
@@ -43,18 +43,18 @@ impl Default for Limits {
     }
 }
 
-/// What a reader needs from its surroundings.
+/// The environment of a reader.
 pub struct ReadContext<'a> {
-    /// Bounds.
+    /// Limits.
     pub limits: Limits,
-    /// Set when the user wants to stop; readers look at it at least once every few megabytes.
+    /// Set when the user requests a stop; readers check it at least once every few megabytes.
     pub cancel: &'a AtomicBool,
-    /// Told how many more bytes of the input have been read.
+    /// Called with the number of further input bytes that have been read.
     pub on_bytes: &'a (dyn Fn(u64) + Sync),
 }
 
 impl ReadContext<'_> {
-    /// Reports progress and stops if the user wants to.
+    /// Reports progress and stops if the user requested it.
     ///
     /// # Errors
     /// [`ScanError::Cancelled`].

@@ -1,10 +1,10 @@
-//! Reading at a place of a file, which operating systems do in their own way. The only file of this crate that may name one
-//! of them.
+//! Reads at a position of a file, which differs between operating systems. The only file of this crate that may name
+//! one of them.
 
 use std::fs::File;
 use std::io;
 
-/// Reads into `buffer` from `offset`, whatever was read before; gives how much.
+/// Reads into `buffer` from `offset`, independent of earlier reads; returns the number of bytes.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -13,7 +13,7 @@ pub fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize>
     std::os::unix::fs::FileExt::read_at(file, buffer, offset)
 }
 
-/// Reads into `buffer` from `offset`; gives how much. Only reads by position are made of these files.
+/// Reads into `buffer` from `offset`; returns the number of bytes. These files are only ever read by position.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -25,7 +25,7 @@ pub fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize>
 /// Fills `buffer` from `offset`.
 ///
 /// # Errors
-/// The file cannot be read, or ends before.
+/// The file cannot be read, or ends earlier.
 pub(crate) fn read_exact_at(file: &File, mut buffer: &mut [u8], mut offset: u64) -> io::Result<()> {
     while !buffer.is_empty() {
         match read_at(file, buffer, offset) {

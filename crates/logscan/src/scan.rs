@@ -1,7 +1,7 @@
 //! The walk over the frames of a file, and the search for the next one after damage.
 //!
-//! A frame that a checksum proves stands alone. Any other counts if another begins where it ends; after damage several have to
-//! follow one another, and the one just before damage is given up, for it may be made of two.
+//! A frame verified by a checksum is accepted by itself. Any other is accepted if another starts at its end. After
+//! damage several must follow one another; the one just before damage is discarded, because it may be a mixture of two.
 
 use crate::bytes::is_zero;
 use crate::error::ScanError;
@@ -12,18 +12,18 @@ use crate::source::Source;
 use memchr::memmem;
 use std::borrow::Cow;
 
-/// Bytes walked over in one go.
+/// Bytes scanned at once.
 const BLOCK: usize = 256 << 10;
-/// Bytes by which a format sees whether a frame begins.
+/// Bytes by which a format recognises the start of a frame.
 const LOOK: usize = 16;
-/// Frames in which a weak frame has to lead to a better one.
+/// Number of frames within which a weak frame must lead to a better one.
 const HOPS: usize = 3;
-/// False starts in any file, however small, may cost so many bytes.
+/// Budget for false starts in any file, however small, bytes.
 const IN_VAIN_AT_LEAST: u64 = 1 << 20;
 /// The longest text before the first frame, bytes.
 const LONGEST_PREAMBLE: u64 = 64 << 10;
 
-/// What was found besides frames.
+/// What was found in addition to frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Scanned {
     /// Bytes of text before the first frame.
@@ -32,10 +32,10 @@ pub struct Scanned {
     pub padding: u64,
 }
 
-/// Walks over a file, or over bytes in memory, from the first byte to the last. Every byte gets a fate in the ledger.
+/// Scans a file, or bytes in memory, from the first byte to the last. Every byte gets a fate in the ledger.
 ///
 /// # Errors
-/// If the file cannot be read, or the user stops.
+/// If the file cannot be read, or the user requests a stop.
 pub fn scan<S: Source, F: Framing>(
     source: &mut S,
     ledger: &mut Ledger,
@@ -45,7 +45,8 @@ pub fn scan<S: Source, F: Framing>(
     let name = source.file().map(|file| file.name().to_owned()).unwrap_or_default();
     let size = source.size();
     let (reach, padding_from) = (BLOCK, None);
-    let mut scan = Scan { name, source, ledger, context, framing, at: 0, size, reach, in_vain: 0, padding_from };
+    let mut scan =
+        Scan { name, source, ledger, context, framing, at: 0, size, reach, false_start_cost: 0, padding_from };
     let mut scanned = Scanned::default();
     while scan.at < size {
         scan.block()?;
@@ -63,7 +64,7 @@ pub fn scan<S: Source, F: Framing>(
     Ok(scanned)
 }
 
-/// Where no frame was believed: what it was taken for, and why it is none if its content showed that.
+/// A position without an accepted frame: what it was taken for, and the reason if its content refuted that.
 type Lost = (Parsed, Option<Cow<'static, str>>);
 
 struct Scan<'s, 'c, S, F> {
@@ -74,16 +75,16 @@ struct Scan<'s, 'c, S, F> {
     framing: &'s mut F,
     at: u64,
     size: u64,
-    /// Bytes that are read in one go: few after a long frame, of which more may follow.
+    /// Bytes that are read at once: few after a long frame, because another may follow.
     reach: usize,
-    /// Bytes looked at for false starts.
-    in_vain: u64,
-    /// Where the zeros or ones begin that the file ends in, once it was asked; the size if it ends in neither.
+    /// Bytes examined for false starts.
+    false_start_cost: u64,
+    /// Start of the zeros or ones at the end of the file, once determined; the file size if there are none.
     padding_from: Option<u64>,
 }
 
 impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
-    /// The frames of a block that nothing is wrong with, as nearly all are.
+    /// Takes the frames of a block that have no fault, as nearly all do.
     fn block(&mut self) -> Result<(), ScanError> {
         let need = self.framing.longest() + LOOK;
         let bytes = self.source.ahead(self.at, need, self.reach + need)?;
@@ -98,7 +99,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
             if !F::START.is_empty() && start.is_none_or(|start| start <= place) {
                 start = Some(start_in::<F>(bytes, place + 1));
             }
-            let stands = start.is_none_or(|start| start >= place + length)
+            let accepted = start.is_none_or(|start| start >= place + length)
                 && match trust {
                     Trust::Proven => true,
                     Trust::Agrees => next.is_empty() || self.framing.begins(next),
@@ -107,7 +108,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
                     }
                     Trust::Weak => false,
                 };
-            if !stands {
+            if !accepted {
                 break;
             }
             let at = self.at + place as u64;
@@ -121,11 +122,11 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         Ok(())
     }
 
-    /// One frame that has to be looked at more closely. It is taken if it is believed; else what it was is returned.
+    /// Examines one frame more closely. Takes it if it is accepted; otherwise returns what it was.
     fn step(&mut self) -> Result<Option<Lost>, ScanError> {
         let parsed = self.parse(self.at)?;
         let (Parsed::Frame(_, trust) | Parsed::Long(_, trust)) = parsed else { return Ok(Some((parsed, None))) };
-        if !self.stands(self.at, parsed, trust)? {
+        if !self.is_accepted(self.at, parsed, trust)? {
             return Ok(Some((parsed, None)));
         }
         let at = self.at;
@@ -146,7 +147,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         Ok(None)
     }
 
-    /// A long frame that is believed.
+    /// Takes an accepted long frame.
     fn long(&mut self, length: u64, parsed: Parsed) -> Result<Option<Lost>, ScanError> {
         self.reach = FIRST_BLOCK;
         match self.framing.fetch(self.source, self.at, length)? {
@@ -156,7 +157,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
                 self.framing.breaks();
             }
             Fetched::Refuted(reason) => {
-                self.in_vain += length;
+                self.false_start_cost += length;
                 return Ok(Some((parsed, Some(reason))));
             }
         }
@@ -164,7 +165,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         Ok(None)
     }
 
-    /// What begins at a place.
+    /// Parses what starts at a position.
     fn parse(&mut self, at: u64) -> Result<Parsed, ScanError> {
         let longest = self.framing.longest();
         Ok(match self.framing.parse(self.source.up_to(at, longest)?) {
@@ -173,13 +174,13 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         })
     }
 
-    fn stands(&mut self, at: u64, parsed: Parsed, trust: Trust) -> Result<bool, ScanError> {
+    fn is_accepted(&mut self, at: u64, parsed: Parsed, trust: Trust) -> Result<bool, ScanError> {
         let length = match parsed {
             Parsed::Frame(length, _) => length,
             Parsed::Long(length, _) => {
                 let end = at + length;
                 let follows = trust > Trust::Weak && self.may_begin(end)?;
-                return Ok(trust == Trust::Proven || follows || self.leads(end)?);
+                return Ok(trust == Trust::Proven || follows || self.leads_on(end)?);
             }
             Parsed::Cut | Parsed::Not(_) => return Ok(false),
         };
@@ -189,22 +190,24 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         }
         Ok(match trust {
             Trust::Proven => true,
-            Trust::Agrees => self.may_begin(end)? || self.leads(end)?,
-            Trust::Shape => (self.may_begin(end)? || self.leads(end)?) && !self.holds(at, length, trust)?,
-            Trust::Weak => self.leads(end)? && !self.holds(at, length, trust)?,
+            Trust::Agrees => self.may_begin(end)? || self.leads_on(end)?,
+            Trust::Shape => {
+                (self.may_begin(end)? || self.leads_on(end)?) && !self.holds_others_at(at, length, trust)?
+            }
+            Trust::Weak => self.leads_on(end)? && !self.holds_others_at(at, length, trust)?,
         })
     }
 
-    fn holds(&mut self, at: u64, length: usize, trust: Trust) -> Result<bool, ScanError> {
+    fn holds_others_at(&mut self, at: u64, length: usize, trust: Trust) -> Result<bool, ScanError> {
         let frame = self.source.bytes(at, length)?.unwrap_or_default();
         Ok(holds_others(self.framing, frame, trust))
     }
 
-    /// Whether another log begins within a frame.
+    /// Whether another log starts within a frame.
     fn holds_a_start(&mut self, at: u64, length: usize) -> Result<bool, ScanError> {
         let mut from = 1;
         while from < length {
-            // As far as a log that begins with the last byte.
+            // Far enough for a log that starts at the last byte.
             let start = start_in::<F>(self.source.up_to(at, length + F::START.len() - 1)?, from);
             let is_one = |parsed| matches!(parsed, Parsed::Frame(_, Trust::Proven) | Parsed::Long(_, Trust::Proven));
             if start < length && is_one(self.parse(at + start as u64)?) {
@@ -220,15 +223,15 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         Ok(self.framing.is_likely(frame))
     }
 
-    /// Whether a frame, the padding or the end of the file may be here.
+    /// Whether a frame, the padding or the end of the file may start here.
     fn may_begin(&mut self, at: u64) -> Result<bool, ScanError> {
         Ok(at == self.size
             || self.framing.begins(self.source.up_to(at, LOOK)?)
             || (F::PADDED && self.is_padding(at)?))
     }
 
-    /// Whether the next few frames lead to one that is more than weak, or to the end of the file.
-    fn leads(&mut self, mut at: u64) -> Result<bool, ScanError> {
+    /// Whether the next few frames lead to a better than weak one, or to the end of the file.
+    fn leads_on(&mut self, mut at: u64) -> Result<bool, ScanError> {
         for _ in 0..HOPS {
             match self.parse(at)? {
                 Parsed::Frame(length, Trust::Weak) => at += length as u64,
@@ -241,14 +244,14 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         Ok(false)
     }
 
-    /// Whether the walk may go on here after damage.
+    /// Whether the walk may resume here after damage.
     fn is_certain(&mut self, at: u64) -> Result<bool, ScanError> {
         let mut place = at;
         for hop in 0..F::PROOF {
             let parsed = self.parse(place)?;
-            self.in_vain += match parsed {
+            self.false_start_cost += match parsed {
                 Parsed::Frame(looked, Trust::Shape) | Parsed::Not(looked) => looked as u64,
-                // Little of it was looked at.
+                // Little of it was examined.
                 Parsed::Frame(_, Trust::Weak) | Parsed::Long(..) => LOOK as u64,
                 Parsed::Frame(..) | Parsed::Cut => 1,
             };
@@ -263,7 +266,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
                     place += length;
                 }
                 Parsed::Frame(length, trust) => {
-                    if trust == Trust::Shape && self.holds(place, length, trust)? {
+                    if trust == Trust::Shape && self.holds_others_at(place, length, trust)? {
                         return Ok(false);
                     }
                     if trust == Trust::Agrees && self.is_likely(place, length)? {
@@ -278,10 +281,11 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         self.may_begin(place)
     }
 
-    /// No frame is believed here: goes on where the next one begins. How many bytes were text before the first frame.
+    /// No frame is accepted here: resumes at the next one. Returns the number of bytes that were text before the first
+    /// frame.
     fn lost(&mut self, (parsed, reason): Lost) -> Result<u64, ScanError> {
         if let Parsed::Not(looked) | Parsed::Frame(looked, Trust::Weak | Trust::Shape) = parsed {
-            self.in_vain += looked as u64;
+            self.false_start_cost += looked as u64;
         }
         let longest = self.framing.longest();
         let reason = match reason {
@@ -304,10 +308,10 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         Ok(0)
     }
 
-    /// Where the next frame begins that is certain; the padding or the end of the file if there is none.
+    /// The start of the next certain frame; if there is none, the padding or the end of the file.
     fn search(&mut self, from: u64) -> Result<u64, ScanError> {
         let (mut at, mut most, mut zeros) = (from, FIRST_BLOCK, 0);
-        while at < self.size && zeros <= MOST_ZEROS && self.in_vain < self.patience() {
+        while at < self.size && zeros <= MOST_ZEROS && self.false_start_cost < self.patience() {
             let longest = self.framing.longest();
             let block = self.source.up_to(at, most + longest)?;
             let head = block.get(..most).unwrap_or(block);
@@ -328,7 +332,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
             }
             self.source.progress(at.min(self.size), self.context)?;
         }
-        // Less filling than a frame is long may be the rest of one that was cut.
+        // Padding shorter than a frame may be the rest of a truncated one.
         let filling = F::PADDED && self.is_padding(self.size - 1)?;
         let padding = self.padding_from.filter(|at| filling && self.size - at > self.framing.longest() as u64);
         Ok(padding.map_or(self.size, |at| at.max(from)))
@@ -343,7 +347,7 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
         Ok(self.framing.is_preamble(bytes))
     }
 
-    /// Whether nothing but zeros, or nothing but ones, follows up to the end of the file.
+    /// Whether only zeros, or only ones, follow up to the end of the file.
     fn is_padding(&mut self, at: u64) -> Result<bool, ScanError> {
         let from = match self.padding_from {
             Some(from) => from,
@@ -359,13 +363,13 @@ impl<S: Source, F: Framing> Scan<'_, '_, S, F> {
     }
 }
 
-/// Where, at or after `from`, a log begins by its first bytes; beyond all bytes if none does.
+/// The position at or after `from` where the first bytes of a log are found; past the end if there is none.
 fn start_in<F: Framing>(bytes: &[u8], from: usize) -> usize {
     memmem::find(bytes.get(from..).unwrap_or_default(), F::START).map_or(usize::MAX, |at| from + at)
 }
 
-/// Whether a frame is within this one that shows its length to be wrong: one that reaches to its very end, or in a weak frame
-/// any that agrees with itself.
+/// Whether this frame contains another that shows its length to be wrong: one that ends exactly where it ends, or in a
+/// weak frame any that is self-consistent.
 fn holds_others<F: Framing>(framing: &F, frame: &[u8], trust: Trust) -> bool {
     let mut from = 1;
     while let Some(inner) = framing.candidate(frame, from) {
@@ -384,8 +388,8 @@ fn holds_others<F: Framing>(framing: &F, frame: &[u8], trust: Trust) -> bool {
     false
 }
 
-/// Where the zeros or ones begin that a file ends in: a preallocated file has the first, flash memory the second. More than
-/// the reader looks back for are a sparse file, which has none.
+/// Start of the zeros or ones at the end of a file: preallocated files end in zeros, flash memory in ones. If there are
+/// more than the reader looks back for, the file is sparse and has no padding.
 fn padding_from(source: &mut impl Source) -> Result<u64, ScanError> {
     let size = source.size();
     let mut end = size;

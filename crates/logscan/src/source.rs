@@ -1,4 +1,4 @@
-//! A file read by position into one reused buffer. Never mapped: a mapped file that shrinks
+//! A file read by position into one reused buffer. Never memory-mapped: a mapped file that shrinks
 //! kills the process, and its pages count as our memory.
 
 use crate::bytes::is_zero;
@@ -10,36 +10,36 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Bytes fetched in one go when little is asked for again and again.
+/// Bytes fetched at once during a sequence of small requests.
 const READ_AHEAD: usize = 256 << 10;
-/// Bytes fetched behind a jump, or behind much that was asked for at once: the next may come soon. With every further
-/// fetch it is four times as much.
+/// Bytes fetched after a jump, or after a large request: the next one may be close. Each further
+/// fetch is four times as large.
 const FIRST_AHEAD: usize = 512;
-/// Stepping over so much is no jump: discs read it anyway.
+/// A step of up to this length is not a jump: the disk reads these bytes anyway.
 const LONGEST_STEP: u64 = 64 << 10;
-/// Bytes in front of what is asked for that stay in the buffer: after a look ahead, the walk goes on where it was.
+/// Bytes before the requested ones that stay in the buffer: after a look ahead, the walk resumes where it was.
 const KEPT_BEHIND: u64 = 4 << 10;
-/// Progress is reported, and a wish to stop is heard, this often, bytes.
+/// Bytes between two progress reports and checks for a stop request.
 const PROGRESS_STEP: u64 = 1 << 20;
 
-/// What is walked over: a file, or bytes in memory.
+/// What is scanned: a file, or bytes in memory.
 pub trait Source {
-    /// Bytes in all.
+    /// Total size, bytes.
     fn size(&self) -> u64;
 
-    /// `length` bytes at `offset`; `None` if the source ends before.
+    /// `length` bytes at `offset`; `None` if the source ends earlier.
     ///
     /// # Errors
     /// If the source cannot be read.
     fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError>;
 
-    /// What is held from `offset` on, `least` bytes or all up to the end; if fewer are held, `most` are fetched.
+    /// The buffered bytes from `offset` on: `least` bytes, or all up to the end. If fewer are buffered, fetches `most`.
     ///
     /// # Errors
     /// If the source cannot be read.
     fn ahead(&mut self, offset: u64, least: usize, most: usize) -> Result<&[u8], ScanError>;
 
-    /// As many as there are, up to `most`.
+    /// Up to `most` bytes, fewer at the end of the source.
     ///
     /// # Errors
     /// If the source cannot be read.
@@ -48,7 +48,7 @@ pub trait Source {
         Ok(self.bytes(offset, there)?.unwrap_or_default())
     }
 
-    /// A look at the next few bytes from far away, which leaves what is held as it is; at the end of the source there are fewer.
+    /// Peeks at a few distant bytes without changing the buffer; returns fewer at the end of the source.
     ///
     /// # Errors
     /// If the source cannot be read.
@@ -59,15 +59,15 @@ pub trait Source {
         Ok(space)
     }
 
-    /// Tells the surroundings that the walk has come to `offset`.
+    /// Reports that the walk has reached `offset`.
     ///
     /// # Errors
-    /// If the user wants to stop.
+    /// If the user requested a stop.
     fn progress(&mut self, _offset: u64, _context: &ReadContext<'_>) -> Result<(), ScanError> {
         Ok(())
     }
 
-    /// The file, if this is one.
+    /// The file, if the source is one.
     fn file(&mut self) -> Option<&mut LogFile> {
         None
     }
@@ -119,7 +119,7 @@ impl Source for &[u8] {
     }
 }
 
-/// An open log file, its size fixed at the time of opening.
+/// An open log file. Its size is fixed when it is opened.
 #[derive(Debug)]
 pub struct LogFile {
     file: Arc<File>,
@@ -130,18 +130,18 @@ pub struct LogFile {
     start: u64,
     ahead: usize,
     longest_step: u64,
-    told: u64,
+    reported: u64,
 }
 
 impl LogFile {
     /// Opens a regular file.
     ///
     /// # Errors
-    /// If it is not one, or cannot be opened.
+    /// If it is not a regular file, or cannot be opened.
     pub fn open(path: &Path) -> Result<LogFile, ScanError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let io_error = |source| ScanError::Io { file: name.clone(), offset: 0, source };
-        // Looked at before it is opened: opening a pipe would wait for its writer.
+        // Examined before it is opened: opening a pipe would wait for its writer.
         if !std::fs::metadata(path).map_err(io_error)?.is_file() {
             return Err(ScanError::NotAFile { file: name });
         }
@@ -160,16 +160,16 @@ impl LogFile {
             start: 0,
             ahead: FIRST_AHEAD,
             longest_step: LONGEST_STEP,
-            told: 0,
+            reported: 0,
         }
     }
 
-    /// The same file, to be read from elsewhere.
+    /// Another handle to the same file, with its own buffer.
     pub fn again(&self) -> LogFile {
         LogFile::new(Arc::clone(&self.file), Arc::clone(&self.name), self.size)
     }
 
-    /// What one has read, the other has, of the same file.
+    /// Swaps buffers with another handle to the same file.
     pub fn swap_buffer(&mut self, other: &mut LogFile) {
         std::mem::swap(&mut self.buffer, &mut other.buffer);
         std::mem::swap(&mut self.start, &mut other.start);
@@ -177,12 +177,12 @@ impl LogFile {
         self.ahead = FIRST_AHEAD;
     }
 
-    /// From now on only what is asked for is wanted: every step over something is a jump.
+    /// From now on only requested bytes are fetched: every step over something is a jump.
     pub fn expect_jumps(&mut self) {
         self.longest_step = 0;
     }
 
-    /// Memory of the buffer, bytes.
+    /// Memory used by the buffer, bytes.
     pub fn held(&self) -> usize {
         self.buffer.capacity()
     }
@@ -192,13 +192,13 @@ impl LogFile {
         &self.name
     }
 
-    /// Bytes of the file.
+    /// Size of the file, bytes.
     #[must_use]
     pub fn size(&self) -> u64 {
         self.size
     }
 
-    /// `length` bytes at `offset`; `None` if the file ends before.
+    /// `length` bytes at `offset`; `None` if the file ends earlier.
     pub fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError> {
         let Some(end) = offset.checked_add(length as u64).filter(|&end| end <= self.size) else { return Ok(None) };
         if offset < self.start || end > self.start + self.filled as u64 {
@@ -208,13 +208,13 @@ impl LogFile {
         Ok(self.buffer.get(at..at + length))
     }
 
-    /// As many as there are, up to `most`.
+    /// Up to `most` bytes, fewer at the end of the file.
     pub fn up_to(&mut self, offset: u64, most: usize) -> Result<&[u8], ScanError> {
         let there = self.size.saturating_sub(offset).min(most as u64) as usize;
         Ok(self.bytes(offset, there)?.unwrap_or_default())
     }
 
-    /// What is held from `offset` on, `least` bytes or all up to the end; if fewer are held, `most` are fetched.
+    /// The buffered bytes from `offset` on: `least` bytes, or all up to the end. If fewer are buffered, fetches `most`.
     ///
     /// # Errors
     /// If the file cannot be read.
@@ -229,7 +229,7 @@ impl LogFile {
         Ok(self.buffer.get(at..self.filled).unwrap_or_default())
     }
 
-    /// A few bytes without moving the buffer: for looks far ahead.
+    /// Reads a few bytes without moving the buffer, for looks far ahead.
     pub fn peek<const N: usize>(&mut self, offset: u64) -> Result<Option<[u8; N]>, ScanError> {
         if offset.checked_add(N as u64).is_none_or(|end| end > self.size) {
             return Ok(None);
@@ -243,8 +243,8 @@ impl LogFile {
         Ok(Some(bytes))
     }
 
-    /// Behind the next LF at or after `from`, and whether there is one: else the end of the file, or of what is looked at
-    /// because nothing but zeros follows.
+    /// The position after the next LF at or after `from`, and `true`. Without an LF, `false` and the end of the file,
+    /// or of the part that was examined because only zeros follow.
     pub fn line_end(&mut self, from: u64, context: &ReadContext<'_>) -> Result<(u64, bool), ScanError> {
         let (mut at, mut zeros) = (from, 0);
         while at < self.size && zeros <= MOST_ZEROS {
@@ -259,7 +259,7 @@ impl LogFile {
         Ok((self.size, false))
     }
 
-    /// Makes the buffer hold at least `length` bytes at `offset`, which the file has.
+    /// Makes the buffer hold at least `length` bytes at `offset`. The file must have them.
     fn fill(&mut self, offset: u64, length: usize) -> Result<(), ScanError> {
         let end = self.start + self.filled as u64;
         let jump = offset < self.start || offset > end + self.longest_step;
@@ -284,7 +284,7 @@ impl LogFile {
         read_exactly(&self.file, &self.name, space, from)
     }
 
-    /// Moves what the buffer holds from `offset` on to its front; how much that is.
+    /// Moves the buffered bytes from `offset` on to the front of the buffer; returns their number.
     fn keep_from(&mut self, offset: u64) -> usize {
         let held = self.start..self.start + self.filled as u64;
         let kept = if held.contains(&offset) { (held.end - offset) as usize } else { 0 };
@@ -294,18 +294,18 @@ impl LogFile {
         kept
     }
 
-    /// Tells the surroundings that the walk has come to `offset`.
+    /// Reports that the walk has reached `offset`.
     pub fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), ScanError> {
-        if offset >= self.told + PROGRESS_STEP || (offset == self.size && offset > self.told) {
-            let more = offset - self.told;
-            self.told = offset;
+        if offset >= self.reported + PROGRESS_STEP || (offset == self.size && offset > self.reported) {
+            let more = offset - self.reported;
+            self.reported = offset;
             context.advance(more)?;
         }
         Ok(())
     }
 }
 
-/// Fills `space` from a place in the file, which had these bytes when it was opened.
+/// Fills `space` from a position in the file that existed when the file was opened.
 pub fn read_exactly(file: &File, name: &str, space: &mut [u8], from: u64) -> Result<(), ScanError> {
     read_exact_at(file, space, from).map_err(|source| match source.kind() {
         io::ErrorKind::UnexpectedEof => ScanError::Changed { file: name.to_owned() },
@@ -319,7 +319,7 @@ mod tests {
     use std::io::Write;
 
     #[test]
-    fn any_stretch_reads_as_the_file_has_it() {
+    fn any_range_reads_the_bytes_of_the_file() {
         let content: Vec<u8> =
             (0..3 * READ_AHEAD as u32 + 17).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let mut on_disk = tempfile::NamedTempFile::new().unwrap();
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_no_log() {
+    fn a_folder_is_rejected_as_a_log() {
         assert!(matches!(LogFile::open(Path::new("/")), Err(ScanError::NotAFile { .. })));
     }
 }

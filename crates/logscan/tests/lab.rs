@@ -1,4 +1,4 @@
-//! What the scan promises, shown on a made-up format: two kinds of frames, one with a checksum and one without.
+//! The guarantees of the scan, shown on a made-up format: two kinds of frames, one with a checksum and one without.
 
 use flight::{LogHealth, Notices};
 use logscan::{Fate, Framing, Ledger, Limits, LogFile, Parsed, ReadContext, ScanError, Scanned, Trust, scan};
@@ -8,13 +8,13 @@ use std::io::Write;
 use std::sync::atomic::AtomicBool;
 
 const SYNC: u8 = 0xa5;
-/// Kinds: proven by the sum of its payload, or by nothing.
+/// Kinds: verified by the sum of its payload, or not at all.
 const SUMMED: u8 = 1;
 const SHAPED: u8 = 2;
 const HEAD: usize = 3;
 const START: &[u8] = b"TOYLOG01";
 
-/// Keeps the frames that are taken, by their place in the file.
+/// Keeps the frames that are taken, with their position in the file.
 #[derive(Default)]
 struct Toy {
     frames: Vec<(u64, Vec<u8>)>,
@@ -106,13 +106,13 @@ fn noise(seed: usize, count: usize) -> Vec<u8> {
     (0..count).map(next).collect()
 }
 
-/// Frames of both kinds, none of whose payloads holds the first byte of a frame or of a log.
+/// Frames of both kinds. No payload contains the first byte of a frame or of a log.
 fn log(frames: usize) -> Vec<u8> {
     let payload = |i: usize| noise(i, 10 + i % 90).into_iter().map(|b| b & 0x1f).collect::<Vec<u8>>();
     (0..frames).flat_map(|i| frame(if i % 3 == 0 { SUMMED } else { SHAPED }, &payload(i))).collect()
 }
 
-/// What became of a file of these bytes; its ledger adds up.
+/// The result of scanning a file of these bytes; checks that its ledger adds up.
 fn scanned(bytes: &[u8]) -> (Toy, LogHealth, Scanned) {
     let mut on_disk = tempfile::NamedTempFile::new().unwrap();
     on_disk.write_all(bytes).unwrap();
@@ -136,11 +136,11 @@ fn every_frame_of_an_intact_file_is_taken() {
     let (toy, health, _) = scanned(&bytes);
     assert_eq!((toy.frames.len(), toy.breaks), (20_000, 0));
     assert_eq!((health.bytes.decoded, health.damage_count), (bytes.len() as u64, 0));
-    assert!(toy.parsed.get() < 21_000, "{} looks at 20000 frames", toy.parsed.get());
+    assert!(toy.parsed.get() < 21_000, "{} examinations of 20000 frames", toy.parsed.get());
 }
 
 #[test]
-fn damage_costs_the_frames_that_it_touches_and_at_most_the_one_before() {
+fn damage_costs_the_frames_it_touches_and_at_most_one_before() {
     let bytes = log(1000);
     let truth = scanned(&bytes).0.frames;
     for (case, at) in (0..100).map(|i| (i, 100 + i * (bytes.len() - 2000) / 100)) {
@@ -162,18 +162,18 @@ fn damage_costs_the_frames_that_it_touches_and_at_most_the_one_before() {
         let found: Vec<(usize, Vec<u8>)> = toy.frames.iter().map(place).collect();
         let kept = |frame: &(u64, Vec<u8>)| found.contains(&(frame.0 as usize, frame.1.clone()));
         let missing = truth.iter().filter(|frame| !touched(frame) && !kept(frame)).count();
-        assert!(missing <= 1, "{what} at {at}: {missing} frames are missing that it does not touch");
-        // A wrong byte within a frame without a sum is that frame's own; damage may make one of two.
+        assert!(missing <= 1, "{what} at {at}: {missing} untouched frames are missing");
+        // A wrong byte within a frame without a sum is not detectable; damage may merge two frames into one.
         let foreign = found.iter().filter(|(at, frame)| !truth.contains(&(*at as u64, frame.clone())));
         let (inside, outside): (Vec<_>, Vec<_>) =
             foreign.partition(|(at, frame)| touched(&(*at as u64, frame.clone())));
-        assert_eq!(outside.len(), 0, "{what} at {at}: frames that were not there");
-        assert!(inside.len() == 1 || health.damage_count > 0, "{what} at {at}: nothing is reported");
+        assert_eq!(outside.len(), 0, "{what} at {at}: frames that do not exist");
+        assert!(inside.len() == 1 || health.damage_count > 0, "{what} at {at}: no damage is reported");
     }
 }
 
 #[test]
-fn a_last_frame_that_is_cut_is_a_cut_tail() {
+fn a_truncated_last_frame_is_a_cut_tail() {
     let bytes = log(3000);
     let whole = scanned(&bytes).0.frames.len();
     let (toy, health, _) = scanned(&bytes[..bytes.len() - 5]);
@@ -182,7 +182,7 @@ fn a_last_frame_that_is_cut_is_a_cut_tail() {
 }
 
 #[test]
-fn text_before_the_first_frame_and_filling_after_the_last_are_no_damage() {
+fn leading_text_and_trailing_padding_are_not_damage() {
     let text = b"booting\r\n";
     for filling in [0, 0xff] {
         let bytes = [&text[..], &log(50), &[filling; 5000]].concat();
@@ -193,7 +193,7 @@ fn text_before_the_first_frame_and_filling_after_the_last_are_no_damage() {
 }
 
 #[test]
-fn a_log_that_follows_one_that_was_cut_begins_anywhere_and_no_frame_reaches_into_it() {
+fn a_log_after_a_truncated_one_is_found_and_no_frame_spans_both() {
     let first = [START, &log(40)].concat();
     let second = [START, &log(40)].concat();
     for cut in first.len() - 200..first.len() {
@@ -206,7 +206,7 @@ fn a_log_that_follows_one_that_was_cut_begins_anywhere_and_no_frame_reaches_into
 }
 
 #[test]
-fn a_length_that_leads_over_other_frames_to_the_begin_of_one_swallows_none() {
+fn a_wrong_length_that_ends_at_a_frame_start_swallows_no_frames() {
     let frames: Vec<Vec<u8>> =
         (0..20).map(|i| frame(SHAPED, &noise(i, 20).iter().map(|b| b & 0x1f).collect::<Vec<u8>>())).collect();
     let mut lie = frames.clone();
@@ -220,16 +220,16 @@ fn a_length_that_leads_over_other_frames_to_the_begin_of_one_swallows_none() {
 
 #[test]
 fn false_starts_cost_a_small_multiple_of_the_file() {
-    // Every third byte begins a frame of the longest kind whose sum is wrong.
+    // Every third byte starts a frame of the longest kind with a wrong sum.
     let hostile = [SYNC, SUMMED, 255].repeat(1 << 20);
     let (toy, health, _) = scanned(&[log(5), hostile].concat());
     assert_eq!(toy.frames.len(), 5);
     assert!(health.damage_count > 0);
-    assert!(toy.parsed.get() < 1 << 20, "{} places were looked at", toy.parsed.get());
+    assert!(toy.parsed.get() < 1 << 20, "{} positions were examined", toy.parsed.get());
 }
 
 #[test]
-fn a_sparse_file_is_not_walked_through() {
+fn a_sparse_file_is_not_read_to_its_end() {
     let mut on_disk = tempfile::NamedTempFile::new().unwrap();
     on_disk.write_all(&log(50)).unwrap();
     on_disk.as_file().set_len(100 << 30).unwrap();
@@ -239,7 +239,7 @@ fn a_sparse_file_is_not_walked_through() {
 }
 
 #[test]
-fn a_wish_to_stop_is_heard() {
+fn a_stop_request_is_honoured() {
     let mut on_disk = tempfile::NamedTempFile::new().unwrap();
     on_disk.write_all(&log(100_000)).unwrap();
     let mut file = LogFile::open(on_disk.path()).unwrap();

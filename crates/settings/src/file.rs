@@ -1,4 +1,4 @@
-//! One settings file: its text, the values in it, and every complaint about it.
+//! One settings file: its text, its values, and every complaint about it.
 
 use crate::nearest::likely;
 use crate::number::unit_of_key;
@@ -9,46 +9,46 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer, Error};
 
-/// Most complaints that are listed about one file.
+/// Maximum number of complaints listed for one file.
 const MOST: usize = 20;
 
-/// Values that stand in for a wrong or missing one, so that the rest of the file can be checked.
-const STAND_INS: &str =
+/// Placeholders for wrong or missing values, so that the rest of the file can be checked.
+const PLACEHOLDERS: &str =
     r#"v = [1, "", false, {}, [], [1, 1], [1, 1, 1], ["", "", ""], [[1, 1, 1], [1, 1, 1], [1, 1, 1]]]"#;
 
 /// What is wrong with a settings file, and where.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Complaint {
-    /// Line, from 1, of the first that is wrong.
+    /// Line, from 1, of the first complaint.
     pub line: Option<usize>,
-    /// What is wrong there and what would be right. Complaints about other lines follow, each on a line of its own as
+    /// What is wrong there and what would be right. Complaints about other lines follow, one per line, as
     /// `file:line: what`.
     pub what: String,
 }
 
-/// A complaint was made to the [`SettingsFile`]; nothing else needs to be said.
+/// The [`SettingsFile`] already holds the complaint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Refused;
 
-/// A settings file while it is read and checked. Collects all complaints, so that one run lists them all.
+/// A settings file while it is read and checked. Collects all complaints, so that one run reports them all.
 #[derive(Debug)]
 pub struct SettingsFile<'a> {
     text: &'a str,
     file: &'a Path,
     complaints: RefCell<Vec<Complaint>>,
-    /// Where values were replaced by stand-ins.
+    /// Byte ranges of values replaced by placeholders.
     replaced: RefCell<Vec<Range<usize>>>,
 }
 
 impl<'a> SettingsFile<'a> {
-    /// A file with this text; `file` is for complaints.
+    /// A file with this text; `file` appears in complaints.
     #[must_use]
     pub fn new(text: &'a str, file: &'a Path) -> SettingsFile<'a> {
         SettingsFile { text, file, complaints: RefCell::default(), replaced: RefCell::default() }
     }
 
-    /// Reads the file as `T`. Unknown keys, missing keys and values of a wrong type are complained about, and replaced by
-    /// something of the right type so that the other values can be checked too: call [`SettingsFile::finish`] before use.
+    /// Reads the file as `T`. Unknown keys, missing keys and values of a wrong type become complaints. Placeholders of
+    /// the right type replace them so that other values can be checked too: call [`SettingsFile::finish`] before use.
     ///
     /// # Errors
     /// The text is not TOML, or nothing of the right type was found.
@@ -65,15 +65,15 @@ impl<'a> SettingsFile<'a> {
             if !error.span().is_some_and(is_within) {
                 self.complaints.borrow_mut().push(complaint(&error, Some(table.get_ref()), self.text));
             }
-            let beyond = self.text.len() + 1 + self.replaced.borrow().len();
-            let Some((better, place)) = repaired::<T>(&table, &error, beyond) else { break };
+            let past_end = self.text.len() + 1 + self.replaced.borrow().len();
+            let Some((better, place)) = repaired::<T>(&table, &error, past_end) else { break };
             self.replaced.borrow_mut().extend(place);
             table = better;
         }
         Err(self.reject_whole("the rest of the file was not checked"))
     }
 
-    /// The file as TOML, for checks that need the place of a value.
+    /// The file as TOML, for checks that need the position of a value.
     ///
     /// # Errors
     /// The text is not TOML.
@@ -84,7 +84,7 @@ impl<'a> SettingsFile<'a> {
         })
     }
 
-    /// Complains about a value, unless it is only a stand-in or holds one: that was complained about already.
+    /// Complains about a value, unless it is or contains a placeholder, which already has its complaint.
     pub fn reject<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> Refused {
         let span = at.span();
         let holds = |place: &Range<usize>| span.start <= place.start && place.end <= span.end;
@@ -111,7 +111,7 @@ impl<'a> SettingsFile<'a> {
         line_of(self.text, at.span().start)
     }
 
-    /// The value, if there was nothing to complain about.
+    /// The value, if there are no complaints.
     ///
     /// # Errors
     /// All complaints, by line.
@@ -139,12 +139,12 @@ impl<'a> SettingsFile<'a> {
     }
 }
 
-/// A table with what the error is about corrected, and the place of a stand-in that was put in. A missing key has no place
-/// of its own: it gets the byte `beyond`, one after the text that no other stand-in has.
+/// The table with the cause of the error corrected, and the byte range of the placeholder, if any. A missing key has no
+/// bytes: it gets the byte `past_end`, which is after the text and belongs to no other placeholder.
 fn repaired<'t, T: DeserializeOwned>(
     table: &Spanned<DeTable<'t>>,
     error: &Error,
-    beyond: usize,
+    past_end: usize,
 ) -> Option<(Spanned<DeTable<'t>>, Option<Range<usize>>)> {
     let span = error.span()?;
     let message = error.message();
@@ -153,7 +153,7 @@ fn repaired<'t, T: DeserializeOwned>(
         return correct(table.get_mut(), span.start, likely(name, known)).then_some((table, None));
     }
     let missing = quoted_name("missing field", message).map(|(name, _)| name);
-    let place = if missing.is_some() { beyond..beyond } else { span.clone() };
+    let place = if missing.is_some() { past_end..past_end } else { span.clone() };
     let word = quoted_name("unknown variant", message).and_then(|(name, known)| {
         let word = likely(name, known.iter().copied()).or(known.first().copied())?;
         Some(DeValue::String(word.to_owned().into()))
@@ -166,9 +166,9 @@ fn repaired<'t, T: DeserializeOwned>(
             !is_there || misses_other
         }
     };
-    word.into_iter().chain(stand_ins()).find_map(|stand_in| {
+    word.into_iter().chain(placeholders()).find_map(|placeholder| {
         let mut table = table.clone();
-        let value = placed(stand_in, &place);
+        let value = placed(placeholder, &place);
         match missing {
             Some(key) => insert(&mut table, &span, key, value)?,
             None => *value_at(table.get_mut(), &span)? = value,
@@ -177,8 +177,8 @@ fn repaired<'t, T: DeserializeOwned>(
     })
 }
 
-fn stand_ins() -> impl Iterator<Item = DeValue<'static>> {
-    let table = DeTable::parse(STAND_INS).map(Spanned::into_inner).unwrap_or_default();
+fn placeholders() -> impl Iterator<Item = DeValue<'static>> {
+    let table = DeTable::parse(PLACEHOLDERS).map(Spanned::into_inner).unwrap_or_default();
     let values = table.into_iter().filter_map(|(_, value)| match value.into_inner() {
         DeValue::Array(values) => Some(values),
         _ => None,
@@ -186,7 +186,7 @@ fn stand_ins() -> impl Iterator<Item = DeValue<'static>> {
     values.flat_map(|values| values.iter().map(|value| value.get_ref().clone()).collect::<Vec<_>>())
 }
 
-/// A value that says of all its parts that they are at `place`.
+/// A value all of whose parts are at `place`.
 fn placed<'t>(mut value: DeValue<'t>, place: &Range<usize>) -> Spanned<DeValue<'t>> {
     if let DeValue::Array(array) = &mut value {
         for part in array.iter_mut() {
@@ -217,13 +217,13 @@ fn insert<'t>(
     }
 }
 
-/// The value at `span`, in the table or below it.
+/// The value at `span`, in the table or in a nested one.
 fn value_at<'b, 't>(table: &'b mut DeTable<'t>, span: &Range<usize>) -> Option<&'b mut Spanned<DeValue<'t>>> {
     table.iter_mut().find_map(|(_, value)| value_in(value, span))
 }
 
 fn value_in<'b, 't>(value: &'b mut Spanned<DeValue<'t>>, span: &Range<usize>) -> Option<&'b mut Spanned<DeValue<'t>>> {
-    // A list of tables begins where its first table does.
+    // A list of tables has the same start as its first table.
     let is_first_table = |one: &Spanned<DeValue<'_>>| one.span() == *span && matches!(one.get_ref(), DeValue::Table(_));
     let holds_it = matches!(value.get_ref(), DeValue::Array(array) if array.iter().any(is_first_table));
     if value.span() == *span && !holds_it {
@@ -236,14 +236,14 @@ fn value_in<'b, 't>(value: &'b mut Spanned<DeValue<'t>>, span: &Range<usize>) ->
     }
 }
 
-/// The name after these words, and the names after that.
+/// The first name after these words, and the remaining names.
 fn quoted_name<'m>(words: &str, message: &'m str) -> Option<(&'m str, Vec<&'m str>)> {
     let (name, rest) = message.strip_prefix(words)?.strip_prefix(" `")?.split_once('`')?;
     Some((name, quoted(rest)))
 }
 
-/// Gives the key that begins at a byte, in the table or below it, the name that was meant; without one the key goes. So one
-/// typo is one complaint, and not also a missing key.
+/// Renames the key that starts at a byte, in the table or in a nested one, to the likely name. Without one, removes the
+/// key. So a typo gives one complaint, and not a second one about a missing key.
 fn correct(table: &mut DeTable<'_>, start: usize, meant: Option<&str>) -> bool {
     let Some(key) = table.keys().find(|key| key.span().start == start).cloned() else {
         return table.iter_mut().any(|(_, value)| correct_in(value, start, meant));
@@ -263,7 +263,7 @@ fn correct_in(value: &mut Spanned<DeValue<'_>>, start: usize, meant: Option<&str
     }
 }
 
-/// The parser's own complaint, in our words and with its line.
+/// The parser's error as a complaint in our words, with its line.
 fn complaint(error: &Error, table: Option<&DeTable<'_>>, text: &str) -> Complaint {
     let message = error.message();
     let what = match (quoted_name("unknown field", message), quoted_name("unknown variant", message)) {
@@ -308,7 +308,7 @@ fn wrong_type(error: &Error, table: Option<&DeTable<'_>>, text: &str) -> Option<
     })
 }
 
-/// The keys that lead to the value at `span`, as `delay.position_s`.
+/// The path of keys to the value at `span`, as `delay.position_s`.
 fn path_to(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
     table.iter().find_map(|(key, value)| {
         let below = path_below(value, span)?;
@@ -327,12 +327,12 @@ fn path_below(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<Strin
     }
 }
 
-/// The names between grave accents.
+/// The names between backticks.
 fn quoted(message: &str) -> Vec<&str> {
     message.split('`').skip(1).step_by(2).collect()
 }
 
-/// Message for an unknown key: the key that was probably meant, else the known ones in its place.
+/// Message for an unknown key: the likely key, else the known keys of that table.
 fn unknown_key(name: &str, known: &[&str]) -> String {
     match likely(name, known.iter().copied()) {
         Some(near) => format!("unknown key `{name}`: did you mean `{near}`?"),
@@ -376,7 +376,7 @@ mod tests {
         Cold,
     }
 
-    /// Reads and checks a file as its users do: every length must be above zero.
+    /// Reads and checks a file as the callers do: every length must be above zero.
     fn read(text: &str) -> Result<Whole, Complaint> {
         let file = SettingsFile::new(text, Path::new("p.toml"));
         file.finish(file.read::<Whole>().inspect(|whole| {
@@ -425,13 +425,13 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_stands_in_for_a_wrong_one_is_not_complained_about() {
+    fn a_placeholder_for_a_wrong_value_gets_no_complaint() {
         let found = refused("title = \"x\"\n[[part]]\nlength_m = \"long\"\n[[part]]\n");
         assert_eq!(found.what, "part.length_m = \"long\": must be a number in m\np.toml:4: missing key `length_m`");
     }
 
     #[test]
-    fn a_missing_key_of_the_first_table_of_a_list_hides_no_other() {
+    fn a_missing_key_in_the_first_table_of_a_list_does_not_hide_others() {
         let found = refused("title = \"x\"\n[[part]]\nwidth_m = 1\n[[part]]\nwidth_m = \"2\"\n");
         assert_eq!(found.line, Some(2));
         let lines: Vec<&str> = found.what.lines().collect();
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_value_hides_no_missing_key() {
+    fn a_wrong_value_does_not_hide_a_missing_key() {
         #[derive(Debug, serde::Deserialize)]
         #[expect(dead_code)]
         struct Card {
@@ -475,21 +475,21 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_is_missing_for_a_typo_is_reported_once() {
+    fn a_key_that_is_missing_because_of_a_typo_is_reported_once() {
         let found = refused("[[part]]\nwidht_m = 1\n");
         assert!(found.what.contains("did you mean `width_m`?") && found.what.contains("missing key `length_m`"));
         assert_eq!(refused("titel = \"x\"\n").what.matches("title").count(), 1);
     }
 
     #[test]
-    fn a_text_that_is_not_toml_has_its_line() {
+    fn text_that_is_not_toml_is_reported_with_its_line() {
         assert_eq!(refused("title = \"x\"\nmode = \n").line, Some(2));
         assert_eq!(refused("title").what.lines().count(), 1);
         assert_eq!(refused("title = \"x\"\nmode = 3\n").line, Some(2));
     }
 
     #[test]
-    fn many_unknown_keys_end_the_list() {
+    fn the_list_of_many_unknown_keys_is_limited() {
         let text: String = (0..100).map(|n| format!("z{n} = 1\n")).collect();
         let found = refused(&text);
         assert_eq!(found.what.matches("unknown key").count(), MOST);

@@ -1,7 +1,7 @@
-//! How every settings file is read, and how every complaint about one reads: line, what is wrong, and what would be right.
+//! Reads every settings file. Every complaint gives the line, what is wrong, and what would be right.
 //!
-//! Knows TOML, and not what a setting means: pipelines, criteria, rigs, cards and channel maps are read by the crates that use
-//! them.
+//! Knows TOML, but not what a setting means: the crates that use pipelines, criteria, rigs, cards and channel maps
+//! interpret them.
 //!
 //! ```
 //! #[derive(Debug, serde::Deserialize)]

@@ -1,14 +1,14 @@
-//! The name that somebody may have meant.
+//! The nearest known name to a mistyped one.
 
-/// The name that differs least: by letters to be put in, taken out or changed, where case and what stands between words count
-/// for nothing and a name that holds the other one is close. Of equals the first.
+/// The name with the smallest edit distance: letters inserted, deleted or replaced. Case and separators are ignored. A
+/// name that contains the other one is close. The first wins a tie.
 #[must_use]
 pub fn nearest<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     let wanted = plain(wanted);
     names.into_iter().min_by_key(|name| difference(&wanted, &plain(name)))
 }
 
-/// The few names that differ least, nearest first.
+/// The few nearest names, nearest first.
 #[must_use]
 pub fn nearest_few<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>, most: usize) -> Vec<&'n str> {
     let wanted = plain(wanted);
@@ -18,8 +18,8 @@ pub fn nearest_few<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>, m
     names
 }
 
-/// The nearest name if it is near enough to ask whether it was meant: at most half of the letters differ, or one name
-/// holds the other.
+/// The nearest name if it is near enough to suggest: at most half of the letters differ, or one name contains the
+/// other.
 #[must_use]
 pub fn likely<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     let letters = plain(wanted);
@@ -30,14 +30,14 @@ fn plain(name: &str) -> Vec<char> {
     name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
-/// Twice the number of letters, or once where one name holds the other.
+/// Twice the edit distance, or once if one name contains the other.
 fn difference(a: &[char], b: &[char]) -> usize {
     let (short, long) = if a.len() < b.len() { (a, b) } else { (b, a) };
     let holds = short.len() > 1 && long.windows(short.len()).any(|part| part == short);
     if holds { long.len() - short.len() } else { 2 * edits(a, b) }
 }
 
-/// Levenshtein's distance.
+/// The Levenshtein distance.
 fn edits(a: &[char], b: &[char]) -> usize {
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.iter().enumerate() {
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_has_nothing_in_common_is_not_likely() {
+    fn a_name_with_nothing_in_common_is_not_suggested() {
         assert_eq!(likely("positon_s", ["source", "position_s"]), Some("position_s"));
         assert_eq!(likely("position", ["source", "position_s"]), Some("position_s"));
         assert_eq!(likely("colour", ["length_m", "width_m"]), None);

@@ -1,6 +1,6 @@
-//! Numbers that cannot be meant.
+//! Bounds checks of numbers in settings.
 
-/// The unit that the end of a key states, as `_s` of `delay.position_s`; empty where it states none.
+/// The unit in the suffix of a key, as `_s` of `delay.position_s`; empty without such a suffix.
 pub(crate) fn unit_of_key(key: &str) -> &'static str {
     match key.rsplit('_').next().filter(|end| end.len() < key.len()) {
         Some("s") => " s",
@@ -16,19 +16,19 @@ pub(crate) fn unit_of_key(key: &str) -> &'static str {
     }
 }
 
-/// A number within its bounds; minus zero is zero.
+/// A number within its bounds; minus zero becomes zero.
 ///
 /// # Errors
-/// What is wrong with it, with the unit that the key states.
+/// What is wrong with it, with the unit from the suffix of the key.
 pub fn within(key: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
     let unit = unit_of_key(key);
     bounded(value, low, high, unit).map_err(|what| format!("{key} = {value}{unit}: {what}"))
 }
 
-/// A number of seconds that was typed, within its bounds.
+/// A number of seconds that the user typed, within its bounds.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// What is wrong with it.
 pub fn seconds(text: &str, low: f64, high: f64) -> Result<f64, String> {
     let value: f64 = text.trim().parse().map_err(|_| "is not a number of seconds, as 0.4".to_owned())?;
     bounded(value, low, high, " s")
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_out_of_bounds_is_told_with_its_unit() {
+    fn a_number_out_of_bounds_is_reported_with_its_unit() {
         let told = |key, value| within(key, value, 0.0, 30.0).unwrap_err();
         assert_eq!(
             told("delay.position_s", 400.0),

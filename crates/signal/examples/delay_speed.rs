@@ -1,4 +1,4 @@
-//! How long one fit takes on one core: 60 s at 100 Hz, median over fifty records. Needs Linux.
+//! Time of one fit on one core: 60 s at 100 Hz, median over fifty records. Needs Linux.
 //! `cargo run --release -p flightlag-signal --example delay_speed`
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example's output is its print")]
 
@@ -12,7 +12,7 @@ fn position(t: f64) -> f64 {
     0.9 * (TAU * 0.53 * t).sin() + 0.25 * (TAU * 0.81 * t + 0.7).sin() + 0.1 * (TAU * 1.37 * t - 1.1).sin()
 }
 
-/// Stamps (regular, or each up to 30 % of an interval off) and values with a wander of `wander` m and 0.5 s.
+/// Timestamps (regular, or each up to 30 % of an interval off) and values with a wander of `wander` m and 0.5 s.
 fn record(seed: u64, jitter: f64, wander: f64) -> (Vec<f64>, Vec<f64>) {
     let mut rng = Pcg64::seed_from_u64(seed);
     let mut x = 0.0;
@@ -25,7 +25,7 @@ fn record(seed: u64, jitter: f64, wander: f64) -> (Vec<f64>, Vec<f64>) {
     (0..6000).map(&mut row).unzip()
 }
 
-/// Milliseconds that this process has had a core, which other work on the machine does not change much.
+/// CPU time of this process in milliseconds, which is nearly independent of other load on the machine.
 fn core_ms() -> f64 {
     let text = std::fs::read_to_string("/proc/self/schedstat").unwrap();
     text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-6

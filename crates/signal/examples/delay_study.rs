@@ -1,5 +1,6 @@
-//! How good the delay estimator is: many simulated hand swings of known delay, one line of figures for each kind of
-//! noise, rate and stamps. `cargo run --release -p flightlag-signal --example delay_study -- [trials] [part of a case's name, or lag]`
+//! Accuracy of the delay estimator: many simulated hand swings of known delay, one line of results for each kind of
+//! noise, rate and timestamps. `cargo run --release -p flightlag-signal --example delay_study -- [trials] [part of a
+//! case's name, or lag]`
 #![allow(clippy::print_stdout, reason = "an example's output is its print")]
 
 use rand::{RngExt, SeedableRng};
@@ -50,7 +51,7 @@ impl Swing {
 #[derive(Clone, Copy, Debug)]
 enum Noise {
     Model(NoiseModel),
-    /// White noise that changes four times a second and is held between, and a random walk.
+    /// White noise that changes four times a second and is held in between, and a random walk.
     HeldSteps {
         held: f64,
         walk: f64,
@@ -60,7 +61,7 @@ enum Noise {
         walk: f64,
         white: f64,
     },
-    /// Latency that jitters (standard deviation, s), and white noise.
+    /// Jitter of the latency (standard deviation, s), and white noise.
     Jitter {
         jitter: f64,
         white: f64,
@@ -237,7 +238,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-/// Truths of design note 3.6: delay and lags, and the names that are right.
+/// Truths of design note 3.6: delay and lags, and the correct model names.
 const LATENESSES: [(f64, [f64; 2], &str); 5] = [
     (0.4, [0.0, 0.0], "D"),
     (0.0, [0.4, 0.0], "L"),
@@ -246,7 +247,7 @@ const LATENESSES: [(f64, [f64; 2], &str); 5] = [
     (0.0, [0.2, 0.2], "DLL"),
 ];
 
-/// How often the kind of lateness is told, not told, or told wrongly.
+/// How often the kind of lateness is identified, undecided, or wrong.
 fn lag_study(trials: u64) {
     println!(
         "{:18} {:>6} {:>6} {:>6} {:>6} | best by BIC: D L DL DLL | coverage of sum, delay, first lag | ms",

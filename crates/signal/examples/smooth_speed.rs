@@ -1,5 +1,5 @@
-//! How long the smoother takes: medians over repeats, one core.
-//! `cargo run --release -p flightlag-signal --example smooth_speed`
+//! Run time of the smoother: medians over repeats, one core. `cargo run --release -p flightlag-signal --example
+//! smooth_speed`
 #![allow(clippy::print_stdout)]
 
 use std::time::Instant;

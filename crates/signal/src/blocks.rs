@@ -5,16 +5,16 @@ use std::f64::consts::PI;
 
 /// Rows are summed into at most this many bins; blocks are made of whole bins.
 const BINS: usize = 240;
-/// Numbers of blocks that are tried, the finest first.
+/// Numbers of blocks to try, finest first.
 const BLOCKS: [usize; 5] = [20, 16, 12, 10, 8];
-/// Fewer rows than this give no uncertainty.
+/// Minimum number of rows for an uncertainty.
 const LEAST_ROWS: usize = 40;
-/// A block is at least this many integrated correlation times long: what neighbours still share then lowers the
-/// variance by an eighth, which [`shared`] makes good.
+/// A block is at least this many integrated correlation times long. The remaining correlation between neighbours lowers
+/// the variance by an eighth, which [`shared`] corrects.
 const TIMES: f64 = 4.0;
-/// Neighbouring blocks that correlate by more than this are no independent blocks.
+/// Neighbouring blocks that correlate by more than this are not independent.
 const MOST_SHARED: f64 = 0.3;
-/// Cosines of the slow part, of which the lowest has half a period in the record.
+/// Number of cosines used for the slow part; the slowest has half a period in the record.
 const COSINES: usize = 8;
 
 /// A number and its standard uncertainty.
@@ -22,19 +22,19 @@ const COSINES: usize = 8;
 pub struct BlockEstimate {
     /// The statistic of all rows.
     pub value: f64,
-    /// Half of the half width of its 95 % interval, so that `value ± 2u` is that interval; `None` where fewer than 8
-    /// blocks of the record are independent of each other, so that nobody can say.
+    /// Half of the half width of its 95 % interval, so that `value ± 2u` is that interval. `None` if the record has
+    /// fewer than 8 independent blocks.
     pub standard_uncertainty: Option<f64>,
 }
 
 /// Sums over consecutive bins of rows, for any number of statistics.
 ///
-/// The uncertainty of a statistic is a delete-one-block jackknife (Künsch 1989). How long the blocks are follows from
-/// the integrated autocorrelation time of what the bins contribute (sum of the initial positive sequence, Geyer 1992):
-/// four of them or more. Blocks whose neighbours correlate all the same are made longer (batch means, Fishman 1978).
-/// What is left of the correlation widens the variance by `(1 + ρ)/(1 − ρ)`, and it is never below what the eight
-/// slowest cosines of the record show (Lazarus, Lewis, Stock and Watson 2018). The interval has Student's quantile for
-/// the number of blocks less one. With fewer than 8 blocks there is no uncertainty.
+/// The uncertainty of a statistic is a delete-one-block jackknife (Künsch 1989). The block length follows from the
+/// integrated autocorrelation time of the contributions of the bins (sum of the initial positive sequence, Geyer 1992):
+/// four of them or more. Blocks whose neighbours still correlate are made longer (batch means, Fishman 1978). The
+/// remaining correlation widens the variance by `(1 + ρ)/(1 − ρ)`, and it is never below what the eight slowest cosines
+/// of the record show (Lazarus, Lewis, Stock and Watson 2018). The interval uses Student's quantile for the number of
+/// blocks less one. With fewer than 8 blocks there is no uncertainty.
 #[derive(Debug, Clone)]
 pub struct BlockSums<const K: usize> {
     bins: Vec<[f64; K]>,
@@ -42,7 +42,7 @@ pub struct BlockSums<const K: usize> {
 }
 
 impl<const K: usize> BlockSums<K> {
-    /// Of `count` rows in order of time.
+    /// From `count` rows in time order.
     #[must_use]
     pub fn of(count: usize, rows: impl Iterator<Item = [f64; K]>) -> BlockSums<K> {
         let bins = count.min(BINS);
@@ -55,7 +55,7 @@ impl<const K: usize> BlockSums<K> {
         out
     }
 
-    /// A function of the sums of all rows. `None` without rows, or where it is not finite.
+    /// A function of the sums of all rows. `None` without rows or if the result is not finite.
     pub fn estimate(&self, of: impl Fn([f64; K]) -> f64) -> Option<BlockEstimate> {
         let total = sum(&self.bins);
         let value = Some(of(total)).filter(|v| self.rows > 0 && v.is_finite())?;
@@ -63,8 +63,8 @@ impl<const K: usize> BlockSums<K> {
         Some(BlockEstimate { value, standard_uncertainty })
     }
 
-    /// As [`BlockSums::estimate`], for a function that is a size (a root mean square): it is the logarithm that is
-    /// nearly normal. The interval reaches as far up as that of the logarithm, and as far down.
+    /// As [`BlockSums::estimate`], for a magnitude (a root mean square), whose logarithm is nearly normal. The interval
+    /// reaches as far up as that of the logarithm, and as far down.
     pub fn estimate_size(&self, of: impl Fn([f64; K]) -> f64) -> Option<BlockEstimate> {
         let plain = self.estimate(of)?;
         let upwards = |u: f64| if plain.value > 0.0 { 0.5 * plain.value * (2.0 * u / plain.value).exp_m1() } else { u };
@@ -78,7 +78,7 @@ impl<const K: usize> BlockSums<K> {
             return None;
         }
         let without = |part: [f64; K]| of(std::array::from_fn(|k| total[k] - part[k]));
-        // What each bin contributes, to first order.
+        // Contribution of each bin, to first order.
         let shares: Vec<f64> = self.bins.iter().map(|bin| value - without(*bin)).collect();
         if !shares.iter().all(|s| s.is_finite()) {
             return None;
@@ -102,7 +102,7 @@ fn sum<const K: usize>(parts: &[[f64; K]]) -> [f64; K] {
     parts.iter().fold([0.0; K], |sum, part| std::array::from_fn(|k| sum[k] + part[k]))
 }
 
-/// Consecutive parts that are as long as each other, within one.
+/// Consecutive parts of equal length, within one.
 fn cut<T>(all: &[T], parts: usize) -> impl Iterator<Item = &[T]> {
     (0..parts).map(move |p| &all[p * all.len() / parts..(p + 1) * all.len() / parts])
 }
@@ -116,8 +116,8 @@ fn centred(values: &[f64]) -> Vec<f64> {
     values.iter().map(|v| v - mean).collect()
 }
 
-/// Sum of the autocorrelation over all lags, in bins: at least 1. Pairs of lags are added until one is not positive, none
-/// larger than the one before (Geyer's initial monotone sequence); the share that the mean takes away is put back.
+/// Sum of the autocorrelation over all lags, in bins: at least 1. Pairs of lags are added until one is not positive,
+/// each capped at the previous one (Geyer's initial monotone sequence). The share removed with the mean is added back.
 fn correlation_time(shares: &[f64]) -> f64 {
     let n = shares.len();
     let lagged = |lag: usize| {
@@ -144,7 +144,7 @@ fn correlation_time(shares: &[f64]) -> f64 {
     time / (1.0 - time / n as f64).max(0.2)
 }
 
-/// Correlation of neighbouring blocks, 0 to 0.8; its bias of −1/blocks taken out.
+/// Correlation of neighbouring blocks, 0 to 0.8, corrected for its bias of −1/blocks.
 fn shared(shares: &[f64], blocks: usize) -> f64 {
     let means: Vec<f64> = cut(shares, blocks).map(mean).collect();
     let means = centred(&means);
@@ -153,7 +153,7 @@ fn shared(shares: &[f64], blocks: usize) -> f64 {
     if power > 0.0 { (product / power + 1.0 / blocks as f64).clamp(0.0, 0.8) } else { 0.0 }
 }
 
-/// Variance of the sum of all shares by the power in the slowest cosines.
+/// Variance of the sum of all contributions, from the power in the slowest cosines.
 fn slow_variance(shares: &[f64]) -> f64 {
     let n = shares.len() as f64;
     let power = |j: usize| {

@@ -1,33 +1,32 @@
-//! How far apart two recordings of one motion are, when their clocks have nothing in common.
+//! Finds the time shift between two recordings of one motion whose clocks are unrelated.
 
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 
-/// Least share of the shorter recording that must overlap the other.
+/// Minimum share of the shorter recording that must overlap the other.
 const LEAST_OVERLAP: f64 = 0.5;
 /// Longest grid, samples: about a day at 50 Hz.
 const LONGEST_GRID: usize = 1 << 22;
-/// The lag at which two recordings look most alike.
+/// The lag at which two recordings are most alike.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CoarseLag {
-    /// Add this to the stamps of `b` to put it over `a`, s; as fine as the grid.
+    /// Add this to the timestamps of `b` to align it with `a`, s; resolution is that of the grid.
     pub shift_s: f64,
-    /// Correlation coefficient there, over the rows in which both are known.
+    /// Correlation coefficient there, over the rows known in both.
     pub correlation: f64,
     /// Best correlation coefficient further than `same_peak_s` away.
     pub runner_up: f64,
-    /// Where that is, s.
+    /// Lag of that second peak, s.
     pub runner_up_s: f64,
 }
 
-/// The shift of `b` against `a` with the highest correlation coefficient, over all shifts at which at least half
-/// of the shorter recording overlaps. Both are put on a grid of `rate_hz` first, linear between their samples.
+/// The shift of `b` against `a` with the highest correlation coefficient, over all shifts at which at least half of the
+/// shorter recording overlaps. Both are resampled to `rate_hz` first, linear between their samples.
 ///
-/// Each recording has one or more components, and all components of both count alike. Peaks closer than `same_peak_s` to
+/// Each recording has one or more components; all components have the same weight. Peaks closer than `same_peak_s` to
 /// the best are the same peak.
 ///
-/// `None` with fewer than 16 grid points in either, with a recording that does not move, or with more than
-/// 2²² grid points.
+/// `None` with fewer than 16 grid points in either, if a recording does not move, or with more than 2²² grid points.
 #[must_use]
 pub fn coarse_lag<const N: usize>(
     (t_a, a): (&[f64], [&[f64]; N]),
@@ -38,7 +37,7 @@ pub fn coarse_lag<const N: usize>(
     let (start_a, start_b) = (*t_a.first()?, *t_b.first()?);
     let on_grids = |t: &[f64], all: [&[f64]; N]| -> Option<Vec<Vec<f64>>> {
         let grids: Vec<Vec<f64>> = all.iter().map(|y| on_grid(t, y, rate_hz)).collect::<Option<_>>()?;
-        // A component that does not move says nothing beside one that does.
+        // A component that does not move carries no information next to one that does.
         grids.iter().flatten().any(|v| *v != 0.0).then_some(grids)
     };
     let (a, b) = (on_grids(t_a, a)?, on_grids(t_b, b)?);
@@ -71,7 +70,7 @@ fn on_grid(t: &[f64], y: &[f64], rate_hz: f64) -> Option<Vec<f64>> {
         y[k] + share * (y[k + 1] - y[k])
     });
     let grid: Vec<f64> = grid.collect();
-    // Sums of squares about the mean keep their digits.
+    // Sums of squares about the mean, to keep precision.
     let mean = grid.iter().sum::<f64>() / grid.len() as f64;
     Some(grid.iter().map(|v| v - mean).collect())
 }
@@ -84,7 +83,8 @@ struct Sums {
     variance_b: f64,
 }
 
-/// Correlation coefficients over the overlap, by the shift `k − (b.len() − 1)` of `b`; −∞ where too little overlaps.
+/// Correlation coefficients over the overlap, indexed by the shift `k − (b.len() − 1)` of `b`; −∞ if the overlap is too
+/// short.
 fn correlations(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
     let (rows_a, rows_b) = (a.first().map_or(0, Vec::len), b.first().map_or(0, Vec::len));
     let mut sums = vec![Sums::default(); rows_a + rows_b - 1];
@@ -103,8 +103,8 @@ fn correlations(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
     sums.iter().enumerate().map(coefficient).collect()
 }
 
-/// First rows of `a` and of `b` that lie over each other at shift `k`, and how many do: row `i` of `b` lies over row
-/// `i + k − (b.len() − 1)` of `a`.
+/// First overlapping rows of `a` and of `b` at shift `k`, and the length of the overlap: row `i` of `b` is aligned with
+/// row `i + k − (b.len() − 1)` of `a`.
 fn overlap(rows_a: usize, rows_b: usize, k: usize) -> (usize, usize, usize) {
     let from_a = (k + 1).saturating_sub(rows_b);
     let from_b = (rows_b - 1).saturating_sub(k);
@@ -159,7 +159,7 @@ fn prefix_sums(values: &[f64]) -> (Vec<f64>, Vec<f64>) {
 mod tests {
     use super::*;
 
-    /// A swing whose rhythm wanders.
+    /// A swing with a varying period.
     fn swing(t: f64) -> f64 {
         (3.4 * t + 2.0 * (0.21 * t).sin()).sin().abs() * (1.0 + 0.3 * (0.5 * t).cos())
     }
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_with_another_clock_is_put_back_over_the_first() {
+    fn a_recording_with_another_clock_is_aligned_with_the_first() {
         let (t_a, a) = recording(0.0, 60.0, 0.01);
         let (t_b, b) = recording(7.3, 52.1, 0.013);
         let far: Vec<f64> = t_b.iter().map(|t| t + 1.7e5).collect();
@@ -187,9 +187,9 @@ mod tests {
         assert!(coarse_lag((&t, [&a]), (&t, [&b]), 50.0, 0.25).unwrap().shift_s.abs() < 1e-9);
     }
 
-    /// The speed alone does not change on a circle.
+    /// On a circle the speed alone does not change.
     #[test]
-    fn two_components_tell_what_their_size_does_not() {
+    fn two_components_show_a_lag_that_their_magnitude_does_not() {
         let angle = |t: f64| 0.3 * t + 2.0 * (0.05 * t).sin();
         let turn = |from: f64, to: f64| {
             let t: Vec<f64> = (0..).map(|i| from + f64::from(i) * 0.1).take_while(|t| *t < to).collect();

@@ -1,20 +1,20 @@
-//! Fewer points for a figure, without losing one extreme.
+//! Fewer points for a figure, without losing any extreme.
 
-/// Rows kept of a curve, and what they stand for.
+/// Rows kept of a curve, and how many rows they represent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decimated {
-    /// Rows kept, rising.
+    /// Indices of the rows kept, rising.
     pub rows: Vec<usize>,
     /// Rows before decimation.
     pub stands_for: usize,
 }
 
-/// Keeps, of every one of `bins` equal stretches of time, the first, lowest, highest and last row.
+/// Keeps the first, lowest, highest and last row of each of `bins` equal time intervals.
 ///
-/// A spike of one sample stays visible, and a line through the kept rows covers the same
-/// pixels as a line through all of them when `bins` is not less than the pixel columns.
-/// Of a curve with no more than `4 · bins` rows all are candidates. A row within `1 / STEPS` of the height of the curve of the
-/// straight line between its neighbours is left out, unless it is an extreme.
+/// A spike of one sample stays visible, and a line through the kept rows covers the same pixels as a line through all
+/// of them if `bins` is not less than the number of pixel columns. If a curve has no more than `4 · bins` rows, all are
+/// candidates. A row is skipped if it is within `1 / STEPS` of the curve's height from the straight line between its
+/// neighbours, unless it is an extreme.
 #[must_use]
 pub fn min_max(t: &[f64], y: &[f64], bins: usize) -> Decimated {
     let stands_for = t.len().min(y.len());
@@ -25,7 +25,7 @@ pub fn min_max(t: &[f64], y: &[f64], bins: usize) -> Decimated {
     Decimated { rows: without_straight_runs(t, y, rows), stands_for }
 }
 
-/// Of every one of `bins` equal stretches of time the first, lowest, highest and last row.
+/// The first, lowest, highest and last row of each of `bins` equal time intervals.
 fn of_bins(t: &[f64], y: &[f64], stands_for: usize, bins: usize) -> Vec<usize> {
     let (start, span) = (t[0], t[stands_for - 1] - t[0]);
     let bin_of = |row: usize| (((t[row] - start) / span * bins as f64) as usize).min(bins - 1);
@@ -58,8 +58,8 @@ fn of_bins(t: &[f64], y: &[f64], stands_for: usize, bins: usize) -> Vec<usize> {
 /// A figure is a few hundred pixels high: a step of this share of the height of a curve cannot be seen.
 const STEPS: f64 = 4000.0;
 
-/// Leaves out rows that a straight line replaces, but for extremes. From a row that is kept, the range of slopes that pass all
-/// rows so far within the tolerance is narrowed until it is empty; then the row before is kept.
+/// Skips rows that a straight line replaces, except extremes. From each kept row, the range of slopes that pass all
+/// rows so far within the tolerance is narrowed until it is empty; then the previous row is kept.
 fn without_straight_runs(t: &[f64], y: &[f64], rows: Vec<usize>) -> Vec<usize> {
     let [low, high] = rows.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], &r| [l.min(y[r]), h.max(y[r])]);
     let tolerance = (high - low) / STEPS;
@@ -106,23 +106,23 @@ mod tests {
     }
 
     #[test]
-    fn rows_left_out_lie_on_the_line_between_their_neighbours() {
+    fn skipped_rows_lie_on_the_line_between_their_neighbours() {
         let t: Vec<f64> = (0..4000).map(|i| f64::from(i) * 0.01).collect();
         let y: Vec<f64> = t.iter().map(|t| 50.0 * (0.5 * t).sin() + if *t > 20.0 { 7.0 } else { 0.0 }).collect();
         let kept = min_max(&t, &y, 1000).rows;
         assert!(kept.len() < 400, "{}", kept.len());
         let line = |a: usize, b: usize, r: usize| y[a] + (y[b] - y[a]) * (t[r] - t[a]) / (t[b] - t[a]);
-        let beside =
+        let distance =
             |pair: &[usize]| (pair[0]..pair[1]).map(|r| (y[r] - line(pair[0], pair[1], r)).abs()).fold(0.0, f64::max);
         let [low, high] = y.iter().fold([f64::MAX, f64::MIN], |[l, h], &y| [l.min(y), h.max(y)]);
-        let worst = kept.windows(2).map(beside).fold(0.0, f64::max);
+        let worst = kept.windows(2).map(distance).fold(0.0, f64::max);
         assert!(worst <= (high - low) / STEPS * 1.000_001, "{worst}");
         let extremes = (1..3999).filter(|&r| (y[r] - y[r - 1]) * (y[r + 1] - y[r]) < 0.0);
         extremes.for_each(|r| assert!(kept.contains(&r), "{r}"));
     }
 
     #[test]
-    fn of_steps_the_corners_stay_and_of_noise_every_row() {
+    fn corners_of_steps_and_all_rows_of_noise_are_kept() {
         let t: Vec<f64> = (0..100).map(f64::from).collect();
         let steps: Vec<f64> = t.iter().map(|t| (t / 10.0).floor()).collect();
         let corners: Vec<usize> = (0..10).flat_map(|k| [10 * k, 10 * k + 9]).collect();

@@ -1,4 +1,4 @@
-//! How late a measurement is against a reference.
+//! Estimates how late a measurement is relative to a reference.
 
 pub(crate) mod block;
 mod bound;
@@ -31,7 +31,7 @@ pub struct Uncertain {
     pub standard_uncertainty: f64,
 }
 
-/// What is known of the sign of a gain.
+/// Known sign of a gain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sign {
     /// Measured rises when the reference rises.
@@ -39,11 +39,11 @@ pub enum Sign {
     Positive,
     /// Measured falls when the reference rises.
     Negative,
-    /// Not known.
+    /// Unknown.
     Any,
 }
 
-/// What is known of the ratio measured/reference.
+/// Prior knowledge of the ratio measured/reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Gain {
     /// To be fitted.
@@ -55,12 +55,12 @@ pub enum Gain {
     Fixed(f64),
 }
 
-/// One component of a channel, on its own stamps.
+/// One component of a channel, with its own timestamps.
 #[derive(Clone, Copy)]
 pub struct Measurement<'a> {
-    /// Stamps, s; rise strictly.
+    /// Timestamps, s; strictly increasing.
     pub t: &'a [f64],
-    /// Measured values, one for each stamp, finite. Repeats of held values have been taken out.
+    /// Measured values, one for each timestamp, finite. Repeats of held values have been removed.
     pub y: &'a [f64],
     /// What a perfect sensor would have measured, same unit.
     pub reference: &'a dyn Reference,
@@ -70,18 +70,18 @@ pub struct Measurement<'a> {
     pub drift: bool,
 }
 
-/// How a delay is to be found.
+/// Settings of the delay fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelaySettings {
-    /// Delays that are looked at, s.
+    /// Delays to search, s.
     pub search_s: (f64, f64),
     /// Step of the first search, s; well below half a period of the signal.
     pub search_step_s: f64,
     /// Noise.
     pub noise: NoiseRule,
-    /// Whether the clocks may run at different rates: t in the sensor's clock is `t + skew·(t − middle)` in the reference's.
+    /// Whether the clock rates may differ: t in the sensor's clock is `t + skew·(t − middle)` in the reference's.
     pub skew: bool,
-    /// Whether samples far outside the noise are held back (Huber weights), if there are any.
+    /// Whether to downweight samples far outside the noise (Huber weights).
     pub robust: bool,
 }
 
@@ -100,38 +100,38 @@ impl Default for DelaySettings {
 /// Another delay at which the objective has a minimum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OtherMinimum {
-    /// Where, s.
+    /// Delay at this minimum, s.
     pub delay_s: f64,
     /// −2 log likelihood above the best: chi-squared units.
     pub excess: f64,
 }
 
-/// What a fit says of one component.
+/// Fit result of one component.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ComponentFit {
-    /// Measured over reference.
+    /// Ratio measured/reference.
     pub gain: Uncertain,
-    /// Measured less reference, unit of the component; at [`DelayFit::middle_s`] if there is a drift.
+    /// Measured minus reference, unit of the component; at [`DelayFit::middle_s`] if there is a drift.
     pub offset: Uncertain,
     /// Drift of the offset, unit per second.
     pub drift: Option<Uncertain>,
     /// Noise about the fit.
     pub noise: NoiseModel,
-    /// Rows that were used, rising: those whose true instant lies within the reference.
+    /// Used rows, rising: those whose true instant lies within the reference.
     pub used_rows: Vec<usize>,
-    /// Stamps of the used rows, s.
+    /// Timestamps of the used rows, s.
     pub t_used: Vec<f64>,
-    /// Measured less fitted for each used row, unit of the component.
+    /// Measured minus fitted for each used row, unit of the component.
     pub residuals: Vec<f64>,
-    /// The same whitened: uncorrelated with standard deviation 1, if the noise is as fitted.
+    /// The whitened residuals: uncorrelated with standard deviation 1 if the fitted noise is right.
     pub whitened: Vec<f64>,
-    /// Weight of each used row, 0 to 1: below 1 where it was held back as an outlier.
+    /// Weight of each used row, 0 to 1: below 1 for downweighted outliers.
     pub weights: Vec<f64>,
     /// Gain times rate of the reference at the true instant of each used row, unit per second.
     pub slope: Vec<f64>,
 }
 
-/// A delay, and how well it is known.
+/// A delay and its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayFit {
     /// Delay, s; positive is late: `measured(t) = truth(t − delay)`.
@@ -148,19 +148,19 @@ pub struct DelayFit {
     pub hac_lags: usize,
     /// Coefficients of the shared columns of the references, see [`Reference::shared`].
     pub shared: Vec<Uncertain>,
-    /// Skew of the clocks, seconds per second, if asked for.
+    /// Skew of the clocks, seconds per second, if requested.
     pub skew: Option<Uncertain>,
     /// Instant that offset, drift and skew refer to, s: the middle of the used rows.
     pub middle_s: f64,
     /// Cramér–Rao bound at the fitted noise, s.
     pub crlb_s: f64,
-    /// One for each component.
+    /// Fits of the components.
     pub components: Vec<ComponentFit>,
     /// Gauss–Newton steps taken.
     pub iterations: usize,
-    /// Whether the last step was small enough.
+    /// Whether the last step was small enough to count as converged.
     pub converged: bool,
-    /// Share of the used rows that were held back as outliers, 0 to 1.
+    /// Share of the used rows that were downweighted as outliers, 0 to 1.
     pub downweighted_share: f64,
     /// The next best minimum of the objective in the search range.
     pub second_minimum: Option<OtherMinimum>,
@@ -175,49 +175,49 @@ impl DelayFit {
     }
 }
 
-/// Why a delay cannot be found.
+/// Why a delay cannot be estimated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DelayError {
     /// No component was given.
     #[error("no component to fit")]
     NoComponent,
-    /// Stamps and values differ in number.
+    /// Numbers of timestamps and values differ.
     #[error("component {component}: {stamps} stamps for {values} values")]
     LengthsDiffer {
-        /// Which, from 0.
+        /// Component, from 0.
         component: usize,
-        /// Stamps.
+        /// Number of timestamps.
         stamps: usize,
-        /// Values.
+        /// Number of values.
         values: usize,
     },
-    /// Stamps do not rise.
+    /// Timestamps do not increase.
     #[error("component {component}: the stamps do not rise strictly at row {row}")]
     StampsNotRising {
-        /// Which, from 0.
+        /// Component, from 0.
         component: usize,
-        /// Row that is not after the one before.
+        /// Row that is not later than the previous one.
         row: usize,
     },
-    /// Too little of the record overlaps with the reference.
+    /// Too little of the record overlaps the reference.
     #[error("component {component}: only {samples} of {of} samples lie within the reference, {needed} are needed")]
     TooFewSamples {
-        /// Which, from 0.
+        /// Component, from 0.
         component: usize,
         /// Samples within the reference.
         samples: usize,
         /// Samples of the component.
         of: usize,
-        /// Least number.
+        /// Required minimum.
         needed: usize,
     },
-    /// Shared columns beside a gain that is to be fitted.
+    /// Shared columns together with a gain that is to be fitted.
     #[error("component {component}: a reference with shared columns needs a gain that is known")]
     SharedNeedsGain {
-        /// Which, from 0.
+        /// Component, from 0.
         component: usize,
     },
-    /// The settings make no sense.
+    /// The settings are inconsistent.
     #[error("cannot search {step_s:.4} s apart from {from_s:.3} s to {to_s:.3} s")]
     SearchRange {
         /// First delay, s.
@@ -230,7 +230,7 @@ pub enum DelayError {
     /// The reference does not move, so that every delay fits equally well.
     #[error("the reference does not move over the record: every delay fits equally well")]
     NoExcitation,
-    /// What a shared column adds to the reference is what a delay would do.
+    /// The effect of a shared column on the reference cannot be distinguished from a delay.
     #[error(
         "the motion cannot separate a delay from the other fitted effects, such as an accelerometer's bias on a steady circle: \
          turn both ways, and change speed"
@@ -248,45 +248,45 @@ pub enum DelayError {
     },
 }
 
-/// Finds the delay (and skew) that all components share; gain, offset, drift and noise are each component's own.
+/// Estimates the delay (and skew) common to all components; each component has its own gain, offset, drift and noise.
 ///
-/// The model is `y = gain · r(t − delay + skew·(t − middle)) + offset + drift·(t − middle) + noise`. Least squares with
-/// the linear parameters projected out, on samples made white under a noise whose parameters are found by restricted
-/// maximum likelihood, in turn until both are steady (design note 3.5).
+/// The model is `y = gain · r(t − delay + skew·(t − middle)) + offset + drift·(t − middle) + noise`. The fit is least
+/// squares with the linear parameters projected out, on samples whitened under a noise whose parameters are found by
+/// restricted maximum likelihood. Both steps alternate until they converge (design note 3.5).
 ///
-/// How well it does (`examples/delay_study.rs`, 1000 swings of 60 s by hand for each of 4, 10, 50, 100 Hz × white, wander
-/// of 0.5 s, of 20 s × regular, 30 % jittered, a tenth lost): rms error over the Cramér–Rao bound 0.95 to 1.06, 1.00 over
-/// all (each ± 0.022), intervals of 95 % hold 93.0 to 96.2 %, bias below 0.1 of the bound. With steps of noise that are
-/// held, a random walk, or a latency that jitters they hold 93 to 99 % (1000 records each up to 50 Hz, 400 at 100 Hz).
-/// `delay/monte_carlo.rs` watches over this with fewer trials.
+/// Performance (`examples/delay_study.rs`, 1000 swings of 60 s by hand for each of 4, 10, 50, 100 Hz × white, wander of
+/// 0.5 s, of 20 s × regular, 30 % jittered, a tenth lost): rms error over the Cramér–Rao bound 0.95 to 1.06, 1.00 over
+/// all (each ± 0.022); 95 % intervals cover 93.0 to 96.2 %; bias below 0.1 of the bound. With noise in held steps, a
+/// random walk, or a jittering latency they cover 93 to 99 % (1000 records each up to 50 Hz, 400 at 100 Hz).
+/// `delay/monte_carlo.rs` checks this with fewer trials.
 ///
-/// With noise as large as the signal (4 Hz, 1 m, 1000 records) four fits were a whole swing off, with intervals that say
-/// nothing of it; in all four [`DelayFit::second_minimum`] was the true delay, less than 6 above the best. It was less
-/// than 9 above in 35 of the 1000: below that, distrust the choice.
+/// With noise as large as the signal (4 Hz, 1 m, 1000 records) four fits were a whole swing off, and their intervals
+/// did not show it. In all four, [`DelayFit::second_minimum`] was the true delay, less than 6 above the best. It was
+/// less than 9 above in 35 of the 1000: below that, distrust the choice.
 ///
-/// Tried: instead of HC2 and Satterthwaite the textbook sandwich (factor and degrees of freedom from n − p), which is
-/// nearly as good: under jitter at 4 Hz its intervals held 367 times where these hold 369 times, on the same 400 records.
+/// Tried: the textbook sandwich (factor and degrees of freedom from n − p) instead of HC2 and Satterthwaite. It is
+/// nearly as good: under jitter at 4 Hz its intervals covered 367 times, these 369 times, on the same 400 records.
 ///
 /// # Errors
-/// In words, why a delay cannot be found.
+/// Why the delay cannot be estimated.
 pub fn fit_delay(components: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
     fit_delay_with_noise(components, settings, |_| None)
 }
 
-/// What a fit found of the noise of one component.
+/// Noise fitted to one component.
 #[derive(Debug, Clone, Copy)]
 pub struct FoundNoise<'a> {
     /// The noise.
     pub model: NoiseModel,
-    /// Stamps of the rows that it was found from, s.
+    /// Timestamps of the rows it was estimated from, s.
     pub t_used: &'a [f64],
 }
 
-/// [`fit_delay`], and once more from its delay with the noise that `revise` makes of the noise of all components, such
-/// as one that they share. Where that is `None` the first fit stands.
+/// [`fit_delay`], then a second fit from its delay with the noise that `revise` derives from the noise of all
+/// components, such as one that they share. If `revise` returns `None`, the first fit is returned.
 ///
 /// # Errors
-/// In words, why a delay cannot be found.
+/// Why the delay cannot be estimated.
 pub fn fit_delay_with_noise(
     components: &[Measurement],
     settings: &DelaySettings,
@@ -296,28 +296,28 @@ pub fn fit_delay_with_noise(
     rounds::fit(components, settings, revise).map_err(|e| inseparable(components, e))
 }
 
-/// No information about the delay, beside shared columns, is their doing.
+/// If nothing in the data determines the delay and there are shared columns, they are the cause.
 fn inseparable(components: &[Measurement], error: DelayError) -> DelayError {
     let shared = components.iter().any(|m| !m.reference.shared().is_empty());
     if shared && error == DelayError::NoExcitation { DelayError::NotSeparable } else { error }
 }
 
-/// Where a fit begins that needs no search.
+/// Start of a fit that needs no search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayStart {
-    /// A delay that is nearly right, s: within a fraction of the signal's period.
+    /// An approximate delay, s: within a fraction of the signal's period.
     pub delay_s: f64,
     /// Noise of each component.
     pub noise: Vec<NoiseModel>,
-    /// Whether the noise is known; else it is where the search for it starts.
+    /// Whether the noise is known; if not, it is the start of the search.
     pub keep_noise: bool,
 }
 
-/// [`fit_delay`] from a delay and a noise that are nearly right: the range of the settings is not searched, and no other
-/// minimum is looked for.
+/// [`fit_delay`] from an approximate delay and noise: it does not search the range of the settings and does not look
+/// for another minimum.
 ///
 /// # Errors
-/// In words, why the delay cannot be found.
+/// Why the delay cannot be estimated.
 pub fn fit_delay_near(
     components: &[Measurement],
     settings: &DelaySettings,
@@ -327,7 +327,7 @@ pub fn fit_delay_near(
     rounds::fit_near(components, settings, start).map_err(|e| inseparable(components, e))
 }
 
-/// Least samples of a component within the reference.
+/// Minimum number of samples of a component within the reference.
 const LEAST_SAMPLES: usize = 8;
 
 fn check(components: &[Measurement]) -> Result<(), DelayError> {

@@ -1,13 +1,13 @@
-//! The objective above its least, for figures.
+//! The objective above its minimum, for figures.
 
 use crate::delay::{DelayFit, Measurement, delay_objective};
 
-/// The curve is of the rows that lie within the reference for all its delays, the fit of all its rows: its least may lie a
-/// little beside the fit for that reason alone. By more than this it means something.
+/// The curve uses the rows that lie within the reference for all its delays, the fit uses all its rows. For that reason
+/// alone the curve's minimum may differ slightly from the fit. An excess above this limit is significant.
 const OF_ROWS: f64 = 1.0;
 
-/// [`delay_objective`] above its least at `delays` (s, rising) and at the delay of the fit, which is put among them: delays
-/// (s) and excesses. The least excess is exactly 0, and it is at the delay of the fit unless another one is better by more
+/// [`delay_objective`] above its minimum at `delays` (s, rising) and at the delay of the fit, which is inserted: delays
+/// (s) and excesses. The smallest excess is exactly 0, at the delay of the fit unless another delay is better by more
 /// than 1.
 #[must_use]
 pub fn delay_excess(components: &[Measurement], fit: &DelayFit, delays: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -26,9 +26,10 @@ mod tests {
     use super::*;
     use crate::{CubicSpline, DelaySettings, Gain, Sign, fit_delay};
 
-    /// A record that loses a fifth of its rows at the ends of the search: their squares are no part of the excess.
+    /// A record that loses a fifth of its rows at the ends of the search: their squares do not count towards the
+    /// excess.
     #[test]
-    fn the_least_is_zero_at_the_fit_however_many_rows_a_curve_loses() {
+    fn the_minimum_is_zero_at_the_fit_however_many_rows_a_curve_loses() {
         let knots: Vec<f64> = (0..=1000).map(|k| 0.02 * f64::from(k)).collect();
         let truth: Vec<f64> = knots.iter().map(|t| (3.4 * t + 2.0 * (0.21 * t).sin()).sin()).collect();
         let reference = CubicSpline::new(&knots, &truth).unwrap();
@@ -41,7 +42,7 @@ mod tests {
         let wide: Vec<f64> = (0..=50).map(|k| -1.0 + 0.05 * f64::from(k)).collect();
         let near: Vec<f64> =
             (-10..=10).map(|k| fit.delay_s + 0.5 * fit.standard_uncertainty_s * f64::from(k)).collect();
-        // The mistake that was: zero at the objective of all rows, far above that of the curve's.
+        // The former bug: zero was the objective of all rows, far above that of the curve's.
         let of_all = delay_objective(&m, &fit, &[fit.delay_s])[0];
         assert!(delay_objective(&m, &fit, &wide).iter().any(|v| *v < of_all - 5.0));
         for delays in [wide, near] {
@@ -54,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn a_better_delay_elsewhere_is_the_least() {
+    fn a_better_delay_elsewhere_is_the_minimum() {
         let knots: Vec<f64> = (0..=1000).map(|k| 0.02 * f64::from(k)).collect();
         let truth: Vec<f64> = knots.iter().map(|t| (3.4 * t + 2.0 * (0.21 * t).sin()).sin()).collect();
         let reference = CubicSpline::new(&knots, &truth).unwrap();

@@ -1,4 +1,4 @@
-//! How a sensor answers each frequency of the reference: gain, phase, and how far to trust them.
+//! The response of a sensor to each frequency of the reference: gain, phase, and their uncertainty.
 
 use crate::Reference;
 use rustfft::{Fft, FftPlanner, num_complex::Complex};
@@ -9,15 +9,15 @@ use thiserror::Error;
 /// Why there is no frequency response.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ResponseError {
-    /// One stamp for each value.
+    /// Numbers of timestamps and values differ.
     #[error("{stamps} stamps for {values} values")]
     Lengths {
-        /// Stamps given.
+        /// Number of timestamps.
         stamps: usize,
-        /// Values given.
+        /// Number of values.
         values: usize,
     },
-    /// A stamp does not rise, or something is not finite.
+    /// A timestamp does not increase, or a number is not finite.
     #[error("sample {row}: stamps must rise strictly and everything must be finite")]
     BadSample {
         /// Row, from 0.
@@ -31,9 +31,9 @@ pub enum ResponseError {
         "{used} whole segments of {segment_s} s ({left_out} left out for gaps): at least {LEAST_SEGMENTS} are needed"
     )]
     TooFewSegments {
-        /// Segments that could be used.
+        /// Usable segments.
         used: usize,
-        /// Segments left out because they hold a gap.
+        /// Segments skipped because of a gap.
         left_out: usize,
         /// Their length, s.
         segment_s: f64,
@@ -48,7 +48,7 @@ pub enum ResponseError {
 pub struct FrequencyPoint {
     /// Hz.
     pub frequency_hz: f64,
-    /// Measured over reference.
+    /// Ratio measured/reference.
     pub gain: f64,
     /// Half width of its 95 % interval.
     pub gain_u95: f64,
@@ -58,14 +58,14 @@ pub struct FrequencyPoint {
     pub phase_u95: f64,
     /// Magnitude-squared coherence, 0 to 1.
     pub coherence: f64,
-    /// Coherence above 0.6 and reference power above 1 % of the peak: the only points to rely on.
+    /// Coherence above 0.6 and reference power above 1 % of the peak. Use only these points.
     pub reliable: bool,
 }
 
 /// Frequency response.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrequencyResponse {
-    /// From low to high, without frequency zero and the highest.
+    /// In order of frequency, without frequency zero and the highest.
     pub points: Vec<FrequencyPoint>,
     /// Effective number of averages.
     pub averages: f64,
@@ -73,21 +73,21 @@ pub struct FrequencyResponse {
     pub segment_s: f64,
     /// Segments used.
     pub segments: usize,
-    /// Segments left out because they hold a gap.
+    /// Segments skipped because of a gap.
     pub segments_left_out: usize,
-    /// Samples not used because the reference is not known there.
+    /// Samples skipped because the reference is unknown there.
     pub rows_outside: usize,
 }
 
-/// Fewest segments from which coherence means anything.
+/// Minimum number of segments for a meaningful coherence.
 const LEAST_SEGMENTS: usize = 3;
-/// Fewest samples to a segment.
+/// Minimum number of samples in a segment.
 const LEAST_SAMPLES: usize = 16;
-/// Coherence that a reliable point needs.
+/// Minimum coherence of a reliable point.
 const LEAST_COHERENCE: f64 = 0.6;
-/// Share of the reference's peak power that a reliable point needs.
+/// Minimum power of a reliable point, as a share of the reference's peak power.
 const LEAST_POWER: f64 = 0.01;
-/// An interval of more than so many usual ones, and of more than this share of a segment, is a gap.
+/// A gap is an interval longer than this many usual ones and than [`GAP_SHARE`] of a segment.
 const GAP_INTERVALS: f64 = 2.5;
 /// See [`GAP_INTERVALS`].
 const GAP_SHARE: f64 = 0.0125;
@@ -95,22 +95,22 @@ const GAP_SHARE: f64 = 0.0125;
 /// H1 = Sₓᵧ/Sₓₓ (Bendat and Piersol) of `y` (unit) measured at `t` (s) against the reference, by
 /// Welch's method: Hann windows of `segment_s` seconds, 50 % overlap, each without its mean.
 ///
-/// The reference is first delayed by `pre_align_s`, the fitted delay, and the phase −2πf·delay put back
-/// afterwards: without that, a segment holds different stretches of both (design note 9: interval
-/// coverage of the phase 36 % instead of 95 %).
+/// The reference is first delayed by `pre_align_s`, the fitted delay, and the phase −2πf·delay is restored afterwards.
+/// Otherwise a segment holds different parts of both (design note 9: interval coverage of the phase 36 % instead of 95
+/// %).
 ///
-/// Stamps may be irregular and samples lost: measured and reference, taken at the same stamps, go
-/// through the same cubic interpolation onto a grid of `rate_hz` (use the channel's own rate; frequencies
-/// go to half of it). An interval of more than 2.5 median ones and an eightieth of a segment is a gap, and
-/// segments that hold one are left out and counted.
+/// Timestamps may be irregular and samples lost. Measured and reference, taken at the same timestamps, go through the
+/// same cubic interpolation onto a grid of `rate_hz` (use the channel's own rate; frequencies go to half of it). An
+/// interval of more than 2.5 median ones and an eightieth of a segment is a gap; segments with a gap are skipped and
+/// counted.
 ///
-/// A bin sees the response where the reference's power lies, which is a little beside its frequency.
-/// To first order that is put right, as far as it exceeds the noise; half of it is doubted.
+/// A bin shows the response at the centre of the reference's power, slightly off its own frequency. This is corrected
+/// to first order where it exceeds the noise; half of the correction counts as uncertainty.
 ///
-/// Intervals: sd(ln gain) = sd(phase) = √((1 − γ²)/(2 n γ²)), n effective averages, and that doubt.
-/// Measured on a sensor with delay 0.4 s and lag 0.05 s, segments of 8 to 16 s: 95 % intervals held the
-/// truth in 93 to 97 % of the reliable points at a tenth of noise (design note: 92 to 98 %), in 88 to
-/// 99 % at 2 % and 0.4 %, where the plain formula falls to 40 %.
+/// Intervals: sd(ln gain) = sd(phase) = √((1 − γ²)/(2 n γ²)), n effective averages, plus that uncertainty. Measured on
+/// a sensor with delay 0.4 s and lag 0.05 s, segments of 8 to 16 s: 95 % intervals covered the truth in 93 to 97 % of
+/// the reliable points at a tenth of noise (design note: 92 to 98 %), in 88 to 99 % at 2 % and 0.4 %, where the plain
+/// formula falls to 40 %.
 ///
 /// # Errors
 /// [`ResponseError`].
@@ -148,7 +148,7 @@ fn check(t: &[f64], y: &[f64]) -> Result<(), ResponseError> {
     }
 }
 
-/// Measured and aligned reference at the same stamps.
+/// Measured and aligned reference at the same timestamps.
 struct Record {
     t: Vec<f64>,
     /// Reference as the real part, measured as the imaginary one.
@@ -175,7 +175,7 @@ impl Record {
         let mut spectra = Spectra::new(length, segment_s);
         let span_s = self.t.last().zip(self.t.first()).map_or(0.0, |(last, first)| last - first);
         let reach_s = (length - 1) as f64 / rate_hz;
-        // A grid that ends a rounding error behind the last stamp still fits.
+        // A grid that ends a rounding error after the last timestamp still fits.
         let count =
             if span_s < reach_s * (1.0 - 1e-9) { 0 } else { ((span_s - reach_s) / hop_s * (1.0 + 1e-9)) as usize + 1 };
         let longest_s = longest_s.max(GAP_INTERVALS * median_interval(&self.t));
@@ -184,7 +184,7 @@ impl Record {
         for k in 0..count {
             let start = self.t[0] + k as f64 * hop_s;
             if gaps.iter().any(|(from, to)| *from < start + reach_s && *to > start) {
-                spectra.leave_out();
+                spectra.skip();
             } else {
                 spectra.add(&self.on_grid(start, length, rate_hz));
             }
@@ -199,7 +199,7 @@ impl Record {
         Ok(spectra)
     }
 
-    /// Both on a grid, by the cubic through the four samples around each instant (Lagrange).
+    /// Resamples both to a grid, by the cubic through the four samples around each instant (Lagrange).
     fn on_grid(&self, start: f64, length: usize, rate_hz: f64) -> Vec<Complex<f64>> {
         let mut after = self.t.partition_point(|&t| t <= start);
         (0..length)
@@ -213,7 +213,7 @@ impl Record {
             .collect()
     }
 
-    /// The value at an instant before sample `after`.
+    /// The value at an instant just before sample `after`.
     fn interpolated(&self, after: usize, at: f64) -> Complex<f64> {
         let first = after.saturating_sub(2).min(self.t.len().saturating_sub(4));
         let t = &self.t[first..(first + 4).min(self.t.len())];
@@ -232,7 +232,7 @@ fn median_interval(t: &[f64]) -> f64 {
     if intervals.is_empty() { 0.0 } else { *intervals.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
-/// Spectra summed over segments; their scale does not matter.
+/// Spectra summed over segments; their scale is irrelevant.
 struct Spectra {
     fft: Arc<dyn Fft<f64>>,
     window: Vec<f64>,
@@ -241,14 +241,14 @@ struct Spectra {
     reference: Vec<f64>,
     measured: Vec<f64>,
     cross: Vec<Complex<f64>>,
-    /// Power of the reference times how far off the bin it lies, Hz.
+    /// Power of the reference times its distance from the bin, Hz.
     offset: Vec<Complex<f64>>,
     /// Largest value of the reference.
     largest: f64,
     segment_s: f64,
     segments: usize,
     left_out: usize,
-    /// Pairs of segments that overlap, and whether the last one was used.
+    /// Overlapping pairs of segments, and whether the last one was used.
     overlaps: usize,
     last_used: bool,
 }
@@ -273,7 +273,7 @@ impl Spectra {
         }
     }
 
-    fn leave_out(&mut self) {
+    fn skip(&mut self) {
         self.left_out += 1;
         self.last_used = false;
     }
@@ -302,8 +302,8 @@ impl Spectra {
         self.last_used = true;
     }
 
-    /// Effective averages of Hann windows with 50 % overlap: neighbours correlate by 1/6 (Welch 1967,
-    /// Harris 1978); 0.9 is what the ends of the record take.
+    /// Effective averages of Hann windows with 50 % overlap: neighbours correlate by 1/6 (Welch 1967, Harris 1978); 0.9
+    /// accounts for the ends of the record.
     fn averages(&self) -> f64 {
         let n = self.segments as f64;
         0.9 * n / (1.0 + 2.0 / 36.0 * self.overlaps as f64 / n)
@@ -360,11 +360,11 @@ impl Spectra {
         }
     }
 
-    /// Takes from each reliable bin what the reference's power beside the bin's frequency put in.
+    /// Removes from each reliable bin the effect of reference power off the bin's frequency.
     ///
-    /// A bin sees H where the power lies: H₁ = H + H′·c with c = Σ X*·j X_w′/(2π) / Σ|X|², X_w′ by the
-    /// window's derivative. H′ comes from the neighbours, weighted with their power. It costs noise, so
-    /// all bins take the same share of it: as much as the corrections exceed their own noise.
+    /// A bin shows H at the centre of the power: H₁ = H + H′·c with c = Σ X*·j X_w′/(2π) / Σ|X|², X_w′ by the window's
+    /// derivative. H′ comes from the neighbours, weighted with their power. The correction adds noise, so all bins use
+    /// the same fraction of it: the share by which the corrections exceed their own noise.
     fn centre(&self, bins: &mut [Bin]) {
         let corrections: Vec<Correction> = (0..bins.len())
             .map(|k| if bins[k].reliable { self.correction(bins, k) } else { Correction::default() })
@@ -402,7 +402,7 @@ impl Spectra {
     }
 }
 
-/// One frequency while it is worked on.
+/// One frequency during processing.
 #[derive(Debug, Clone, Copy)]
 struct Bin {
     transfer: Complex<f64>,
@@ -412,20 +412,20 @@ struct Bin {
     reliable: bool,
 }
 
-/// What the power beside a bin's frequency put in, and the variance of its real or imaginary part.
+/// The effect of power off a bin's frequency, and the variance of its real or imaginary part.
 #[derive(Debug, Clone, Copy, Default)]
 struct Correction {
     value: Complex<f64>,
     variance: f64,
 }
 
-/// A reference that moves by less than this share of its value does not move.
+/// A reference that varies by less than this share of its value counts as constant.
 const ROUNDING: f64 = 1e-12;
 
-/// Share of a correction that is doubted, as a standard deviation: H is not straight.
+/// Standard uncertainty of a correction, as a share of it: H is not straight.
 const DOUBT: f64 = 0.5;
 
-/// sd(ln gain) and sd(phase); at coherence zero nothing is known, and a large number says so.
+/// sd(ln gain) and sd(phase); at coherence zero they are unknown, represented by a large number.
 fn deviation(coherence: f64, averages: f64) -> f64 {
     ((1.0 - coherence) / (2.0 * averages * coherence.max(1e-12))).sqrt()
 }
@@ -442,7 +442,7 @@ mod tests {
     use rand_distr::{Distribution, Normal, StandardNormal};
     use rand_pcg::Pcg64;
 
-    /// Many sines about 0.6 Hz, as a hand makes them: amplitude, angular frequency, phase.
+    /// Many sines about 0.6 Hz, like hand motion: amplitude, angular frequency, phase.
     struct Hand(Vec<[f64; 3]>);
 
     impl Hand {
@@ -492,7 +492,7 @@ mod tests {
         1.02 * Complex::new(0.0, -TAU * f * 0.4).exp() / Complex::new(1.0, TAU * f * 0.05)
     }
 
-    /// Shares of the reliable points of 40 records whose 95 % intervals hold gain and phase.
+    /// Shares of the reliable points of 40 records whose 95 % intervals cover gain and phase.
     fn coverage(noise: f64, segment_s: f64, stamps: impl Fn(&mut Pcg64) -> Vec<f64>) -> [f64; 2] {
         let (mut held, mut points) = ([0, 0], 0);
         for seed in 0..40 {
@@ -518,13 +518,13 @@ mod tests {
         (0..6000).map(|k| 4.0 + f64::from(k) / 50.0).collect()
     }
 
-    /// Some 350 to 700 points, of which neighbours go together: a share near 95 % is known to 1.5 %.
+    /// Some 350 to 700 points, with correlated neighbours: a share near 95 % is known to 1.5 %.
     fn assert_honest([gain, phase]: [f64; 2]) {
         assert!((0.92..=0.98).contains(&gain) && (0.92..=0.98).contains(&phase), "gain {gain} phase {phase}");
     }
 
     #[test]
-    fn ninety_five_per_cent_intervals_hold_the_truth_in_about_so_many_cases() {
+    fn intervals_of_95_per_cent_cover_the_truth_about_that_often() {
         assert_honest(coverage(0.05, 8.0, regular));
     }
 
@@ -538,7 +538,7 @@ mod tests {
         assert_honest(coverage(0.05, 8.0, lossy));
     }
 
-    /// Far below the noise, what is left is that H is not straight within a bin.
+    /// Far below the noise, the remaining error is that H is not straight within a bin.
     #[test]
     fn a_nearly_noiseless_sensor_keeps_honest_intervals() {
         let [gain, phase] = coverage(0.002, 8.0, regular);
@@ -559,7 +559,7 @@ mod tests {
             assert!((p.gain - 2.0).abs() < 1e-9 && p.gain_u95 < 1e-6 && p.coherence > 1.0 - 1e-9, "{p:?}");
             assert!((p.phase_rad + TAU * p.frequency_hz * 0.7).abs() < 1e-9, "{p:?}");
         }
-        // Badly aligned, the phase is still that of a late sensor, beyond half a turn.
+        // Even if badly aligned, the phase is that of a late sensor, more than half a turn.
         let rough = frequency_response(&t, &y, &hand, 0.6, 8.0, 50.0).unwrap();
         for p in rough.points.iter().filter(|p| p.reliable) {
             assert!((p.phase_rad + TAU * p.frequency_hz * 0.7).abs() < 0.1, "{p:?}");
@@ -567,19 +567,19 @@ mod tests {
     }
 
     #[test]
-    fn segments_with_a_gap_are_left_out_and_counted() {
+    fn segments_with_a_gap_are_skipped_and_counted() {
         let mut random = Pcg64::seed_from_u64(4);
         let hand = Hand::new(&mut random);
         let t: Vec<f64> = regular(&mut random).into_iter().filter(|t| !(60.0..60.2).contains(t)).collect();
         let y: Vec<f64> = t.iter().map(|t| hand.value_and_rate(t - 0.1).0).collect();
         let found = frequency_response(&t, &y, &hand, 0.1, 8.0, 50.0).unwrap();
-        // Starts every 4 s from 4 s on: those at 52 and 56 s, and 60 s, which misses its first samples.
+        // Segments start every 4 s from 4 s on. Skipped are those at 52, 56 and 60 s (which misses its first samples).
         assert_eq!((found.segments, found.segments_left_out), (26, 3));
         assert!(found.points.iter().filter(|p| p.reliable).all(|p| (p.gain - 1.0).abs() < 1e-9));
     }
 
     #[test]
-    fn what_cannot_be_analysed_is_an_error() {
+    fn records_that_cannot_be_analysed_are_errors() {
         struct Still;
         impl Reference for Still {
             fn span(&self) -> (f64, f64) {
@@ -608,7 +608,7 @@ mod tests {
         );
     }
 
-    /// A tenth of the samples lost, stamps ±30 % of an interval, and 3 s missing.
+    /// A tenth of the samples lost, timestamps ±30 % of an interval, and 3 s missing.
     fn lossy(random: &mut Pcg64) -> Vec<f64> {
         (0..6000)
             .map(|k| 4.0 + (f64::from(k) + random.random_range(-0.3..0.3)) / 50.0)

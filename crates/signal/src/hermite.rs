@@ -1,8 +1,8 @@
 //! Septic Hermite interpolation: value and three derivatives at both ends of an interval.
 
-/// Value and the first three derivatives at `t` between two instants, of the one polynomial of degree
-/// 7 that has the given value and three derivatives at both. Between the knots of a four-state smoother
-/// this is the conditional mean of the motion, not an approximation (Wahba 1978).
+/// Value and first three derivatives at `t` between two instants, from the unique polynomial of degree 7 that has the
+/// given value and three derivatives at both. Between the knots of a four-state smoother this is the conditional mean
+/// of the motion, not an approximation (Wahba 1978).
 ///
 /// `start` and `end` are x, x′, x″, x‴ at `t_start` and `t_end` (s, different).
 #[must_use]
@@ -18,10 +18,10 @@ fn scaled(x: &[f64; 4], length: f64) -> [f64; 4] {
     [x[0], x[1] * length, 0.5 * x[2] * length * length, x[3] * length * length * length / 6.0]
 }
 
-/// Scaled states at the share `u` of the interval.
+/// Scaled states at the fraction `u` of the interval.
 ///
-/// The polynomial is the Taylor polynomial of the start, plus u⁴ times a cubic in v = u − 1 that puts
-/// right what the first misses at the end.
+/// The polynomial is the Taylor polynomial of the start, plus u⁴ times a cubic in v = u − 1 that corrects its error at
+/// the end.
 pub(crate) fn at_share(start: &[f64; 4], end: &[f64; 4], u: f64) -> [f64; 4] {
     let missed = {
         let reached = taylor(start, 1.0);
@@ -43,7 +43,7 @@ pub(crate) fn at_share(start: &[f64; 4], end: &[f64; 4], u: f64) -> [f64; 4] {
     x
 }
 
-/// Scaled states of a cubic, moved by `u`.
+/// Scaled states of a cubic, shifted by `u`.
 fn taylor(a: &[f64; 4], u: f64) -> [f64; 4] {
     [a[0] + u * (a[1] + u * (a[2] + u * a[3])), a[1] + u * (2.0 * a[2] + u * 3.0 * a[3]), a[2] + u * 3.0 * a[3], a[3]]
 }
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_polynomial_of_degree_seven_is_met_exactly_with_three_derivatives() {
+    fn a_polynomial_of_degree_seven_is_reproduced_exactly() {
         let (a, b) = (-0.4, 1.3);
         for step in 0..=40 {
             let t = a + (b - a) * f64::from(step) / 40.0;
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_are_met_to_the_last_digits_over_a_very_short_interval() {
+    fn a_very_short_interval_is_exact_at_its_ends() {
         let (a, b) = (100.0, 100.000_1);
         let (start, end) = ([1.0, 5.0, 20.0, 50.0], [1.0 + 5e-4, 5.002, 20.005, 50.0]);
         let found = septic_hermite(a, &start, b, &end, b);

@@ -1,37 +1,37 @@
-//! From a device's own time to the logger's, by the arrivals that waited least.
+//! Maps a device's own time to the logger's, using the arrivals with the lowest latency.
 
 /// The fastest arrivals as a line: arrival − device = offset + skew · (device − middle) + latency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HullLine {
-    /// Arrival − device time on the line at the middle, s. It holds the least latency of the way.
+    /// Arrival − device time on the line at the middle, s. It includes the minimum latency of the path.
     pub offset_at_middle_s: f64,
     /// Middle of the record, device time, s.
     pub middle_s: f64,
     /// Seconds that arrival − device time gains per second of device time.
     pub skew: f64,
-    /// Arrival above the line, s: one for each stamp, in their order, never negative.
+    /// Arrival above the line, s: one for each timestamp, in their order, never negative.
     pub latency: Vec<f64>,
 }
 
 impl HullLine {
-    /// Logger time of the fastest possible arrival of a sample of this device time, s.
+    /// Logger time of the earliest possible arrival of a sample of this device time, s.
     #[must_use]
     pub fn arrival_at(&self, device_s: f64) -> f64 {
         device_s + self.offset_at_middle_s + self.skew * (device_s - self.middle_s)
     }
 }
 
-/// The edge over the middle of the lower convex hull of (device, arrival − device). For evenly spread
-/// stamps this is the line under all points that is nearest to them on average, which is the
-/// likelihood's for exponential latency. Device stamps may be out of order or repeat.
+/// The edge over the middle of the lower convex hull of (device, arrival − device). For evenly spread timestamps this
+/// is the line under all points that is nearest to them on average, which is the maximum likelihood line for
+/// exponential latency. Device timestamps may be out of order or repeat.
 ///
-/// `None` with fewer than two different device stamps, stamps that are not finite, or slices of
-/// different length.
+/// `None` with fewer than two different device timestamps, timestamps that are not finite, or slices of different
+/// length.
 ///
-/// How well, over 300 s with 3000 stamps (`the_hull_is_as_good_as_the_design_note_says`): latency
-/// exponential with mean 2 ms / 10 ms: offset 1.4 / 7 µs rms, always a little late; skew 0.015 /
-/// 0.076 ppm. A least-squares line is late by the mean latency and 30 times worse in skew. It needs
-/// clocks that keep their rate: over hours, cut the record.
+/// Accuracy over 300 s with 3000 timestamps (`the_hull_is_as_accurate_as_the_design_note_states`) and latency
+/// exponential with mean 2 ms / 10 ms: offset 1.4 / 7 µs rms, always slightly late; skew 0.015 / 0.076 ppm. A
+/// least-squares line is late by the mean latency and 30 times worse in skew. The clocks must keep their rate: over
+/// hours, split the record.
 #[must_use]
 pub fn lower_hull(device_s: &[f64], arrival_s: &[f64]) -> Option<HullLine> {
     let finite = device_s.iter().chain(arrival_s).all(|t| t.is_finite());
@@ -92,7 +92,7 @@ mod tests {
 
     /// Design note 6. An rms of 200 errors with exponential tails is known to about 8 %; gates at 25 %.
     #[test]
-    fn the_hull_is_as_good_as_the_design_note_says() {
+    fn the_hull_is_as_accurate_as_the_design_note_states() {
         for (mean_latency, offset, skew, bias) in [(2e-3, 1.4e-6, 0.015e-6, 1.2e-6), (10e-3, 7.1e-6, 0.076e-6, 5.8e-6)]
         {
             for (found, noted) in errors(mean_latency).into_iter().zip([offset, skew, bias]) {
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_line_lies_under_every_arrival_and_latency_is_what_is_above_it() {
+    fn the_line_lies_under_all_arrivals_and_latency_is_the_excess() {
         let device = [3.0, 0.0, 1.0, 2.0, 2.0, 4.0];
         let arrival = [3.5, 0.1, 1.3, 2.1, 2.6, 4.1];
         let line = lower_hull(&device, &arrival).unwrap();
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn too_little_is_no_line() {
+    fn too_few_points_give_no_line() {
         assert_eq!(lower_hull(&[], &[]), None);
         assert_eq!(lower_hull(&[1.0, 1.0], &[2.0, 3.0]), None);
         assert_eq!(lower_hull(&[1.0, 2.0], &[2.0]), None);

@@ -1,7 +1,7 @@
 //! The integral of a velocity that is linear between its samples.
 
-/// `I(t) = ∫ v dτ` from the first sample, with `v` linear between samples and constant
-/// before the first and after the last (design note 5.1). Exact at any instant; O(log n) a query.
+/// `I(t) = ∫ v dτ` from the first sample, with `v` linear between samples and constant before the first and after the
+/// last (design note 5.1). Exact at any instant; O(log n) per query.
 ///
 /// Linear interpolation of a velocity with second derivative up to `v″` errs by at most
 /// `T h² v″ / 12` over a time `T` (design note 5.1).
@@ -19,7 +19,7 @@ impl<'a> CumulativeIntegral<'a> {
     /// If the slices are empty or of different length.
     #[must_use]
     pub fn new(t: &'a [f64], v: &'a [f64]) -> CumulativeIntegral<'a> {
-        assert!(!t.is_empty() && t.len() == v.len(), "one velocity for each of at least one stamp");
+        assert!(!t.is_empty() && t.len() == v.len(), "t and v must have the same non-zero length");
         let mut sum = 0.0;
         let mut prefix = Vec::with_capacity(t.len());
         prefix.push(0.0);
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_velocity_is_integrated_exactly_whatever_its_stamps() {
+    fn a_linear_velocity_is_integrated_exactly_with_any_timestamps() {
         let t = [0.0, 0.3, 0.31, 1.7, 2.0];
         let v = t.map(|t| 6.0 * t - 2.0);
         let integral = CumulativeIntegral::new(&t, &v);

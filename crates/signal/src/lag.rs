@@ -1,4 +1,4 @@
-//! Late because of a delay, or because of a lag?
+//! Decides whether a sensor is late because of a delay or because of a lag.
 
 mod candidate;
 mod lagged;
@@ -37,48 +37,48 @@ impl LagModel {
 /// One way to be late, fitted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LagCandidate {
-    /// Which.
+    /// Model of this candidate.
     pub model: LagModel,
     /// Bayesian information criterion: −2 log likelihood + parameters · ln(samples).
     pub bic: f64,
-    /// Delay, s; `None` for [`LagModel::L`], which has none.
+    /// Delay, s; `None` for [`LagModel::L`], which has no delay.
     pub delay_s: Option<Uncertain>,
-    /// Lags, s, the longest first.
+    /// Lags, s, longest first.
     pub lags_s: Vec<Uncertain>,
     /// Gains, one for each component.
     pub gains: Vec<Uncertain>,
     /// Delay plus lags, s: the group delay at low frequency.
     pub sum_s: Uncertain,
-    /// Least and largest delay proper (without the lags) that the data leave open for this candidate at 95 %, s.
+    /// Smallest and largest delay proper (without the lags) compatible with the data for this candidate at 95 %, s.
     pub delay_range_s: [f64; 2],
 }
 
-/// Which way it is.
+/// The choice between the models.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LagChoice {
-    /// The candidates that could be fitted, the best first.
+    /// Candidates that could be fitted, best first.
     pub candidates: Vec<LagCandidate>,
-    /// The best one, or `None` if another that means something else is as good within ΔBIC 6, or differs from it only by the
-    /// error of the reference alone.
+    /// The best one. `None` if a candidate with a different meaning is as good within ΔBIC 6, or differs from it only
+    /// by the error of the reference.
     pub chosen: Option<LagModel>,
-    /// The best candidate that means something else than the best, with its ΔBIC.
+    /// The best candidate with a different meaning than the best, with its ΔBIC.
     pub rival: Option<(LagModel, f64)>,
 }
 
-/// A candidate this much worse than the best (in BIC) is out.
+/// A candidate worse than the best by this much (in BIC) is ruled out.
 const DISTINGUISHED: f64 = 6.0;
-/// Candidates whose delays proper differ by less than this share of delay plus lags mean the same.
+/// Candidates whose delays proper differ by less than this share of delay plus lags have the same meaning.
 const SAME_SHARE: f64 = 0.2;
 
 /// Chooses between a delay, a lag, and both, by the Bayesian information criterion (Schwarz 1978) of the candidates
 /// `D`, `L`, `DL` and `DLL`, each with gain, offset and drift as in `components` and with its own noise of the family
 /// in `settings` (design note 3.6).
 ///
-/// A second candidate within ΔBIC 6 makes it undecided, unless it means the same: a `DL` whose lag cannot be
-/// longer than a fifth of the whole says nothing else than `D`. All candidates are fitted to the same rows: those of
-/// `fit`, less a lead-in of 6.2 delays or so in which a lag remembers what happened before the reference began.
+/// The choice is undecided if a second candidate is within ΔBIC 6, unless it has the same meaning: a `DL` whose lag
+/// cannot be longer than a fifth of the whole is equivalent to `D`. All candidates are fitted to the same rows: those
+/// of `fit`, minus a lead-in of about 6.2 delays in which a lag depends on motion before the start of the reference.
 ///
-/// Delay and lag apart are known far worse than their sum; narrow swings with a free gain cannot tell them at all.
+/// Delay and lag separately are far less certain than their sum; narrow swings with a free gain cannot separate them.
 ///
 /// The reference counts as exact; see [`choose_lag_model_against`].
 #[must_use]
@@ -86,12 +86,13 @@ pub fn choose_lag_model(components: &[Measurement], fit: &DelayFit, settings: &D
     choose_lag_model_against(components, fit, settings, &[])
 }
 
-/// [`choose_lag_model`] against references that err: `reference_std` is the standard uncertainty of the reference of each
-/// component at any one instant, unit of the component (nothing: exact).
+/// [`choose_lag_model`] against inexact references: `reference_std` is the standard uncertainty of the reference of
+/// each component at any one instant, unit of the component (empty: exact).
 ///
-/// Candidates whose values differ by less than that (rms) are not told apart, however clear the criterion: it would be an
-/// error of the reference that decides. And no delay beside a lag is negative, unless that is better by ΔBIC 6 than what
-/// has no negative delay, and by more than the reference errs: on the border of what is allowed, delay or lag is zero.
+/// Candidates whose values differ by less than that (rms) are not distinguished, however clear the criterion, because
+/// an error of the reference would decide. A delay together with a lag is not negative, unless that is better by ΔBIC 6
+/// than all candidates without negative delay, and by more than the reference error. On the border of the allowed
+/// range, delay or lag is zero.
 #[must_use]
 pub fn choose_lag_model_against(
     components: &[Measurement],
@@ -115,7 +116,7 @@ pub fn choose_lag_model_against(
     LagChoice { chosen, rival, candidates: fitted.into_iter().map(|f| f.candidate).collect() }
 }
 
-/// Whether `other` leaves no delay open that is far from that of `best`.
+/// Whether all delays compatible with `other` are close to that of `best`.
 fn mean_the_same(best: &LagCandidate, other: &LagCandidate) -> bool {
     let delay = best.delay_s.map_or(0.0, |d| d.value);
     let farthest = other.delay_range_s.iter().map(|d| (d - delay).abs()).fold(0.0, f64::max);

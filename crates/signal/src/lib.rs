@@ -1,6 +1,6 @@
-//! Arithmetic on series. Has never heard of a pendulum, a file or a page.
+//! Arithmetic on series. Independent of pendulums, files and pages.
 //!
-//! Series here are slices: times in seconds that rise strictly, and one value for each.
+//! Series here are slices: strictly increasing times in seconds, and one value for each.
 //!
 //! ```
 //! let t = [0.0, 1.0, 2.0];

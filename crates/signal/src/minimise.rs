@@ -1,6 +1,6 @@
 //! The lowest point of a function without derivatives.
 
-/// When a search is good enough.
+/// Stopping criteria of a search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance<const N: usize> {
     /// Size of the simplex along each axis.
@@ -19,7 +19,7 @@ pub(crate) struct Lowest<const N: usize> {
 }
 
 impl<const N: usize> Lowest<N> {
-    /// What is no number is a wall.
+    /// NaN counts as a wall.
     fn at(at: [f64; N], value: f64) -> Lowest<N> {
         Lowest { at, value: if value.is_nan() { f64::INFINITY } else { value } }
     }
@@ -71,12 +71,12 @@ pub(crate) fn nelder_mead<const N: usize>(
 
 /// `start`, and the points `step` away from it along each axis.
 fn first_points<const N: usize>(start: [f64; N], step: [f64; N]) -> impl Iterator<Item = [f64; N]> {
-    let beside = move |axis: usize| {
+    let neighbour = move |axis: usize| {
         let mut at = start;
         at[axis] += step[axis];
         at
     };
-    std::iter::once(start).chain((0..N).map(beside))
+    std::iter::once(start).chain((0..N).map(neighbour))
 }
 
 /// Whether any point is further than `limit` from the first along any axis.

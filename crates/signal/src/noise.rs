@@ -1,50 +1,50 @@
-//! Which noise a residual is made of.
+//! Models of the noise in residuals.
 
 use crate::minimise::{Lowest, Tolerance, nelder_mead};
 use crate::whiten::NoiseModel;
 
-/// What is known of the noise before a fit.
+/// What is known about the noise before a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum NoiseRule {
-    /// White, its size from the residuals.
+    /// White; its size is estimated from the residuals.
     White,
-    /// A wander (Ornstein–Uhlenbeck) plus white noise by restricted maximum likelihood; white only, unless the
-    /// wander explains the residuals better by two log-units.
+    /// A wander (Ornstein–Uhlenbeck) plus white noise by restricted maximum likelihood; white only, unless the wander
+    /// raises the log likelihood by two.
     #[default]
     WanderAndWhite,
     /// Known.
     Known(NoiseModel),
 }
 
-/// By how much a wander must raise the log likelihood to be believed: two more parameters (Akaike 1974).
+/// Increase of the log likelihood required to accept a wander: two more parameters (Akaike 1974).
 const WORTH_A_WANDER: f64 = 2.0;
-/// With fewer residuals a wander is not looked for.
+/// With fewer residuals a wander is not searched for.
 const LEAST_FOR_A_WANDER: usize = 20;
-/// Most columns of a [`NoiseProblem`], residual included.
+/// Maximum number of columns of a [`NoiseProblem`], including the residual.
 const MOST_COLUMNS: usize = 8;
 
-/// Residuals and the regressors that made them, from which the noise is to be found.
+/// Residuals and the regressors they come from, used to estimate the noise.
 ///
-/// The restricted likelihood (Patterson and Thompson 1971) is that of what no regressor can explain: noise parameters
-/// found with it are not too small by what the fit took out.
+/// The restricted likelihood (Patterson and Thompson 1971) is that of the part that no regressor can explain. Its noise
+/// parameters are not biased low by what the fit removed.
 pub(crate) struct NoiseProblem {
     /// Row-major: orthonormal regressors, then the residual.
     rows: Vec<f64>,
     columns: usize,
     intervals: Intervals,
-    /// Huber weights of the rows, and the share of a Gaussian's power that they leave.
+    /// Huber weights of the rows, and the share of a Gaussian's power that they keep.
     weights: Option<Vec<f64>>,
     kept_power: f64,
 }
 
-/// A restricted likelihood: half of −2 log, without constants, and the scale of the noise that makes it largest.
+/// A restricted likelihood: half of −2 log, without constants, and the scale of the noise that maximizes it.
 #[derive(Debug, Clone, Copy)]
 struct Likelihood {
     minus_log: f64,
     scale: f64,
 }
 
-/// The noise that explains residuals best, every parameter counted.
+/// The noise that explains residuals best, including all parameters.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BestNoise {
     pub(crate) model: NoiseModel,
@@ -52,26 +52,26 @@ pub(crate) struct BestNoise {
     pub(crate) parameters: usize,
 }
 
-/// Where in the plane of shapes a search starts: logarithms of the time constant (s) and of the ratio of the white
-/// variance to the variance that the wander gains from one sample to the next.
+/// Start of a search in the plane of shapes: logarithms of the time constant (s) and of the ratio of the white variance
+/// to the variance that the wander gains from one sample to the next.
 type Shape = [f64; 2];
 
-/// What the search found, to start from the next time.
+/// Search result, used as the next start.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct NoiseFit {
     pub(crate) model: NoiseModel,
-    /// Where the search ended, even if white noise was as good.
+    /// End point of the search, even if white noise was as good.
     shape: Option<Shape>,
 }
 
 impl NoiseFit {
-    /// A noise to start from: white as it is, a wander as where a search ended.
+    /// A start from a noise: white as it is, a wander from the end point of a search.
     pub(crate) fn from_model(model: NoiseModel, t: &[f64]) -> NoiseFit {
         let shape = shape_at(&model, Intervals::of(t).median);
         NoiseFit { model, shape }
     }
 
-    /// A noise that was not searched for.
+    /// A noise that did not come from a search.
     pub(crate) fn given(model: NoiseModel) -> NoiseFit {
         NoiseFit { model, shape: None }
     }
@@ -83,7 +83,7 @@ impl NoiseFit {
 }
 
 impl NoiseProblem {
-    /// `regressors` are made orthonormal; those that depend on the ones before are left out. `weights` as in
+    /// `regressors` are made orthonormal; linearly dependent ones are skipped. `weights` as in
     /// [`crate::whiten::WhiteningFilter::new`], with the share of a Gaussian's power that they keep.
     pub(crate) fn new(
         t: &[f64],
@@ -112,13 +112,13 @@ impl NoiseProblem {
         self.rows.len() / self.columns
     }
 
-    /// The white noise that fits best.
+    /// The best white noise.
     pub(crate) fn white(&self) -> NoiseFit {
         NoiseFit { model: NoiseModel::white(self.white_likelihood().scale), shape: None }
     }
 
-    /// The noise that fits best, from where `before` ended if that was a wander. Without that, many samples are searched
-    /// on every second, third, … of them first, and with `rough` only on these.
+    /// The best noise, starting at the end point of `before` if that was a wander. Otherwise, if there are many
+    /// samples, every second, third, … one is searched first, and with `rough` only these.
     pub(crate) fn wander_and_white(&self, before: Option<&NoiseFit>, rough: bool) -> NoiseFit {
         let white = self.white_likelihood();
         let n = self.samples();
@@ -140,9 +140,9 @@ impl NoiseProblem {
         }
     }
 
-    /// White, or wander and white, whichever has the lower Bayesian information criterion among `rows` samples;
-    /// with a rule that leaves no choice, that; the search starts at `before` if that wanders. The likelihood is the plain one, regressors profiled out. `None` if the
-    /// residuals are all zero.
+    /// White, or wander and white, whichever has the lower Bayesian information criterion among `rows` samples. A rule
+    /// without a choice applies directly. The search starts at `before` if that wanders. The likelihood is the plain
+    /// one, regressors profiled out. `None` if the residuals are all zero.
     pub(crate) fn best_by_bic(&self, rule: &NoiseRule, rows: usize, before: &NoiseModel) -> Option<BestNoise> {
         let n = self.samples() as f64;
         if let NoiseRule::Known(model) = rule {
@@ -175,7 +175,7 @@ impl NoiseProblem {
         Some(best)
     }
 
-    /// The best shape on every n-th sample, for all samples; `None` if they are few anyway or show no wander.
+    /// The best shape on every n-th sample, for all samples; `None` if there are few samples or no wander.
     fn shape_of_few(&self) -> Option<Shape> {
         const FEW: usize = 800;
         let every = self.samples() / FEW;
@@ -226,12 +226,12 @@ impl NoiseProblem {
         NoiseModel { wander_std: scale, time_constant_s, white_std: scale * self.white_variance(shape).sqrt() }
     }
 
-    /// The shape that [`NoiseProblem::model`] makes this of; `None` without both parts.
+    /// The shape that [`NoiseProblem::model`] converts to this; `None` without both parts.
     fn shape_of(&self, model: &NoiseModel) -> Option<Shape> {
         shape_at(model, self.intervals.median)
     }
 
-    /// White variance over the wander's.
+    /// Ratio of the white variance to the wander's.
     fn white_variance(&self, shape: &Shape) -> f64 {
         -shape[1].exp() * (-2.0 * self.intervals.median / shape[0].exp()).exp_m1()
     }
@@ -246,7 +246,7 @@ impl NoiseProblem {
         self.restricted(&gram, log_det).unwrap_or(Likelihood { minus_log: f64::INFINITY, scale: 0.0 })
     }
 
-    /// Of rows whitened under a wander of variance 1; `None` outside of what the stamps can show.
+    /// For rows whitened under a wander of variance 1; `None` outside the range resolved by the timestamps.
     fn wander_gram(&self, shape: &Shape) -> Option<(Gram, f64)> {
         let time_constant = shape[0].exp();
         let within = time_constant >= 0.2 * self.intervals.median
@@ -255,19 +255,19 @@ impl NoiseProblem {
         within.then(|| self.whitened_gram(time_constant, self.white_variance(shape), 1.0))
     }
 
-    /// Of rows that are white with variance 1.
+    /// For rows that are white with variance 1.
     fn white_gram(&self) -> (Gram, f64) {
         let log_det = -self.weights.iter().flatten().map(|w| w.ln()).sum::<f64>();
         (self.gram(|k| self.weights.as_ref().map_or(1.0, |w| w[k])), log_det)
     }
 
-    /// Of rows whitened under a known noise.
+    /// For rows whitened under a known noise.
     fn known(&self, model: &NoiseModel) -> (Gram, f64) {
         let (wander, white) = (model.wander_std.powi(2), model.white_std.powi(2));
         self.whitened_gram(model.time_constant_s, white, wander)
     }
 
-    /// The gram matrix of the rows as they are.
+    /// The gram matrix of the unwhitened rows.
     fn gram(&self, weight: impl Fn(usize) -> f64) -> Gram {
         let p = self.columns;
         let mut gram = Gram::default();
@@ -305,7 +305,7 @@ impl NoiseProblem {
         }
     }
 
-    /// The gram matrix of the whitened rows, and the logarithm of the determinant, for a wander of that `variance`.
+    /// The gram matrix of the whitened rows, and the logarithm of the determinant, for a wander of this `variance`.
     fn whitened_gram_of<const P: usize>(&self, time_constant: f64, white: f64, variance: f64) -> (Gram, f64) {
         let mut gains = Gains::new(&self.intervals, self.weights.as_deref(), time_constant, white, variance);
         let mut sums = [[0.0; P]; P];
@@ -313,7 +313,7 @@ impl NoiseProblem {
         let mut log_det = LogProduct::default();
         let (rows, _) = self.rows.as_chunks::<P>();
         for (chunk, rows) in rows.chunks(CHUNK).enumerate() {
-            // First the gains, which do not depend on the rows, then the rows: both loops stay in registers.
+            // First the gains, which do not depend on the rows, then the rows, so that both loops stay in registers.
             let mut steps = [Step::default(); CHUNK];
             for (k, step) in steps[..rows.len()].iter_mut().enumerate() {
                 *step = gains.at(chunk * CHUNK + k);
@@ -342,7 +342,7 @@ impl NoiseProblem {
     }
 }
 
-/// The shape of a noise at stamps `median_s` apart; `None` without both parts.
+/// The shape of a noise at timestamps `median_s` apart; `None` without both parts.
 fn shape_at(model: &NoiseModel, median_s: f64) -> Option<Shape> {
     let ratio = (model.white_std / model.wander_std).powi(2);
     let gained = -(-2.0 * median_s / model.time_constant_s).exp_m1();
@@ -350,25 +350,24 @@ fn shape_at(model: &NoiseModel, median_s: f64) -> Option<Shape> {
     shape.iter().all(|x| x.is_finite()).then_some(shape)
 }
 
-/// Rows whose gains are worked out together.
+/// Number of rows whose gains are computed together.
 const CHUNK: usize = 64;
 
-/// What the filter does at one sample.
+/// State of the filter at one sample.
 #[derive(Debug, Clone, Copy, Default)]
 struct Step {
-    /// Of the wander, since the sample before.
+    /// Decay of the wander since the previous sample.
     decay: f64,
     /// Share of the innovation that is wander.
     gain: f64,
-    /// Weight over variance of the innovation.
+    /// Weight divided by the variance of the innovation.
     inverse: f64,
 }
 
-/// The gains of the whitening filter, sample by sample, as [`crate::whiten::WhiteningFilter`] has them.
+/// The gains of the whitening filter, sample by sample, as in [`crate::whiten::WhiteningFilter`].
 ///
-/// The variance of the wander that is not yet known is kept as a fraction, so that no division waits for the one
-/// before. While equal intervals follow each other the gain converges; from where its last digits no longer change it
-/// is kept.
+/// The unknown variance of the wander is kept as a fraction, so that no division waits for the previous one. During
+/// equal intervals the gain converges; once its last digits no longer change it is reused.
 struct Gains<'a> {
     intervals: &'a Intervals,
     weights: Option<&'a [f64]>,
@@ -395,7 +394,7 @@ impl<'a> Gains<'a> {
         Gains { intervals, weights, time_constant, decays, white, variance, fraction, last, steady }
     }
 
-    /// The step of sample `k`; to be asked for in order.
+    /// The step of sample `k`; must be called in order.
     #[inline(always)]
     fn at(&mut self, k: usize) -> Step {
         let (decay, same) = self.intervals.decay_before(k, self.time_constant, &self.decays);
@@ -445,7 +444,7 @@ impl<'a> Gains<'a> {
 struct Gram([[f64; MOST_COLUMNS]; MOST_COLUMNS]);
 
 impl Gram {
-    /// Squares of the diagonal of the Cholesky factor of the first `p` rows and columns: the last one is what is left
+    /// Squares of the diagonal of the Cholesky factor of the first `p` rows and columns: the last one is the remainder
     /// of the last column after regression on the others. `None` if the matrix is not positive definite.
     fn pivots(&self, p: usize) -> Option<[f64; MOST_COLUMNS]> {
         let mut factor = self.0;
@@ -466,7 +465,7 @@ impl Gram {
     }
 }
 
-/// A sum of logarithms with few logarithms.
+/// A sum of logarithms that evaluates few logarithms.
 pub(crate) struct LogProduct {
     product: f64,
     factors: u32,
@@ -480,7 +479,7 @@ impl Default for LogProduct {
 }
 
 impl LogProduct {
-    /// A product beyond these is taken the logarithm of.
+    /// A product outside these limits is replaced by its logarithm.
     const LARGEST: f64 = 1e100;
 
     #[inline]
@@ -499,7 +498,7 @@ impl LogProduct {
     }
 }
 
-/// The intervals between stamps; those that come again and again (within a millionth) are known by number.
+/// The intervals between timestamps; recurring ones (within a millionth) are identified by number.
 struct Intervals {
     between: Vec<f64>,
     kinds: Vec<u8>,
@@ -508,7 +507,7 @@ struct Intervals {
     total: f64,
 }
 
-/// An interval of its own.
+/// An interval that does not recur.
 const UNIQUE: u8 = u8::MAX;
 const MOST_KINDS: usize = 12;
 
@@ -529,7 +528,7 @@ impl Intervals {
         std::array::from_fn(|k| self.common.get(k).map_or(0.0, |dt| (-dt / time_constant).exp()))
     }
 
-    /// Decay over the interval that ends at sample `k`, and whether the interval before was the same.
+    /// Decay over the interval that ends at sample `k`, and whether the previous interval was the same.
     #[inline]
     fn decay_before(&self, k: usize, time_constant: f64, decays: &[f64; MOST_KINDS]) -> (f64, bool) {
         let Some(last) = k.checked_sub(1) else { return (1.0, false) };
@@ -562,7 +561,7 @@ fn decay(x: f64) -> f64 {
     }
 }
 
-/// `column` less its projections on the orthonormal `basis`, of length 1; `None` if next to nothing is left.
+/// `column` minus its projections on the orthonormal `basis`, of length 1; `None` if almost nothing remains.
 pub(crate) fn orthonormal_to(column: &[f64], basis: &[Vec<f64>]) -> Option<Vec<f64>> {
     let size = dot(column, column).sqrt();
     let mut rest = column.to_vec();
@@ -576,7 +575,7 @@ pub(crate) fn orthonormal_to(column: &[f64], basis: &[Vec<f64>]) -> Option<Vec<f
     })
 }
 
-/// Takes the projection on the unit vector `q` out of `column`.
+/// Removes the projection on the unit vector `q` from `column`.
 pub(crate) fn remove(column: &mut [f64], q: &[f64]) {
     let along = dot(column, q);
     for (x, q) in column.iter_mut().zip(q) {
@@ -584,7 +583,7 @@ pub(crate) fn remove(column: &mut [f64], q: &[f64]) {
     }
 }
 
-/// Scalar product, in four sums so that they can run side by side.
+/// Scalar product, as four sums that can run in parallel.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a4, a_rest) = a.as_chunks::<4>();
     let (b4, b_rest) = b.as_chunks::<4>();
@@ -607,7 +606,7 @@ mod tests {
         (0..900).map(|k| 0.02 * (f64::from(k) + jitter * (1.7 * f64::from(k * k)).sin()) + f64::from(k / 300)).collect()
     }
 
-    /// The fraction, the steady state and the series for the decay against the filter that has none of them.
+    /// Compares the fraction, the steady state and the series for the decay with a filter that uses none of them.
     #[test]
     fn the_gram_matrix_is_that_of_the_whitened_columns() {
         for (jitter, weighted) in [(0.0, false), (0.3, false), (0.3, true)] {

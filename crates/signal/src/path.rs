@@ -1,9 +1,9 @@
 //! A curve in the plane with fewer points and the same shape.
 
-/// Rows of a path such that every row left out lies within `tolerance` (same unit as the
-/// coordinates) of the line through the kept rows around it. First and last are kept. One pass,
-/// O(n): from an anchor, the cone of directions that pass all points so far within the tolerance
-/// is narrowed until it is empty (Williams 1978); then the last point becomes the anchor.
+/// Rows of a path such that each skipped row lies within `tolerance` (same unit as the coordinates) of the line through
+/// the kept rows around it. First and last are kept. One pass, O(n): from an anchor, the cone of directions that pass
+/// all points so far within the tolerance is narrowed until it is empty (Williams 1978); then the last point becomes
+/// the anchor.
 #[must_use]
 pub fn thin_path(x: &[f64], y: &[f64], tolerance: f64) -> Vec<usize> {
     let n = x.len().min(y.len());
@@ -34,7 +34,7 @@ pub fn thin_path(x: &[f64], y: &[f64], tolerance: f64) -> Vec<usize> {
     kept
 }
 
-/// A cone of directions, and how far along it the path has come.
+/// A cone of directions, and the distance covered along it.
 #[derive(Debug, Clone, Copy)]
 struct Cone {
     axis: f64,
@@ -43,8 +43,8 @@ struct Cone {
     reach: f64,
 }
 
-/// The directions of `cone` that also pass `(dx, dy)` within the tolerance; `None` if there is none,
-/// or if the path turns back.
+/// The directions of `cone` that also pass `(dx, dy)` within the tolerance; `None` if there are none or the path turns
+/// back.
 fn narrowed(cone: Option<Cone>, dx: f64, dy: f64, tolerance: f64) -> Option<Cone> {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
     let reach = dx.hypot(dy);
@@ -88,7 +88,7 @@ mod tests {
         let y: Vec<f64> = t.iter().map(|t| 30.0 * (0.58 * t).cos()).collect();
         let kept = thin_path(&x, &y, 0.4);
         assert!(worst(&x, &y, &kept) <= 0.8, "{}", worst(&x, &y, &kept));
-        // 500 circles; a chord of sagitta 0.4 m spans 0.33 rad: 19 to a circle at best.
+        // 500 circles; a chord of sagitta 0.4 m spans 0.33 rad: at best 19 per circle.
         assert!(kept.len() < 500 * 30, "{}", kept.len());
     }
 
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn standing_still_is_two_points() {
+    fn a_stationary_path_is_two_points() {
         assert_eq!(thin_path(&[1.0; 1000], &[2.0; 1000], 0.1), [0, 999]);
         assert_eq!(thin_path(&[], &[], 0.1), [0_usize; 0]);
         assert_eq!(thin_path(&[1.0], &[1.0], 0.1), [0]);

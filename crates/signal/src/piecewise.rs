@@ -1,56 +1,56 @@
-//! A device's clock against the logger's, by a pulse per second.
+//! Maps a device's clock to the logger's, using a pulse per second.
 
 use crate::regression::regress;
 use thiserror::Error;
 
-/// Why pulses make no clock.
+/// Why pulses do not define a clock.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PulseError {
-    /// Fewer usable pulses than a line and its scatter need.
+    /// Fewer usable pulses than needed for a line and its scatter.
     #[error("{used} usable pulses of {given}: at least {LEAST_PULSES} are needed")]
     TooFew {
-        /// Usable.
+        /// Usable pulses.
         used: usize,
-        /// Given.
+        /// All pulses.
         given: usize,
     },
 }
 
-/// Fewest pulses that make a clock.
+/// Minimum number of pulses for a clock.
 const LEAST_PULSES: usize = 4;
-/// A pulse this far from a whole second after the one before is not one of ours, s.
+/// A pulse farther than this from a whole second after the previous one is stray, s.
 const OFF_BEAT_S: f64 = 0.02;
-/// A first pulse among so many is tried, in case the first ones are stray.
+/// Number of candidates for the first pulse, in case the first ones are stray.
 const TRIED_STARTS: usize = 8;
 
 /// Device time against logger time: a straight line from pulse to pulse.
 ///
-/// What a pulse says is exact up to the jitter of its stamp; between pulses the clocks are taken as
-/// keeping their rate. Outside, the mean rate is used.
+/// A pulse is exact up to the jitter of its timestamp; between pulses the clocks are assumed to keep their rate.
+/// Outside, the mean rate is used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PiecewiseClock {
-    /// Device seconds of the pulses used: `first_second` and whole numbers after it.
+    /// Device seconds of the used pulses: `first_second` and whole numbers after it.
     pub device_s: Vec<f64>,
-    /// Logger seconds of the pulses used.
+    /// Logger seconds of the used pulses.
     pub logger_s: Vec<f64>,
-    /// Pulses left out: more than 20 ms from a whole second after the pulse before, or not finite.
+    /// Rejected pulses: more than 20 ms from a whole second after the previous pulse, or not finite.
     pub off_beat: usize,
     /// Seconds without a pulse between the first and the last.
     pub missing: usize,
     /// Seconds that the logger's clock gains per second of the pulses.
     pub skew: f64,
-    /// Its standard uncertainty, honest for a clock that wanders.
+    /// Its standard uncertainty, valid for a clock that wanders.
     pub skew_uncertainty: f64,
     /// Jitter of a pulse: rms distance from the line through its neighbours, scaled to one pulse, s.
     pub residual_rms_s: f64,
 }
 
 impl PiecewiseClock {
-    /// From the logger's stamps of the pulses (s), and the device's second of the first pulse that is
-    /// used (0 if unknown: the map is then right to whole seconds).
+    /// From the logger's timestamps of the pulses (s), and the device's second of the first used pulse (0 if unknown:
+    /// the map is then right to whole seconds).
     ///
     /// # Errors
-    /// [`PulseError`]: fewer than 4 pulses on the beat.
+    /// [`PulseError`]: fewer than 4 regular pulses.
     pub fn from_pulses(logger_s: &[f64], first_second: f64) -> Result<PiecewiseClock, PulseError> {
         let beats = (0..logger_s.len().min(TRIED_STARTS))
             .map(|start| on_beat(&logger_s[start..]))
@@ -86,7 +86,7 @@ impl PiecewiseClock {
     }
 }
 
-/// Pulses a whole number of seconds after each other: seconds after the first, and stamps.
+/// Pulses a whole number of seconds apart: seconds after the first, and timestamps.
 fn on_beat(logger_s: &[f64]) -> Vec<(u64, f64)> {
     let mut beats: Vec<(u64, f64)> = vec![];
     for &t in logger_s.iter().filter(|t| t.is_finite()) {
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_pulses_are_no_clock() {
+    fn too_few_pulses_give_no_clock() {
         let error = |pulses: &[f64]| PiecewiseClock::from_pulses(pulses, 0.0).unwrap_err();
         assert_eq!(error(&[]), PulseError::TooFew { used: 0, given: 0 });
         assert_eq!(error(&[1.0, 2.0, f64::NAN, 2.5, 3.0]), PulseError::TooFew { used: 3, given: 5 });

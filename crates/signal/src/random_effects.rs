@@ -1,16 +1,16 @@
-//! The mean of readings that may differ by more than their own uncertainties explain.
+//! The mean of readings that may differ by more than their uncertainties explain.
 
 use crate::{median_in_place, student_quantile};
 
 /// Rounds of bisection: the interval shrinks to 2⁻⁸⁰ of its length.
 const ROUNDS: usize = 80;
-/// No number is known better than this; keeps weights finite.
+/// Lower limit of an uncertainty; keeps weights finite.
 const LEAST_UNCERTAINTY: f64 = 1e-12;
-/// From the median absolute deviation to the standard deviation of a Gaussian.
+/// Factor from the median absolute deviation to the standard deviation of a Gaussian.
 const MAD_TO_SIGMA: f64 = 1.4826;
-/// With fewer, nobody can say which one is off.
+/// With fewer readings, an outlier cannot be identified.
 const LEAST_FOR_OUTLIERS: usize = 4;
-/// Probability that one good number among all is called an outlier, if all are Gaussian with one spread.
+/// Probability that any good reading is called an outlier, if all are Gaussian with one spread.
 const FALSE_OUTLIER: f64 = 0.001;
 
 /// A number and its standard uncertainty.
@@ -27,21 +27,21 @@ pub struct Reading {
 pub struct Mean {
     /// The random-effects mean.
     pub value: f64,
-    /// So that ±1.96 of it holds the truth in at least 95 % of cases.
+    /// ±1.96 times this contains the truth in at least 95 % of cases.
     pub standard_uncertainty: f64,
     /// Standard deviation between runs beyond what the readings' own uncertainties explain; `None` for one reading.
     pub between: Option<f64>,
 }
 
-/// Random-effects mean; `None` without readings. Weights are 1/(uᵢ² + τ²) with τ² by Paule and Mandel (1982): the value for which the weighted
-/// sum of squares equals its expectation, n − 1. The uncertainty is that of Hartung and Knapp (2001) and Sidik and
-/// Jonkman (2002) with Student's t of n − 1 degrees of freedom, given as the standard uncertainty whose 1.96-fold is
-/// that interval, and never less than 1/√Σw.
+/// Random-effects mean; `None` without readings. Weights are 1/(uᵢ² + τ²) with τ² by Paule and Mandel (1982): the value
+/// for which the weighted sum of squares equals its expectation, n − 1. The uncertainty is that of Hartung and Knapp
+/// (2001) and Sidik and Jonkman (2002) with Student's t of n − 1 degrees of freedom, expressed as the standard
+/// uncertainty whose 1.96-fold is that interval, and never less than 1/√Σw.
 ///
-/// Measured coverage of ±1.96 u (20 000 trials each, uᵢ log-normal ±30 %): at least 94.5 % for 2 to 20 readings
-/// and τ from 0 to 10 times uᵢ, where 1/√Σw alone falls to 71 % (2 readings), 85 % (4) and 92 % (10), as DerSimonian
-/// and Laird's does. Two readings hardly say how far runs differ: the interval is then wide. Test:
-/// `the_uncertainty_of_a_mean_covers_the_truth_in_95_of_100_cases_at_least`.
+/// Measured coverage of ±1.96 u (20 000 trials each, uᵢ log-normal ±30 %): at least 94.5 % for 2 to 20 readings and τ
+/// from 0 to 10 times uᵢ, where 1/√Σw alone falls to 71 % (2 readings), 85 % (4) and 92 % (10), as DerSimonian and
+/// Laird's does. Two readings hardly determine how much runs differ, so the interval is wide. Test:
+/// `the_uncertainty_of_a_mean_covers_the_truth_in_at_least_95_per_cent`.
 #[must_use]
 pub fn mean_of(readings: &[Reading]) -> Option<Mean> {
     let (first, n) = (readings.first()?, readings.len());
@@ -79,7 +79,7 @@ impl Sums {
     }
 }
 
-/// Variance between runs; zero if the readings differ by no more than their uncertainties explain.
+/// Variance between runs; zero if the uncertainties explain the differences between readings.
 fn paule_mandel(readings: &[Reading]) -> f64 {
     let degrees_of_freedom = readings.len().saturating_sub(1) as f64;
     let exceeds = |variance: f64| Sums::of(readings, variance).squares > degrees_of_freedom;
@@ -97,8 +97,8 @@ fn paule_mandel(readings: &[Reading]) -> f64 {
     0.5 * (low + high)
 }
 
-/// Which readings do not belong to the others: |x − median of the others| over their robust spread (median absolute
-/// deviation, never below the uncertainties) beyond Student's quantile for their number. None with fewer than four.
+/// Outlier flag of each reading: |x − median of the others| over their robust spread (median absolute deviation, never
+/// below the uncertainties) exceeds Student's quantile for their number. No outliers with fewer than four.
 #[must_use]
 pub fn outliers(readings: &[Reading]) -> Vec<bool> {
     let n = readings.len();
@@ -168,17 +168,17 @@ mod tests {
     }
 
     #[test]
-    fn a_reading_without_any_uncertainty_does_not_end_in_infinities() {
+    fn a_reading_without_uncertainty_does_not_produce_infinities() {
         let mean = mean_of(&readings(&[(1.0, 0.0), (1.0, 0.0), (1.0, 0.3)])).unwrap();
         assert!((mean.value - 1.0).abs() < 1e-12 && mean.standard_uncertainty.is_finite());
     }
 
     #[test]
-    fn the_uncertainty_of_a_mean_covers_the_truth_in_95_of_100_cases_at_least() {
+    fn the_uncertainty_of_a_mean_covers_the_truth_in_at_least_95_per_cent() {
         let mut random = Pcg64::seed_from_u64(20_101_025);
         let trials = 2000;
-        // 95 % less four standard deviations of a count, less 0.6 %: the loss by unequal uncertainties, which
-        // 20 000 trials put at 94.5 % where it is largest.
+        // 95 % minus four standard deviations of a count, minus 0.6 % for the loss by unequal uncertainties:
+        // in 20 000 trials, coverage was 94.5 % where the loss is largest.
         let gate = 0.944 - 4.0 * (0.95f64 * 0.05 / f64::from(trials)).sqrt();
         for n in [2, 3, 5, 10] {
             for between in [0.0, 1.0, 3.0, 10.0] {
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_has_no_bias_and_its_spread_is_not_claimed_smaller_than_it_is() {
+    fn the_mean_has_no_bias_and_its_spread_is_not_understated() {
         let mut random = Pcg64::seed_from_u64(7);
         let trials = 2000u32;
         let means: Vec<Mean> = (0..trials).map(|_| mean_of(&runs(5, 2.0, &mut random)).unwrap()).collect();
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_is_off_by_half_a_swing_is_an_outlier_and_the_others_are_not() {
+    fn only_a_run_that_is_off_by_half_a_swing_is_an_outlier() {
         let one_off = readings(&[(0.400, 0.001), (0.401, 0.001), (0.8, 0.001), (0.399, 0.001), (0.4, 0.001)]);
         assert_eq!(outliers(&one_off), [false, false, true, false, false]);
         assert_eq!(outliers(&one_off[..3]), [false; 3], "three do not say which one is off");
@@ -219,7 +219,7 @@ mod tests {
         for (n, between) in [(4, 0.0), (4, 10.0), (6, 0.0), (6, 3.0), (10, 3.0)] {
             let hit = |_: &i32| outliers(&runs(n, between, &mut random)).contains(&true);
             let share = f64::from((0..trials).filter(hit).count() as u32) / f64::from(trials);
-            // The median absolute deviation of few is rough: 1 in 1000 is what a standard deviation would give.
+            // The median absolute deviation of few readings is rough: 1 in 1000 is the rate for a standard deviation.
             assert!(share < 0.02, "{n} runs, spread {between}: {share}");
         }
     }

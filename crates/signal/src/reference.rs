@@ -1,40 +1,40 @@
-//! What a measurement is compared with.
+//! The reference signal that a measurement is compared with.
 
-/// A known signal, continuous with its derivative.
+/// A known signal with a continuous derivative.
 pub trait Reference: Sync {
-    /// First and last instant at which it is known, s.
+    /// First and last known instant, s.
     fn span(&self) -> (f64, f64);
 
     /// Value and time derivative at `t` (s) inside the span.
     fn value_and_rate(&self, t: f64) -> (f64, f64);
 
     /// [`Reference::value_and_rate`] at each of `instants` (s), into `values` and `rates`, both as long as `instants`.
-    /// Instants that rise are cheapest: an implementation may go on from where the last one was.
+    /// Rising instants are fastest: an implementation may continue from the previous one.
     fn fill(&self, instants: &[f64], values: &mut [f64], rates: &mut [f64]) {
         for ((t, value), rate) in instants.iter().zip(values).zip(rates) {
             (*value, *rate) = self.value_and_rate(*t);
         }
     }
 
-    /// Directions in which the whole reference may be wrong, each with a coefficient that is fitted with the delay: the
-    /// k-th of every component of a fit has one coefficient in common. They are as late as the reference. Every
-    /// component must have equally many.
+    /// Possible errors of the whole reference, each with a coefficient fitted together with the delay: the k-th of
+    /// every component of a fit has one coefficient in common. They are as late as the reference. Every component must
+    /// have the same number of them.
     fn shared(&self) -> Vec<SharedColumn<'_>> {
         vec![]
     }
 }
 
-/// A direction in which a reference may be wrong, such as what an accelerometer's bias along one body axis integrates to.
+/// A possible error of a reference, such as the integrated bias of an accelerometer along one body axis.
 #[derive(Clone, Copy)]
 pub struct SharedColumn<'a> {
-    /// What a coefficient of 1 adds to the reference.
+    /// Effect of a coefficient of 1 on the reference.
     pub reference: &'a dyn Reference,
-    /// Standard deviation of the coefficient before anything is measured: it keeps the fit well posed where the motion
-    /// does not show the coefficient.
+    /// Standard deviation of the coefficient before the measurement: it keeps the fit well posed if the motion does not
+    /// reveal the coefficient.
     pub prior_std: f64,
 }
 
-/// Where rising instants lie between rising knots, one after the other.
+/// Finds the intervals of rising instants among rising knots, one after the other.
 ///
 /// ```
 /// let t = [0.0, 1.0, 3.0];
@@ -44,13 +44,13 @@ pub struct SharedColumn<'a> {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Cursor {
     at: usize,
-    /// How far it went the last time.
+    /// Size of the previous move.
     stride: usize,
 }
 
 impl Cursor {
-    /// The `k` with `t[k] <= at < t[k + 1]`; 0 before all, the last after all and for no knots. Cheap if instants are as
-    /// far apart as the two before.
+    /// The `k` with `t[k] <= at < t[k + 1]`; 0 before all, the last one after all, and 0 without knots. Fast if
+    /// instants are as far apart as the previous two.
     #[inline]
     pub fn interval(&mut self, t: &[f64], at: f64) -> usize {
         let begins = |k: usize| t.get(k).is_some_and(|x| *x <= at);

@@ -1,5 +1,5 @@
-//! Least squares with errors that stay honest for correlated residuals, and a refusal where columns
-//! cannot be distinguished.
+//! Least squares with uncertainties that remain valid for correlated residuals. It refuses columns that cannot be
+//! distinguished.
 
 use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
@@ -7,33 +7,33 @@ use thiserror::Error;
 /// Why there is no regression.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum RegressionError {
-    /// Columns, names and y do not fit together.
+    /// Lengths of columns, names and y differ.
     #[error("column {name} has {rows} rows, y has {expected}")]
     Shape {
         /// Column.
         name: String,
-        /// Its rows.
+        /// Number of its rows.
         rows: usize,
-        /// Rows of y.
+        /// Number of rows of y.
         expected: usize,
     },
-    /// One name for each column.
+    /// Numbers of names and columns differ.
     #[error("{names} names for {columns} columns")]
     Names {
-        /// Names given.
+        /// Number of names.
         names: usize,
-        /// Columns given.
+        /// Number of columns.
         columns: usize,
     },
-    /// Not more rows than columns.
+    /// No more rows than columns.
     #[error("{rows} rows are too few for {columns} columns")]
     TooFewRows {
-        /// Rows.
+        /// Number of rows.
         rows: usize,
-        /// Columns.
+        /// Number of columns.
         columns: usize,
     },
-    /// Something is not finite.
+    /// A number is not finite.
     #[error("row {row} of {name} is not finite")]
     NotFinite {
         /// Column, or `y`.
@@ -52,19 +52,19 @@ pub enum RegressionError {
 /// A least-squares fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Regression {
-    /// One for each column.
+    /// Coefficients, one for each column.
     pub coefficients: Vec<f64>,
     /// Covariance of the coefficients, row by row, consistent under heteroscedastic and
     /// autocorrelated residuals.
     pub covariance: Vec<Vec<f64>>,
     /// y − fit.
     pub residuals: Vec<f64>,
-    /// Condition number of the columns scaled to unit length: 1 is orthogonal; a coefficient is
-    /// known about that many times worse than if its column stood alone.
+    /// Condition number of the columns scaled to unit length: 1 is orthogonal; a coefficient is about that many times
+    /// less certain than if its column were the only one.
     pub condition: f64,
-    /// Rows less columns.
+    /// Number of rows minus columns.
     pub degrees_of_freedom: usize,
-    /// Rows after which the Bartlett kernel has fallen to zero; 1 counts no correlation.
+    /// Number of rows after which the Bartlett kernel is zero; 1 ignores correlation.
     pub bandwidth: usize,
 }
 
@@ -85,7 +85,7 @@ impl Regression {
     }
 }
 
-/// Columns whose condition number, scaled to unit length, is beyond this are not told apart.
+/// Columns whose condition number, scaled to unit length, exceeds this are not distinguished.
 const WORST_CONDITION: f64 = 1e9;
 
 /// Least squares of `y` on `columns` (of its length, rows in the order of time, named for errors), by
@@ -95,7 +95,7 @@ const WORST_CONDITION: f64 = 1e9;
 /// (1991, eq. 6.2 and 6.4, first-order autoregressions), factor n/(n − p). Lags count rows, not time.
 ///
 /// # Errors
-/// [`RegressionError`]; where columns are linearly dependent to 10⁻⁹, it names those that are.
+/// [`RegressionError`]; if columns are linearly dependent to 10⁻⁹, it names them.
 pub fn regress(columns: &[&[f64]], names: &[&str], y: &[f64]) -> Result<Regression, RegressionError> {
     fit(columns, names, y, None)
 }
@@ -180,7 +180,7 @@ fn andrews_bandwidth(scores: &DMatrix<f64>) -> usize {
             continue;
         }
         let rho = (s.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / power).clamp(-0.97, 0.97);
-        // In units of the column's own power, so that units do not weigh.
+        // In units of the column's own power, so that units do not affect the weights.
         let innovation4 = (1.0 - rho * rho).powi(2);
         above += 4.0 * rho * rho * innovation4 / ((1.0 - rho).powi(6) * (1.0 + rho).powi(2));
         below += innovation4 / (1.0 - rho).powi(4);
@@ -190,8 +190,8 @@ fn andrews_bandwidth(scores: &DMatrix<f64>) -> usize {
     (bandwidth.ceil() as usize).clamp(1, (n / 4).max(1))
 }
 
-/// Σₗ (1 − |l|/M) Γₗ with Γₗ = Σₜ sₜ sₜ₋ₗᵀ. The kernel is a triangle, so this is the mean over all
-/// windows of M rows, those over the ends included, of the square of their sum: O(n), never negative.
+/// Σₗ (1 − |l|/M) Γₗ with Γₗ = Σₜ sₜ sₜ₋ₗᵀ. The kernel is a triangle, so this is the mean over all windows of M rows,
+/// including those over the ends, of the square of their sum: O(n), never negative.
 fn long_run_sum(scores: &DMatrix<f64>, bandwidth: usize) -> DMatrix<f64> {
     let (n, p) = scores.shape();
     let mut window = DVector::zeros(p);
@@ -260,8 +260,8 @@ mod tests {
         assert!(found.condition < 10.0 && found.residual_deviation() < 1e-10);
     }
 
-    /// White residuals: the textbook error. Each of 100 trials knows its variance to √(2/500);
-    /// the mean ratio to 0.7 %, and HAC takes a few per cent off.
+    /// White residuals have the textbook uncertainty. Each of 100 trials knows its variance to √(2/500); the mean ratio
+    /// is known to 0.7 %, and HAC lowers it by a few per cent.
     #[test]
     fn white_residuals_have_the_textbook_error() {
         let x: Vec<f64> = (0..500).map(|k| (0.1 * f64::from(k)).sin()).collect();
@@ -273,10 +273,10 @@ mod tests {
         assert!((0.94..1.03).contains(&mean), "{mean}");
     }
 
-    /// The mean of a first-order autoregression with ρ = 0.8 has an error 3 times that of white noise
-    /// of the same power. Over 300 trials, the found error matches the spread that is seen.
+    /// The mean of a first-order autoregression with ρ = 0.8 has an error 3 times that of white noise of the same
+    /// power. Over 300 trials, the estimated error matches the observed spread.
     #[test]
-    fn correlated_residuals_have_the_error_that_is_made() {
+    fn correlated_residuals_have_an_honest_uncertainty() {
         let (trials, n, rho) = (300, 2000, 0.8_f64);
         let (mut spread, mut stated) = (0.0, 0.0);
         for seed in 0..trials {
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_that_cannot_be_told_apart_are_named_and_give_no_numbers() {
+    fn indistinguishable_columns_are_named_and_give_no_coefficients() {
         let a: Vec<f64> = (0..40).map(|k| (0.4 * f64::from(k)).sin()).collect();
         let b: Vec<f64> = (0..40).map(|k| (0.7 * f64::from(k)).cos()).collect();
         let mix: Vec<f64> = a.iter().map(|a| 3.0 * a - 2.0).collect();

@@ -1,9 +1,9 @@
-//! What residuals say of a fit.
+//! Diagnostics of a fit from its residuals.
 
 use crate::whiten::{NoiseModel, Step, Steps};
 
-/// Autocorrelation at the lags 1 to `lags` of values about their mean; empty if there are not more values than lags
-/// or all are equal.
+/// Autocorrelation at the lags 1 to `lags` of values about their mean; empty if there are no more values than lags or
+/// all are equal.
 #[must_use]
 pub fn autocorrelation(x: &[f64], lags: usize) -> Vec<f64> {
     let n = x.len();
@@ -37,25 +37,27 @@ pub fn kurtosis(x: &[f64]) -> Option<f64> {
     (second > 0.0).then(|| fourth / (second * second))
 }
 
-/// Residuals grow with the slope only if they do by this many standard uncertainties: a bench has some thirty channels.
+/// Significance required for growth of residuals with slope, in standard uncertainties: a bench has some thirty
+/// channels.
 const SURE_JITTER: f64 = 3.0;
-/// Fewest rows that show jitter.
+/// Minimum number of rows to show jitter.
 const LEAST_ROWS: usize = 30;
 
-/// Standard deviation (s) of the jitter of the latency, and its standard uncertainty: residuals are larger where the
+/// Standard deviation (s) of the jitter of the latency, and its standard uncertainty. Residuals are larger where the
 /// signal is steep, by `jitter·slope` with `slope` the gain times the rate of the reference, unit/s (design note 3.9).
 ///
-/// Jitter is white from row to row. Noise that wanders is not, nor is an error of the reference or of the model: both are
-/// smooth, and may be larger where there is more motion. So the residuals are whitened under the noise of the fit, and
-/// half of the squared difference of neighbours is taken: of what is smooth little is left in it. Its mean is
-/// `c + jitter²·x`, where `x` is what slopes become in the same filter. Weighted regression, with an uncertainty that allows
-/// for unequal and correlated terms.
+/// Jitter is white from row to row. Noise that wanders is not, nor is an error of the reference or of the model: both
+/// are smooth, and may be larger where there is more motion. Therefore the residuals are whitened under the noise of
+/// the fit, and half of the squared difference of neighbours is used, which removes most of any smooth part. Its mean
+/// is `c + jitter²·x`, where `x` is the slopes passed through the same filter. The regression is weighted, with an
+/// uncertainty that allows for unequal and correlated terms.
 ///
-/// Measured (`a_wander_as_large_as_that_of_a_receiver_is_no_jitter`, `jitter_is_found_in_noise_that_wanders`): without jitter, in wander
-/// of ten times the white noise, fewer than 1 % of records show any; 20 and 50 ms come out without bias, within 1.1 to 1.3
-/// times the uncertainty. On residuals as they are 5 to 7 % of such records showed some, by up to 7 standard uncertainties.
+/// Measured (`a_wander_as_large_as_that_of_a_receiver_is_not_jitter`, `jitter_is_detected_in_wandering_noise`): without
+/// jitter, in wander of ten times the white noise, fewer than 1 % of records show any; 20 and 50 ms are estimated
+/// without bias, within 1.1 to 1.3 times the uncertainty. On raw residuals 5 to 7 % of such records showed some, by up
+/// to 7 standard uncertainties.
 ///
-/// `None` if the residuals do not grow with the slope by three standard uncertainties, or fewer than 30 are there.
+/// `None` if the residuals do not grow with the slope by three standard uncertainties, or with fewer than 30 residuals.
 #[must_use]
 pub fn jitter_from_residuals(t: &[f64], residuals: &[f64], slope: &[f64], noise: &NoiseModel) -> Option<(f64, f64)> {
     let n = residuals.len();
@@ -66,7 +68,7 @@ pub fn jitter_from_residuals(t: &[f64], residuals: &[f64], slope: &[f64], noise:
     let mut fitted = vec![1.0; e2.len()];
     let mut line = weighted_line(&s2, &e2, &fitted)?;
     for _ in 0..10 {
-        // The variance of e² is twice the square of its mean; floored, so that no row gets an endless weight.
+        // The variance of e² is twice the square of its mean; floored, so that no row gets an infinite weight.
         let mean = (line.offset + line.slope * line.middle).max(0.0);
         for (f, x) in fitted.iter_mut().zip(&s2) {
             *f = (line.offset + line.slope * x).max(0.05 * mean);
@@ -83,13 +85,13 @@ pub fn jitter_from_residuals(t: &[f64], residuals: &[f64], slope: &[f64], noise:
     (line.slope > SURE_JITTER * error).then(|| (line.slope.sqrt(), 0.5 * error / line.slope.sqrt()))
 }
 
-/// `(z[k] − z[k+1])²/2` of the whitened residuals `z`, and the variance that latencies of 1 s² each, independent from row to
-/// row, have in it.
+/// `(z[k] − z[k+1])²/2` of the whitened residuals `z`, and the variance that latencies of 1 s² each, independent from
+/// row to row, contribute to it.
 fn squared_differences(t: &[f64], residuals: &[f64], slope: &[f64], noise: &NoiseModel) -> (Vec<f64>, Vec<f64>) {
     let mut steps = Steps::new(noise);
-    // The wander as it is predicted from the rows before, and the variance of that for the latencies.
+    // The predicted wander from the previous rows, and the corresponding variance for the latencies.
     let (mut wander, mut wander_variance) = (0.0, 0.0);
-    // Of the row before: whitened residual, what a latency there adds to it and to this row's, and what older ones do.
+    // For the previous row: whitened residual, effect of its latency on it and on this row's, and effect of older ones.
     let mut before: Option<(f64, f64, f64, Step)> = None;
     let (mut e2, mut s2) = (vec![], vec![]);
     for (k, (e, s)) in residuals.iter().zip(slope).enumerate() {
@@ -166,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn kurtosis_is_one_for_two_values_and_three_for_gauss() {
+    fn kurtosis_is_1_for_two_values_and_3_for_a_gaussian() {
         assert!((kurtosis(&[1.0, -1.0, 1.0, -1.0]).unwrap() - 1.0).abs() < 1e-12);
         // Standard error √(24/n) = 0.022; gate at 4.5 of them.
         assert!((kurtosis(&normal(50_000, 2)).unwrap() - 3.0).abs() < 0.1);
@@ -175,7 +177,7 @@ mod tests {
 
     /// Design note 3.9: 6 ms are found as 5.99 ± 0.18 ms from 3000 samples with 0.01 m of noise.
     #[test]
-    fn six_milliseconds_of_jitter_are_found_with_an_honest_uncertainty() {
+    fn jitter_of_6_ms_is_detected_with_an_honest_uncertainty() {
         let (trials, n) = (60, 3000);
         let slope: Vec<f64> =
             (0..n).map(|k| 3.0 * (0.07 * f64::from(k)).cos() + (0.031 * f64::from(k)).sin()).collect();
@@ -194,13 +196,14 @@ mod tests {
     }
 
     #[test]
-    fn without_jitter_there_is_none_to_report() {
+    fn no_jitter_is_reported_without_jitter() {
         let slope: Vec<f64> = (0..500).map(|k| (0.07 * f64::from(k)).cos()).collect();
         let found_in = |e: &[f64], slope: &[f64]| {
             jitter_from_residuals(&times(e, 0.01), e, slope, &NoiseModel::white(1.0)).is_some()
         };
         let found = (0..400).filter(|s| found_in(&normal(500, *s), &slope)).count();
-        // One in 740 is expected beyond three standard uncertainties; more than five of 400 have a chance of 1 in 40 000.
+        // One in 740 is expected outside three standard uncertainties; more than five of 400 have a chance of 1 in 40
+        // 000.
         assert!(found <= 5, "{found} of 400");
         for (e, slope) in [(&[1.0; 10][..], &[1.0; 10][..]), (&[0.0; 100], &slope[..100]), (&[1.0; 100], &[1.0; 100])] {
             assert!(!found_in(e, slope));
@@ -211,7 +214,7 @@ mod tests {
         (0..of.len()).map(|k| k as f64 * step_s).collect()
     }
 
-    /// Rest, a swing of changing amplitude, rest: rate of the place of a sensor on the bar, m/s.
+    /// Rest, a swing of varying amplitude, rest: velocity of a sensor on the bar, m/s.
     fn swing(n: usize, step_s: f64) -> Vec<f64> {
         let rate = |t: f64| (3.0 + 2.0 * (0.1 * t).sin()) * (std::f64::consts::PI * t + 2.0 * (0.2 * t).sin()).cos();
         (0..n).map(|k| k as f64 * step_s).map(|t| if (10.0..70.0).contains(&t) { rate(t) } else { 0.0 }).collect()
@@ -234,7 +237,7 @@ mod tests {
     const RECEIVER: NoiseModel = NoiseModel { wander_std: 0.5, time_constant_s: 20.0, white_std: 0.05 };
 
     #[test]
-    fn a_wander_as_large_as_that_of_a_receiver_is_no_jitter() {
+    fn a_wander_as_large_as_that_of_a_receiver_is_not_jitter() {
         let (trials, slope) = (400, swing(320, 0.25));
         let of = |seed: u64| {
             let e = residuals(&slope, 0.25, &RECEIVER, 0.0, seed);
@@ -246,8 +249,8 @@ mod tests {
     }
 
     #[test]
-    fn an_error_of_the_reference_that_grows_with_the_motion_is_no_jitter() {
-        // Smooth over a tenth of a second, as what a smoother makes of an encoder's counts, and only there where the bar moves.
+    fn a_reference_error_that_grows_with_the_motion_is_not_jitter() {
+        // Smooth over a tenth of a second, like a smoothed encoder signal, and only where the bar moves.
         let (n, slope) = (8000, swing(8000, 0.01));
         let of = |seed: u64| {
             let counts = normal(n + 40, seed + 500);
@@ -265,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn jitter_is_found_in_noise_that_wanders() {
+    fn jitter_is_detected_in_wandering_noise() {
         let (trials, jitter_s) = (200, 0.05);
         let slope = swing(320, 0.25);
         let mean_square = slope.iter().map(|s| s * s).sum::<f64>() / slope.len() as f64;

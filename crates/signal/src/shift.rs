@@ -1,19 +1,20 @@
-//! How far an error of the values moves the delay.
+//! Effect of errors of the values on the delay.
 
 use crate::delay::block::Block;
 use crate::delay::{ComponentFit, DelayFit, Measurement};
 use crate::whiten::WhiteningFilter;
 
-/// How the delay of a fit answers to errors of the values, to first order; gain, offset, drift, noise and weights as in the
-/// fit. An error of the reference is one of the values: the same times the gain, with the other sign.
+/// Response of the delay of a fit to errors of the values, to first order; gain, offset, drift, noise and weights as in
+/// the fit. An error of the reference is equivalent to one of the values: the same times the gain, with the opposite
+/// sign.
 pub struct DelayResponse {
-    /// Of each component: how its values are made white, and what then is the slope over the delay.
+    /// Per component: the whitening of its values, and the resulting slope over the delay.
     parts: Vec<(WhiteningFilter, Vec<f64>)>,
     power: f64,
 }
 
 impl DelayResponse {
-    /// Of the fit of `components`. `None` where it has no slope.
+    /// For the fit of `components`. `None` if it has no slope.
     #[must_use]
     pub fn of(components: &[Measurement], fit: &DelayFit) -> Option<DelayResponse> {
         let part = |(m, f): (&Measurement, &ComponentFit)| {
@@ -25,8 +26,8 @@ impl DelayResponse {
         (power > 0.0).then_some(DelayResponse { parts, power })
     }
 
-    /// How much later the delay becomes, s, if the used rows of each component measure `errors` more: one series for each
-    /// component, one value for each of its used rows. `None` where the lengths do not match.
+    /// Increase of the delay, s, if the used rows of each component measure `errors` more: one series for each
+    /// component, one value for each of its used rows. `None` if the lengths do not match.
     #[must_use]
     pub fn shift_s(&self, errors: &[Vec<f64>]) -> Option<f64> {
         let fits = errors.len() == self.parts.len()
@@ -40,16 +41,16 @@ impl DelayResponse {
     }
 }
 
-/// How the gain of one component of a fit answers to errors of its measured values, the noise as it was found.
+/// Response of the gain of one component of a fit to errors of its measured values, with the fitted noise.
 #[derive(Debug, Clone)]
 pub struct GainResponse {
-    /// How its values are made white, and what then is the reference, less what offset and drift explain.
+    /// The whitening of its values, and the resulting reference minus the part that offset and drift explain.
     part: (WhiteningFilter, Vec<f64>),
     power: f64,
 }
 
 impl GainResponse {
-    /// Of the component `m` with the fit `f`, at the delay `delay_s`. `None` where the reference does not move.
+    /// For the component `m` with the fit `f`, at the delay `delay_s`. `None` if the reference does not move.
     #[must_use]
     pub fn of(m: &Measurement, f: &ComponentFit, delay_s: f64) -> Option<GainResponse> {
         let (filter, [value, _]) = whitened(m, f, delay_s);
@@ -57,7 +58,7 @@ impl GainResponse {
         (power > 0.0).then_some(GainResponse { part: (filter, value), power })
     }
 
-    /// How much larger the gain becomes if the used rows measure `errors` more; `None` where the lengths do not match.
+    /// Increase of the gain if the used rows measure `errors` more; `None` if the lengths do not match.
     #[must_use]
     pub fn shift(&self, errors: &[f64]) -> Option<f64> {
         let (filter, value) = &self.part;
@@ -69,8 +70,8 @@ impl GainResponse {
     }
 }
 
-/// What makes the values of a component white, and its white columns: the reference, and the slope over the delay without what the
-/// gain explains; both without offset and drift.
+/// The whitening of the values of a component, and its white columns: the reference, and the slope over the delay minus
+/// the part that the gain explains; both without offset and drift.
 fn whitened(m: &Measurement, f: &ComponentFit, delay_s: f64) -> (WhiteningFilter, [Vec<f64>; 2]) {
     let mut block = Block::new(m, f.used_rows.clone(), &f.noise, Some(&f.weights), 1);
     for (k, t) in f.t_used.iter().enumerate() {
@@ -88,9 +89,9 @@ mod tests {
     use super::*;
     use crate::{CubicSpline, DelaySettings, Gain, Sign, fit_delay};
 
-    /// The same noise, a little more of the error: the fit moves as foretold.
+    /// With the same noise and a small error added, the fit moves as predicted.
     #[test]
-    fn the_fit_moves_as_foretold() {
+    fn the_fit_moves_as_predicted() {
         let knots: Vec<f64> = (0..=1500).map(|k| 0.02 * f64::from(k)).collect();
         let truth: Vec<f64> = knots.iter().map(|t| (3.4 * t + 2.0 * (0.21 * t).sin()).sin()).collect();
         let reference = CubicSpline::new(&knots, &truth).unwrap();
@@ -107,8 +108,8 @@ mod tests {
             let response = DelayResponse::of(&m, &fit).unwrap();
             (fit.delay_s, response.shift_s(&[used]).unwrap(), response.shift_s(&[vec![0.0]]))
         };
-        let ((before, foretold, wrong_length), (after, ..)) = (fit(0.0), fit(1.0));
-        assert!(foretold.abs() > 5e-5 && (after - before - foretold).abs() < 0.03 * foretold.abs(), "{foretold}");
+        let ((before, predicted, wrong_length), (after, ..)) = (fit(0.0), fit(1.0));
+        assert!(predicted.abs() > 5e-5 && (after - before - predicted).abs() < 0.03 * predicted.abs(), "{predicted}");
         assert_eq!(wrong_length, None);
     }
 }

@@ -1,5 +1,5 @@
-//! A smoother for motion that was measured coarsely: value, rate, acceleration, jerk and how well they
-//! are known, at every stamp and between.
+//! A smoother for coarsely measured motion: value, rate, acceleration, jerk and their uncertainties, at every timestamp
+//! and between.
 
 mod backward;
 mod chain;
@@ -15,33 +15,33 @@ use thiserror::Error;
 /// Why a series cannot be smoothed.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SmoothError {
-    /// Fewer samples than four states can be judged with.
+    /// Fewer samples than needed for four states.
     #[error("{samples} samples are too few to smooth: at least {least}", least = LEAST_SAMPLES)]
     TooShort {
-        /// Samples given.
+        /// Number of samples.
         samples: usize,
     },
-    /// One stamp for each value.
+    /// Numbers of timestamps and values differ.
     #[error("{stamps} stamps for {values} values")]
     Lengths {
-        /// Stamps given.
+        /// Number of timestamps.
         stamps: usize,
-        /// Values given.
+        /// Number of values.
         values: usize,
     },
-    /// A stamp or value is not finite.
+    /// A timestamp or value is not finite.
     #[error("sample {row} is not finite")]
     NotFinite {
         /// Row, from 0.
         row: usize,
     },
-    /// Stamps must not go back. Equal stamps are fine.
+    /// Timestamps must not go back. Equal timestamps are allowed.
     #[error("the stamp of sample {row} goes back")]
     GoesBack {
         /// Row, from 0.
         row: usize,
     },
-    /// All stamps are the same.
+    /// All timestamps are the same.
     #[error("all samples have the same stamp")]
     NoDuration,
     /// The variance of the measurement, or q, is not a positive finite number.
@@ -49,52 +49,51 @@ pub enum SmoothError {
     Setting,
 }
 
-/// Fewest samples that are smoothed.
+/// Minimum number of samples to smooth.
 const LEAST_SAMPLES: usize = 8;
 
-/// Intervals that differ from the usual one by less than this share of it are taken as usual.
+/// Intervals within this share of the usual one count as usual.
 const SAME_INTERVAL: f64 = 1e-6;
 
 /// A four-state smoother.
 ///
-/// Model: x⁗ is white noise of spectral density q (unit²/s⁷, "white snap"), and z = x + noise of
-/// variance R. The smoothed x is the septic smoothing spline of the samples. Stamps may be irregular;
-/// equal stamps are two measurements of one instant; over a gap the motion is carried on and its
-/// covariance grows. Where x is unknown after a gap to 10⁵ measurement deviations, nothing is left to
-/// carry on, and the smoother starts anew. Intervals within 10⁻⁶ of the median one count as equal to it, so that rounded
-/// stamps of a regular record stay regular; rates are then right to 10⁻⁶ of themselves.
+/// Model: x⁗ is white noise of spectral density q (unit²/s⁷, "white snap"), and z = x + noise of variance R. The
+/// smoothed x is the septic smoothing spline of the samples. Timestamps may be irregular; equal timestamps are two
+/// measurements of one instant; over a gap the motion is extrapolated and its covariance grows. If x is only known to
+/// 10⁵ measurement deviations after a gap, the smoother restarts. Intervals within 10⁻⁶ of the median one count as
+/// equal to it, so that rounded timestamps of a regular record stay regular; rates are then right to a relative 10⁻⁶.
 ///
-/// How: Kalman filter and the backward pass of Rauch, Tung and Striebel in covariance form, on states
-/// scaled by hⁱ/i! (Nordsieck 1962), sound from 10 Hz to above 1 kHz. Q is never inverted. Where a
-/// regular record has brought the covariances to rest, they are kept.
+/// Method: Kalman filter and the backward pass of Rauch, Tung and Striebel in covariance form, on states scaled by
+/// hⁱ/i! (Nordsieck 1962), numerically sound from 10 Hz to above 1 kHz. Q is never inverted. Once the covariances of a
+/// regular record have settled, they are reused.
 ///
-/// How well, measured in `tests/smoother_accuracy.rs`: a bar pushed or waved by hand, 2000 counts per
-/// revolution at 100 Hz, lever 1.3 m: rms error of the acceleration 0.10 and 0.08 m/s² where second
-/// differences have 29; 8000 counts: 0.05 and 0.03 m/s². The stated deviation is an upper bound in
-/// practice: 1.0 to 1.8 times the error of angle and rate, 1.2 to 2.4 times that of the acceleration.
+/// Accuracy, measured in `tests/smoother_accuracy.rs`: a bar pushed or waved by hand, 2000 counts per revolution at 100
+/// Hz, lever 1.3 m: rms error of the acceleration 0.10 and 0.08 m/s², where second differences have 29; 8000 counts:
+/// 0.05 and 0.03 m/s². The stated deviation is an upper bound in practice: 1.0 to 1.8 times the error of angle and
+/// rate, 1.2 to 2.4 times that of the acceleration.
 ///
-/// Tried and left (design note 2): likelihood for q (over-estimates it where the motion is smoother
-/// than the model: up to 1.6 times the error), three or five states, a pendulum model.
+/// Tried and rejected (design note 2): likelihood for q (over-estimates it if the motion is smoother than the model: up
+/// to 1.6 times the error), three or five states, a pendulum model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Smoother {
-    /// Prior variances of x, x′, x″, x‴ at the first stamp, about the first value and zero:
-    /// unit², unit²/s², unit²/s⁴, unit²/s⁶. They must be large against what is expected.
+    /// Prior variances of x, x′, x″, x‴ at the first timestamp, about the first value and zero: unit², unit²/s²,
+    /// unit²/s⁴, unit²/s⁶. They must be large compared with what is expected.
     pub prior_variance: [f64; 4],
 }
 
 impl Default for Smoother {
-    /// A prior for angles in radians and lengths in metres of things moved by hand.
+    /// A prior for angles in radians and lengths in metres of hand-moved objects.
     fn default() -> Smoother {
         Smoother { prior_variance: [1.0, 1e4, 1e4, 1e4] }
     }
 }
 
-/// Motion with value, rate, acceleration and jerk at each stamp.
+/// Motion with value, rate, acceleration and jerk at each timestamp.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SmoothedMotion {
-    /// Stamps, s (those given).
+    /// The given timestamps, s.
     pub t: Vec<f64>,
-    /// x, x′, x″, x‴ at each stamp.
+    /// x, x′, x″, x‴ at each timestamp.
     pub state: Vec<[f64; 4]>,
     /// Upper triangle of the covariance of each state, row by row:
     /// 00 01 02 03 11 12 13 22 23 33.
@@ -103,12 +102,12 @@ pub struct SmoothedMotion {
     pub log10_q: f64,
     /// Rms of measured − smoothed.
     pub residual_rms: f64,
-    /// Trace of the smoother's influence matrix: the number of parameters the smoother spends.
+    /// Trace of the smoother's influence matrix: its effective number of parameters.
     pub trace: f64,
-    /// Rows at which the motion started anew, because a gap before them left nothing to carry on.
+    /// Rows at which the motion restarted after a gap, because the gap was too long to carry it across.
     pub anew: Vec<usize>,
-    /// Intervals longer than two usual ones, rising: the row before, and the covariance of the state
-    /// there with the state after.
+    /// Intervals longer than two usual ones, rising: the previous row, and the covariance of the state there with the
+    /// state after.
     across: Vec<(usize, Matrix)>,
 }
 
@@ -117,24 +116,23 @@ impl Smoother {
     /// (unit²/s⁷).
     ///
     /// # Errors
-    /// [`SmoothError`]: fewer than 8 samples, stamps that go back, anything not finite.
+    /// [`SmoothError`]: fewer than 8 samples, timestamps that go back, or a number that is not finite.
     pub fn smooth(&self, t: &[f64], z: &[f64], variance: f64, log10_q: f64) -> Result<SmoothedMotion, SmoothError> {
         let record = Scaled::new(self, t, z, variance)?;
         record.smoothed(t, log10_q)
     }
 
-    /// Smooths with the q of generalised cross-validation (Craven and Wahba 1979): the least of
-    /// GCV(q) = n·RSS/(n − tr H)². It depends on q/R alone, so R need not be known well; but the
-    /// covariance scales with R.
+    /// Smooths with the q of generalised cross-validation (Craven and Wahba 1979): the minimum of GCV(q) = n·RSS/(n −
+    /// tr H)². It depends on q/R alone, so R need not be known well; but the covariance scales with R.
     ///
-    /// The search starts from the likelihood's q and goes from 4 decades below to 1.5 above, to 0.01
-    /// in log10 q; cut-off frequencies (q/(R h))^⅛/2π stay between half a cycle of the record and the
-    /// Nyquist frequency. A series without motion ends at the low bound.
+    /// The search starts from the likelihood's q and covers 4 decades below to 1.5 above, to 0.01 in log10 q; cut-off
+    /// frequencies (q/(R h))^⅛/2π stay between half a cycle of the record and the Nyquist frequency. A series without
+    /// motion ends at the low bound.
     ///
-    /// Of readings so coarse that a value is usually held over m samples, every m-th is independent of
-    /// the others: the search looks at those, and the smoother gives each sample m times the variance.
-    /// (Taken as independent, the steps of a slow motion would be followed one by one: at 1 kHz and an
-    /// amplitude of 10 counts, 100 times the acceleration itself.)
+    /// If readings are so coarse that a value is usually held over m samples, every m-th sample is independent of the
+    /// others: the search uses those, and the smoother gives each sample m times the variance. (If taken as
+    /// independent, the steps of a slow motion would be followed one by one: at 1 kHz and an amplitude of 10 counts,
+    /// 100 times the acceleration itself.)
     ///
     /// # Errors
     /// As [`Smoother::smooth`].
@@ -175,7 +173,7 @@ pub fn smooth_by_gcv(t: &[f64], z: &[f64], variance: f64) -> Result<SmoothedMoti
     Smoother::default().smooth_by_gcv(t, z, variance)
 }
 
-/// A checked record in scaled units.
+/// A validated record in scaled units.
 #[derive(Debug, Clone)]
 struct Scaled {
     series: Series,
@@ -232,7 +230,7 @@ impl Scaled {
             log10_q,
             residual_rms: (rss * self.variance / self.series.z.len() as f64).sqrt(),
             trace,
-            anew: smoothed.anew.into_iter().rev().collect(),
+            anew: smoothed.restarts.into_iter().rev().collect(),
             across,
         })
     }
@@ -262,8 +260,8 @@ impl Scaled {
 }
 
 impl Score {
-    /// ln GCV in measurement variances. Residuals below a millionth of the measurement's deviation are
-    /// taken as that large: where everything is met exactly, the smoother that spends least is best.
+    /// ln GCV in measurement variances. Residuals are floored at a millionth of the measurement's deviation: if every
+    /// sample is fitted exactly, the smoother with the fewest parameters is best.
     fn log_gcv(&self, samples: usize) -> f64 {
         let n = samples as f64;
         if self.freedom <= 1e-9 * n {
@@ -296,8 +294,8 @@ fn usual_interval(t: &[f64]) -> Option<f64> {
     (!intervals.is_empty()).then(|| *intervals.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Number of samples over which a value is usually held: the median over all whole runs, but not so
-/// many that too few are left.
+/// Number of samples over which a value is usually held: the median over all whole runs, limited so that enough samples
+/// remain.
 #[must_use]
 pub fn usual_run(z: &[f64]) -> usize {
     let mut lengths: Vec<usize> = z.chunk_by(|a, b| a == b).map(<[f64]>::len).collect();
@@ -311,7 +309,7 @@ pub fn usual_run(z: &[f64]) -> usize {
     }
 }
 
-/// Fewest samples that the search for q looks at, if there are so many.
+/// Minimum number of samples used by the search for q, if available.
 const FEWEST_INDEPENDENT: usize = 64;
 
 /// hⁱ/i!.
@@ -319,7 +317,7 @@ fn state_scale(h: f64) -> [f64; 4] {
     [1.0, h, 0.5 * h * h, h * h * h / 6.0]
 }
 
-/// From scaled states to the caller's unit.
+/// Converts scaled states to the caller's unit.
 struct UnitOf {
     state: [f64; 4],
 }
@@ -340,14 +338,14 @@ impl UnitOf {
 }
 
 impl SmoothedMotion {
-    /// First and last stamp, s.
+    /// First and last timestamp, s.
     #[must_use]
     pub fn span(&self) -> (f64, f64) {
         (self.t[0], self.t[self.t.len() - 1])
     }
 
-    /// x, x′, x″, x‴ at `t` (s); `None` outside the span. Between stamps the polynomial of degree 7
-    /// through both states, which is the smoother's own conditional mean there.
+    /// x, x′, x″, x‴ at `t` (s); `None` outside the span. Between timestamps the polynomial of degree 7 through both
+    /// states, which is the smoother's own conditional mean there.
     #[must_use]
     pub fn at(&self, t: f64) -> Option<[f64; 4]> {
         let k = self.interval(t)?;
@@ -357,8 +355,8 @@ impl SmoothedMotion {
         Some(hermite::septic_hermite(self.t[k], &self.state[k], self.t[k + 1], &self.state[k + 1], t))
     }
 
-    /// Covariance of [`SmoothedMotion::at`], upper triangle as in [`SmoothedMotion::covariance`];
-    /// `None` outside the span. Exact inside intervals longer than two usual ones, linear in others.
+    /// Covariance of [`SmoothedMotion::at`], upper triangle as in [`SmoothedMotion::covariance`]; `None` outside the
+    /// span. Exact inside intervals longer than two usual ones, linear in others.
     #[must_use]
     pub fn covariance_at(&self, t: f64) -> Option<[f64; 10]> {
         let k = self.interval(t)?;
@@ -384,16 +382,15 @@ impl SmoothedMotion {
         [p[0].sqrt(), p[4].sqrt(), p[7].sqrt(), p[9].sqrt()]
     }
 
-    /// Row of the last stamp that is not after `t`, of the last interval at the end.
+    /// Row of the last timestamp not after `t`; at the end, the start of the last interval.
     fn interval(&self, t: f64) -> Option<usize> {
         let (first, last) = self.span();
         let inside = t >= first && t <= last;
         inside.then(|| self.t.partition_point(|&s| s <= t) - 1)
     }
 
-    /// Covariance at a share of an interval whose ends are not independent: with the interpolation
-    /// x = A xₛ + B xₑ, the ends' own covariance through A and B, and that of the bridge between them,
-    /// Q₁ − B F₂ Q₁.
+    /// Covariance at a fraction of an interval whose ends are not independent: with the interpolation x = A xₛ + B xₑ,
+    /// the ends' own covariance through A and B, and that of the bridge between them, Q₁ − B F₂ Q₁.
     fn inside(&self, start: &Symmetric, end: &Symmetric, across: &Matrix, length: f64, share: f64) -> Symmetric {
         let to_share = UnitOf { state: state_scale(length) };
         let basis = |of_end: bool| -> Matrix {
@@ -451,7 +448,7 @@ mod tests {
     const LSB: f64 = TAU / 2000.0;
     const VARIANCE: f64 = LSB * LSB / 12.0;
 
-    /// `rts_m4`: ten samples whose smoothed states were found with 60 digits.
+    /// `rts_m4`: ten samples whose smoothed states were computed with 60 digits.
     #[test]
     fn smoothed_states_equal_a_solution_with_sixty_digits() {
         let case = &vectors()["rts_m4"];
@@ -488,7 +485,7 @@ mod tests {
         near(score.log_gcv(40) + VARIANCE.ln(), "log_gcv");
     }
 
-    /// `rts_gcv`, 1000 samples: the q that is found, and the acceleration that follows.
+    /// `rts_gcv`, 1000 samples: the resulting q and acceleration.
     #[test]
     fn cross_validation_finds_the_q_of_the_acceptance_vector() {
         let case = &vectors()["rts_gcv"]["n1000"];
@@ -505,8 +502,8 @@ mod tests {
         assert!((motion.trace / case["trace"].as_f64().unwrap() - 1.0).abs() < 0.002, "{}", motion.trace);
     }
 
-    /// Covariance of (x, x′, x″, x‴) at `s` with that at `t` ≥ `s`, both after the first stamp 0, by the
-    /// definition of the model and with nothing of the smoother.
+    /// Covariance of (x, x′, x″, x‴) at `s` with that at `t` ≥ `s`, both after the first timestamp 0, from the
+    /// definition of the model and independent of the smoother.
     fn prior_between(prior: &[f64; 4], q: f64, s: f64, t: f64) -> DMatrix<f64> {
         let power = |x: f64, n: usize| x.powi(n as i32) / (1..=n).map(|m| m as f64).product::<f64>();
         let flow = |dt: f64| DMatrix::from_fn(4, 4, |i, j| if j >= i { power(dt, j - i) } else { 0.0 });
@@ -533,10 +530,10 @@ mod tests {
         (mean, between(at, at) - &cross * factor.solve(&cross.transpose()))
     }
 
-    /// Irregular stamps, one of them twice, a lost sample, a gap of 17 intervals: states and covariances
-    /// at the stamps, and between them inside the gap, against dense regression with the model's kernel.
+    /// Irregular timestamps, one of them twice, a lost sample, a gap of 17 intervals: compares states and covariances
+    /// at the timestamps, and between them inside the gap, with dense regression with the model's kernel.
     #[test]
-    fn irregular_and_doubled_stamps_and_a_gap_give_what_dense_regression_gives() {
+    fn irregular_and_repeated_timestamps_and_a_gap_match_dense_regression() {
         let mut t: Vec<f64> = (0..14).map(|k| 0.1 * f64::from(k) + 0.02 * (f64::from(k) * 2.3).sin()).collect();
         t[0] = 0.0;
         t[6] = t[5];
@@ -565,10 +562,10 @@ mod tests {
         assert_eq!(motion.covariance_at(t[t.len() - 1] + 0.1), None);
     }
 
-    /// Where a regular record lets the filter settle, the rest is not computed; a record with stamps just
-    /// beyond the tolerance is computed in full. Both must say the same.
+    /// If a regular record lets the filter settle, the remainder is not computed; a record with timestamps just outside
+    /// the tolerance is computed in full. Both must agree.
     #[test]
-    fn settled_gains_change_nothing() {
+    fn settled_gains_do_not_change_the_result() {
         for (rate, cut_off_hz) in [(100.0, 0.3), (100.0, 4.0), (1000.0, 4.0), (1000.0, 100.0)] {
             let regular: Vec<f64> = (0..3000).map(|k| f64::from(k) / rate).collect();
             let uneven: Vec<f64> = (0..3000).map(|k| (f64::from(k) + f64::from(k % 2) * 2e-6) / rate).collect();
@@ -597,7 +594,7 @@ mod tests {
         }
     }
 
-    /// The search and the smoother get trace and residuals by different recursions.
+    /// The search and the smoother use different recursions for trace and residuals.
     #[test]
     fn adjoint_and_smoother_agree_on_trace_and_residuals() {
         let mut t: Vec<f64> = (0..2000).map(|k| f64::from(k) * 0.001).collect();
@@ -636,7 +633,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_records_give_numbers() {
+    fn unusual_records_give_finite_numbers() {
         let staircase: Vec<f64> = (0..6000).map(|k| f64::from(k / 700) * LSB).collect();
         let chatter: Vec<f64> = (0..6000).map(|k| f64::from(k % 2) * LSB).collect();
         let jump: Vec<f64> = (0..6000).map(|k| if k < 3000 { 0.0 } else { 1.0 }).collect();

@@ -1,4 +1,4 @@
-//! Where the power of a signal lies.
+//! Distribution of a signal's power over frequency.
 
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
@@ -8,7 +8,7 @@ use rustfft::num_complex::Complex64;
 pub struct Spectrum {
     /// Hz, from the first above zero.
     pub frequency_hz: Vec<f64>,
-    /// Power in each bin, unit²: their sum is the mean square about the mean, as the window sees it.
+    /// Power in each bin, unit²: their sum is the mean square about the mean, weighted by the window.
     pub power: Vec<f64>,
 }
 
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rms_frequency_of_two_tones_weighs_them_by_power() {
+    fn the_rms_frequency_of_two_tones_is_weighted_by_power() {
         let spectrum = power_spectrum(&tones(50.0, 6000, &[(0.5, 1.0), (1.5, 1.0)]), 50.0);
         assert!((spectrum.rms_frequency_hz().unwrap() - (0.5_f64 * (0.25 + 2.25)).sqrt()).abs() < 0.01);
         let [low, high] = spectrum.band(0.9).unwrap();
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_move_has_no_band() {
+    fn a_constant_series_has_no_band() {
         assert_eq!(power_spectrum(&[2.0; 100], 10.0).band(0.9), None);
         assert_eq!(power_spectrum(&[], 10.0).rms_frequency_hz(), None);
     }

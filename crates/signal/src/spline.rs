@@ -8,18 +8,18 @@ pub enum SplineError {
     /// A curve needs two points.
     #[error("{knots} knots: a spline needs at least 2")]
     TooFewKnots {
-        /// How many there are.
+        /// Number of knots.
         knots: usize,
     },
-    /// Knots and values differ in number.
+    /// Numbers of knots and values differ.
     #[error("{knots} knots for {values} values")]
     LengthsDiffer {
-        /// Knots.
+        /// Number of knots.
         knots: usize,
-        /// Values.
+        /// Number of values.
         values: usize,
     },
-    /// Knots must rise, and all numbers be finite.
+    /// Knots must increase, and all numbers must be finite.
     #[error("knot {row} is not finite or not after the one before")]
     BadKnot {
         /// Row of the knot.
@@ -41,15 +41,15 @@ struct Piece {
 }
 
 /// Cubic spline through irregular knots, with the not-a-knot condition at both ends (de Boor 1978, as SciPy's
-/// `CubicSpline`): two knots give a line, three a parabola. Beyond its ends it goes on as the last cubic, which is
-/// good for a fraction of a knot's distance and no further.
+/// `CubicSpline`): two knots give a line, three a parabola. Outside its ends it continues as the last cubic, which is
+/// accurate for a fraction of a knot's distance only.
 ///
-/// On a smooth signal the error falls with the fourth power of the distance of the knots.
+/// On a smooth signal the error falls with the fourth power of the knot spacing.
 #[derive(Debug, Clone)]
 pub struct CubicSpline {
     pieces: Vec<Piece>,
     end: f64,
-    /// Piece that holds the start of each of equally long stretches of the span.
+    /// Index of the piece at the start of each of equally long intervals of the span.
     stretches: Vec<u32>,
     per_second: f64,
 }
@@ -58,7 +58,7 @@ impl CubicSpline {
     /// The spline through the points (`t`, `y`).
     ///
     /// # Errors
-    /// Fewer than two knots, knots that do not rise, numbers that are not finite.
+    /// Fewer than two knots, knots that do not increase, numbers that are not finite.
     pub fn new(t: &[f64], y: &[f64]) -> Result<CubicSpline, SplineError> {
         check(t, y)?;
         let slopes = not_a_knot_slopes(t, y);
@@ -85,7 +85,7 @@ impl CubicSpline {
     fn piece_at(&self, t: f64) -> &Piece {
         let last = self.stretches.len() - 1;
         let stretch = (((t - self.pieces[0].t) * self.per_second).max(0.0) as usize).min(last);
-        // Rounding may put t a stretch too late or too early: look one further on both sides.
+        // Rounding may put t one interval too early or too late: also check the neighbours on both sides.
         let from = self.stretches[stretch.saturating_sub(1)] as usize;
         let to = self.stretches.get(stretch + 2).map_or(self.pieces.len(), |p| *p as usize + 1);
         let mut at = self.stretches[stretch] as usize;
@@ -152,7 +152,7 @@ fn stretches(pieces: &[Piece], per_second: f64) -> Vec<u32> {
         .collect()
 }
 
-/// Slopes at the knots that make second derivatives continuous, and the third at the second and the last but one knot.
+/// Slopes at the knots that make second derivatives continuous, and the third at the second and the last knot but one.
 fn not_a_knot_slopes(t: &[f64], y: &[f64]) -> Vec<f64> {
     let n = t.len();
     let h = |k: usize| t[k + 1] - t[k];
@@ -192,7 +192,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cubic_is_given_back_exactly_between_irregular_knots() {
+    fn a_cubic_is_reproduced_exactly_between_irregular_knots() {
         let cubic = |t: f64| 2.0 - t + 0.5 * t * t - 0.25 * t * t * t;
         let rate = |t: f64| -1.0 + t - 0.75 * t * t;
         let t = [-1.0, -0.2, 0.0, 0.7, 0.71, 3.0];
@@ -221,7 +221,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_piece_is_found_however_unevenly_the_knots_lie() {
+    fn the_piece_is_found_for_any_knot_spacing() {
         let mut t: Vec<f64> = (0..200).map(|k| 1e-6 * f64::from(k)).collect();
         t.extend((1..50).map(|k| f64::from(k) * f64::from(k)));
         let y: Vec<f64> = t.iter().map(|t| 3.0 * t - 1.0).collect();

@@ -1,10 +1,10 @@
-//! What a series shows while nothing moves: noise, resolution, held samples.
+//! Properties of a series at rest: noise, resolution, held samples.
 
 use crate::statistics::{median_in_place, robust_sigma};
 use std::ops::Range;
 
-/// Rows of stretches in which |rate| stays at or below `threshold` (unit of the rate) for at least
-/// `least_s` seconds. A hole of half that length ends a stretch. Values that are not finite are motion.
+/// Rows of segments in which |rate| stays at or below `threshold` (unit of the rate) for at least `least_s` seconds. A
+/// gap of half that length ends a segment. Values that are not finite count as motion.
 #[must_use]
 pub fn static_segments(t: &[f64], rate: &[f64], threshold: f64, least_s: f64) -> Vec<Range<usize>> {
     let rows = t.len().min(rate.len());
@@ -28,9 +28,8 @@ pub fn static_segments(t: &[f64], rate: &[f64], threshold: f64, least_s: f64) ->
     segments
 }
 
-/// Standard deviation of `y` over stretches of rows, each about its own median: robust
-/// (1.4826 · MAD) unless most values are the same one, as in coarse records; then the plain one.
-/// `None` without rows; rows outside `y` are left out.
+/// Standard deviation of `y` over segments of rows, each about its own median: robust (1.4826 · MAD) unless most values
+/// are identical, as in coarse records; then the plain one. `None` without rows; rows outside `y` are ignored.
 #[must_use]
 pub fn static_deviation(y: &[f64], segments: &[Range<usize>]) -> Option<f64> {
     let mut residuals = vec![];
@@ -48,14 +47,14 @@ pub fn static_deviation(y: &[f64], segments: &[Range<usize>]) -> Option<f64> {
     Some((residuals.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
-/// Steps farther apart than this many resolutions do not show the grid.
+/// Steps larger than this many resolutions do not show the grid.
 const NEAR: f64 = 50.0;
 
-/// The step of the grid on which all values lie; `None` if nothing changes or there is no grid.
+/// The step of the grid on which all values lie; `None` if the values are constant or there is no grid.
 ///
-/// The candidate is the least distance between different values (to rounding, 10⁻¹³ of the largest);
-/// it is a grid if 95 % of the distances between neighbouring values are whole multiples of it, to a
-/// tenth. The step returned is their mean.
+/// The candidate is the smallest distance between different values (to rounding, 10⁻¹³ of the largest). It is a grid if
+/// 95 % of the distances between neighbouring values are whole multiples of it, to a tenth. The returned step is their
+/// mean.
 #[must_use]
 pub fn resolution(y: &[f64]) -> Option<f64> {
     let mut values: Vec<f64> = y.iter().copied().filter(|v| v.is_finite()).collect();
@@ -71,8 +70,8 @@ pub fn resolution(y: &[f64]) -> Option<f64> {
     grid.then(|| fitting.iter().sum::<f64>() / multiples)
 }
 
-/// The most frequent number of consecutive rows with the same value, the shorter of two as frequent;
-/// runs at the ends, which are cut, do not count. `None` without a whole run.
+/// The most frequent number of consecutive rows with the same value, the shorter in a tie; truncated runs at the ends
+/// do not count. `None` without a whole run.
 #[must_use]
 pub fn modal_repeat_length(y: &[f64]) -> Option<usize> {
     let mut lengths: Vec<usize> = y.chunk_by(|a, b| a == b).map(<[f64]>::len).collect();
@@ -89,7 +88,7 @@ pub struct AllanPoint {
     pub tau_s: f64,
     /// Overlapping Allan deviation, unit of the series.
     pub deviation: f64,
-    /// Differences that went into it.
+    /// Number of differences averaged.
     pub differences: usize,
 }
 
@@ -132,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_of_rest_are_found_and_short_ones_and_holes_are_not() {
+    fn periods_of_rest_exclude_short_ones_and_gaps() {
         let t: Vec<f64> = (0..3000).map(|k| 0.01 * f64::from(k) + if k < 2500 { 0.0 } else { 100.0 }).collect();
         let rate: Vec<f64> =
             (0..3000).map(|k| if (700..1000).contains(&k) || k == 1800 { 1.0 } else { 0.01 }).collect();
@@ -141,7 +140,7 @@ mod tests {
         assert_eq!(static_segments(&[], &[], 1.0, 1.0), [0..0; 0]);
     }
 
-    /// σ known to 1.17/√(2n) · √2.7: 0.8 % here; gate at 4 σ. Offsets between stretches do not count.
+    /// σ is known to 1.17/√(2n) · √2.7: 0.8 % here; gate at 4 σ. Offsets between segments do not count.
     #[test]
     fn the_deviation_at_rest_is_that_of_the_noise() {
         let mut y: Vec<f64> = noise(20_000, 5).iter().map(|v| 0.3 * v).collect();
@@ -154,14 +153,14 @@ mod tests {
     }
 
     #[test]
-    fn a_coarse_record_at_rest_has_a_deviation_too() {
+    fn a_coarse_record_at_rest_has_a_deviation() {
         let y: Vec<f64> = (0..1000).map(|k| if k % 10 == 0 { 1.0 } else { 0.0 }).collect();
         assert!((static_deviation(&y, &[0..500, 500..1000]).unwrap() - 0.3).abs() < 1e-12);
         assert_eq!(static_deviation(&[2.0; 50], &[0..20, 20..50]), Some(0.0));
     }
 
     #[test]
-    fn the_resolution_is_the_grid_and_noise_has_none() {
+    fn the_resolution_is_the_grid_and_noise_has_no_grid() {
         let lsb = std::f64::consts::TAU / 2000.0;
         let swing: Vec<f64> = (0..3000).map(|k| (f64::from(k) * 0.031).sin()).collect();
         let coarse: Vec<f64> = swing.iter().map(|x| (x / lsb).round() * lsb + 0.123).collect();
@@ -176,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_length_of_a_run_is_how_often_a_value_is_repeated() {
+    fn the_usual_run_length_is_the_number_of_repeats_of_a_value() {
         let held: Vec<f64> = (0..1003).map(|k| f64::from(k / 25)).collect();
         assert_eq!(modal_repeat_length(&held), Some(25));
         assert_eq!(modal_repeat_length(&noise(100, 1)), Some(1));
@@ -188,7 +187,7 @@ mod tests {
     /// The test suite of NIST SP 1065, table 31: 1000 numbers of a multiplicative generator. The
     /// deviation at 1 s (0.2922319) is printed there; those at 2 and 64 s are by the definition.
     #[test]
-    fn the_allan_deviation_equals_that_of_the_standard_test_suite() {
+    fn the_allan_deviation_equals_that_of_the_nist_test_suite() {
         let mut state = 1_234_567_890_u64;
         let y: Vec<f64> = (0..1000)
             .map(|_| {

@@ -1,4 +1,4 @@
-//! Order statistics, and an rms that knows how well it is known.
+//! Order statistics, and an rms with its uncertainty.
 
 use crate::blocks::{BlockEstimate, BlockSums};
 
@@ -13,14 +13,14 @@ pub fn percentile_of_sorted(sorted: &[f64], share: f64) -> Option<f64> {
     Some(sorted[below] + (position - below as f64) * (sorted[above] - sorted[below]))
 }
 
-/// The median; the slice is left sorted. `None` without values.
+/// The median; sorts the slice. `None` without values.
 #[must_use]
 pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
     percentile_of_sorted(values, 0.5)
 }
 
-/// The median, as [`median_in_place`], but the values stay as they are, and in O(n). `None` without values.
+/// The median, as [`median_in_place`], but in O(n) and without changing the values. `None` without values.
 #[must_use]
 pub fn median_by_selection(values: &[f64]) -> Option<f64> {
     median_of_keys(&mut values.iter().map(|x| key(*x)).collect::<Vec<i64>>())
@@ -37,13 +37,13 @@ pub fn robust_sigma(values: &[f64]) -> Option<f64> {
     median_of_keys(&mut keys).map(|mad| 1.482_602_218_505_602 * mad)
 }
 
-/// An integer for each number, in the order of [`f64::total_cmp`]: a selection compares integers in half the time.
+/// An integer for each number, in the order of [`f64::total_cmp`]: selection on integers takes half the time.
 fn key(x: f64) -> i64 {
     let bits = x.to_bits().cast_signed();
     bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
 }
 
-/// The number that has this key: [`key`] is its own inverse, as it leaves the sign alone.
+/// The number with this key: [`key`] is its own inverse, as it leaves the sign unchanged.
 fn number(key_of: i64) -> f64 {
     f64::from_bits((key_of ^ ((key_of >> 63).cast_unsigned() >> 1).cast_signed()).cast_unsigned())
 }
@@ -59,7 +59,7 @@ fn median_of_keys(keys: &mut [i64]) -> Option<f64> {
     Some(before + 0.5 * (middle - before))
 }
 
-/// The rms of values given as squares, in order of time, with an uncertainty that allows for their correlation
+/// The rms of values given as squares, in time order, with an uncertainty that allows for their correlation
 /// ([`BlockSums`]). `None` without rows.
 #[must_use]
 pub fn block_jackknife_rms(squares: &[f64]) -> Option<BlockEstimate> {
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rms_of_squares_is_that_of_the_values() {
+    fn the_rms_of_squares_equals_that_of_the_values() {
         let found = block_jackknife_rms(&[9.0, 16.0]);
         assert_eq!(found, Some(BlockEstimate { value: 12.5f64.sqrt(), standard_uncertainty: None }));
         assert_eq!(block_jackknife_rms(&[]), None);

@@ -1,4 +1,4 @@
-//! Noise that wanders, and how to make it white.
+//! Noise that wanders, and a filter to whiten it.
 
 use crate::noise::LogProduct;
 
@@ -7,9 +7,9 @@ use crate::noise::LogProduct;
 /// Covariance of the samples i and j: `wander_std² exp(−|tᵢ − tⱼ| / time_constant_s) + white_std² δᵢⱼ`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseModel {
-    /// Standard deviation of the part that wanders; 0 for white noise only.
+    /// Standard deviation of the wander; 0 for white noise only.
     pub wander_std: f64,
-    /// Its correlation time, s. Without meaning if `wander_std` is 0.
+    /// Its correlation time, s. Meaningless if `wander_std` is 0.
     pub time_constant_s: f64,
     /// Standard deviation of the white part.
     pub white_std: f64,
@@ -29,10 +29,10 @@ impl NoiseModel {
     }
 }
 
-/// Makes columns of samples at the stamps `t` white under `noise`, in place: each is multiplied by the inverse of the
-/// lower Cholesky factor of the noise's covariance. Gives the logarithm of the determinant of the covariance.
+/// Whitens columns of samples at the timestamps `t` under `noise`, in place: multiplies each by the inverse of the
+/// lower Cholesky factor of the noise's covariance. Returns the logarithm of the determinant of the covariance.
 ///
-/// Exact for any stamps, in O(n): a scalar Kalman filter predicts the wander from the past; what is left over its
+/// Exact for any timestamps, in O(n): a scalar Kalman filter predicts the wander from the past. The remainder over its
 /// standard deviation is white (design note 3.5).
 ///
 /// ```
@@ -52,7 +52,7 @@ pub fn whiten(t: &[f64], columns: &mut [&mut [f64]], noise: &NoiseModel) -> f64 
     filter.log_det
 }
 
-/// What the filter does at one sample.
+/// State of the filter at one sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Step {
     /// Share of the innovation that is wander.
@@ -63,11 +63,11 @@ pub(crate) struct Step {
     pub(crate) weight: f64,
 }
 
-/// The steps of the filter, sample by sample. Intervals that come again have their decay at hand, and where nothing
-/// changes any more the last step is kept.
+/// The steps of the filter, sample by sample. The decay of recurring intervals is cached, and once nothing changes any
+/// more the last step is reused.
 pub(crate) struct Steps {
     noise: NoiseModel,
-    /// Variance of the wander that is not known before the sample.
+    /// Variance of the unknown part of the wander before the sample.
     known: f64,
     last: Step,
     pub(crate) variance: f64,
@@ -82,8 +82,8 @@ impl Steps {
         Steps { noise: *noise, known, last, variance: 1.0, interval: f64::NAN, steady: false }
     }
 
-    /// The step of the next sample, which is followed by another after `interval` s (by none: infinite), and whose
-    /// variance is over `weight`.
+    /// The step of the next sample. `interval` (s) is the time to the sample after it (infinite for the last one); its
+    /// variance is divided by `weight`.
     #[inline]
     pub(crate) fn next(&mut self, interval: f64, weight: Option<f64>) -> Step {
         let same = interval == self.interval || (interval - self.interval).abs() <= SAME * interval;
@@ -108,7 +108,7 @@ impl Steps {
     }
 }
 
-/// The whitening of one set of stamps under one noise, ready for any number of columns.
+/// The whitening of one set of timestamps under one noise, for any number of columns.
 #[derive(Debug, Clone)]
 pub(crate) struct WhiteningFilter {
     steps: Vec<Step>,
@@ -117,12 +117,12 @@ pub(crate) struct WhiteningFilter {
     pub(crate) log_det: f64,
 }
 
-/// Intervals that differ by less than this share have the same decay.
+/// Intervals that differ by less than this share use the same decay.
 const SAME: f64 = 1e-10;
 
 impl WhiteningFilter {
-    /// `weights` (0 to 1) multiply the square of a whitened row: the variance of that innovation is taken as so much
-    /// larger, and the wander learns so much less from it.
+    /// `weights` (0 to 1) multiply the square of a whitened row: the variance of that innovation counts as
+    /// proportionally larger, and the wander learns proportionally less from it.
     pub(crate) fn new(t: &[f64], noise: &NoiseModel, weights: Option<&[f64]>) -> WhiteningFilter {
         let mut determinant = LogProduct::default();
         let mut all = Steps::new(noise);
@@ -137,7 +137,7 @@ impl WhiteningFilter {
         WhiteningFilter { steps, white: noise.wander_std == 0.0, log_det: determinant.sum() }
     }
 
-    /// Whitens `N` columns side by side, which hides the wait for one multiplication behind the next column's.
+    /// Whitens `N` columns in parallel, which hides the latency of one multiplication with the next column's.
     pub(crate) fn apply<const N: usize>(&self, columns: [&mut [f64]; N]) {
         if self.white {
             for column in columns {
@@ -157,7 +157,7 @@ impl WhiteningFilter {
         }
     }
 
-    /// [`WhiteningFilter::apply`] for a number of columns that is not known in advance.
+    /// [`WhiteningFilter::apply`] for a number of columns known only at run time.
     pub(crate) fn apply_all(&self, columns: &mut [Vec<f64>]) {
         match columns {
             [a, b, c] => self.apply([a, b, c]),
@@ -173,7 +173,7 @@ mod tests {
 
     /// `whitening_ou_white` of the project's acceptance vectors.
     #[test]
-    fn six_irregular_samples_are_whitened_as_the_acceptance_vector_says() {
+    fn six_irregular_samples_are_whitened_as_in_the_acceptance_vector() {
         let vectors: serde_json::Value = serde_json::from_str(include_str!("../tests/delay_vectors.json")).unwrap();
         let case = &vectors["whitening_ou_white"];
         let numbers = |key: &str| -> Vec<f64> { serde_json::from_value(case[key].clone()).unwrap() };
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_side_by_side_are_whitened_as_one_by_one() {
+    fn columns_are_whitened_in_parallel_as_one_by_one() {
         let t: Vec<f64> = (0..50).map(|k| 0.1 * f64::from(k) + 0.01 * f64::from(k % 3)).collect();
         let noise = NoiseModel { wander_std: 0.3, time_constant_s: 1.0, white_std: 0.1 };
         let filter = WhiteningFilter::new(&t, &noise, None);

@@ -1,6 +1,6 @@
-//! The stretch of a record where most happens.
+//! The most active window of a record.
 
-/// A stretch of rows.
+/// A range of rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
     /// First row.
@@ -11,10 +11,9 @@ pub struct Window {
     pub sum: f64,
 }
 
-/// The stretch of at most `length_s` seconds (starting at a row) with the largest sum of `y`, which
-/// with `y = rate · step` is the largest integral: what a gap hides does not count.
-/// Windows cut short by the end of the record do not compete, unless the whole record is shorter.
-/// `None` without rows.
+/// The window of at most `length_s` seconds (starting at a row) with the largest sum of `y`. With `y = rate · step`
+/// this is the largest integral: motion hidden by a gap does not count. Windows truncated by the end of the record are
+/// not considered, unless the whole record is shorter. `None` without rows.
 #[must_use]
 pub fn largest_sum(t: &[f64], y: &[f64], length_s: f64) -> Option<Window> {
     let last = *t.last()?;
@@ -45,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_window_with_the_hump_is_found() {
+    fn the_window_with_the_peak_is_found() {
         let t: Vec<f64> = (0..1000).map(|i| f64::from(i) * 0.125).collect();
         let y: Vec<f64> = t.iter().map(|t| (-(t - 40.0).powi(2) / 20.0).exp()).collect();
         let window = largest_sum(&t, &y, 10.0).unwrap();
@@ -53,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_shorter_than_the_window_is_the_window() {
+    fn a_record_shorter_than_the_window_is_the_whole_window() {
         let window = largest_sum(&[0.0, 1.0], &[1.0, 3.0], 60.0).unwrap();
         assert_eq!((window.first, window.end, window.sum), (0, 2, 4.0));
         assert_eq!(largest_sum(&[], &[], 1.0), None);

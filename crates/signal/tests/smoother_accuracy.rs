@@ -1,5 +1,5 @@
-//! How well the smoother knows the acceleration of a bar from a coarse encoder: simulated motion with
-//! exact derivatives, seeded.
+//! Accuracy of the smoother's acceleration of a bar from a coarse encoder: simulated motion with exact derivatives,
+//! seeded.
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
@@ -14,8 +14,8 @@ const DURATION: f64 = 60.0;
 /// A motion on a grid of 1 ms: angle, rate, acceleration.
 struct Truth(Vec<[f64; 3]>);
 
-/// A hanging bar that a hand pushes once per half swing, about 60° wide: the pendulum's equation by
-/// Runge and Kutta, its acceleration from the equation itself.
+/// A hanging bar pushed by hand once per half swing, about 60° wide: the pendulum's equation by Runge and Kutta, its
+/// acceleration from the equation itself.
 fn pushed_pendulum(seed: u64) -> Truth {
     let mut random = Pcg64::seed_from_u64(seed);
     let half_swing = PI * (LENGTH / GRAVITY).sqrt() * 1.07;
@@ -88,7 +88,7 @@ fn waved_bar(seed: u64) -> Truth {
     Truth(rows.iter().map(|x| x.map(|x| x * 60f64.to_radians() / widest)).collect())
 }
 
-/// Smoothed encoder readings, and the true states at its stamps.
+/// Smoothed encoder readings, and the true states at their timestamps.
 fn smoothed(truth: &Truth, counts: f64, every: usize) -> (SmoothedMotion, Vec<[f64; 3]>) {
     let lsb = TAU / counts;
     let states: Vec<[f64; 3]> = truth.0.iter().step_by(every).copied().collect();
@@ -96,19 +96,19 @@ fn smoothed(truth: &Truth, counts: f64, every: usize) -> (SmoothedMotion, Vec<[f
     (smooth_by_gcv(&t, &readings(&states, counts), lsb * lsb / 12.0).unwrap(), states)
 }
 
-/// What an encoder of so many counts says, its zero somewhere within a count.
+/// Readings of an encoder with this many counts, its zero somewhere within a count.
 fn readings(states: &[[f64; 3]], counts: f64) -> Vec<f64> {
     let lsb = TAU / counts;
     states.iter().map(|x| ((x[0] + 0.37 * lsb) / lsb).round() * lsb - 0.37 * lsb).collect()
 }
 
-/// Rows without a second at each end.
+/// Rows excluding one second at each end.
 fn inner(motion: &SmoothedMotion, every: usize) -> std::ops::Range<usize> {
     let second = 1000 / every;
     second..motion.t.len() - second
 }
 
-/// L · rms of the error of the acceleration, m/s², without a second at each end.
+/// L · rms of the error of the acceleration, m/s², excluding one second at each end.
 fn acceleration_error(motion: &SmoothedMotion, states: &[[f64; 3]], every: usize) -> f64 {
     let rows = inner(motion, every);
     let squares: f64 = rows.clone().map(|k| (motion.state[k][2] - states[k][2]).powi(2)).sum();
@@ -125,8 +125,8 @@ fn acceleration_errors(motion: fn(u64) -> Truth, counts: f64, every: usize) -> V
         .collect()
 }
 
-/// Goal of the design note: mean at most `mean` over motions; a single one is allowed a fifth more.
-/// Seen: 0.101 and 0.079 m/s² (2000 counts), 0.047 and 0.030 m/s² (8000), single motions within 20 %.
+/// Goal of the design note: mean at most `mean` over motions; a single one is allowed a fifth more. Observed: 0.101 and
+/// 0.079 m/s² (2000 counts), 0.047 and 0.030 m/s² (8000), single motions within 20 %.
 fn assert_at_most(errors: &[f64], mean: f64) {
     let found = errors.iter().sum::<f64>() / errors.len() as f64;
     assert!(found <= mean && errors.iter().all(|&e| e <= 1.2 * mean), "mean {found} of {errors:?}, goal {mean}");
@@ -134,12 +134,12 @@ fn assert_at_most(errors: &[f64], mean: f64) {
 }
 
 #[test]
-fn a_pushed_pendulum_has_its_acceleration_to_a_tenth_of_a_metre_per_second_squared() {
+fn the_acceleration_of_a_pushed_pendulum_is_known_to_0_1_m_per_s2() {
     assert_at_most(&acceleration_errors(pushed_pendulum, 2000.0, 10), 0.12);
 }
 
 #[test]
-fn a_waved_bar_has_its_acceleration_to_a_tenth_of_a_metre_per_second_squared() {
+fn the_acceleration_of_a_waved_bar_is_known_to_0_1_m_per_s2() {
     assert_at_most(&acceleration_errors(waved_bar, 2000.0, 10), 0.12);
 }
 
@@ -150,15 +150,14 @@ fn four_times_the_counts_halve_the_error_of_the_acceleration() {
 }
 
 #[test]
-fn a_thousand_readings_a_second_are_worth_having() {
+fn a_thousand_readings_a_second_reduce_the_error() {
     assert_at_most(&acceleration_errors(pushed_pendulum, 2000.0, 1), 0.06);
 }
 
-/// Rounding is not white, and a hand is smoother than white snap: the stated deviation is an upper
-/// bound in practice. Seen over 24 records: error over stated 0.56 to 1.02 (angle), 0.56 to 0.96
-/// (rate), 0.41 to 0.83 (acceleration).
+/// Rounding is not white, and a hand is smoother than white snap: the stated deviation is an upper bound in practice.
+/// Observed over 24 records: error over stated 0.56 to 1.02 (angle), 0.56 to 0.96 (rate), 0.41 to 0.83 (acceleration).
 #[test]
-fn the_stated_uncertainty_is_the_error_that_is_made_or_somewhat_more() {
+fn the_stated_uncertainty_is_slightly_above_the_actual_error() {
     for motion in [pushed_pendulum as fn(u64) -> Truth, waved_bar] {
         for (seed, counts, every) in [(0, 2000.0, 10), (1, 8000.0, 10), (2, 2000.0, 1)] {
             let (motion, states) = smoothed(&motion(seed), counts, every);
@@ -172,10 +171,10 @@ fn the_stated_uncertainty_is_the_error_that_is_made_or_somewhat_more() {
     }
 }
 
-/// Against the q that a clairvoyant would take, on a grid of half decades. Seen over 24 records:
-/// 1.00 to 1.32 (design note: 1.00 to 1.27).
+/// Compared with the best q in hindsight, on a grid of half decades. Observed over 24 records: 1.00 to 1.32 (design
+/// note: 1.00 to 1.27).
 #[test]
-fn the_q_of_cross_validation_costs_little_against_the_best_q_there_is() {
+fn the_q_of_cross_validation_is_nearly_as_good_as_the_best_q() {
     for (motion, gate) in [(pushed_pendulum as fn(u64) -> Truth, 1.1), (waved_bar, 1.35)] {
         for counts in [2000.0, 8000.0] {
             let (found, states) = smoothed(&motion(1), counts, 10);
@@ -193,10 +192,10 @@ fn the_q_of_cross_validation_costs_little_against_the_best_q_there_is() {
     }
 }
 
-/// Ten counts at 1 kHz: each value is held 30 samples or more, and a smoother that takes the readings as
-/// independent follows each step: its acceleration is wrong by 100 times the acceleration itself.
+/// Ten counts at 1 kHz: each value is held for 30 samples or more. A smoother that takes the readings as independent
+/// follows each step: its acceleration is wrong by 100 times the acceleration itself.
 #[test]
-fn a_motion_of_a_few_counts_is_not_followed_step_by_step() {
+fn a_motion_of_a_few_counts_is_not_tracked_step_by_step() {
     let (lsb, omega) = (TAU / 2000.0, PI);
     for (rate, amplitude) in [(100.0, 0.01), (1000.0, 0.03), (1000.0, 0.1), (4000.0, 0.1)] {
         let t: Vec<f64> = (0..(20.0 * rate) as usize).map(|k| k as f64 / rate).collect();
@@ -211,9 +210,9 @@ fn a_motion_of_a_few_counts_is_not_followed_step_by_step() {
     }
 }
 
-/// Stamps that are all a little off, a tenth of the samples lost, and a hole of two seconds.
+/// Timestamps that are all slightly off, a tenth of the samples lost, and a gap of two seconds.
 #[test]
-fn irregular_stamps_and_lost_samples_cost_no_more_than_the_samples() {
+fn irregular_timestamps_and_lost_samples_only_cost_the_lost_samples() {
     let truth = waved_bar(3);
     let mut random = Pcg64::seed_from_u64(77);
     let rows: Vec<usize> = (0..truth.0.len())
@@ -232,7 +231,7 @@ fn irregular_stamps_and_lost_samples_cost_no_more_than_the_samples() {
     let squares: f64 = inner.iter().map(|&k| (motion.state[k][2] - states[k][2]).powi(2)).sum();
     let error = LENGTH * (squares / inner.len() as f64).sqrt();
     assert!((0.02..0.12).contains(&error), "{error}");
-    // Inside the hole the motion is a guess that says so.
+    // Inside the gap the motion is a guess with a correspondingly large uncertainty.
     for t in [30.5, 31.0, 31.5] {
         let miss = motion.at(t).unwrap()[0] - truth.0[(t * 1e3) as usize][0];
         let deviation = motion.covariance_at(t).unwrap()[0].sqrt();

@@ -1,4 +1,4 @@
-//! Writes many small flights for benchmarks: `campaign DIR [FLIGHTS] [SECONDS]`, 200 of one minute if not said.
+//! Writes many small flights for benchmarks: `campaign DIR [FLIGHTS] [SECONDS]`; the default is 200 of one minute.
 
 use std::path::PathBuf;
 

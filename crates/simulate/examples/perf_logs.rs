@@ -1,5 +1,5 @@
-//! Writes flights as logs of every format, for `just perf`: `perf_logs DIR [SECONDS]`. A long flight of which nearly all
-//! is wanted (a quarter of an hour if not said), and one half as long with a camera and a laser scanner beside it.
+//! Writes flights as logs of every format, for `just perf`: `perf_logs DIR [SECONDS]`. A long flight with almost only
+//! relevant data (default: a quarter of an hour), and one half as long that also has a camera and a laser scanner.
 
 use simulate::{
     BagCompression, BagSettings, Container, Db3Settings, FlightSettings, LogFile, McapCompression, McapSettings,

@@ -1,4 +1,4 @@
-//! Writes the seeds of the fuzz targets, a folder for each target: seeds FOLDER
+//! Writes the seeds of the fuzz targets, one folder per target: seeds FOLDER
 
 use simulate::{Container, LogFile, McapEncoding};
 use std::error::Error;
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Length of the metadata, metadata, length of the database, database, its write-ahead log; as the target takes them.
+/// Length of the metadata, metadata, length of the database, database, its write-ahead log; in the target's format.
 fn bag_folder(files: &[LogFile], folder: &Path) -> Result<(), Box<dyn Error>> {
     let named = |end: &str| files.iter().find(|file| file.path.to_string_lossy().ends_with(end));
     let (metadata, database) = (named(".yaml").ok_or("no metadata")?, named(".db3").ok_or("no database")?);
@@ -52,7 +52,7 @@ fn bag_folder(files: &[LogFile], folder: &Path) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A file for each channel: encoding, length of the definition, definition, first message; as the target takes them.
+/// A file for each channel: encoding, length of the definition, definition, first message; in the target's format.
 fn definitions(mcap: &[u8], encoding: McapEncoding, stem: &Path) -> Result<(), Box<dyn Error>> {
     let encoding = match encoding {
         McapEncoding::Ros1 => 0,

@@ -1,8 +1,8 @@
-//! A swing bench whose truth is known: a bar turned by hand, an encoder on its axis, a sensor at its end.
+//! A swing bench with known truth: a hand-driven bar, an encoder on its axis, a sensor at its end.
 //!
-//! One true time runs behind it all: seconds after the start. [`BenchSettings::rest_s`] of it the bar rests,
-//! then it swings, then it rests again. The encoder's clock shows true time; the sensor's clock and the
-//! clock of the logger may be off ([`BenchClocks`]).
+//! All times derive from one true time: seconds after the start. For [`BenchSettings::rest_s`] the bar rests, then it
+//! swings, then it rests again. The encoder's clock shows true time; the sensor's clock and the clock of the logger may
+//! be off ([`BenchClocks`]).
 
 mod bar;
 mod demo;
@@ -33,10 +33,10 @@ pub use swing::Swing;
 
 use crate::error::SimulateError;
 
-/// Swings the bar and lets the encoder and the sensor look.
+/// Swings the bar and records the encoder and the sensor.
 ///
 /// # Errors
-/// [`SimulateError::Setting`] with the first setting that makes no sense.
+/// [`SimulateError::Setting`] with the first invalid setting.
 pub fn simulate_bench(settings: &BenchSettings) -> Result<SimulatedBench, SimulateError> {
     settings.check()?;
     let truth = BenchTruth::new(settings)?;

@@ -1,15 +1,15 @@
-//! Damage as real logs have it.
+//! Damage as found in real logs.
 
 use crate::random::generator;
 use rand::RngExt;
 
-/// Keeps the first `share` (0 to 1) of the bytes: a recorder that lost its power.
+/// Keeps the first `share` (0 to 1) of the bytes: a recorder that lost power.
 pub fn cut_off(bytes: &mut Vec<u8>, share: f64) {
     bytes.truncate(place(bytes.len(), share));
 }
 
-/// Flips `count` bits at random places among the `length` bytes that begin at `share` of the file:
-/// a bad sector, or memory.
+/// Flips `count` bits at random places among the `length` bytes starting at `share` of the file: a bad sector, or
+/// memory.
 pub fn flip_bits(bytes: &mut [u8], share: f64, length: usize, count: usize, seed: u64) {
     let range = block(bytes.len(), share, length);
     if range.is_empty() {
@@ -22,15 +22,14 @@ pub fn flip_bits(bytes: &mut [u8], share: f64, length: usize, count: usize, seed
     }
 }
 
-/// Overwrites `length` bytes that begin at `share` of the file with zeros: a block that never
-/// reached the disk.
+/// Overwrites `length` bytes starting at `share` of the file with zeros: a block that never reached the disk.
 pub fn zero_block(bytes: &mut [u8], share: f64, length: usize) {
     let range = block(bytes.len(), share, length);
     bytes[range].fill(0);
 }
 
 fn place(length: usize, share: f64) -> usize {
-    // A share beyond its bounds, or none at all, is held at them.
+    // Clamps a share outside its bounds; a NaN gives 0.
     ((length as f64 * share.clamp(0.0, 1.0)) as usize).min(length)
 }
 
@@ -44,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cut_keeps_the_share_from_the_front() {
+    fn truncation_keeps_the_share_from_the_start() {
         let mut bytes: Vec<u8> = (0..100).collect();
         cut_off(&mut bytes, 0.6);
         assert_eq!(bytes, (0..60).collect::<Vec<u8>>());
@@ -59,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_beyond_the_end_is_cut_there() {
+    fn a_block_beyond_the_end_is_truncated_there() {
         let mut bytes = vec![1_u8; 10];
         zero_block(&mut bytes, 0.8, 100);
         assert_eq!(bytes, [1, 1, 1, 1, 1, 1, 1, 1, 0, 0]);

@@ -1,4 +1,4 @@
-//! Whole campaigns: one to show everything once, one as large as wanted.
+//! Whole campaigns: one that shows every feature once, and one of any size.
 
 use crate::damage::cut_off;
 use crate::error::SimulateError;
@@ -11,16 +11,16 @@ use flight::{NANOS_PER_SECOND, Stamp};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Name of the file beside the demo's flights that says what is true of them.
+/// Name of the truth file next to the demo's flights.
 pub const TRUTH_FILE: &str = "truth.json";
 
 /// Delay of every position of the demo, s.
 const DELAY_S: f64 = 0.4;
-/// How much of the truncated flight is left.
+/// Remaining share of the truncated flight.
 const KEPT_SHARE: f64 = 0.6;
 const MINUTE_S: f64 = 60.0;
 
-/// What is true of the flights of a demo: content of [`TRUTH_FILE`].
+/// Truth of the flights of a demo: content of [`TRUTH_FILE`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DemoManifest {
     /// Seed of all flights.
@@ -29,39 +29,39 @@ pub struct DemoManifest {
     pub flights: Vec<DemoFlight>,
 }
 
-/// What is true of a flight of the demo.
+/// Truth of a flight of the demo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DemoFlight {
-    /// Its file, or its folder, below the demo's folder; parts are separated by `/`.
+    /// Its file or folder, relative to the demo's folder; parts are separated by `/`.
     pub path: String,
-    /// Format, for people.
+    /// Format, as readable text.
     pub format: String,
-    /// Seconds flown.
+    /// Duration, s.
     pub duration_s: f64,
-    /// What was flown.
+    /// Kind of path.
     #[serde(flatten)]
     pub flown: PathKind,
-    /// How late the position is, s; positive is late.
+    /// Delay of the position, s; positive is late.
     pub delay_s: f64,
     /// The position sensor.
     pub position: SensorSettings,
     /// The velocity sensor.
     pub velocity: SensorSettings,
-    /// Share of the file that is left, if it was cut off.
+    /// Remaining share of the file, if truncated.
     pub kept_share: Option<f64>,
-    /// Delay, s, that the aircraft compensated for in flight, if it did.
+    /// Delay, s, compensated by the aircraft in flight, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub onboard_delay_s: Option<f64>,
-    /// What is wrong with the flight, for people.
+    /// Faults of the flight, as readable text.
     pub faults: Vec<String>,
 }
 
-/// Writes a campaign of twelve simulated flights, in folders by day and in all formats, with
-/// [`TRUTH_FILE`] beside them. The same seed gives the same bytes.
+/// Writes a campaign of twelve simulated flights, in folders by day and in all formats, with [`TRUTH_FILE`] next to
+/// them. The same seed gives the same bytes.
 ///
-/// Positions are 0.4 s late at 4, 5, 10 or 100 Hz; velocities are on time at 100 Hz (10 Hz in one
-/// flight). One flight logs the compensated position that the aircraft computed, one has gaps, one is cut off, one never moves, one is a wide table that
-/// holds its positions. Nothing else in `folder` is touched.
+/// Positions are 0.4 s late at 4, 5, 10 or 100 Hz; velocities are on time at 100 Hz (10 Hz in one flight). One flight
+/// logs the compensated position computed by the aircraft, one has gaps, one is truncated, one never moves, one is a
+/// wide table with held positions. Nothing else in `folder` is changed.
 ///
 /// # Errors
 /// [`SimulateError::Write`] with the first file that cannot be written.
@@ -78,8 +78,8 @@ pub fn write_demo(folder: &Path, seed: u64) -> Result<DemoManifest, SimulateErro
     Ok(manifest)
 }
 
-/// Writes `flights` MCAP files of `seconds` each (CDR, zstd; position 5 Hz and 0.4 s late, velocity
-/// 100 Hz), named `flight-0001.mcap` and so on: something to measure speed with.
+/// Writes `flights` MCAP files of `seconds` each (CDR, zstd; position 5 Hz and 0.4 s late, velocity 100 Hz), named
+/// `flight-0001.mcap` and so on, for performance measurements.
 ///
 /// # Errors
 /// [`SimulateError::Setting`] if `seconds` is out of range, [`SimulateError::Write`] with the first
@@ -99,7 +99,7 @@ pub fn write_campaign(folder: &Path, flights: usize, seconds: f64, seed: u64) ->
     })
 }
 
-/// A flight of the demo before it is flown.
+/// A flight of the demo before it is simulated.
 struct Plan {
     stem: &'static str,
     container: Container,
@@ -262,7 +262,7 @@ fn third_day() -> [Plan; 4] {
 fn with_gaps(plan: Plan) -> Plan {
     let gap = |from_s: f64, length_s: f64| Interval { from_s, to_s: from_s + length_s };
     Plan {
-        // Bridged, too long to bridge, and one in which both are gone.
+        // A gap that is bridged, one too long to bridge, and one in which both channels are missing.
         velocity: SensorSettings { gaps: vec![gap(50.0, 0.5), gap(90.0, 4.0), gap(170.0, 2.0)], ..plan.velocity },
         position: SensorSettings { gaps: vec![gap(130.0, 6.0), gap(170.0, 3.0)], ..plan.position },
         faults: &[
@@ -293,7 +293,7 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn the_demo_tells_the_truth_beside_its_flights_and_stays_small() {
+    fn the_demo_writes_the_truth_next_to_its_flights_and_stays_small() {
         let folder = tempfile::tempdir().unwrap();
         let manifest = write_demo(folder.path(), 1).unwrap();
         let text = fs::read_to_string(folder.path().join(TRUTH_FILE)).unwrap();
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_campaign_has_as_many_flights_as_were_asked_for_and_no_two_alike() {
+    fn a_large_campaign_has_the_requested_number_of_distinct_flights() {
         let folder = tempfile::tempdir().unwrap();
         write_campaign(folder.path(), 3, 10.0, 4).unwrap();
         let read = |n| fs::read(folder.path().join(format!("flight-000{n}.mcap"))).unwrap();

@@ -2,33 +2,33 @@
 
 use std::path::PathBuf;
 
-/// A simulation that cannot be.
+/// Why a simulation fails.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulateError {
-    /// A setting makes no sense.
+    /// A setting is invalid.
     #[error("{setting} = {value}: {expected}")]
     Setting {
         /// Its name.
         setting: &'static str,
-        /// What was asked for.
+        /// Its value.
         value: f64,
-        /// What it may be.
+        /// Allowed values.
         expected: &'static str,
     },
     /// A file or folder cannot be written.
     #[error("{path}: {source}", path = path.display())]
     Write {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A compressor failed.
     #[error("{what}: {source}")]
     Compress {
-        /// Which.
+        /// Name of the compressor.
         what: &'static str,
-        /// What it says.
+        /// Its error.
         source: std::io::Error,
     },
     /// The MCAP writer failed.
@@ -41,15 +41,15 @@ pub enum SimulateError {
     /// A record cannot be written as JSON.
     #[error("JSON: {0}")]
     Json(#[from] serde_json::Error),
-    /// What is no flight has no such form.
+    /// Only a flight can be written in this format.
     #[error("only flights are written as {0}")]
     OnlyFlights(&'static str),
-    /// Samples that make no series: a fault of the simulation itself.
+    /// Samples that are not a valid series: a bug in the simulation.
     #[error("simulated samples: {0}")]
     Series(#[from] flight::SeriesError),
 }
 
-/// Refuses a setting outside `low..=high`.
+/// Rejects a setting outside `low..=high`.
 pub(crate) fn within(
     setting: &'static str,
     value: f64,
@@ -57,6 +57,6 @@ pub(crate) fn within(
     high: f64,
     expected: &'static str,
 ) -> Result<(), SimulateError> {
-    // A NaN is in no range, so it is refused too.
+    // A NaN is not in any range, so it is also rejected.
     if (low..=high).contains(&value) { Ok(()) } else { Err(SimulateError::Setting { setting, value, expected }) }
 }

@@ -1,20 +1,20 @@
-//! Flights and bench records whose truth is known, in every format that flightlag reads.
+//! Flights and bench records with known truth, in every format that flightlag reads.
 //!
-//! A [`Trajectory`] is flown, a [`SensorSettings`] says how each sensor lies about it, and
-//! [`simulate`] makes a [`SimulatedFlight`]: truth at any instant, late position, velocity on
-//! time. It becomes a [`flight::Flight`] directly ([`SimulatedFlight::to_flight`]) or bytes of a
-//! log ([`Container::files`]), and [`write_demo`] writes a whole campaign of them.
+//! A [`Trajectory`] is the path, a [`SensorSettings`] defines the errors of each sensor, and [`simulate`] creates a
+//! [`SimulatedFlight`]: truth at any instant, late position, velocity on time. It becomes a [`flight::Flight`] directly
+//! ([`SimulatedFlight::to_flight`]) or bytes of a log ([`Container::files`]), and [`write_demo`] writes a whole
+//! campaign of them.
 //!
-//! A bench is simulated the same way: [`simulate_bench`] swings a bar with an encoder and a sensor on it and makes a
+//! A bench is simulated the same way: [`simulate_bench`] swings a bar with an encoder and a sensor on it and creates a
 //! [`SimulatedBench`].
 //!
-//! The same settings give the same bytes. (Sines come from the platform's mathematical library:
-//! between two platforms the last bit of a value may differ.)
+//! The same settings give the same bytes. (Sines come from the platform's mathematical library: the last bit of a value
+//! may differ between platforms.)
 //!
 //! ```
 //! use simulate::{FlightSettings, simulate};
 //! let flight = simulate(&FlightSettings { duration_s: 20.0, ..FlightSettings::default() })?;
-//! // Position is 0.4 s late: what is stamped 10.0 s was true at 9.6 s.
+//! Position is 0.4 s late: the value with timestamp 10.0 s was true at 9.6 s.
 //! let row = flight.position.at_s.iter().position(|&t| t == 10.0).unwrap();
 //! let truth = flight.truth.at(9.6).position;
 //! assert!((flight.position.ned[row][0] - truth[0]).abs() < 1e-9);

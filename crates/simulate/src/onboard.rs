@@ -1,11 +1,11 @@
-//! The compensated position that the aircraft computes in flight.
+//! The compensated position computed by the aircraft in flight.
 
 use crate::samples::Samples;
 use flight::{Geodetic, LocalFrame};
 
-/// From the logger's point of view this much later than the velocity that it was computed with, s.
+/// Delay of its log time after the velocity from which it was computed, s.
 const COMPUTING_S: f64 = 0.001;
-/// Steps of the position that is logged: 1e-7 deg, as most autopilots have it, and 1 mm of height.
+/// Resolution of the logged position: 1e-7 deg, as in most autopilots, and 1 mm of height.
 const PER_DEGREE: f64 = 1e7;
 const PER_METRE: f64 = 1e3;
 
@@ -30,8 +30,8 @@ impl Filter {
     }
 }
 
-/// One position for each velocity since the first fix: the newest fix, moved on by what the filter says. `rows` are
-/// velocity rows with their newest position row.
+/// One position for each velocity since the first fix: the newest fix, propagated by the filter. `rows` are velocity
+/// rows with their newest position row.
 pub(crate) fn computed(
     delay_s: f64,
     velocity: &Samples,
@@ -73,9 +73,9 @@ mod tests {
     use crate::simulated::{FlightSettings, simulate};
 
     /// Circle closed form of the design note: [1/1] leaves 0.03 m where raw is 7 m off; roll-ins and steps of 1e-7 deg
-    /// (1.1 cm) come on top.
+    /// (1.1 cm) are added to that.
     #[test]
-    fn the_aircraft_knows_where_it_is_within_a_few_centimetres() {
+    fn the_compensated_position_is_right_within_a_few_centimetres() {
         let flight = simulate(&FlightSettings { onboard_delay_s: Some(0.4), ..LikeCase::A.settings(1) }).unwrap();
         let rows = flight.onboard.at_s.iter().zip(&flight.onboard.ned).filter(|(t, _)| **t > 4.0);
         let squares: Vec<f64> = rows
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn an_aircraft_that_computes_nothing_logs_nothing() {
+    fn an_aircraft_without_compensation_logs_no_compensated_position() {
         assert!(simulate(&LikeCase::F.settings(1)).unwrap().onboard.is_empty());
     }
 }

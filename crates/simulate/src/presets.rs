@@ -1,4 +1,4 @@
-//! The six like cases of the design note, table 5.7.
+//! The six comparison cases of the design note, table 5.7.
 
 use crate::sensor::SensorSettings;
 use crate::simulated::{FlightSettings, PathKind};
@@ -6,7 +6,7 @@ use crate::simulated::{FlightSettings, PathKind};
 /// A column of table 5.7: rates and white noise of position and velocity. Position is 0.4 s late in
 /// all, flights are circuits of 180 s.
 ///
-/// A script in Python, written apart from this, found over seeds 0 to 3 (2-D rms, m):
+/// An independent script in Python found over seeds 0 to 3 (2-D rms, m):
 ///
 /// | estimator | A | B | C | D | E | F |
 /// |---|---|---|---|---|---|---|
@@ -14,8 +14,8 @@ use crate::simulated::{FlightSettings, PathKind};
 /// | \[1/1\] Tustin on held inputs | 0.0370 | 0.1467 | 2.886 | 0.959 | 2.482 | 2.526 |
 /// | exact asynchronous | | 0.1419 | 1.427 | 0.0318 | 0.0197 | 0.4315 |
 ///
-/// All are within 1 % of the note's. (The script took the aircraft's north for the origin's, which
-/// alone makes 0.1 mm: no figure for the exact form in case A.)
+/// All are within 1 % of the note's. (The script used the aircraft's north instead of the origin's, which alone
+/// contributes 0.1 mm: there is no number for the exact form in case A.)
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LikeCase {
     /// Position 100 Hz and velocity 100 Hz, clean.
@@ -33,7 +33,7 @@ pub enum LikeCase {
 }
 
 impl LikeCase {
-    /// All six.
+    /// All six cases.
     pub const ALL: [LikeCase; 6] = [LikeCase::A, LikeCase::B, LikeCase::C, LikeCase::D, LikeCase::E, LikeCase::F];
 
     /// Position rate Hz, its noise m, velocity rate Hz, its noise m/s.
@@ -49,7 +49,7 @@ impl LikeCase {
         }
     }
 
-    /// Settings of one flight; `seed` draws the circuit and the noise. Truth is logged at 100 Hz.
+    /// Settings of one flight; `seed` determines the circuit and the noise. Truth is logged at 100 Hz.
     #[must_use]
     pub fn settings(self, seed: u64) -> FlightSettings {
         let (position_hz, position_std, velocity_hz, velocity_std) = self.rates_and_noise();

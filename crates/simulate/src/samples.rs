@@ -1,4 +1,4 @@
-//! What a sensor sends.
+//! Output of a sensor.
 
 use flight::Stamp;
 
@@ -7,25 +7,25 @@ use flight::Stamp;
 pub struct Samples {
     /// Instant at which each was taken, s after the start.
     pub at_s: Vec<f64>,
-    /// The stamp that it carries.
+    /// Its timestamp.
     pub measured: Vec<Stamp>,
-    /// When the logger had it; may fall where a later sample overtook.
+    /// Arrival at the logger; may decrease if a later sample overtook.
     pub logged: Vec<Stamp>,
-    /// North, east, down as the sensor says: of the flight's origin, m, for a position; in the
-    /// aircraft's own north and east, m/s, for a velocity.
+    /// Measured north, east, down: from the flight's origin, m, for a position; in the aircraft's own north and east,
+    /// m/s, for a velocity.
     pub ned: Vec<[f64; 3]>,
-    /// Latitude deg, longitude deg, height m: what a position sensor sends. Empty for a velocity.
+    /// Latitude deg, longitude deg, height m: the output of a position sensor. Empty for a velocity.
     pub geodetic_deg: Vec<[f64; 3]>,
 }
 
 impl Samples {
-    /// Rows.
+    /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.measured.len()
     }
 
-    /// Without rows.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.measured.is_empty()

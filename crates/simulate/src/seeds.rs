@@ -1,4 +1,4 @@
-//! One tiny flight in every container: what damage tests and fuzzers begin from.
+//! One tiny flight in every container: the start of damage tests and fuzzers.
 
 use crate::error::SimulateError;
 use crate::sensor::SensorSettings;
@@ -12,9 +12,9 @@ use flight::Stamp;
 /// A tiny log.
 #[derive(Debug, Clone)]
 pub struct Seed {
-    /// Name, fit for a file.
+    /// Name, usable as a file name.
     pub name: &'static str,
-    /// What it is written as.
+    /// Its format.
     pub container: Container,
     /// Its files.
     pub files: Vec<LogFile>,
@@ -23,7 +23,7 @@ pub struct Seed {
 /// 1.2 s of circuit: 3 late positions, 13 velocities, 7 true positions and a note.
 ///
 /// # Errors
-/// Never; the settings make sense.
+/// Never; the settings are valid.
 pub fn tiny_flight() -> Result<SimulatedFlight, SimulateError> {
     simulate(&FlightSettings {
         duration_s: 1.2,
@@ -35,7 +35,7 @@ pub fn tiny_flight() -> Result<SimulatedFlight, SimulateError> {
     })
 }
 
-/// The tiny flight in every container, with its files' names beginning with the seed's.
+/// The tiny flight in every container, with file names that start with the seed's name.
 ///
 /// # Errors
 /// As [`Container::files`].
@@ -47,7 +47,7 @@ pub fn seeds() -> Result<Vec<Seed>, SimulateError> {
     containers().into_iter().map(seed).collect()
 }
 
-/// Every container, with a name that is fit for a file.
+/// Every container, with a name usable as a file name.
 fn containers() -> [(&'static str, Container); 26] {
     use {BagCompression as B, Db3Compression as D, Db3Layout as L, McapCompression as C, McapEncoding as E};
     let mcap = |encoding, compression, summary| Container::Mcap(McapSettings { encoding, compression, summary });
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn seeds_are_small_and_each_has_a_name_of_its_own() {
+    fn seeds_are_small_and_have_unique_names() {
         let seeds = seeds().unwrap();
         let names: std::collections::BTreeSet<_> = seeds.iter().map(|seed| seed.name).collect();
         assert_eq!(names.len(), seeds.len());

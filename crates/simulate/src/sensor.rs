@@ -1,4 +1,4 @@
-//! How a sensor lies: late, noisy, biased, at its own rate, with holes.
+//! Errors of a sensor: delay, noise, bias, its own rate, gaps.
 
 use crate::error::{SimulateError, within};
 use crate::random::normal;
@@ -19,19 +19,19 @@ pub struct Wander {
 /// From `from_s` (included) to `to_s` (not included), seconds after the start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
-    /// Begin.
+    /// Start.
     pub from_s: f64,
     /// End.
     pub to_s: f64,
 }
 
-/// A sensor. A sample taken at the instant `t` says `truth(t − delay) + bias + wander + white`
-/// and is stamped `t + stamp error`.
+/// A sensor. A sample taken at the instant `t` is `truth(t − delay) + bias + wander + white` with the timestamp `t +
+/// timestamp error`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SensorSettings {
     /// Samples per second.
     pub rate_hz: f64,
-    /// How late its values are, s; positive is late.
+    /// Delay of its values, s; positive is late.
     pub delay_s: f64,
     /// White noise of each axis, standard deviation, m or m/s.
     pub white_std: f64,
@@ -39,21 +39,21 @@ pub struct SensorSettings {
     pub wander: Option<Wander>,
     /// Constant error north, east, down, m or m/s.
     pub bias: [f64; 3],
-    /// Standard deviation by which a stamp misses the instant of its sample, s; an error beyond
-    /// 0.4 sample intervals is cut off there, so that stamps rise.
+    /// Standard deviation of the error of a timestamp, s; an error above 0.4 sample intervals is clipped there, so that
+    /// timestamps increase.
     pub stamp_jitter_s: f64,
-    /// Share of samples that are lost one by one, 0 to 1.
+    /// Share of samples lost individually, 0 to 1.
     pub drop_share: f64,
-    /// No samples are taken in these.
+    /// Gaps in which no samples are taken.
     pub gaps: Vec<Interval>,
-    /// From stamp to logger, s: the least.
+    /// Minimum latency from timestamp to logger, s.
     pub log_latency_s: f64,
-    /// What comes on top of the latency: mean of an exponential distribution, s.
+    /// Additional latency: mean of an exponential distribution, s.
     pub log_jitter_s: f64,
 }
 
 impl SensorSettings {
-    /// A sensor without fault at this rate, logged 2 ms after its stamp.
+    /// A perfect sensor at this rate, logged 2 ms after its timestamp.
     #[must_use]
     pub fn clean(rate_hz: f64) -> SensorSettings {
         SensorSettings {
@@ -85,7 +85,7 @@ impl SensorSettings {
         })
     }
 
-    /// Instants at which samples are taken, seconds after the start.
+    /// Sampling instants, seconds after the start.
     pub(crate) fn instants(&self, duration_s: f64, random: &mut Pcg64) -> Vec<f64> {
         let count = (duration_s * self.rate_hz + 1e-9).floor() as usize + 1;
         let in_gap = |t: f64| self.gaps.iter().any(|gap| (gap.from_s..gap.to_s).contains(&t));
@@ -112,13 +112,13 @@ impl SensorSettings {
         errors
     }
 
-    /// By how much each stamp misses the instant of its sample, s.
+    /// Error of each timestamp, s.
     pub(crate) fn stamp_errors(&self, count: usize, random: &mut Pcg64) -> Vec<f64> {
         let limit = 0.4 / self.rate_hz;
         (0..count).map(|_| (self.stamp_jitter_s * normal(random)).clamp(-limit, limit)).collect()
     }
 
-    /// From stamp to logger, s, one for each sample.
+    /// Latency from timestamp to logger, s, one for each sample.
     pub(crate) fn latencies(&self, count: usize, random: &mut Pcg64) -> Vec<f64> {
         // 1 − u lies in (0, 1]: the logarithm is finite.
         (0..count).map(|_| self.log_latency_s - self.log_jitter_s * (1.0 - random.random::<f64>()).ln()).collect()
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn white_noise_has_the_standard_deviation_and_the_bias_that_were_asked_for() {
+    fn white_noise_has_the_requested_standard_deviation_and_bias() {
         let sensor = SensorSettings { white_std: 0.3, bias: [0.0, 1.0, -2.0], ..SensorSettings::clean(100.0) };
         let instants: Vec<f64> = (0..40_000).map(|i| f64::from(i) / 100.0).collect();
         let errors = sensor.errors(&instants, &mut generator(1, "test"));
@@ -151,22 +151,22 @@ mod tests {
     }
 
     #[test]
-    fn wandering_noise_keeps_its_spread_and_forgets_with_its_time_constant() {
+    fn wandering_noise_has_its_spread_and_time_constant() {
         let wander = Wander { std: 0.5, time_constant_s: 2.0 };
         let sensor = SensorSettings { wander: Some(wander), ..SensorSettings::clean(10.0) };
         let instants: Vec<f64> = (0..200_000).map(|i| f64::from(i) / 10.0).collect();
         let x: Vec<f64> = sensor.errors(&instants, &mut generator(2, "test")).iter().map(|e| e[0]).collect();
         let (_, std) = moments(&x);
         let after_2s = x.windows(21).map(|w| w[0] * w[20]).sum::<f64>() / (x.len() - 20) as f64;
-        // 20 000 s at τ = 2 s: a variance forgets twice as fast as a mean, so it is the mean of
-        // T/τ independent values (Bartlett); each has a relative standard error of √2. Five of them.
+        // 20 000 s at τ = 2 s: a variance decorrelates twice as fast as a mean, so it is the mean of T/τ independent
+        // values (Bartlett); each has a relative standard error of √2. Five of them.
         let n = 20_000.0 / 2.0f64;
         assert!((std * std - 0.25).abs() < 5.0 * 0.25 * (2.0 / n).sqrt(), "{std}");
         assert!((after_2s - 0.25 / std::f64::consts::E).abs() < 5.0 * 0.25 * (2.0 / n).sqrt(), "{after_2s}");
     }
 
     #[test]
-    fn a_gap_takes_its_samples_and_no_other() {
+    fn a_gap_removes_only_its_own_samples() {
         let holes = SensorSettings {
             gaps: vec![Interval { from_s: 2.0, to_s: 4.0 }],
             drop_share: 0.2,

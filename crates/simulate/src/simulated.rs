@@ -1,4 +1,4 @@
-//! A flight as it was flown and as its sensors saw it.
+//! A simulated flight, and its sensor data.
 
 use crate::error::{SimulateError, within};
 use crate::onboard::computed;
@@ -11,17 +11,17 @@ use flight::{
 };
 use serde::{Deserialize, Serialize};
 
-/// What is flown.
+/// Kind of path.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "flown", rename_all = "kebab-case")]
 pub enum PathKind {
-    /// The circuit of the design note, section 5.7, drawn by the flight's seed.
+    /// The circuit of the design note, section 5.7, determined by the flight's seed.
     Circuit,
-    /// Level at constant speed.
+    /// Level flight at constant speed.
     Straight {
-        /// m/s.
+        /// Speed, m/s.
         speed_mps: f64,
-        /// rad from north over east.
+        /// Heading, rad from north over east.
         heading_rad: f64,
     },
     /// It never moves.
@@ -31,24 +31,24 @@ pub enum PathKind {
 /// A flight to simulate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightSettings {
-    /// What is flown.
+    /// Kind of path.
     pub path: PathKind,
-    /// Seconds.
+    /// Duration, s.
     pub duration_s: f64,
-    /// Draws the circuit, the noise and the latencies.
+    /// Seed of the circuit, the noise and the latencies.
     pub seed: u64,
     /// Origin of north, east, down.
     pub origin: Geodetic,
-    /// Time zero, UTC as Unix counts it.
+    /// Time zero, UTC as Unix time.
     pub start: Stamp,
     /// The late position, m.
     pub position: SensorSettings,
     /// The velocity, m/s.
     pub velocity: SensorSettings,
-    /// Rate of the true position beside them, Hz; `None` takes the velocity's instants.
+    /// Rate of the true position, Hz; `None` uses the velocity's instants.
     pub truth_rate_hz: Option<f64>,
-    /// Delay, s, for which the aircraft compensates its position in flight and logs that too (Padé \[1/1\], Tustin);
-    /// `None`: it does not.
+    /// Delay, s, that the aircraft compensates in flight, also logging the compensated position (Padé \[1/1\], Tustin);
+    /// `None`: no compensation.
     pub onboard_delay_s: Option<f64>,
 }
 
@@ -71,12 +71,12 @@ impl Default for FlightSettings {
     }
 }
 
-/// A flight whose truth is known.
+/// A flight with known truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedFlight {
-    /// What was asked for.
+    /// The settings.
     pub settings: FlightSettings,
-    /// What was flown, in the frame of the origin.
+    /// The path, in the frame of the origin.
     pub truth: Trajectory,
     /// The late position.
     pub position: Samples,
@@ -84,14 +84,14 @@ pub struct SimulatedFlight {
     pub velocity: Samples,
     /// The true position: no delay and no noise, at the velocity's instants or at its own rate.
     pub reference: Samples,
-    /// The compensated position that the aircraft computed; empty if it computes none.
+    /// The compensated position computed by the aircraft; empty without compensation.
     pub onboard: Samples,
 }
 
-/// Flies it and lets the sensors look.
+/// Simulates the flight and its sensors.
 ///
 /// # Errors
-/// [`SimulateError::Setting`] with the first setting that makes no sense.
+/// [`SimulateError::Setting`] with the first invalid setting.
 pub fn simulate(settings: &FlightSettings) -> Result<SimulatedFlight, SimulateError> {
     settings.position.check()?;
     settings.velocity.check()?;
@@ -135,7 +135,7 @@ impl FlightSettings {
         Ok(SensorSettings::clean(rate_hz))
     }
 
-    /// Without a rate of its own the reference has the velocity's rows, gaps and all.
+    /// Without its own rate the reference has the velocity's rows, including gaps.
     fn thinned(&self, reference: Samples, velocity: &Samples) -> Samples {
         if self.truth_rate_hz.is_some() {
             return reference;
@@ -153,7 +153,7 @@ impl FlightSettings {
     }
 
     fn observe(&self, sensor: &SensorSettings, name: &str, truth: impl Fn(f64) -> [f64; 3]) -> Samples {
-        // A generator for each thing that is drawn: more noise does not move a stamp.
+        // A separate generator for each random quantity: more noise does not change any timestamp.
         let random = |what: &str| generator(self.seed, &format!("{name} {what}"));
         let at_s = sensor.instants(self.duration_s, &mut random("instants"));
         let errors = sensor.errors(&at_s, &mut random("errors"));
@@ -179,15 +179,15 @@ fn with_geodetic(samples: Samples, frame: &LocalFrame) -> Samples {
     Samples { geodetic_deg: samples.ned.iter().map(degrees).collect(), ..samples }
 }
 
-/// A velocity of the origin's frame in the aircraft's own north, east, down. The two frames are
-/// turned against each other, so the way back is along the transposed matrix.
+/// Converts a velocity of the origin's frame to the aircraft's own north, east, down. The two frames are rotated
+/// against each other, so the transposed matrix converts back.
 fn velocity_of_aircraft(frame: &LocalFrame, motion: Motion) -> [f64; 3] {
     let here = frame.to_geodetic(motion.position);
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| frame.from_local_ned(here, axis));
     axes.map(|axis| (0..3).map(|k| axis[k] * motion.velocity[k]).sum())
 }
 
-/// Topic and message type of a stream, as all containers write it.
+/// Topic and message type of a stream in all containers.
 pub(crate) mod topic {
     /// Late position.
     pub(crate) const POSITION: &str = "/gps/fix";
@@ -195,18 +195,18 @@ pub(crate) mod topic {
     pub(crate) const VELOCITY: &str = "/gps/vel";
     /// True position.
     pub(crate) const REFERENCE: &str = "/truth/fix";
-    /// What the aircraft computed.
+    /// Position computed by the aircraft.
     pub(crate) const ONBOARD: &str = "/compensated/fix";
-    /// Nothing that anybody wants.
+    /// Data that is not needed.
     pub(crate) const NOTES: &str = "/operator/notes";
 }
 
 impl SimulatedFlight {
-    /// The flight as a perfect reader would hand it over: `position.gps`, `velocity.gps`,
-    /// `position.truth` and, if the aircraft computes it, `position.compensated`, bit for bit the values that the containers hold.
+    /// The flight as a perfect reader would return it: `position.gps`, `velocity.gps`, `position.truth` and, if the
+    /// aircraft computes it, `position.compensated`, bit for bit the values in the containers.
     ///
     /// # Errors
-    /// [`SimulateError::Series`] if the samples make no series.
+    /// [`SimulateError::Series`] if the samples are not a valid series.
     pub fn to_flight(&self) -> Result<Flight, SimulateError> {
         let mut flight = Flight::default();
         let channels = [
@@ -222,11 +222,11 @@ impl SimulatedFlight {
         Ok(flight)
     }
 
-    /// As [`SimulatedFlight::to_flight`], but with the position held over the velocity's rows, as a
-    /// wide table has it, and its repeats marked as held.
+    /// As [`SimulatedFlight::to_flight`], but with the position held over the velocity's rows, as in a wide table, and
+    /// its repeats marked as held.
     ///
     /// # Errors
-    /// [`SimulateError::Series`] if the samples make no series.
+    /// [`SimulateError::Series`] if the samples are not a valid series.
     pub fn to_held_flight(&self) -> Result<Flight, SimulateError> {
         let held = self.held_rows();
         let rows: Vec<usize> = held.iter().map(|&(_, row)| row).collect();
@@ -244,8 +244,8 @@ impl SimulatedFlight {
         Ok(flight)
     }
 
-    /// Velocity row and the newest position row that is not stamped after it; velocity rows before
-    /// the first position are left out.
+    /// Velocity row and the newest position row whose timestamp is not later; velocity rows before the first position
+    /// are skipped.
     pub(crate) fn held_rows(&self) -> Vec<(usize, usize)> {
         let newest = |stamp: &Stamp| self.position.measured.partition_point(|p| p <= stamp).checked_sub(1);
         self.velocity.measured.iter().enumerate().filter_map(|(row, stamp)| Some((row, newest(stamp)?))).collect()
@@ -301,7 +301,7 @@ mod tests {
         (all.iter().map(|v| v * v).sum::<f64>() / all.len() as f64).sqrt()
     }
 
-    /// 2-D rms of position samples against the truth `delay_s` before their stamps.
+    /// 2-D rms of position samples against the truth `delay_s` before their timestamps.
     fn rms_against_truth(flight: &SimulatedFlight, delay_s: f64) -> f64 {
         let rows = flight.position.at_s.iter().zip(&flight.position.ned);
         rms(rows.map(|(t, ned)| {
@@ -314,7 +314,7 @@ mod tests {
     fn a_late_sensor_has_a_positive_delay() {
         let flight = simulate(&LikeCase::A.settings(1)).unwrap();
         assert!(rms_against_truth(&flight, 0.4) < 1e-9);
-        // Straight ahead at 20 m/s, a sensor that is 0.4 s late stands 8 m behind.
+        // Straight ahead at 20 m/s, a sensor that is 0.4 s late is 8 m behind.
         let path = PathKind::Straight { speed_mps: 20.0, heading_rad: 0.0 };
         let straight = simulate(&FlightSettings { path, ..LikeCase::A.settings(1) }).unwrap();
         let row = 5000;
@@ -331,14 +331,14 @@ mod tests {
 
     #[test]
     fn the_raw_error_of_the_circuit_is_that_of_table_5_7() {
-        // Raw at 100 Hz without noise: 7.027 m over four seeds of another implementation; speed and
-        // turns vary by seed, so within 1 %.
+        // Raw at 100 Hz without noise: 7.027 m over four seeds of another implementation; speed and turns vary by seed,
+        // so within 1 %.
         let raw = rms((0..4).map(|seed| rms_against_truth(&simulate(&LikeCase::A.settings(seed)).unwrap(), 0.0)));
         assert!((raw - 7.027).abs() < 0.07, "{raw}");
     }
 
     #[test]
-    fn each_like_case_has_the_rates_and_the_noise_of_its_column() {
+    fn each_comparison_case_has_the_rates_and_noise_of_its_column() {
         for case in LikeCase::ALL {
             let (position_hz, position_std, velocity_hz, velocity_std) = case.rates_and_noise();
             let flight = simulate(&case.settings(3)).unwrap();
@@ -348,8 +348,8 @@ mod tests {
                 let truth = flight.truth.at(*t).velocity;
                 (ned[0] - truth[0]).hypot(ned[1] - truth[1])
             }));
-            // A mean square of n pairs is known within five times 1/sqrt(n), relative; half that for the
-            // root. The aircraft's own north is turned by up to 4e-4 rad against the origin's: 1 cm/s.
+            // The relative error of a mean square of n pairs is within five times 1/sqrt(n); half that for the root.
+            // The aircraft's own north is rotated by up to 4e-4 rad against the origin's: 1 cm/s.
             let close = |got: f64, std: f64, n: usize, floor: f64| {
                 (got - std * 2f64.sqrt()).abs() < std * 2f64.sqrt() * 2.5 / (n as f64).sqrt() + floor
             };
@@ -359,12 +359,12 @@ mod tests {
     }
 
     #[test]
-    fn velocity_turned_back_into_the_frame_of_the_origin_is_the_derivative_of_the_track() {
+    fn velocity_in_the_frame_of_the_origin_is_the_derivative_of_the_path() {
         let path = PathKind::Straight { speed_mps: 20.0, heading_rad: 1.2 };
         let settings = FlightSettings { path, duration_s: 3600.0, ..FlightSettings::default() };
         let flight = simulate(&settings).unwrap();
         let frame = LocalFrame::new(settings.origin);
-        // After 72 km the own north has turned by half a degree.
+        // After 72 km the local north has rotated by half a degree.
         let last = flight.velocity.len() - 1;
         let own = flight.velocity.ned[last];
         let motion = flight.truth.at(flight.velocity.at_s[last]);
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_logged_after_their_stamps() {
+    fn samples_are_logged_after_their_timestamps() {
         let flight = simulate(&LikeCase::B.settings(1)).unwrap();
         for samples in [&flight.position, &flight.velocity, &flight.reference] {
             assert!(samples.measured.iter().zip(&samples.logged).all(|(stamp, logged)| logged > stamp));
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_has_the_bits_that_a_channel_map_would_give_it() {
+    fn an_angle_has_the_same_bits_as_through_a_channel_map() {
         let deg: flight::Unit = "deg".parse().unwrap();
         let simulated = simulate(&LikeCase::F.settings(1)).unwrap();
         let flight = simulated.to_flight().unwrap();
@@ -428,12 +428,12 @@ mod tests {
         let flight = simulated.to_held_flight().unwrap();
         let channel = &flight.channels["position.gps"];
         assert_eq!(channel.series.len(), simulated.velocity.len());
-        // 4 Hz over 100 Hz: each fix stands in 25 rows, its first is the update.
+        // 4 Hz over 100 Hz: each fix is in 25 rows, its first is the update.
         assert_eq!(channel.update_rows(), (0..=720).map(|fix| fix * 25).collect::<Vec<_>>());
     }
 
     #[test]
-    fn a_setting_that_makes_no_sense_is_refused_with_its_name() {
+    fn an_invalid_setting_is_rejected_with_its_name() {
         let mut settings = LikeCase::A.settings(1);
         settings.velocity.rate_hz = f64::NAN;
         assert!(simulate(&settings).unwrap_err().to_string().contains("rate_hz"));

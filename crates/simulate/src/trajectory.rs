@@ -1,24 +1,24 @@
-//! Paths that are known at every instant.
+//! Paths known at every instant.
 
 use crate::error::{SimulateError, within};
 use crate::random::generator;
 use rand::RngExt;
 use std::f64::consts::{PI, TAU};
 
-/// Distance of the nodes between which the path is interpolated, s.
+/// Spacing of the nodes between which the path is interpolated, s.
 const STEP_S: f64 = 0.005;
-/// The path is known this long before time zero and after its duration, s: late and early sensors look there.
+/// The path is known this long before time zero and after its duration, s, for late and early sensors.
 pub(crate) const MARGIN_S: f64 = 10.0;
 /// Radius of the circuit's turns, m.
 const TURN_RADIUS_M: f64 = 30.0;
 /// Width of each of the two raised cosines that smooth the roll-in, s.
 const ROLL_IN_S: f64 = 0.6;
-/// Mean speed of the circuit, its swing (both m/s) and the period of the swing (s): 15 to 20 m/s.
+/// Mean speed of the circuit, its variation (both m/s) and the period of the variation (s): 15 to 20 m/s.
 const SPEED: (f64, f64, f64) = (17.5, 2.5, 23.0);
-/// Half the height climbed (m) and the time for up and down (s).
+/// Half the height climbed (m) and the period of up and down (s).
 const CLIMB: (f64, f64) = (10.0, 90.0);
 
-/// Where the aircraft is and how it moves, in metres and m/s north, east, down of the origin's frame.
+/// Position and velocity of the aircraft, in metres and m/s north, east, down of the origin's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// North, east, down, m.
@@ -27,7 +27,7 @@ pub struct Motion {
     pub velocity: [f64; 3],
 }
 
-/// A path flown: position and velocity at every instant of the flight.
+/// A flown path: position and velocity at every instant of the flight.
 ///
 /// Velocity is a closed formula of time and heading; heading and position are its integrals
 /// (Simpson's rule over nodes 5 ms apart, cubic Hermite between them). Position is the integral of
@@ -41,7 +41,7 @@ pub struct Trajectory {
     positions: Vec<[f64; 2]>,
 }
 
-/// How velocity follows from time and heading.
+/// The law of velocity over time and heading.
 #[derive(Debug, Clone, PartialEq)]
 enum Law {
     Circuit(Circuit),
@@ -66,9 +66,9 @@ struct Turn {
 }
 
 impl Trajectory {
-    /// The circuit of the design note, section 5.7: 15 to 20 m/s with a period of 23 s, straights of
-    /// 2.5 to 4.5 s, turns of 180, 270 or 360 degrees to either side with R = 30 m and a smooth
-    /// roll-in, and a climb of 20 m and back every 90 s. `seed` draws the turns.
+    /// The circuit of the design note, section 5.7: 15 to 20 m/s with a period of 23 s, straights of 2.5 to 4.5 s,
+    /// turns of 180, 270 or 360 degrees to either side with R = 30 m and a smooth roll-in, and a climb of 20 m and back
+    /// every 90 s. `seed` determines the turns.
     ///
     /// # Errors
     /// [`SimulateError::Setting`] if the duration is not between 0 and 86 400 s.
@@ -87,7 +87,7 @@ impl Trajectory {
         Trajectory::integrate(Law::Straight { speed_mps, heading_rad }, duration_s)
     }
 
-    /// An aircraft that stays at the origin.
+    /// A stationary aircraft at the origin.
     ///
     /// # Errors
     /// [`SimulateError::Setting`] if the duration is not between 0 and 86 400 s.
@@ -95,14 +95,14 @@ impl Trajectory {
         Trajectory::integrate(Law::Still, duration_s)
     }
 
-    /// From time zero to the end, s.
+    /// Duration from time zero to the end, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// Motion at `t_s` seconds after the start. Known from 10 s before time zero to 10 s after the
-    /// end; outside, the aircraft goes on as at that edge, straight.
+    /// Motion at `t_s` seconds after the start. Known from 10 s before time zero to 10 s after the end; outside, the
+    /// aircraft continues straight from that edge.
     #[must_use]
     pub fn at(&self, t_s: f64) -> Motion {
         let inside = t_s.clamp(-MARGIN_S, self.duration_s + MARGIN_S);
@@ -128,8 +128,8 @@ impl Trajectory {
         Ok(path)
     }
 
-    /// Simpson's rule over each step, so that the time between nodes costs h^4 only; then moved so
-    /// that time zero is at the origin.
+    /// Simpson's rule over each step, so that the error of the step size is h^4 only; then shifted so that time zero is
+    /// at the origin.
     fn integrated_positions(&self) -> Vec<[f64; 2]> {
         let mut positions = vec![[0.0, 0.0]];
         for node in 0..self.headings.len() - 1 {
@@ -145,7 +145,7 @@ impl Trajectory {
         self.law.velocity(node_time(node) + share * STEP_S, self.heading(node, share))
     }
 
-    /// The node before `t_s` and how far after it, in steps.
+    /// The node before `t_s`, and the distance after it in steps.
     fn locate(&self, t_s: f64) -> (usize, f64) {
         let steps = (t_s + MARGIN_S) / STEP_S;
         let node = (steps.floor().max(0.0) as usize).min(self.headings.len() - 2);
@@ -237,7 +237,7 @@ fn node_time(node: usize) -> f64 {
     node as f64 * STEP_S - MARGIN_S
 }
 
-/// Simpson's rule over the turn rate, with heading at time zero as the law says.
+/// Simpson's rule over the turn rate, with the heading at time zero given by the law.
 fn headings(law: &Law, nodes: usize) -> Vec<f64> {
     let mut headings = vec![0.0];
     for node in 0..nodes - 1 {
@@ -270,7 +270,7 @@ fn hermite(share: f64, value: (f64, f64), rate: (f64, f64)) -> f64 {
 mod tests {
     use super::*;
 
-    /// Gauss-Legendre with five points, on steps that share no node with ours.
+    /// Gauss-Legendre with five points, on steps that do not share any node with the path's.
     fn integral_of_velocity(path: &Trajectory, from: f64, to: f64) -> [f64; 3] {
         const NODES: [(f64, f64); 3] = [
             (0.0, 0.568_888_888_888_888_9),
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn the_derivative_of_position_is_velocity_between_the_nodes_too() {
+    fn the_derivative_of_position_is_velocity_between_nodes() {
         // Fourth-order central difference with h = 20 ms: truncation h^4/30 |p^(5)| < 1e-6 m/s here.
         let path = Trajectory::circuit(60.0, 8).unwrap();
         let h = 0.02;
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn the_circuit_flies_between_15_and_20_metres_per_second_and_uses_both_ends() {
+    fn the_circuit_covers_speeds_from_15_to_20_metres_per_second() {
         let path = Trajectory::circuit(180.0, 1).unwrap();
         let speeds: Vec<f64> =
             (0..18_000).map(|i| path.at(f64::from(i) * 0.01).velocity).map(|v| v[0].hypot(v[1])).collect();
@@ -358,7 +358,7 @@ mod tests {
     #[test]
     fn roll_in_is_a_smooth_step_from_zero_to_one() {
         assert_eq!((roll_in(-0.6), roll_in(0.0), roll_in(0.6)), (0.0, 0.5, 1.0));
-        // Its slope is the convolution of two raised cosines, here by brute force.
+        // Its slope is the convolution of two raised cosines, computed here by brute force.
         let hann = |x: f64| if x.abs() < 0.3 { (1.0 + (TAU * x / 0.6).cos()) / 0.6 } else { 0.0 };
         for x in [-0.55, -0.2, 0.01, 0.31, 0.5] {
             let direct: f64 = (0..6000).map(|i| f64::from(i) * 1e-4 - 0.3).map(|s| hann(s) * hann(x - s) * 1e-4).sum();
@@ -368,14 +368,14 @@ mod tests {
     }
 
     #[test]
-    fn two_seeds_fly_two_circuits_and_one_seed_one() {
+    fn different_seeds_give_different_circuits() {
         let end = |seed| Trajectory::circuit(60.0, seed).unwrap().at(60.0).position;
         assert_eq!(end(4), end(4));
         assert_ne!(end(4), end(5));
     }
 
     #[test]
-    fn a_path_of_numbers_that_are_none_is_refused() {
+    fn a_path_with_non_finite_numbers_is_rejected() {
         assert!(Trajectory::still(f64::NAN).is_err() && Trajectory::circuit(-1.0, 0).is_err());
         assert!(Trajectory::straight(1.0, f64::NAN, 0.0).is_err());
         assert!(Trajectory::straight(1.0, 20.0, f64::INFINITY).is_err());

@@ -18,7 +18,7 @@ struct Trial {
     covered: bool,
 }
 
-/// Draws a position that is `delay_s` late, and fits it.
+/// Simulates a position that is `delay_s` late, and fits it.
 fn fit(swing: &TrueSwing, t: &[f64], y: &[f64]) -> DelayFit {
     fit_with(swing, t, y, &DelaySettings::default())
 }
@@ -115,7 +115,7 @@ fn efficiency_case(
     }
 }
 
-/// Noise that the model does not hold.
+/// Noise outside the model.
 pub fn misspecified(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     let held = Noise::Held { std: 0.05, hold_s: 0.25, per_root_s: 0.02, white: 0.002 };
     let cases = [
@@ -200,7 +200,7 @@ pub fn held(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     }
 }
 
-/// How often "delayed" (or early) is said where the true delay is 0 and 2.8 standard uncertainties.
+/// How often "delayed" (or early) is reported if the true delay is 0 and 2.8 standard uncertainties.
 pub fn decisions(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     let noise = Noise::WanderAndWhite { std: 0.3, time_constant_s: 1.0, white: 0.1 };
     let model = NoiseModel { wander_std: 0.3, time_constant_s: 1.0, white_std: 0.1 };

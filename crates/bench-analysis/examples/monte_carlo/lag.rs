@@ -18,7 +18,7 @@ pub fn choices(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     for (rate_hz, sigma, clear) in [(4.0, 0.1, false), (4.0, 0.02, false), (100.0, 0.1, true)] {
         for (right, delay_s, lags) in truths {
             let name = format!("{rate_hz:.0} Hz, {sigma} m: delay {delay_s} s, lags {lags:?} s");
-            // The note finds two equal lags hard to tell from a delay and one lag even at 100 Hz.
+            // The design note finds two equal lags hard to distinguish from a delay and one lag even at 100 Hz.
             let must = clear && lags.len() < 2;
             cases.push(case(swings, n, name, (rate_hz, sigma), (right, delay_s, lags), must));
         }
@@ -74,7 +74,7 @@ fn case(
     }
 }
 
-/// The true north position through first-order lags: exact for a truth that is straight within a millisecond.
+/// The true north position through first-order lags: exact for a truth that is linear within a millisecond.
 fn lagged(swing: &TrueSwing, lags: &[f64]) -> CubicSpline {
     const LEAD_S: f64 = 3.9;
     let from = MARGIN_S - LEAD_S;

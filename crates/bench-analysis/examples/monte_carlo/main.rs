@@ -1,7 +1,8 @@
-//! How well the bench measures: many simulated records, each with a known answer.
+//! Accuracy of the bench: many simulated records, each with a known answer.
 //!
-//! `cargo run --release -p flightlag-bench-analysis --example monte_carlo -- DIR [TRIALS]` prints the tables and writes them as a page
-//! and as JSON. Every trial has its own seed, so that the number of threads changes nothing.
+//! `cargo run --release -p flightlag-bench-analysis --example monte_carlo -- DIR [TRIALS]` prints the tables and writes
+//! them as a page and as JSON. Every trial has its own seed, so that the result does not depend on the number of
+//! threads.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
@@ -31,7 +32,7 @@ fn main() {
     add(delay::efficiency(&swings, trials));
     add(delay::misspecified(&swings, trials));
     add(delay::held(&swings, trials.min(200)));
-    // The goal is known to one in a hundred: a thousand trials would leave 0.7 of it to chance.
+    // The goal is known to one in a hundred: with a thousand trials 0.7 of it would be random.
     add(delay::decisions(&swings, 10 * trials));
     add(lag::choices(&swings, trials.min(100)));
     let record = MonteCarloRecord {

@@ -1,4 +1,4 @@
-//! Noise of every kind, drawn on any stamps.
+//! Noise of every kind, drawn at any timestamps.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -14,7 +14,7 @@ fn normal(random: &mut impl Rng) -> f64 {
     StandardNormal.sample(random)
 }
 
-/// How the noise is made.
+/// Kinds of noise.
 #[derive(Clone, Copy)]
 pub enum Noise {
     /// Ornstein–Uhlenbeck of `std` and `time_constant_s`, plus white.
@@ -85,9 +85,9 @@ fn walk(t: &[f64], per_root_s: f64, white: f64, random: &mut impl Rng) -> Vec<f6
 #[derive(Clone, Copy, PartialEq)]
 pub enum Sampling {
     Regular,
-    /// Stamps are known, but uneven by ±30 % of the interval.
+    /// Timestamps are known, but irregular by ±30 % of the interval.
     Jitter,
-    /// One in ten is lost.
+    /// One in ten samples is lost.
     Lossy,
 }
 

@@ -1,4 +1,4 @@
-//! The reference motion: what is left of the encoder's steps.
+//! The reference motion: the remaining effect of the encoder's steps.
 
 use crate::{known, rms};
 use bench_analysis::{EncoderSeries, Motion, encoder_channel};

@@ -1,16 +1,16 @@
-//! Swings whose truth is known, with the reference that a 2000-count encoder gives.
+//! Swings with known truth, and the reference from a 2000-count encoder.
 
 use bench_analysis::{EncoderSeries, Motion, Rig, encoder_channel, position};
 use signal::CubicSpline;
 use simulate::{BenchChannel, BenchSettings, BenchTruth, RigText, SimulatedBench, simulate_bench};
 use std::path::Path;
 
-/// Seconds of swing that are measured.
+/// Seconds of measured swing.
 pub const SWING_S: f64 = 60.0;
-/// Before and after the measured part the bar already swings: nobody starts at rest here.
+/// The bar already swings before and after the measured part, in seconds: this study does not start at rest.
 pub const MARGIN_S: f64 = 4.0;
 
-/// A swing as it was and as the encoder saw it.
+/// A swing, and its encoder readings.
 pub struct TrueSwing {
     truth: BenchTruth,
     /// North position of the sensor from the smoothed encoder.
@@ -44,7 +44,7 @@ fn swing(seed: u64) -> TrueSwing {
     TrueSwing { truth: bench.truth, reference: CubicSpline::new(&grid, &north).unwrap() }
 }
 
-/// The rig file that belongs to a simulated bench.
+/// The rig file of a simulated bench.
 pub fn rig(bench: &SimulatedBench) -> Rig {
     let text = RigText { model: "simulated".into(), serial: "1".into(), to_be_fitted: false };
     Rig::parse(&bench.rig_text(&text), Path::new("simulated.rig.toml")).unwrap()

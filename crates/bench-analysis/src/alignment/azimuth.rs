@@ -9,12 +9,12 @@ use nalgebra::{Matrix2, Vector2};
 use record::Estimate;
 use signal::Regression;
 
-/// An azimuth less well known than this is none (10°).
+/// An azimuth more uncertain than this is rejected (10°).
 const LEAST_USEFUL_RAD: f64 = 0.17;
-/// Heading of an INS indoors, where steel bends the field, is true to about this (5°).
+/// Accuracy of the heading of an INS indoors, where steel bends the field (5°).
 const HEADING_RAD: f64 = 0.087;
 
-/// The azimuth as each channel alone shows it, rad.
+/// The azimuth according to each channel alone, rad.
 pub(super) fn azimuths(clues: &[Clue], sign: f64, zero: f64) -> Vec<(String, Estimate)> {
     let of = |clue: &Clue| {
         let (value, u) = match clue.quantity {
@@ -29,7 +29,7 @@ pub(super) fn azimuths(clues: &[Clue], sign: f64, zero: f64) -> Vec<(String, Est
     clues.iter().filter_map(of).collect()
 }
 
-/// The azimuth to work with, and where it comes from.
+/// The azimuth to use, and its source.
 pub(super) fn azimuth(azimuths: &[(String, Estimate)], rig: &Rig) -> (Option<Estimate>, String) {
     if let Some(stated) = rig.bar.azimuth_rad {
         return (Some(Estimate { value: wrapped(stated), standard_uncertainty: None }), "rig file".to_owned());
@@ -43,8 +43,8 @@ pub(super) fn azimuth(azimuths: &[(String, Estimate)], rig: &Rig) -> (Option<Est
     }
 }
 
-/// The principal direction of (north, east). Its 180° are settled by the sign of the encoder and by which side of the
-/// pivot the sensor is on: by the channel's own down component, else by rig and zero.
+/// The principal direction of (north, east). Its 180° ambiguity is resolved by the sign of the encoder and the side of
+/// the pivot that the sensor is on: from the channel's own down component, with rig and zero as fallback.
 fn from_horizontal(clue: &Clue, sign: f64, zero: f64) -> Option<(f64, f64)> {
     let (north, east) = (clue.regression(0)?, clue.regression(1)?);
     let [x, _, z] = clue.mount.lever_arm_m;
@@ -54,7 +54,7 @@ fn from_horizontal(clue: &Clue, sign: f64, zero: f64) -> Option<(f64, f64)> {
         let (radius, u) = own.radius();
         if radius > 5.0 * u { (own.a, own.b) } else { by_rig }
     });
-    // The coefficients of sine and cosine are proportional to these, north and east alike.
+    // The coefficients of sine and cosine are proportional to these, for north and east alike.
     let shape = match clue.quantity {
         Quantity::VelocityNed => Vector2::new(-b, sign * a),
         _ => Vector2::new(sign * a, b),

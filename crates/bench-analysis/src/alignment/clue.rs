@@ -1,4 +1,4 @@
-//! What one channel says of sign, zero and azimuth.
+//! Evidence of one channel for sign, zero and azimuth.
 
 use super::force::{ForceFit, ForceTerms, force_fits};
 use crate::kinematics::swing_azimuth;
@@ -11,10 +11,10 @@ use flight::{Channel, Flight, Quantity};
 use nalgebra::Matrix2;
 use signal::{Regression, regress};
 
-/// A share of the variance below this shows nothing.
+/// A share of the variance below this is not significant.
 pub(crate) const LEAST_EXPLAINED: f64 = 0.2;
 
-/// One channel laid over the encoder's angle.
+/// One channel aligned with the encoder's angle.
 #[derive(Debug, Clone)]
 pub(crate) struct Clue {
     pub(crate) name: String,
@@ -32,7 +32,7 @@ pub(crate) struct Clue {
 }
 
 impl Clue {
-    /// Whether the reference of this channel cannot be made without the azimuth.
+    /// Whether the reference of this channel needs the azimuth.
     pub(crate) fn needs_azimuth(&self) -> bool {
         matches!(self.quantity, Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::VelocityNed)
     }
@@ -53,9 +53,9 @@ fn clue(motion: &Motion, name: &str, channel: &Channel, rig: &Rig, around: &Surr
     let rows = sensor_rows(name, channel, rig)?;
     let samples = update_samples(channel, &rows, motion.origin());
     let pattern = pattern_of(channel.quantity)?;
-    let laid_over = |pattern| fit_pattern(motion, &samples, pattern, rig.analysis.search_s);
-    // A swing of one frequency does not tell acceleration from gravity.
-    let fit = laid_over(pattern).or_else(|| laid_over(Pattern::Circle).filter(|_| pattern == Pattern::Force))?;
+    let aligned = |pattern| fit_pattern(motion, &samples, pattern, rig.analysis.search_s);
+    // A swing of one frequency cannot distinguish acceleration from gravity.
+    let fit = aligned(pattern).or_else(|| aligned(Pattern::Circle).filter(|_| pattern == Pattern::Force))?;
     let explained = fit.explained.iter().copied().fold(0.0, f64::max);
     if explained < LEAST_EXPLAINED {
         return None;
@@ -86,7 +86,7 @@ fn clue(motion: &Motion, name: &str, channel: &Channel, rig: &Rig, around: &Surr
     })
 }
 
-/// Mean azimuth of the plane as an attitude shows it, and its standard uncertainty.
+/// Mean azimuth of the plane from an attitude, and its standard uncertainty.
 fn heading(name: &str, channel: &Channel, rig: &Rig) -> Option<(f64, f64)> {
     let attitudes = body_attitude(name, channel, rig)?;
     let mut azimuth: Vec<f64> = channel.update_rows().iter().map(|&row| swing_azimuth(attitudes[row])).collect();
@@ -96,8 +96,9 @@ fn heading(name: &str, channel: &Channel, rig: &Rig) -> Option<(f64, f64)> {
     Some((mean.coefficients[0], mean.standard_uncertainty(0)))
 }
 
-/// The circle on which the sensor moves, as seen from the encoder's angle θ: with ξ = sθ + ξ₀ its coordinates in the
-/// swing's plane are `down = A cos θ − s B sin θ`, `along = s A sin θ + B cos θ`, and `A + iB = (r_z + i r_x) exp(iξ₀)`.
+/// The circle on which the sensor moves, as a function of the encoder's angle θ: with ξ = sθ + ξ₀ its coordinates in
+/// the swing's plane are `down = A cos θ − s B sin θ`, `along = s A sin θ + B cos θ`, and `A + iB = (r_z + i r_x)
+/// exp(iξ₀)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Circle {
     pub(crate) a: f64,

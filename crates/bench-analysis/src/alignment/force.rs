@@ -1,4 +1,4 @@
-//! Both axes of an accelerometer in the swing's plane as one regression: six numbers that the axes share.
+//! One regression over both accelerometer axes in the swing's plane: six numbers that the axes share.
 
 use crate::kinematics::BarState;
 use crate::pattern::{PatternFit, Samples};
@@ -7,12 +7,12 @@ use record::Estimate;
 use signal::regress;
 
 /// A lever arm that shrinks by more than this share, because the angular acceleration is itself uncertain, is not
-/// fitted: acceleration and gravity swing alike.
+/// fitted: acceleration and gravity vary alike.
 const MOST_ATTENUATION: f64 = 0.03;
-/// A lever arm from the rig is true to about this, m.
+/// Accuracy of a lever arm from the rig file, m.
 const STATED_ARM_M: f64 = 0.005;
 
-/// What the fit is told.
+/// Input of the fit.
 pub(crate) struct ForceTerms {
     pub(crate) gravity: f64,
     /// Typical standard uncertainties of the bar's angle, rate and acceleration.
@@ -21,7 +21,7 @@ pub(crate) struct ForceTerms {
     pub(crate) stated: [f64; 2],
 }
 
-/// An accelerometer's reading taken apart, for one sign of the encoder.
+/// Decomposition of an accelerometer's reading, for one sign of the encoder.
 #[derive(Debug, Clone)]
 pub(crate) struct ForceFit {
     /// cos ξ₀ and sin ξ₀ times the scale, r_z, r_x, bias x, bias z.
@@ -40,7 +40,7 @@ impl ForceFit {
         super::estimate(self.coefficients[k], self.covariance[(k, k)].max(0.0).sqrt())
     }
 
-    /// Standard uncertainty of a function of the coefficients with this gradient by the first two.
+    /// Standard uncertainty of a function of the coefficients, given its gradient by the first two.
     pub(crate) fn spread_of_gravity(&self, by_cos: f64, by_sin: f64) -> f64 {
         let c = &self.covariance;
         let variance = by_cos * by_cos * c[(0, 0)] + by_sin * by_sin * c[(1, 1)] + 2.0 * by_cos * by_sin * c[(0, 1)];
@@ -97,8 +97,8 @@ fn matrix(rows: &[Vec<f64>]) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i][j])
 }
 
-/// All six. An uncertain regressor pulls its coefficient towards zero and its neighbours along, by (XᵀX)⁻¹ N β with N the
-/// summed variance of the regressors: that bias is added to the covariance, and if it is large there is no fit.
+/// Fits all six. An uncertain regressor pulls its coefficient towards zero and affects the others, by (XᵀX)⁻¹ N β with
+/// N the summed variance of the regressors: that bias is added to the covariance, and if it is large there is no fit.
 fn with_arm(columns: &[Vec<f64>; 6], y: &[f64], states: &[BarState], typical: [f64; 3]) -> Option<ForceFit> {
     let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
     let fit = regress(&slices, &["g cos", "g sin", "r_z", "r_x", "bias x", "bias z"], y).ok()?;
@@ -117,7 +117,7 @@ fn with_arm(columns: &[Vec<f64>; 6], y: &[f64], states: &[BarState], typical: [f
     })
 }
 
-/// Gravity and biases, with the rig's lever arm taken out of the readings.
+/// Fits gravity and biases, after subtracting the effect of the rig's lever arm from the readings.
 fn without_arm(columns: &[Vec<f64>; 6], y: &[f64], [z, x]: [f64; 2]) -> Option<ForceFit> {
     let rest: Vec<f64> = (0..y.len()).map(|row| y[row] - z * columns[2][row] - x * columns[3][row]).collect();
     let kept = [0, 1, 4, 5];

@@ -1,4 +1,4 @@
-//! Which way the encoder counts.
+//! The counting direction of the encoder.
 
 use super::clue::Clue;
 use super::force::ForceFit;
@@ -8,12 +8,12 @@ use record::ENCODER_SIGN;
 
 /// A coefficient must be this many standard uncertainties away from zero to have a sign.
 const CLEAR: f64 = 5.0;
-/// No accelerometer is off by more, m/s².
+/// Largest plausible accelerometer bias, m/s².
 const MOST_BIAS: f64 = 3.0;
-/// The wrong sign must leave this many times the residual of the right one.
+/// Factor by which the wrong sign must increase the residual.
 const CLEAR_RATIO: f64 = 1.5;
 
-/// +1 or −1, and where it comes from. The rig goes first; a channel that contradicts it is told.
+/// +1 or −1, and its source. The rig file takes precedence; a channel that contradicts it is reported.
 pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, String) {
     let seen = of_quantity(clues, Quantity::AngularRate, of_rate)
         .or_else(|| of_quantity(clues, Quantity::SpecificForce, of_force))
@@ -49,7 +49,7 @@ fn of_attitude(clue: &Clue) -> Found {
         .map(|(sign, z)| (sign, format!("{} swings with the encoder ({z:.0} standard uncertainties)", clue.name)))
 }
 
-/// Sign of the coefficient on the angle or rate, and how clear it is.
+/// Sign of the coefficient on the angle or rate, and its significance.
 fn slope(clue: &Clue, component: usize) -> Option<(f64, f64)> {
     let fit = clue.regression(component)?;
     let z = fit.coefficients.get(1)?.abs() / fit.standard_uncertainty(1);

@@ -9,23 +9,23 @@ use crate::rig::{MountKind, Rig};
 use flight::{Code, Notices, Quantity};
 use record::Estimate;
 
-/// Axes of a calibrated MEMS accelerometer are true to about this (0.1°).
+/// Alignment accuracy of the axes of a calibrated MEMS accelerometer (0.1°).
 const ACCELEROMETER_AXES_RAD: f64 = 1.7e-3;
-/// Pitch of an INS on MEMS sensors is true to about this (0.5°).
+/// Pitch accuracy of an INS with MEMS sensors (0.5°).
 const ATTITUDE_RAD: f64 = 8.7e-3;
-/// North, east and down of a velocity or position are true to about this (0.2°).
+/// Accuracy of north, east and down of a velocity or position (0.2°).
 const CIRCLE_RAD: f64 = 3.5e-3;
-/// A zero less well known than this is no zero (10°).
+/// A zero more uncertain than this is rejected (10°).
 const LEAST_USEFUL_RAD: f64 = 0.17;
-/// Friction holds a hanging bar this far from the vertical (0.5°).
+/// Deviation of a hanging bar from the vertical due to friction (0.5°).
 const REST_RAD: f64 = 8.7e-3;
-/// A bar at rest moves less than this, in counts per second, for at least so many seconds.
+/// A bar at rest moves less than this, in counts per second, for at least [`REST_S`] seconds.
 const REST_COUNTS_PER_S: f64 = 1.0;
 const REST_S: f64 = 5.0;
-/// How far a guess that the bar swings about the vertical may be off (10°).
+/// Uncertainty of the assumption that the bar swings about the vertical (10°).
 const GUESS_RAD: f64 = 0.17;
 
-/// The zero as each channel alone shows it, rad.
+/// The zero according to each channel alone, rad.
 pub(super) fn zeros(clues: &[Clue], sign: f64, azimuth: Option<f64>) -> Vec<(String, Estimate)> {
     let of = |clue: &Clue| {
         let (value, u) = match clue.quantity {
@@ -41,7 +41,7 @@ pub(super) fn zeros(clues: &[Clue], sign: f64, azimuth: Option<f64>) -> Vec<(Str
     clues.iter().filter_map(of).collect()
 }
 
-/// The zero to work with, and where it comes from.
+/// The zero to use, and its source.
 pub(super) fn zero(
     zeros: &[(String, Estimate)],
     motion: &Motion,
@@ -69,12 +69,12 @@ fn uncertainty(e: &Estimate) -> f64 {
     e.standard_uncertainty.unwrap_or(f64::INFINITY)
 }
 
-/// The stacked fit of an accelerometer for the sign in use.
+/// The stacked fit of an accelerometer for the current sign.
 pub(crate) fn force_fit(clue: &Clue, sign: f64) -> Option<&ForceFit> {
     clue.force.as_ref().map(|[plus, minus]| if sign > 0.0 { plus } else { minus })
 }
 
-/// Direction of gravity: biases and lever arm are fitted along, so neither spoils it.
+/// Direction of gravity: biases and lever arm are fitted as well, so neither affects it.
 fn from_force(clue: &Clue, sign: f64) -> Option<(f64, f64)> {
     let fit = force_fit(clue, sign)?;
     let [u, w, ..] = fit.coefficients;
@@ -82,7 +82,7 @@ fn from_force(clue: &Clue, sign: f64) -> Option<(f64, f64)> {
     Some((w.atan2(u), fit.spread_of_gravity(-w / r2, u / r2).hypot(ACCELEROMETER_AXES_RAD)))
 }
 
-/// Swing angle less encoder, both at the middle of the swing, where the slope's error does not enter.
+/// Swing angle minus encoder, both at the middle of the swing, where the slope's error has no effect.
 fn from_attitude(clue: &Clue, sign: f64) -> Option<(f64, f64)> {
     let measured = clue.samples.components.first()?;
     let n = clue.fit.rows.len() as f64;
@@ -92,7 +92,7 @@ fn from_attitude(clue: &Clue, sign: f64) -> Option<(f64, f64)> {
     Some((mean, (u / n).sqrt().hypot(ATTITUDE_RAD)))
 }
 
-/// Phase of the sensor's circle against its lever arm.
+/// Phase of the sensor's circle relative to its lever arm.
 fn from_circle(clue: &Clue, sign: f64, azimuth: Option<f64>) -> Option<(f64, f64)> {
     let horizontal = azimuth.and_then(|e| Circle::from_horizontal(clue, sign, e));
     let circle = Circle::combined(Circle::from_down(clue, sign), horizontal)?;
@@ -118,7 +118,7 @@ fn from_rest(motion: &Motion, sign: f64, rig: &Rig) -> Option<Estimate> {
     Some(estimate(wrapped(-sign * mean), REST_RAD.hypot(motion.encoder().variance().sqrt())))
 }
 
-/// Angle zero, as the rig defines it, in the middle of the swing.
+/// Assumes angle zero, as defined by the rig file, in the middle of the swing.
 fn from_the_middle(motion: &Motion, sign: f64) -> Estimate {
     let mut angles: Vec<f64> = motion.states().map(|(_, b)| b.angle).collect();
     let middle = signal::median_in_place(&mut angles).unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! Several records of one sensor make one card.
+//! Combines several records of one sensor into one card.
 
 use super::identity::identity_conflict;
 use super::{CardError, sensor_name};
@@ -18,44 +18,45 @@ const METHOD: &str = "Each channel against the motion of the bar, smoothed from 
                       with fitted noise.";
 const METHOD_OF_SEVERAL: &str = "Over several records: random-effects mean (Paule and Mandel), uncertainty by Hartung, \
                                  Knapp, Sidik and Jonkman, within and between records.";
-/// Update rates further apart than this are another configuration of the sensor.
+/// A larger difference in update rate indicates another configuration of the sensor.
 const RATE_TOLERANCE: f64 = 0.2;
 
-/// More than two thirds of the records must agree, or nobody can say which ones are off.
+/// More than two thirds of the records must agree; otherwise the outliers cannot be identified.
 const MAJORITY: [usize; 2] = [2, 3];
-/// Delays of two records that are this many standard uncertainties apart differ, for any number of records.
+/// Delays of two records differ if they are this many standard uncertainties apart, for any number of records.
 const SURELY_APART: f64 = 6.0;
-/// A smaller spread between records is in the uncertainty of the card, s.
+/// A smaller spread between records is covered by the uncertainty of the card, s.
 const APART_S: f64 = 0.020;
 
-/// What a card needs besides the records.
+/// Inputs of a card in addition to the records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CardTerms<'a> {
-    /// Days that the card is valid for after the newest record; `None` if nobody says.
+    /// Validity of the card in days after the newest record; `None` if not stated.
     pub valid_days: Option<u32>,
     /// Version of flightlag that writes the card.
     pub flightlag_version: &'a str,
 }
 
-/// A card, and what must be said of the records that it was made from.
+/// A card, and notices about the records it was made from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Combined {
     /// The card.
     pub card: SensorCard,
-    /// Which record lacks which channel, what was left out, and why.
+    /// Missing channels of each record, exclusions, and their reasons.
     pub notices: Notices,
 }
 
-/// Makes one card of the records of one sensor, each with the name that people know it by.
+/// Combines the records of one sensor, each with its display name, into one card.
 ///
 /// A channel's delay and gain are random-effects means over the records that measured it: the uncertainty covers the
-/// spread within and between records. What all records share (coarse stamps, the anchor's own delay) is not averaged
-/// away. The magnetometer is left to [`crate::card_magnetometer`]. From four records on, one that does not belong to the others
-/// is left out and listed; if that leaves no more than two thirds of them, the channel is not on the card. One record is itself.
+/// spread within and between them. Effects common to all records (coarse timestamps, the anchor's own delay) are not
+/// averaged away. [`crate::card_magnetometer`] handles the magnetometer. From four records on, an outlier is excluded
+/// and listed; if no more than two thirds of the records remain, the channel is not on the card. A single record is
+/// used as it is.
 ///
 /// # Errors
-/// [`CardError`] naming the record: none is given, they are of different sensors or of different analyses, or nothing
-/// was measured.
+/// [`CardError`] naming the record: there are no records, they are of different sensors or of different analyses, or
+/// nothing was measured.
 pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Result<Combined, CardError> {
     let (first_name, first) = records.first().ok_or_else(|| error("", "no record, no card"))?;
     let sensor = one_sensor(records)?;
@@ -66,9 +67,9 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     let mut left_out = vec![];
     let several: Vec<Several<'_>> =
         names.into_iter().filter_map(|name| Several::of(name, &usable, &mut left_out)).collect();
-    tell(&left_out, &mut notices);
-    tell_of_doubts(&usable, &mut notices);
-    tell_of_gates(&usable, &mut notices);
+    report_left_out(&left_out, &mut notices);
+    report_doubts(&usable, &mut notices);
+    report_gates(&usable, &mut notices);
     let channels: Vec<CardChannel> = several.iter().filter_map(|s| s.card(&mut notices)).collect();
     if channels.is_empty() {
         let disagree: Vec<&str> = left_out.iter().filter(|l| l.record.is_empty()).map(|l| l.why.as_str()).collect();
@@ -76,7 +77,7 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
             if disagree.is_empty() { "nothing was measured".to_owned() } else { disagree.join("; ") + ". No channel" };
         return Err(error(first_name, format!("{why} of {}: no card", sensor_name(&sensor))));
     }
-    let [measured_on, valid_from, valid_until] = validity(&days_behind(&several, &usable), terms, &mut notices);
+    let [measured_on, valid_from, valid_until] = validity(&days_of_means(&several, &usable), terms, &mut notices);
     let card = SensorCard {
         card_version: CARD_VERSION,
         sensor,
@@ -94,14 +95,14 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     Ok(Combined { card, notices })
 }
 
-/// Days of the records that means are made of: another one does not make the card younger.
-fn days_behind<'a>(several: &[Several<'_>], usable: &[&'a (String, BenchRecord)]) -> Vec<&'a str> {
-    let behind: BTreeSet<&str> = several.iter().flat_map(|s| s.runs.iter().map(|run| run.record)).collect();
-    let of_means = usable.iter().filter(|(name, _)| behind.contains(name.as_str()));
+/// Days of the records used in the means: other records do not make the card newer.
+fn days_of_means<'a>(several: &[Several<'_>], usable: &[&'a (String, BenchRecord)]) -> Vec<&'a str> {
+    let in_means: BTreeSet<&str> = several.iter().flat_map(|s| s.runs.iter().map(|run| run.record)).collect();
+    let of_means = usable.iter().filter(|(name, _)| in_means.contains(name.as_str()));
     of_means.filter_map(|(_, r)| r.date.as_deref()).collect()
 }
 
-/// How the numbers were found, with what they leave out.
+/// Description of how the numbers were obtained, including exclusions.
 fn method(records: usize, notices: &Notices) -> String {
     let mut text = METHOD.to_owned();
     if records > 1 {
@@ -132,7 +133,7 @@ fn error(file: &str, what: impl Into<String>) -> CardError {
     CardError { file: PathBuf::from(file), line: None, what: what.into() }
 }
 
-/// The identity that all records agree on, with every part that any of them names.
+/// The identity common to all records, with every part stated by at least one of them.
 fn one_sensor(records: &[(String, BenchRecord)]) -> Result<SensorIdentity, CardError> {
     let mut whole = SensorIdentity::default();
     for (i, (name, record)) in records.iter().enumerate() {
@@ -163,7 +164,7 @@ fn is_usable((name, record): &(String, BenchRecord), notices: &mut Notices) -> b
     false
 }
 
-/// A channel of a record that is no part of the mean, and why.
+/// A channel of a record that is excluded from the mean, and why.
 struct LeftOut<'a> {
     code: Code,
     record: &'a str,
@@ -171,14 +172,14 @@ struct LeftOut<'a> {
     why: String,
 }
 
-/// One notice for all channels that a record lacks for one reason.
-fn tell(left_out: &[LeftOut<'_>], notices: &mut Notices) {
-    let mut told: Vec<(Code, &str, &str)> = vec![];
+/// Reports one notice for all channels that a record lacks for one reason.
+fn report_left_out(left_out: &[LeftOut<'_>], notices: &mut Notices) {
+    let mut reported: Vec<(Code, &str, &str)> = vec![];
     for LeftOut { code, record, why, .. } in left_out {
-        if told.contains(&(*code, *record, why)) {
+        if reported.contains(&(*code, *record, why)) {
             continue;
         }
-        told.push((*code, record, why));
+        reported.push((*code, record, why));
         let alike = left_out.iter().filter(|l| (l.code, l.record, &l.why) == (*code, *record, why));
         let channels: Vec<&str> = alike.map(|l| l.channel).collect();
         let text = format!("{}: {why}", channels.join(", "));
@@ -186,8 +187,8 @@ fn tell(left_out: &[LeftOut<'_>], notices: &mut Notices) {
     }
 }
 
-/// Of each record what puts all its channels in doubt, then the channels whose delay changes.
-fn tell_of_doubts(records: &[&(String, BenchRecord)], notices: &mut Notices) {
+/// Reports, for each record, what puts all its channels in doubt, then the channels whose delay changes.
+fn report_doubts(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     for (name, record) in records {
         let doubts = record.doubts();
         if !doubts.is_empty() {
@@ -212,8 +213,8 @@ fn failed_checks(record: &BenchRecord) -> impl Iterator<Item = &GateCheck> {
     record.findings.iter().flat_map(|f| &f.gate.checks).filter(|c| !c.passed)
 }
 
-/// Checks of the gate that a record failed, as far as they put nothing in doubt.
-fn tell_of_gates(records: &[&(String, BenchRecord)], notices: &mut Notices) {
+/// Reports the gate checks that a record failed, if they do not put anything in doubt.
+fn report_gates(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     for (name, record) in records {
         for check in failed_checks(record).filter(|c| !c.is_of_wrong_motion()) {
             notices.push(Code::CardConditions, name, 1, format!("{}: {}", check.name, check.text));
@@ -221,7 +222,7 @@ fn tell_of_gates(records: &[&(String, BenchRecord)], notices: &mut Notices) {
     }
 }
 
-/// First to last day, as asked for by the rig.
+/// First to last day, as requested by the rig file.
 fn validity(days: &[&str], terms: &CardTerms<'_>, notices: &mut Notices) -> [Option<String>; 3] {
     let days: Vec<Date> = days.iter().filter_map(|day| day.parse().ok()).collect();
     let (oldest, newest) = (days.iter().min(), days.iter().max());
@@ -249,7 +250,7 @@ fn source(record: &BenchRecord) -> CardSource {
     }
 }
 
-/// One channel of one record, with everything that a card needs of it.
+/// One channel of one record, with everything needed for a card.
 #[derive(Clone, Copy)]
 struct Run<'a> {
     record: &'a str,
@@ -258,7 +259,7 @@ struct Run<'a> {
     gain: Reading,
 }
 
-/// What must be equal for delays to be comparable.
+/// Properties that must be equal for delays to be comparable.
 #[derive(Debug, Clone, PartialEq)]
 struct Kind {
     quantity: Quantity,
@@ -290,14 +291,14 @@ impl Kind {
 struct Several<'a> {
     name: &'a str,
     runs: Vec<Run<'a>>,
-    /// Records left out as outliers.
+    /// Records excluded as outliers.
     outliers: Vec<String>,
-    /// What puts those of the mean in doubt.
+    /// Doubts about the records in the mean.
     contradicted: Vec<String>,
 }
 
 impl<'a> Several<'a> {
-    /// The runs that can be averaged; what is missing or left out is told. `None` if there is none.
+    /// The runs that can be averaged; missing and excluded ones are reported. `None` without any.
     fn of(
         name: &'a str,
         records: &[&'a (String, BenchRecord)],
@@ -331,7 +332,7 @@ impl<'a> Several<'a> {
             left_out.push(LeftOut { code: Code::LeftOffCard, record: run.record, channel: name, why });
         }
         let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();
-        let behind = records.iter().filter(|(record, _)| kept.iter().any(|run| run.record == record));
+        let in_mean = records.iter().filter(|(record, _)| kept.iter().any(|run| run.record == record));
         let doubts = |found: &BenchRecord| {
             let own = channels(found).iter().find(|c| c.name == name).and_then(ChannelDynamics::doubt);
             found.doubts().into_iter().chain(own)
@@ -341,7 +342,7 @@ impl<'a> Several<'a> {
             let why = format!("{what}. One number does not describe it: find what differs between the records");
             left_out.push(LeftOut { code: Code::FlightDelayChanges, record: "", channel: name, why });
         }
-        let of_records = behind.flat_map(|(record, found)| doubts(found).map(move |what| format!("{record}: {what}")));
+        let of_records = in_mean.flat_map(|(record, found)| doubts(found).map(move |what| format!("{record}: {what}")));
         let contradicted = of_records.chain(differs).collect();
         (!kept.is_empty()).then_some(Several { name, runs: kept, outliers, contradicted })
     }
@@ -389,7 +390,7 @@ impl<'a> Several<'a> {
         let evidence = Evidence {
             delay_s: delay.value,
             standard_uncertainty_s: delay.standard_uncertainty,
-            // The uncertainty of a mean is widened already, so that 1.96 of it is the interval.
+            // The uncertainty of a mean is already widened, so that 1.96 times it is the interval.
             degrees_of_freedom: f64::INFINITY,
             margin_s: largest(|run| run.delay.margin_s),
             strict_margin_s: largest(|run| run.delay.strict_margin_s),
@@ -398,15 +399,15 @@ impl<'a> Several<'a> {
         Some(evidence.judge().verdict)
     }
 
-    /// How old a held sample is when a loop reads it, on average over the records that say.
+    /// Age of a held sample when a loop reads it, averaged over the records that state it.
     fn mean_age(&self) -> Option<f64> {
         let age = |r: &Run<'_>| r.delay.as_seen_s.map(|seen| seen.value - r.delay.delay.seconds());
         let ages: Vec<f64> = self.runs.iter().filter_map(age).collect();
         (!ages.is_empty()).then(|| ages.iter().sum::<f64>() / ages.len() as f64)
     }
 
-    /// The model that more than half of the records show, with its mean lags and, if it has any, how late it makes slow
-    /// motion; else what they show.
+    /// The model of more than half of the records, with its mean lags and, if it has any, its lateness for slow motion;
+    /// without such a majority, the models of the records.
     fn model(&self) -> CardModel {
         let kinds: BTreeSet<&str> = self.runs.iter().map(Run::model).collect();
         let with = |kind: &str| self.runs.iter().filter(|r| r.model() == kind).collect::<Vec<_>>();
@@ -447,7 +448,7 @@ impl<'a> Several<'a> {
     }
 }
 
-/// That the delay is another one from record to record, by more than their uncertainties and by more than a flight would bear.
+/// Reports a delay that varies between records by more than their uncertainties and by more than a flight tolerates.
 fn difference(runs: &[Run<'_>]) -> Option<String> {
     let by_delay = |a: &&Run<'_>, b: &&Run<'_>| a.delay.delay.seconds().total_cmp(&b.delay.delay.seconds());
     let (least, most) = (runs.iter().min_by(by_delay)?, runs.iter().max_by(by_delay)?);
@@ -459,7 +460,7 @@ fn difference(runs: &[Run<'_>]) -> Option<String> {
     })
 }
 
-/// Both groups of records, where neither is a clear majority: apart at the widest gap between their delays.
+/// Both groups of records if neither is a clear majority: split at the widest gap between their delays.
 fn disagreement(mut runs: Vec<Run<'_>>) -> String {
     let delay_s = |r: &Run<'_>| r.delay.delay.seconds();
     runs.sort_by(|a, b| delay_s(a).total_cmp(&delay_s(b)));
@@ -480,7 +481,7 @@ fn disagreement(mut runs: Vec<Run<'_>>) -> String {
     )
 }
 
-/// What a record says of a channel, or why it does not.
+/// A channel of a record, or why it is missing.
 fn run<'a>(record: &'a str, channel: Option<&'a ChannelDynamics>) -> Result<Run<'a>, String> {
     let channel = channel.ok_or("the record has no such channel")?;
     let delay = channel.delay.as_ref().filter(|_| channel.verdict != Verdict::NotMeasurable);
@@ -489,7 +490,7 @@ fn run<'a>(record: &'a str, channel: Option<&'a ChannelDynamics>) -> Result<Run<
     Ok(Run { record, channel, delay, gain })
 }
 
-/// Gain of the excited components: their mean, for in a planar swing they share the motion.
+/// Gain of the excited components: their mean, because in a planar swing they share the motion.
 fn gain(channel: &ChannelDynamics) -> Option<Reading> {
     let reading = |c: &record::ComponentDynamics| {
         let gain = c.gain.filter(|_| c.excited)?;
@@ -499,7 +500,7 @@ fn gain(channel: &ChannelDynamics) -> Option<Reading> {
     Some(Reading { value: mean.value, standard_uncertainty: mean.standard_uncertainty })
 }
 
-/// Keeps the runs of the most frequent kind, absolute ones before relative ones; tells of the others.
+/// Keeps the runs of the most frequent kind, absolute ones before relative ones; reports the others.
 fn comparable<'a>(name: &'a str, runs: Vec<Run<'a>>, left_out: &mut Vec<LeftOut<'a>>) -> Vec<Run<'a>> {
     let like = |kind: &Kind| runs.iter().filter(|r| Kind::of(r.channel) == *kind).count();
     let mut kinds: Vec<Kind> = vec![];
@@ -509,7 +510,7 @@ fn comparable<'a>(name: &'a str, runs: Vec<Run<'a>>, left_out: &mut Vec<LeftOut<
             kinds.push(kind);
         }
     }
-    // The first of equals stays first.
+    // On a tie the first one is kept.
     kinds.sort_by_key(|kind| (kind.anchor.is_some(), std::cmp::Reverse(like(kind))));
     let Some(best) = kinds.first().cloned() else { return runs };
     let (kept, others): (Vec<Run<'_>>, Vec<Run<'_>>) = runs.into_iter().partition(|r| Kind::of(r.channel) == best);
@@ -523,19 +524,19 @@ fn comparable<'a>(name: &'a str, runs: Vec<Run<'a>>, left_out: &mut Vec<LeftOut<
 }
 
 impl Run<'_> {
-    /// Uncertainty that other records of the bench share: it does not average away, s.
+    /// Uncertainty common to other records of the bench, s: it does not average away.
     fn shared(&self) -> f64 {
         self.delay.stamps_s.hypot(self.delay.anchor_s)
     }
 
-    /// The delay with what differs from record to record.
+    /// The delay with only the uncertainty that varies between records.
     fn random_delay(&self) -> Reading {
         let whole = self.delay.standard_uncertainty_s;
         let random = (whole * whole - self.shared().powi(2)).max(0.0).sqrt();
         Reading { value: self.delay.delay.seconds(), standard_uncertainty: random }
     }
 
-    /// Name of the model: empty where the record cannot tell.
+    /// Name of the model: empty if the record cannot determine it.
     fn model(&self) -> &str {
         self.channel.model.found().and_then(|m| m.chosen.as_deref()).unwrap_or_default()
     }
@@ -562,7 +563,7 @@ fn model_in_words(name: &str) -> &str {
 struct CardModel {
     words: String,
     lags: Vec<Estimate>,
-    /// Delay and lags together, where there is a lag.
+    /// Delay plus lags, if there is a lag.
     slow_s: Option<Estimate>,
 }
 
@@ -573,7 +574,7 @@ fn mean_lags(runs: &[&Run<'_>]) -> Vec<Estimate> {
     (0..count).filter_map(|i| mean_estimate(&of(i))).collect()
 }
 
-/// Mean over records, weighted where each knows its uncertainty; else plain, and without one.
+/// Mean over records, weighted if all uncertainties are known; otherwise plain, without uncertainty.
 fn mean_estimate(all: &[Estimate]) -> Option<Estimate> {
     let reading = |e: &Estimate| {
         let standard_uncertainty = e.standard_uncertainty.filter(|u| *u > 0.0)?;
@@ -588,7 +589,7 @@ fn mean_estimate(all: &[Estimate]) -> Option<Estimate> {
     }
 }
 
-/// The uncertainties of all, or none of them.
+/// The uncertainties if all are known.
 fn uncertainties(all: &[Estimate]) -> Vec<f64> {
     all.iter().map(|e| e.standard_uncertainty).collect::<Option<_>>().unwrap_or_default()
 }

@@ -95,7 +95,7 @@ pub(crate) fn card() -> SensorCard {
     }
 }
 
-/// A channel that was measured with this delay.
+/// A channel measured with this delay.
 pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
     let estimate = |value, u| Estimate { value, standard_uncertainty: Some(u) };
     ChannelDynamics {
@@ -172,7 +172,7 @@ pub(crate) fn model(name: &str, lags_s: &[f64]) -> Finding<ModelFinding> {
     })
 }
 
-/// A record of that day with these channels.
+/// A record from that day with these channels.
 pub(crate) fn record(day: &str, channels: Vec<ChannelDynamics>) -> BenchRecord {
     let input = InputFile { name: format!("{day}.csv"), bytes: 1, blake3: format!("hash of {day}") };
     BenchRecord {

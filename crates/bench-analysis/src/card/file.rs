@@ -1,4 +1,4 @@
-//! The card as a file: TOML, first the sensor, then validity, then channels, then records, then the magnetometer.
+//! The card as a TOML file: sensor, validity, channels, records, then the magnetometer.
 
 use super::CardError;
 use flight::Quantity;
@@ -12,7 +12,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Longest delay that is taken for one, s; a larger number is a delay in milliseconds.
+/// Longest plausible delay, s; a larger number is a delay in milliseconds.
 const LONGEST_DELAY_S: f64 = 10.0;
 
 const HEAD: &str = "\
@@ -81,7 +81,7 @@ const IRON_KEYS: [&str; 9] = [
     "text",
 ];
 
-/// The text of a card: [`parse_card`] gives the card back, bit by bit.
+/// The text of a card: [`parse_card`] returns the same card, bit by bit.
 #[must_use]
 pub fn card_text(card: &SensorCard) -> String {
     let whole = table_of(card);
@@ -107,7 +107,7 @@ pub fn card_text(card: &SensorCard) -> String {
     text
 }
 
-/// A struct as a table; these types have text keys and no way to fail.
+/// A struct as a table; these types have text keys and cannot fail.
 fn table_of(value: &impl Serialize) -> toml::Table {
     toml::Table::try_from(value).unwrap_or_default()
 }
@@ -129,12 +129,12 @@ fn entries(text: &mut String, name: &str, comment: &str, entries: &[impl Seriali
     }
 }
 
-/// Reads a card from `text`; `path` is for errors.
+/// Reads a card from `text`; `path` is used in errors.
 ///
 /// # Errors
-/// [`CardError`] with the line: no TOML, another layout, an unknown key, a number that is not finite, a negative
-/// uncertainty, a delay that must be milliseconds, a day that is none, a validity that ends before it begins, or a
-/// channel that is a duplicate.
+/// [`CardError`] with the line: invalid TOML, another layout, an unknown key, a number that is not finite, a negative
+/// uncertainty, a delay that must be in milliseconds, an invalid day, a validity that ends before it starts, or a
+/// duplicate channel.
 pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, CardError> {
     let file = SettingsFile::new(text, path);
     let wrong = |Complaint { line, what }| CardError { file: path.to_owned(), line, what };
@@ -155,7 +155,7 @@ fn get<'a, 'b>(table: &'b DeTable<'a>, key: &str) -> Option<&'b Place<'a>> {
     table.iter().find(|(k, _)| k.get_ref() == key).map(|(_, value)| value)
 }
 
-/// The value of `key` in a table, or the whole table where it has none.
+/// The value of `key` in a table, or the whole table if the key is missing.
 fn part<'a, 'b>(place: &'b Place<'a>, key: &str) -> &'b Place<'a> {
     place.get_ref().as_table().and_then(|table| get(table, key)).unwrap_or(place)
 }
@@ -166,7 +166,7 @@ fn items<'a, 'b>(table: &'b DeTable<'a>, key: &str) -> impl Iterator<Item = &'b 
     array.into_iter().flat_map(|array| array.iter())
 }
 
-/// Knows the file, so that every complaint has its line.
+/// Holds the file, so that every error has its line.
 struct Checker<'a> {
     file: &'a SettingsFile<'a>,
 }
@@ -267,7 +267,7 @@ impl Checker<'_> {
         channel.lags_standard_uncertainty_s.iter().for_each(|&u| size("lags_standard_uncertainty_s", Some(u)));
     }
 
-    /// A position must hold a position: replay finds channels by their names.
+    /// A position must hold a position: replay finds channels by name.
     fn quantity(&self, place: &Place<'_>, channel: &CardChannel) {
         let fits = match channel.name.split('.').next() {
             Some("position") => matches!(channel.quantity, Quantity::PositionGeodetic | Quantity::PositionNed),
@@ -289,7 +289,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Numbers are finite, uncertainties not negative.
+    /// Numbers must be finite, uncertainties must not be negative.
     fn magnetometer(&self, place: &Place<'_>, magnetometer: &CardMagnetometer) {
         let Finding::Found(iron) = &magnetometer.iron else { return };
         let values = iron.soft_iron.iter().flatten().chain(&iron.hard_iron).chain(&iron.scale);
@@ -321,13 +321,13 @@ mod tests {
         parse_card(text, Path::new("cards/mtig.card.toml")).unwrap_err()
     }
 
-    /// The line, from 1, that begins with `start`.
+    /// The line, from 1, that starts with `start`.
     fn line_of(text: &str, start: &str) -> usize {
         text.lines().position(|l| l.starts_with(start)).unwrap() + 1
     }
 
     #[test]
-    fn a_card_comes_back_from_its_text_bit_by_bit() {
+    fn a_card_survives_a_round_trip_through_text_bit_by_bit() {
         let mut card = example::card();
         card.channels[0].delay_s = 0.1 + 0.2;
         card.channels[1].delay_standard_uncertainty_s = f64::MIN_POSITIVE;
@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_card_reads_from_identity_over_validity_and_channels_to_records() {
+    fn a_card_lists_identity_validity_channels_and_records_in_order() {
         let text = card_text(&example::card());
         let starts = ["card_version", "sensor.model", "measured_on", "valid_until", "rig", "[[channel]]", "[[record]]"];
         let lines: Vec<usize> = starts.iter().map(|s| line_of(&text, s)).collect();
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn the_text_knows_every_key_of_a_card() {
+    fn the_text_contains_every_key_of_a_card() {
         let card = example::card();
         let full = CardChannel {
             as_seen_delay_s: Some(0.5),
@@ -379,7 +379,7 @@ mod tests {
         assert_eq!(of(table_of(&card)), whole);
     }
 
-    /// What of the example is changed to what, the line that is refused for it, and what the error says.
+    /// Replacements in the example, the line of the resulting error, and its text.
     const NONSENSE: [(&str, &str, &str, &str); 18] = [
         ("card_version = 1", "card_version = 2", "card_version", "only layout"),
         ("delay_s = 0.4\n", "delay_s = nan\n", "delay_s", "finite"),
@@ -402,7 +402,7 @@ mod tests {
     ];
 
     #[test]
-    fn what_makes_no_sense_is_refused_with_its_line() {
+    fn nonsense_is_rejected_with_its_line() {
         let text = card_text(&example::card());
         for (was, is, line, says) in NONSENSE {
             let changed = text.replacen(was, is, 1);
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn one_run_reports_all_that_is_wrong_with_a_card() {
+    fn all_errors_of_a_card_are_reported_at_once() {
         let text = card_text(&example::card())
             .replacen("measured_on = \"2010-10-25\"", "measured_on = \"2010-13-25\"", 1)
             .replacen("delay_s = 0.4\n", "delay_s = 400.0\n", 1)
@@ -433,7 +433,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_that_is_there_twice_is_refused_at_the_second() {
+    fn a_duplicate_channel_is_rejected_at_its_second_entry() {
         let text =
             card_text(&example::card()).replace("velocity.ins", "position.gps").replace("velocity-ned", "position-ned");
         let second = text.match_indices("[[channel]]").nth(1).unwrap().0;

@@ -1,8 +1,8 @@
-//! Whether two sensors are the same.
+//! Checks whether two sensors are the same.
 
 use record::SensorIdentity;
 
-/// What two identities disagree about, as ``serial `1` and `2` ``; `None` if every part that both name is equal.
+/// The differences between two identities, as ``serial `1` and `2` ``; `None` if every part stated by both is equal.
 #[must_use]
 pub fn identity_conflict(a: &SensorIdentity, b: &SensorIdentity) -> Option<String> {
     let baud = |s: &SensorIdentity| s.baud.map(|b| b.to_string());
@@ -21,7 +21,7 @@ pub fn identity_conflict(a: &SensorIdentity, b: &SensorIdentity) -> Option<Strin
     (!conflicts.is_empty()).then(|| conflicts.join(", "))
 }
 
-/// The sensor in a few words: model and serial number.
+/// Short name of the sensor: model and serial number.
 #[must_use]
 pub fn sensor_name(sensor: &SensorIdentity) -> String {
     match &sensor.serial {
@@ -39,12 +39,12 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_only_one_side_names_does_not_make_two_sensors() {
+    fn a_part_stated_by_one_side_only_is_no_conflict() {
         assert_eq!(identity_conflict(&sensor("A", Some("1")), &sensor("A", None)), None);
     }
 
     #[test]
-    fn every_part_that_differs_is_named() {
+    fn every_differing_part_is_named() {
         let a = SensorIdentity { baud: Some(115_200), ..sensor("A", Some("1")) };
         let b = SensorIdentity { baud: Some(57_600), ..sensor("A", Some("2")) };
         assert_eq!(identity_conflict(&a, &b).unwrap(), "serial `1` and `2`, baud `115200` and `57600`");

@@ -4,20 +4,20 @@ use crate::magnetometer::{MagneticSwing, expected, iron};
 use crate::surroundings::Surroundings;
 use record::{CardMagnetometer, Finding};
 
-/// The Earth's field of two sites differs if they are further apart than this share of it.
+/// The Earth's fields of two sites differ if they are further apart than this share.
 const SAME_FIELD: f64 = 0.02;
 
-/// What a record shows of its magnetometer.
+/// Evidence of a record about its magnetometer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MagneticEvidence {
-    /// One swing, or more where the bench was turned within the record; none without magnetometer or azimuth.
+    /// One swing, or more if the bench was turned within the record; empty without magnetometer or azimuth.
     pub swings: Vec<MagneticSwing>,
-    /// The field there.
+    /// The field at the bench.
     pub around: Surroundings,
 }
 
 /// Hard and soft iron from the swings of all `records`, in their order, taken together: one sensor in one field. `None`
-/// if no record shows a magnetometer at a known azimuth. Of several magnetometers the first by record is looked at.
+/// if no record has a magnetometer at a known azimuth. Of several magnetometers, the first by record is used.
 #[must_use]
 pub fn card_magnetometer(records: &[&MagneticEvidence]) -> Option<CardMagnetometer> {
     let first = records.iter().flat_map(|r| &r.swings).next()?;
@@ -34,7 +34,7 @@ pub fn card_magnetometer(records: &[&MagneticEvidence]) -> Option<CardMagnetomet
     })
 }
 
-/// Swings in different fields say nothing of each other.
+/// Swings in different fields cannot be combined.
 fn one_field(records: &[&MagneticEvidence]) -> Result<(), String> {
     let mut fields = records.iter().filter_map(|r| expected(&r.around));
     let Some(first) = fields.next() else { return Ok(()) };

@@ -1,12 +1,12 @@
-//! Which azimuths were swung in, and which would show more.
+//! The azimuths of the swings, and further ones that would help.
 
 use super::MagneticSwing;
 use crate::kinematics::wrapped;
 use std::f64::consts::TAU;
 
-/// Azimuths closer than this are one (10°).
+/// Azimuths closer than this count as one (10°).
 const DISTINCT_RAD: f64 = 0.175;
-/// Fewest azimuths for a full fit.
+/// Minimum number of azimuths for a full fit.
 pub(super) const FULL: usize = 3;
 
 /// The azimuths of the swings, no two of them within ten degrees.
@@ -20,17 +20,17 @@ fn kept(swings: &[MagneticSwing]) -> Vec<f64> {
     kept
 }
 
-/// Whether two azimuths are two.
+/// Whether two azimuths are distinct.
 pub(super) fn differ(a: f64, b: f64) -> bool {
     wrapped(a - b).abs() > DISTINCT_RAD
 }
 
-/// How many azimuths differ by more than ten degrees.
+/// Number of azimuths that differ by more than ten degrees.
 pub(super) fn distinct(swings: &[MagneticSwing]) -> usize {
     kept(swings).len()
 }
 
-/// What the swings lack for a full fit: how many azimuths there are, within which arc, and which would help.
+/// What the swings lack for a full fit: the number of azimuths, the arc they span, and which would help.
 pub(super) fn lacking(swings: &[MagneticSwing]) -> String {
     let kept = kept(swings);
     let have = match kept.len() {
@@ -49,8 +49,8 @@ pub(super) fn degrees(azimuth: f64) -> String {
     format!("{:.0}°", azimuth.to_degrees().round().rem_euclid(360.0))
 }
 
-/// Azimuths to add: a third of a turn to both sides of a single one, else the middles of the largest gaps until there
-/// are enough, at least one.
+/// Azimuths to add: a third of a turn to both sides of a single one, otherwise the middles of the largest gaps until
+/// there are enough, at least one.
 fn further(kept: &[f64]) -> Vec<f64> {
     if let [only] = kept {
         return vec![only + TAU / 3.0, only - TAU / 3.0];
@@ -63,7 +63,7 @@ fn further(kept: &[f64]) -> Vec<f64> {
     all.split_off(kept.len())
 }
 
-/// Where the largest arc without an azimuth begins, and its width, rad.
+/// Start and width of the largest arc without an azimuth, rad.
 fn largest_gap(azimuths: &[f64]) -> (f64, f64) {
     let mut sorted: Vec<f64> = azimuths.iter().map(|a| a.rem_euclid(TAU)).collect();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn the_next_azimuths_lie_where_the_others_do_not() {
+    fn the_next_azimuths_lie_in_the_largest_gaps() {
         assert_eq!(further_deg(&[30.0]), [150.0, 270.0]);
         assert_eq!(further_deg(&[350.0, 20.0]), [185.0]);
         assert_eq!(further_deg(&[0.0, 20.0, 40.0]), [200.0]);

@@ -1,4 +1,4 @@
-//! The full fit: hard and soft iron of all axes with the field's own direction.
+//! The full fit: hard and soft iron of all axes together with the field's direction.
 
 use super::azimuths::{FULL, distinct, lacking};
 use super::{Ellipse, MagneticSwing, expected};
@@ -9,21 +9,21 @@ use nalgebra::{Matrix2, Matrix3};
 use record::{Estimate, Finding, IronCalibration, MagnetometerFinding};
 use signal::{Regression, regress};
 
-/// Rows that the fit looks at.
+/// Number of rows used by the fit.
 const ROWS: usize = 3000;
 const MOST_STEPS: usize = 30;
-/// An azimuth that the rig file states is taken as good to this, k = 1 (0.5°).
+/// Standard uncertainty of an azimuth stated in the rig file (0.5°).
 const STATED_RAD: f64 = 0.0087;
-/// Soft iron that is known worse than this is not known, and neither is hard iron worse than this share of the field.
+/// Soft iron more uncertain than this is unknown, and so is hard iron more uncertain than this share of the field.
 const WORST: f64 = 0.05;
 const DECLINATION: usize = 12;
 const DIP: usize = 13;
 
 /// Why there is no full fit.
 pub(super) enum NotFull {
-    /// The azimuths do not show it; what they show within a plane stands.
+    /// The azimuths do not determine it; the result within a plane remains valid.
     Lacking(String),
-    /// No sensor reads like this.
+    /// No real sensor reads like this.
     Impossible(String),
 }
 
@@ -35,9 +35,9 @@ impl NotFull {
     }
 }
 
-/// What the sensor does to the field, and how well that is known.
+/// The sensor's effect on the field, and its uncertainty.
 pub(super) struct FullFit {
-    /// S with the strength of the field in it.
+    /// S including the strength of the field.
     soft: Matrix3<f64>,
     hard: [f64; 3],
     direction: Direction,
@@ -47,19 +47,19 @@ pub(super) struct FullFit {
     residual_rms: f64,
     /// Largest mean of the residuals of one axis in one swing.
     swings_apart: f64,
-    /// Azimuths that were fitted to.
+    /// Number of azimuths used in the fit.
     azimuths: usize,
     /// Whether the rig file states one of them.
     is_stated: bool,
 }
 
-/// 14 unknowns: S row by row, h, declination and dip (Gauss–Newton; all but the last two enter linearly).
-/// A turn of all azimuths together is a declination; an azimuth that is off by itself widens what is claimed.
+/// 14 unknowns: S row by row, h, declination and dip (Gauss–Newton; all but the last two enter linearly). A rotation of
+/// all azimuths together is a declination; an error of a single azimuth widens the stated uncertainty.
 ///
-/// How well it does (simulated records of 12 s, 0.2 µT of white noise, iron of 25 µT and 5 %): at 30°, 75°, 165°, 308° the
-/// hard iron is claimed to 0.03 µT and the soft iron to 0.001 with azimuths fitted from a velocity; rms error over claimed
-/// 0.75 to 1.01, 96 to 99 % of 200 trials within k = 2. With azimuths stated 0.5° wrong (Gaussian) 0.13 µT and 0.004,
-/// 0.72 to 1.06 and 96 to 100 %. `tests/it/iron.rs` watches over single trials.
+/// Performance (simulated records of 12 s, 0.2 µT of white noise, iron of 25 µT and 5 %): at 30°, 75°, 165°, 308° the
+/// stated uncertainty is 0.03 µT for the hard iron and 0.001 for the soft iron, with azimuths fitted from a velocity;
+/// rms error over stated 0.75 to 1.01, 96 to 99 % of 200 trials within k = 2. With azimuths stated 0.5° wrong
+/// (Gaussian) 0.13 µT and 0.004, 0.72 to 1.06 and 96 to 100 %. `tests/it/iron.rs` checks single trials.
 ///
 /// # Errors
 /// The azimuths are too few or too close to each other, with those that would help; or the axes are mirrored.
@@ -68,17 +68,17 @@ pub(super) fn full(swings: &[MagneticSwing]) -> Result<FullFit, NotFull> {
     if azimuths < FULL {
         return Err(NotFull::Lacking(lacking(swings)));
     }
-    let not_told = |why: String| NotFull::Lacking(format!("{why}: {}", lacking(swings)));
+    let lacking_because = |why: String| NotFull::Lacking(format!("{why}: {}", lacking(swings)));
     let rows = Rows::of(swings);
-    let mut direction = first_guess(swings).map_err(not_told)?;
-    let mut soft = linear_soft_iron(&rows, direction).map_err(not_told)?;
-    let mut fit = linearised(&rows, direction, &soft).map_err(not_told)?;
+    let mut direction = first_guess(swings).map_err(lacking_because)?;
+    let mut soft = linear_soft_iron(&rows, direction).map_err(lacking_because)?;
+    let mut fit = linearised(&rows, direction, &soft).map_err(lacking_because)?;
     for _ in 0..MOST_STEPS {
         let [by_declination, by_dip] = [DECLINATION, DIP].map(|k| fit.coefficients[k].clamp(-0.3, 0.3));
         direction.declination += by_declination;
         direction.dip += by_dip;
-        soft = linear_soft_iron(&rows, direction).map_err(not_told)?;
-        fit = linearised(&rows, direction, &soft).map_err(not_told)?;
+        soft = linear_soft_iron(&rows, direction).map_err(lacking_because)?;
+        fit = linearised(&rows, direction, &soft).map_err(lacking_because)?;
         if by_declination.hypot(by_dip) < 1e-10 {
             break;
         }
@@ -89,7 +89,7 @@ pub(super) fn full(swings: &[MagneticSwing]) -> Result<FullFit, NotFull> {
     }
     let found = FullFit {
         hard: [0, 1, 2].map(|axis| fit.coefficients[9 + axis]),
-        covariance: with_azimuths(&fit, &rows, direction, &soft, swings).map_err(not_told)?,
+        covariance: with_azimuths(&fit, &rows, direction, &soft, swings).map_err(lacking_because)?,
         condition: fit.condition,
         residual_rms: (fit.residuals.iter().map(|r| r * r).sum::<f64>() / fit.residuals.len().max(1) as f64).sqrt(),
         swings_apart: swings_apart(&fit.residuals, &rows),
@@ -98,12 +98,12 @@ pub(super) fn full(swings: &[MagneticSwing]) -> Result<FullFit, NotFull> {
         azimuths,
         is_stated: swings.iter().any(|s| s.azimuth.standard_uncertainty.is_none()),
     };
-    found.known_well_enough().map_err(not_told)?;
+    found.known_well_enough().map_err(lacking_because)?;
     Ok(found)
 }
 
-/// The covariance of the fit with what the azimuths do not know of themselves: to first order an azimuth that is off
-/// moves the solution as the regression of its effect on the unknowns says.
+/// The covariance of the fit including the errors of the azimuths: to first order an azimuth error moves the solution
+/// as the regression of its effect on the unknowns.
 fn with_azimuths(
     fit: &Regression,
     rows: &Rows,
@@ -137,7 +137,7 @@ fn with_azimuths(
     Ok(covariance)
 }
 
-/// Largest mean residual of an axis in a swing: what the swings have not in common.
+/// Largest mean residual of an axis in a swing: what the swings do not have in common.
 fn swings_apart(residuals: &[f64], rows: &Rows) -> f64 {
     let n = rows.swing.len();
     let mean = |axis: usize, swing: usize| {
@@ -157,7 +157,7 @@ impl FullFit {
         self.covariance[unknown][unknown].max(0.0).sqrt()
     }
 
-    /// Standard uncertainty of what has this slope in the nine numbers of S.
+    /// Standard uncertainty of a quantity with this slope in the nine numbers of S.
     fn u_of_soft(&self, slope: impl Fn(usize) -> f64) -> f64 {
         let slope: Vec<f64> = (0..9).map(slope).collect();
         let variance = (0..9).flat_map(|i| (0..9).map(move |j| (i, j)));
@@ -197,7 +197,7 @@ impl FullFit {
         ))
     }
 
-    /// Size of the field over that of the model.
+    /// Magnitude of the field divided by that of the model.
     fn magnitude_ratio(&self, swings: &[MagneticSwing], around: &Surroundings) -> Option<Estimate> {
         let model = expected(around).filter(|_| swings.iter().all(|s| s.is_tesla))?;
         let slope = self.scale_slope();
@@ -256,7 +256,7 @@ impl FullFit {
 
 /// Rows of all swings, thinned evenly.
 struct Rows {
-    /// Which swing each is of, rising.
+    /// Swing index of each row, rising.
     swing: Vec<usize>,
     /// Azimuth and angle.
     pose: Vec<(f64, f64)>,
@@ -311,7 +311,7 @@ impl Direction {
     }
 }
 
-/// Direction of the field as perfect sensors would show it: where the fit starts.
+/// Direction of the field assuming perfect sensors: the start of the fit.
 fn first_guess(swings: &[MagneticSwing]) -> Result<Direction, String> {
     let (mut cosine, mut sine, mut along, mut down) = (vec![], vec![], vec![], 0.0);
     for swing in swings {
@@ -330,7 +330,7 @@ fn first_guess(swings: &[MagneticSwing]) -> Result<Direction, String> {
     Ok(Direction { declination: horizontal.y.atan2(horizontal.x), dip: down.atan2(horizontal.norm()) })
 }
 
-/// S for a given direction: each axis on 1 and the field in body axes.
+/// S for a given direction: regression of each axis on 1 and the field in body axes.
 fn linear_soft_iron(rows: &Rows, direction: Direction) -> Result<Matrix3<f64>, String> {
     let body = rows.in_body(direction.ned());
     let one = vec![1.0; body.len()];
@@ -349,7 +349,7 @@ fn linear_soft_iron(rows: &Rows, direction: Direction) -> Result<Matrix3<f64>, S
 const NAMES: [&str; 14] =
     ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "hx", "hy", "hz", "declination", "dip"];
 
-/// All axes stacked on all unknowns, the direction's as small changes.
+/// Regression of all stacked axes on all unknowns; those of the direction are small changes.
 fn linearised(rows: &Rows, direction: Direction, soft: &Matrix3<f64>) -> Result<Regression, String> {
     let columns = columns(rows, direction, soft);
     let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();

@@ -1,4 +1,4 @@
-//! The swings of a record, as its magnetometer saw them.
+//! The swings of a record, from its magnetometer's point of view.
 
 use super::MagneticSwing;
 use super::azimuths::{degrees, differ};
@@ -10,19 +10,19 @@ use crate::surroundings::Surroundings;
 use flight::{Channel, Code, Flight, Notices, Quantity, Series, Timeline};
 use signal::static_segments;
 
-/// Fewer rows of a swing show nothing.
+/// Minimum number of rows of a swing.
 const LEAST_ROWS: usize = 50;
-/// Nobody turns a bench within less, s.
+/// A bench is not turned in less time, s.
 const LEAST_REST_S: f64 = 2.0;
-/// A stretch of swing shorter than this shows no azimuth, s.
+/// A part of a swing shorter than this does not determine an azimuth, s.
 const LEAST_SWING_S: f64 = 10.0;
-/// Counts a second below which the bar stands still.
+/// Counts per second below which the bar is at rest.
 const STILL_COUNTS_PER_S: f64 = 2.0;
 
-/// The first magnetometer of `sensor` over its swings: one, or more where the bench was turned while the bar rested.
+/// The first magnetometer of `sensor` over its swings: one, or more if the bench was turned while the bar rested.
 ///
-/// An azimuth is told from north and east alone, of positions and velocities; a record without them has one swing, at
-/// the azimuth of the rig. `motion` is oriented by `alignment`; stamps are in the encoder's clock.
+/// The azimuth is inferred only from north and east of positions and velocities; a record without them has one swing,
+/// at the azimuth of the rig file. `motion` is oriented by `alignment`; timestamps are in the encoder's clock.
 pub(crate) fn magnetic_swings(
     sensor: &Flight,
     motion: &Motion,
@@ -46,7 +46,7 @@ fn first_swing(sensor: &Flight, motion: &Motion, rig: &Rig, alignment: &Alignmen
     sensor.channels.iter().find_map(|(name, channel)| MagneticSwing::of(name, channel, motion, rig, alignment))
 }
 
-/// What must be said of a record whose channels are all compared at one azimuth.
+/// Notice for a record whose channels are all compared at one azimuth.
 fn in_words(parts: &[Part]) -> String {
     let one = |p: &Part| format!("{} from {:.0} to {:.0} s", degrees(p.azimuth), p.from_s, p.to_s);
     let all: Vec<String> = parts.iter().map(one).collect();
@@ -57,7 +57,7 @@ fn in_words(parts: &[Part]) -> String {
     )
 }
 
-/// A stretch of swing between rests.
+/// A part of the swing between rests.
 struct Part {
     from_s: f64,
     to_s: f64,
@@ -66,7 +66,7 @@ struct Part {
     alignment: Alignment,
 }
 
-/// The stretches between rests whose azimuth shows.
+/// The parts between rests whose azimuth can be determined.
 fn parts(sensor: &Flight, motion: &Motion, rig: &Rig, around: &Surroundings) -> Vec<Part> {
     let raw = motion.clone().oriented(1.0, 0.0);
     let mut open = rig.clone();
@@ -75,7 +75,7 @@ fn parts(sensor: &Flight, motion: &Motion, rig: &Rig, around: &Surroundings) -> 
         let sensor = cut(sensor, motion, from_s, to_s);
         let alignment = align(&raw, &sensor, &open, around);
         let by_heading = |name: &str| sensor.channels.get(name).is_some_and(|c| c.quantity == Quantity::Attitude);
-        // The heading of an attitude filter is pulled by the very iron that is looked for.
+        // The heading of an attitude filter is affected by the very iron to be determined.
         let shown = alignment.azimuths.iter().filter(|(name, _)| !by_heading(name));
         let u = |e: &record::Estimate| e.standard_uncertainty.unwrap_or(f64::INFINITY);
         let (_, azimuth) = shown.min_by(|a, b| u(&a.1).total_cmp(&u(&b.1)))?;
@@ -84,11 +84,11 @@ fn parts(sensor: &Flight, motion: &Motion, rig: &Rig, around: &Surroundings) -> 
         Some(Part { from_s, to_s, azimuth: azimuth.value, sensor, alignment })
     };
     let stretches = stretches(motion);
-    // The usual record has one, and nothing to compare.
+    // The usual record has one, without anything to compare.
     if stretches.len() < 2 { vec![] } else { stretches.into_iter().filter_map(part).collect() }
 }
 
-/// Long enough stretches of motion between rests, s after the origin.
+/// Sufficiently long periods of motion between rests, s after the origin.
 fn stretches(motion: &Motion) -> Vec<(f64, f64)> {
     let (t, rate): (Vec<f64>, Vec<f64>) = motion.states().map(|(t, state)| (t, state.rate)).unzip();
     let still = STILL_COUNTS_PER_S * motion.encoder().lsb_rad();
@@ -99,7 +99,7 @@ fn stretches(motion: &Motion) -> Vec<(f64, f64)> {
     starts.zip(ends).filter(|(from, to)| to - from >= LEAST_SWING_S).collect()
 }
 
-/// What the channels hold within a stretch.
+/// The channels' data within a part.
 fn cut(sensor: &Flight, motion: &Motion, from_s: f64, to_s: f64) -> Flight {
     let (from, to) = (motion.origin().plus_seconds(from_s), motion.origin().plus_seconds(to_s));
     let part = |channel: &Channel| {
@@ -122,8 +122,8 @@ fn cut(sensor: &Flight, motion: &Motion, from_s: f64, to_s: f64) -> Flight {
 }
 
 impl MagneticSwing {
-    /// The channel `name` over one swing, its delay taken out. `None` if it is no magnetometer with three axes, shows
-    /// nothing of the swing, or the azimuth is not known.
+    /// The channel `name` over one swing, with its delay removed. `None` if it is not a magnetometer with three axes,
+    /// has no usable data of the swing, or the azimuth is unknown.
     fn of(name: &str, channel: &Channel, motion: &Motion, rig: &Rig, alignment: &Alignment) -> Option<MagneticSwing> {
         if !matches!(channel.quantity, Quantity::MagneticField | Quantity::MagneticDirection) {
             return None;

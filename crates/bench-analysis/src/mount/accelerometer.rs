@@ -1,40 +1,40 @@
-//! Lever arm, scale, biases and misalignment by the accelerometer.
+//! Lever arm, scale, biases and misalignment from the accelerometer.
 
-use super::{ARM_TOLERANCE_M, Look, MISALIGNMENT_TOLERANCE_RAD, Side, check, coefficient, scale_check, u, untold};
+use super::{ARM_TOLERANCE_M, Inputs, MISALIGNMENT_TOLERANCE_RAD, Side, check, coefficient, scale_check, u, unknown};
 use crate::alignment::{Clue, ForceFit, estimate, force_fit};
 use crate::kinematics::specific_force;
 use record::MountCheck;
 use signal::regress;
 
-/// The lever arm must be this many standard uncertainties long to have a side.
+/// Minimum length of the lever arm in standard uncertainties to determine its side.
 const CLEAR: f64 = 5.0;
 
-/// On which side of the pivot the accelerometer is: its arm against the way gravity points.
-pub(super) fn side(look: &Look<'_>, clue: &Clue) -> Option<Side> {
-    let fit = force_fit(clue, look.alignment.sign).filter(|fit| fit.arm_is_fitted)?;
+/// Side of the pivot that the accelerometer is on: its arm against the direction of gravity.
+pub(super) fn side(inputs: &Inputs<'_>, clue: &Clue) -> Option<Side> {
+    let fit = force_fit(clue, inputs.alignment.sign).filter(|fit| fit.arm_is_fitted)?;
     let (z, x) = (fit.estimate(2), fit.estimate(3));
     let [cos_0, sin_0, ..] = fit.coefficients;
     let zero = sin_0.atan2(cos_0);
     let n = clue.fit.states.len().max(1) as f64;
     let (mut down, mut upward) = (0.0, 0.0);
     for state in &clue.fit.states {
-        let (s, c) = (look.alignment.sign * state.angle + zero).sin_cos();
+        let (s, c) = (inputs.alignment.sign * state.angle + zero).sin_cos();
         down += (z.value * c - x.value * s) / n;
         upward += c / n;
     }
     (down.abs() > CLEAR * u(&z).hypot(u(&x))).then_some(Side { below: down > 0.0, upside_down: Some(upward < 0.0) })
 }
 
-pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
+pub(super) fn checks(inputs: &Inputs<'_>, clue: &Clue) -> Vec<MountCheck> {
     let mut checks = vec![];
-    if let Some(fit) = force_fit(clue, look.alignment.sign) {
-        checks.extend(in_plane(look, clue, fit));
+    if let Some(fit) = force_fit(clue, inputs.alignment.sign) {
+        checks.extend(in_plane(inputs, clue, fit));
     }
-    checks.extend(across(look, clue).unwrap_or_default());
+    checks.extend(across(inputs, clue).unwrap_or_default());
     checks
 }
 
-fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
+fn in_plane(inputs: &Inputs<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
     let name = &clue.name;
     let [x, _, z] = clue.mount.lever_arm_m;
     let (fitted_z, fitted_x) = (fit.estimate(2), fit.estimate(3));
@@ -43,9 +43,9 @@ fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
         let label = format!("lever arm {axis} of {name}");
         let why = "acceleration and gravity swing alike at one frequency: vary the pace, or swing wider";
         if fit.arm_is_fitted {
-            look.length_check(label, fitted, stated, x.hypot(z), (ARM_TOLERANCE_M, text))
+            inputs.length_check(label, fitted, stated, x.hypot(z), (ARM_TOLERANCE_M, text))
         } else {
-            untold(label, "m", why)
+            unknown(label, "m", why)
         }
     };
     let [cos_0, sin_0, ..] = fit.coefficients;
@@ -56,7 +56,7 @@ fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
         flight::fixed(crate::kinematics::wrapped(pitch).to_degrees(), 2)
     );
     let gravity =
-        format!("gravity as measured over {:.5} m/s² ({})", look.around.gravity_mps2, look.around.gravity_source);
+        format!("gravity as measured over {:.5} m/s² ({})", inputs.around.gravity_mps2, inputs.around.gravity_source);
     let bias = |axis: &str, k: usize| {
         let text = "offset that is left when gravity and motion are taken out";
         check(format!("bias {axis} of {name}"), "m/s²", fit.estimate(k), None, 0.0, text.to_owned())
@@ -71,10 +71,10 @@ fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
 }
 
 /// The axis across the swing reads `−φ_z f_X + φ_x f_Z + b`, where a level, aligned one reads nothing.
-fn across(look: &Look<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
+fn across(inputs: &Inputs<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
     let k = clue.component.iter().position(|c| *c == 1)?;
     let arm = clue.mount.lever_arm_m;
-    let (sign, zero) = (look.alignment.sign, look.alignment.zero_rad.value);
+    let (sign, zero) = (inputs.alignment.sign, inputs.alignment.zero_rad.value);
     let forces: Vec<[f64; 3]> = clue
         .fit
         .states
@@ -86,7 +86,7 @@ fn across(look: &Look<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
                 acceleration: sign * raw.acceleration,
                 jerk: sign * raw.jerk,
             };
-            specific_force(&state, arm, look.around.gravity_mps2).value
+            specific_force(&state, arm, inputs.around.gravity_mps2).value
         })
         .collect();
     let column = |axis: usize| forces.iter().map(|f| f[axis]).collect::<Vec<f64>>();

@@ -1,25 +1,25 @@
-//! Length of the bar by position and velocity.
+//! Length of the bar from position and velocity.
 
-use super::{LENGTH_TOLERANCE, Look, Side};
+use super::{Inputs, LENGTH_TOLERANCE, Side};
 use crate::alignment::{Circle, Clue, estimate};
 use flight::Quantity;
 use record::MountCheck;
 
-/// A length less well known than this share is not told.
+/// A length with a larger relative uncertainty is not reported.
 const LEAST_USEFUL_SHARE: f64 = 0.2;
 const CLEAR: f64 = 5.0;
-/// How the name of such a check begins.
+/// Prefix of the name of such a check.
 pub(super) const NAME: &str = "distance from the axis by";
 
-fn circle(look: &Look<'_>, clue: &Clue) -> Option<Circle> {
-    let sign = look.alignment.sign;
-    let azimuth = look.alignment.azimuth_rad.map(|e| e.value);
+fn circle(inputs: &Inputs<'_>, clue: &Clue) -> Option<Circle> {
+    let sign = inputs.alignment.sign;
+    let azimuth = inputs.alignment.azimuth_rad.map(|e| e.value);
     let horizontal = azimuth.and_then(|e| Circle::from_horizontal(clue, sign, e));
     Circle::combined(Circle::from_down(clue, sign), horizontal)
 }
 
-pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
-    let Some(circle) = circle(look, clue) else { return vec![] };
+pub(super) fn checks(inputs: &Inputs<'_>, clue: &Clue) -> Vec<MountCheck> {
+    let Some(circle) = circle(inputs, clue) else { return vec![] };
     let (radius, u) = circle.radius();
     if u > LEAST_USEFUL_SHARE * radius {
         return vec![];
@@ -28,14 +28,14 @@ pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
     let stated = x.hypot(z);
     let text = "radius of the circle, times the sensor's gain; a bar that bends raises it too".to_owned();
     let label = format!("{NAME} {}", clue.name);
-    let found = look.length_check(label, estimate(radius, u), stated, stated, (LENGTH_TOLERANCE * stated, text));
-    // The gain of a barometer is its own: it is slow, and wind and tubes play with it.
+    let found = inputs.length_check(label, estimate(radius, u), stated, stated, (LENGTH_TOLERANCE * stated, text));
+    // The gain of a barometer is its own: it is slow, and affected by wind and tubes.
     vec![MountCheck { of_rig: found.of_rig && clue.quantity != Quantity::Height, ..found }]
 }
 
-/// Below or above the pivot in the middle of the swing, by the vertical component alone.
-pub(super) fn side(look: &Look<'_>, clue: &Clue) -> Option<Side> {
-    let sign = look.alignment.sign;
+/// Below or above the pivot in the middle of the swing, from the vertical component alone.
+pub(super) fn side(inputs: &Inputs<'_>, clue: &Clue) -> Option<Side> {
+    let sign = inputs.alignment.sign;
     let circle = Circle::from_down(clue, sign)?;
     let (radius, u) = circle.radius();
     let n = clue.fit.states.len().max(1) as f64;

@@ -1,13 +1,13 @@
-//! Scale, biases and misalignment by the gyro.
+//! Scale, biases and misalignment from the gyro.
 
-use super::{Look, MISALIGNMENT_TOLERANCE_RAD, check, coefficient, scale_check};
+use super::{Inputs, MISALIGNMENT_TOLERANCE_RAD, check, coefficient, scale_check};
 use crate::alignment::{Clue, estimate};
 use record::MountCheck;
 
 /// A turned gyro reads `Rᵀ (0, ξ′, 0)`: about x `φ_z ξ′`, about z `−φ_x ξ′`.
-pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
+pub(super) fn checks(inputs: &Inputs<'_>, clue: &Clue) -> Vec<MountCheck> {
     let name = &clue.name;
-    let sign = look.alignment.sign;
+    let sign = inputs.alignment.sign;
     let mut checks = vec![];
     if let Some(y) = clue.regression(1) {
         let scale = estimate(sign * y.coefficients[1], y.standard_uncertainty(1));

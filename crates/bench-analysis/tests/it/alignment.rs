@@ -1,4 +1,4 @@
-//! What the rig leaves open is found from the sensor, late channels among it.
+//! Fits what the rig file leaves open from the sensor, including late channels.
 
 use crate::support::{LENGTH, Sensor, Swing, encoder_channel, everything, flight_of, motion, rig, sensed};
 use bench_analysis::{Alignment, Rig, Surroundings, align};
@@ -19,7 +19,7 @@ fn codes(alignment: &Alignment) -> Vec<&str> {
     alignment.notices.iter().map(|n| n.code.as_str()).collect()
 }
 
-/// Zero within `sigmas` of what the alignment claims, and of 1°.
+/// Zero within `sigmas` of the stated uncertainty, and of 1°.
 fn zero_is(alignment: &Alignment, zero: f64) {
     let off = turn(alignment.zero_rad.value, zero);
     let u = alignment.zero_rad.standard_uncertainty.unwrap();
@@ -33,7 +33,7 @@ fn azimuth_is(alignment: &Alignment, azimuth: f64) {
 }
 
 #[test]
-fn sign_zero_and_azimuth_are_found_whatever_the_encoder_and_the_plane() {
+fn sign_zero_and_azimuth_are_found_for_any_encoder_and_plane() {
     let swing = Swing::by_hand(0.05);
     for (azimuth, sign, zero) in [(0.5, 1.0, 0.0), (-2.8, -1.0, 2.0), (3.1, 1.0, 3.1)] {
         let sensor = everything(&swing, &Sensor::upright(azimuth));
@@ -46,11 +46,11 @@ fn sign_zero_and_azimuth_are_found_whatever_the_encoder_and_the_plane() {
 }
 
 #[test]
-fn each_channel_is_laid_over_the_encoder_at_its_own_delay() {
+fn each_channel_is_aligned_with_the_encoder_at_its_own_delay() {
     let swing = Swing::by_hand(0.05);
     let sensor = everything(&swing, &Sensor::upright(0.5));
     let found = aligned(&swing, &sensor, &rig("", "", ""), 1.0, 0.0);
-    // Noise-free truth and about four standard errors of each (design note 3.3), 2 ms at least for the coarse search.
+    // Noise-free truth and about four standard errors of each (design note 3.3), at least 2 ms for the coarse search.
     for (channel, delay, tolerance) in [
         ("position.gps", 0.4, 0.02),
         ("velocity.ins", 0.02, 0.002),
@@ -106,7 +106,7 @@ fn velocity_and_position_give_zero_and_azimuth_once_the_sign_is_known() {
 }
 
 #[test]
-fn a_magnetometer_alone_shows_neither_and_the_assumptions_are_told() {
+fn a_magnetometer_alone_shows_neither_and_assumptions_are_reported() {
     let found = alone("magnetic-field.imu", Quantity::MagneticField, 50.0, 2e-7, &rig("", "", ""));
     assert_eq!(codes(&found), ["assumption", "assumption"]);
     assert!(found.zero_rad.standard_uncertainty.unwrap() > 0.1);
@@ -114,7 +114,7 @@ fn a_magnetometer_alone_shows_neither_and_the_assumptions_are_told() {
 }
 
 #[test]
-fn a_lever_arm_below_the_pivot_and_a_sensor_upside_down_are_no_obstacle() {
+fn a_hanging_lever_arm_and_an_upside_down_sensor_are_handled() {
     // Hanging, sensor upright.
     let swing = Swing::by_hand(0.05);
     let below = Sensor { arm: [0.0, 0.0, LENGTH], ..Sensor::upright(0.5) };
@@ -129,7 +129,7 @@ fn a_lever_arm_below_the_pivot_and_a_sensor_upside_down_are_no_obstacle() {
 }
 
 #[test]
-fn what_the_rig_says_is_used_and_a_contradiction_is_told() {
+fn rig_values_are_used_and_a_contradiction_is_reported() {
     let swing = Swing::by_hand(0.05);
     let sensor = everything(&swing, &Sensor::upright(0.5));
     let stated = rig("azimuth_deg = 30.0", "sign = 1\nzero_deg = 10.0", "");
@@ -142,7 +142,7 @@ fn what_the_rig_says_is_used_and_a_contradiction_is_told() {
 }
 
 #[test]
-fn a_bar_that_hangs_at_rest_gives_the_zero_where_no_sensor_does() {
+fn a_bar_hanging_at_rest_gives_the_zero_if_no_sensor_does() {
     // 8 s of rest before the swing.
     let swing = Swing::by_hand(0.0);
     let counts: Vec<f64> = (0..3200)
@@ -162,9 +162,9 @@ fn a_bar_that_hangs_at_rest_gives_the_zero_where_no_sensor_does() {
     zero_is(&found, 0.4);
 }
 
-/// A single sine looks alike, turned round, after every half period (0.91 s): both fit, and the nearer one is taken.
+/// A single sine repeats, mirrored, after every half period (0.91 s): both fit, and the smaller delay is taken.
 #[test]
-fn a_swing_of_one_frequency_is_not_taken_for_its_mirror_half_a_period_away() {
+fn a_single_frequency_swing_is_not_confused_with_its_mirror_image() {
     for amplitude in [0.7, 0.1] {
         let swing = Swing { middle: 0.03, sines: vec![(amplitude, 0.55, 0.2)], duration: 40.0 };
         for (name, quantity, delay, sigma) in [
@@ -180,9 +180,10 @@ fn a_swing_of_one_frequency_is_not_taken_for_its_mirror_half_a_period_away() {
     }
 }
 
-/// At 6° of one frequency acceleration and gravity are one signal: the arm is the rig's, and the zero still right.
+/// At 6° and one frequency, acceleration and gravity are one signal: the rig's arm is used, and the zero is still
+/// right.
 #[test]
-fn where_the_lever_arm_cannot_be_fitted_the_zero_still_is() {
+fn the_zero_is_fitted_even_if_the_lever_arm_cannot_be() {
     let swing = Swing { middle: 0.03, sines: vec![(0.1, 0.55, 0.2)], duration: 40.0 };
     for z in [-LENGTH, LENGTH] {
         let sensor = Sensor { arm: [0.0, 0.0, z], ..Sensor::upright(0.5) };
@@ -193,10 +194,10 @@ fn where_the_lever_arm_cannot_be_fitted_the_zero_still_is() {
     }
 }
 
-/// Ten seeds; a Gaussian error within its claimed standard uncertainty (statistical part: the accelerometer's axes are
+/// Ten seeds; a Gaussian error within its stated standard uncertainty (statistical part: the accelerometer's axes are
 /// perfect here) passes 3 σ in all of them with a probability of 97 %, 3.5 σ with 99.5 %.
 #[test]
-fn the_azimuth_is_as_sure_as_it_claims() {
+fn the_azimuth_has_an_honest_uncertainty() {
     let swing = Swing::by_hand(0.05);
     let rig = rig("", "sign = 1\nzero_deg = 0.0", "");
     let mut squares = 0.0;
@@ -207,6 +208,6 @@ fn the_azimuth_is_as_sure_as_it_claims() {
         let azimuth = found.azimuth_rad.unwrap();
         squares += (turn(azimuth.value, 0.5) / azimuth.standard_uncertainty.unwrap()).powi(2);
     }
-    // χ² of ten degrees of freedom: 2.16 to 25.2 hold 99 %.
+    // χ² of ten degrees of freedom: 2.16 to 25.2 contain 99 %.
     assert!((2.1..25.2).contains(&squares), "{squares}");
 }

@@ -1,10 +1,10 @@
-//! What is said where the clocks of encoder and sensor do not fit.
+//! Reports when the clocks of encoder and sensor do not fit.
 
 use crate::support::{Sensor, Swing, encoder_channel, flight_of, rig, sensed};
 use bench_analysis::{BenchInput, bench};
 use flight::{Channel, Clock, Code, Flight, Notice, Quantity, Series, Stamp, Timeline};
 
-/// The channel with other stamps: of this clock, each made of the one before.
+/// The channel with other timestamps: of this clock, each computed from the old one.
 fn restamped(channel: &Channel, clock: Clock, stamp: impl Fn(i64) -> i64) -> Channel {
     let timeline = channel.series.timeline();
     let stamps = timeline.stamps().iter().map(|s| Stamp(stamp(s.0))).collect();
@@ -30,7 +30,7 @@ fn notices(flight: &Flight, one_log: bool, code: Code) -> Vec<Notice> {
 }
 
 #[test]
-fn a_channel_on_a_clock_of_its_own_is_left_out_and_named() {
+fn a_channel_on_its_own_clock_is_skipped_and_named() {
     let mut flight = recorded(&Swing::by_hand(0.0));
     assert_eq!(notices(&flight, true, Code::ClockTie), []);
     let gyro = restamped(&flight.channels["angular-rate.imu"], Clock::Boot, |ns| ns + 5_000_000_000);
@@ -41,7 +41,7 @@ fn a_channel_on_a_clock_of_its_own_is_left_out_and_named() {
     assert!(said[0].text.contains("nothing ties its clock (since boot) to the encoder's (elapsed)"), "{said:?}");
 }
 
-/// Stamps that gain 2 ms in a second, on the encoder's own clock.
+/// Timestamps that gain 2 ms per second, on the encoder's own clock.
 #[test]
 fn channels_that_drift_on_the_encoders_own_clock_are_reported() {
     let mut flight = recorded(&Swing::by_hand(0.0));
@@ -51,12 +51,12 @@ fn channels_that_drift_on_the_encoders_own_clock_are_reported() {
         flight.channels.insert(name.into(), drifting);
     }
     let said = notices(&flight, true, Code::ClockTie);
-    // A second of stamps lasts 1/1.002 s of truth: 1996.0 ppm are too many.
+    // A second of timestamps lasts 1/1.002 s of truth: 1996.0 ppm too many.
     let found = said[0].text.split("by ").nth(1).and_then(|text| text.split(' ').next()).unwrap();
     assert!(said.len() == 1 && (found.parse::<f64>().unwrap() - 1996.0).abs() < 3.0, "{said:?}");
 }
 
-/// One sine looks the same a period later, so two clocks can be laid over each other in many ways.
+/// One sine repeats after a period, so two clocks can be aligned in many ways.
 #[test]
 fn a_swing_of_one_sine_is_too_regular_to_align_two_clocks() {
     let by_hand = Swing::by_hand(0.0);

@@ -1,4 +1,4 @@
-//! What whole records say of their channels.
+//! Results of whole records for their channels.
 
 use bench_analysis::{BenchInput, Rig, bench};
 use rayon::prelude::*;
@@ -23,7 +23,7 @@ fn alone(channel: BenchChannel, settings: BenchSettings, sensor: BenchSensor) ->
     found.findings.channels.into_iter().next().unwrap()
 }
 
-/// A gyro that is 2 ms late, against an encoder of few counts: what is said of delay and lag.
+/// A gyro that is 2 ms late, against an encoder of few counts: the reported delay and lag.
 fn pure_delay(seed: u64) -> (Option<String>, bool) {
     let mut settings = BenchSettings { seed, ..BenchSettings::default() };
     settings.encoder.lines = 500;
@@ -38,10 +38,11 @@ fn wrong_of(trials: u64) -> usize {
     answers.iter().filter(|(chosen, negative)| *negative || !matches!(chosen.as_deref(), None | Some("D"))).count()
 }
 
-/// What it was: "−12 ms and a lag of 14 ms" was the best model of 7 in 40, for a reference of few counts is too lively and
-/// `e^{sT}/(1 + sT)` is a low pass. Where the old rule runs, none of 24 is wrong once in 100 runs.
+/// Former bug: "−12 ms and a lag of 14 ms" was the best model of 7 in 40, because a reference of few counts has too
+/// much high-frequency content and `e^{sT}/(1 + sT)` is a low pass. Under the old rule, 24 of 24 correct happens once
+/// in 100 runs.
 #[test]
-fn a_pure_delay_is_not_called_a_negative_delay_and_a_lag() {
+fn a_pure_delay_is_not_reported_as_negative_delay_and_lag() {
     assert_eq!(wrong_of(24), 0);
 }
 
@@ -52,9 +53,9 @@ fn of_200_gyros_with_a_pure_delay_at_most_one_in_a_hundred_is_wrong() {
     assert!(wrong <= 2, "{wrong} of 200");
 }
 
-/// Where a sensor's stamps make more than good for its lag, the data demand a negative delay, and it is said.
+/// If the timestamps of a sensor overcompensate its lag, the data require a negative delay, and it is reported.
 #[test]
-fn a_negative_delay_beside_a_lag_is_found_where_the_data_demand_it() {
+fn a_negative_delay_with_a_lag_is_found_if_the_data_require_it() {
     let mut settings = BenchSettings { seed: 3, ..BenchSettings::default() };
     settings.encoder.lines = 8000;
     let sensor = BenchSensor { lags_s: vec![0.06], ..BenchSensor::noisy(100.0, 0.003).late(-0.04) };
@@ -76,8 +77,8 @@ fn late_by_30_ms(channel: BenchChannel, lines: u32, noise: f64, seed: u64) -> De
     alone(channel, settings, BenchSensor::noisy(100.0, noise).late(0.03)).delay.unwrap()
 }
 
-/// A position that errs by a tenth of a millimetre shows nothing but the encoder's steps: what they do to its delay must be
-/// as large as stated. North, east and down err together, so that the fit alone is too sure of itself.
+/// With a position error of a tenth of a millimetre only the encoder's steps remain: their effect on the delay must be
+/// as large as stated. North, east and down share the error, so the fit alone understates its uncertainty.
 #[test]
 fn the_encoders_steps_move_the_delay_by_as_much_as_stated() {
     let trials = 16;
@@ -93,11 +94,12 @@ fn the_encoders_steps_move_the_delay_by_as_much_as_stated() {
     assert!(of_the_fit < 0.9, "the reference must widen it: {of_the_fit}");
 }
 
-/// Of 60 records each, before and with the reference's own uncertainty: position against 250 counts 91.7 and 95.0 %, against
-/// 1000 counts 85.0 and 95.0 %, specific force against 250 counts 93.3 and 96.7 %; velocity and gyro 98 % or more.
+/// Coverage of 60 records each, before and with the reference's own uncertainty: position against 250 counts 91.7 and
+/// 95.0 %, against 1000 counts 85.0 and 95.0 %, specific force against 250 counts 93.3 and 96.7 %; velocity and gyro 98
+/// % or more.
 #[test]
-#[ignore = "5 min: cargo test -p flightlag-bench-analysis --test it -- --ignored intervals_hold_against_a_coarse_encoder"]
-fn intervals_hold_against_a_coarse_encoder() {
+#[ignore = "5 min: cargo test -p flightlag-bench-analysis --test it -- --ignored intervals_cover_the_truth_against_a_coarse_encoder"]
+fn intervals_cover_the_truth_against_a_coarse_encoder() {
     use BenchChannel::{AngularRate, PositionIns, SpecificForce, VelocityIns};
     let trials = 150;
     for (channel, noise) in [(PositionIns, 0.002), (VelocityIns, 0.002), (SpecificForce, 0.02), (AngularRate, 0.002)] {
@@ -108,15 +110,15 @@ fn intervals_hold_against_a_coarse_encoder() {
             };
             let held = (0..trials).into_par_iter().map(inside).filter(|held| *held).count();
             println!("{channel:?}, {lines} lines: {held} of {trials}");
-            // 93 % less two standard deviations of 150 trials.
+            // 93 % minus two standard deviations of 150 trials.
             assert!(held >= 133, "{channel:?}, {lines} lines: {held} of {trials}");
         }
     }
 }
 
-/// The number of a lag of 300 ms was "204 ms late": the pure delay that fits this swing.
+/// Former bug: a lag of 300 ms was reported as "204 ms late", the pure delay that fits this swing.
 #[test]
-fn a_lag_is_said_with_its_own_numbers_first() {
+fn a_lag_is_reported_with_its_own_numbers_first() {
     let mut settings = BenchSettings { seed: 5, ..BenchSettings::default() };
     settings.bar.azimuth_rad = 0.7;
     let sensor = BenchSensor { lags_s: vec![0.3], ..BenchSensor::noisy(50.0, 0.01) };
@@ -127,7 +129,8 @@ fn a_lag_is_said_with_its_own_numbers_first() {
     assert!((value - 300.0).abs() < 5.0 && said.contains("fits this swing best"), "{}", found.reason);
 }
 
-/// A barometer behind a lag, in wander as large as its signal: a small gain alone is no delay outside of the search.
+/// A barometer with a lag, in wander as large as its signal: a small gain alone does not indicate a delay outside the
+/// search.
 #[test]
 fn a_slow_barometer_in_wander_keeps_its_number() {
     for seed in 0..4 {

@@ -1,4 +1,4 @@
-//! The encoder's channel: scale, turn-overs, glitches.
+//! The encoder's channel: scale, wrap-arounds, glitches.
 
 use crate::support::{Noise, Swing, channel, close, encoder_channel, grid, motion, rig, vectors};
 use bench_analysis::{EncoderError, EncoderSeries, Rig, encoder_channel as channel_of};
@@ -37,14 +37,14 @@ fn counts_become_the_angles_of_the_acceptance_vector() {
 }
 
 #[test]
-fn counts_without_counts_per_revolution_are_refused() {
+fn counts_without_counts_per_revolution_are_rejected() {
     let error = EncoderSeries::of("encoder.bar", &counts(&Swing::by_hand(0.0)), &no_counts()).unwrap_err();
     assert!(matches!(error, EncoderError::CountsPerRevUnknown { .. }));
     assert!(error.to_string().contains("encoder.counts_per_rev"), "{error}");
 }
 
 #[test]
-fn the_counts_of_an_angle_are_inferred_from_its_steps_even_when_printed_with_few_decimals() {
+fn the_counts_of_an_angle_are_inferred_from_steps_with_few_decimals() {
     let swing = Swing::by_hand(0.4);
     for (per_rev, decimals) in [(2000.0, 9), (2000.0, 2), (8000.0, 3), (4096.0, 3), (1024.0, 1), (8000.0, 2)] {
         let printed = |counts: f64| {
@@ -60,7 +60,7 @@ fn the_counts_of_an_angle_are_inferred_from_its_steps_even_when_printed_with_few
 }
 
 #[test]
-fn an_angle_without_steps_is_given_the_counts_of_its_scatter_and_says_so() {
+fn an_angle_without_steps_gets_the_counts_of_its_scatter_with_a_notice() {
     let swing = Swing::by_hand(0.0);
     let mut noise = Noise::seeded(3);
     let t = grid(100.0, swing.duration);
@@ -74,18 +74,18 @@ fn an_angle_without_steps_is_given_the_counts_of_its_scatter_and_says_so() {
 }
 
 #[test]
-fn stated_counts_that_the_angle_contradicts_are_told() {
+fn stated_counts_that_the_angle_contradicts_are_reported() {
     let swing = Swing::by_hand(0.0);
     let t = grid(100.0, swing.duration);
     let angle = t.iter().map(|t| (swing.at(*t).angle / TAU * 8000.0).round() / 8000.0 * TAU).collect();
     let encoder = channel(Quantity::EncoderAngle, &t, vec![angle]);
     let series = EncoderSeries::of("encoder.bar", &encoder, &rig("", "", "")).unwrap();
-    let told: Vec<&str> = series.notices.iter().map(|n| n.code.as_str()).collect();
-    assert_eq!(told, ["rig-contradicted"]);
+    let codes: Vec<&str> = series.notices.iter().map(|n| n.code.as_str()).collect();
+    assert_eq!(codes, ["rig-contradicted"]);
 }
 
 #[test]
-fn a_counter_that_turns_over_is_unwrapped_and_told() {
+fn a_counter_that_wraps_around_is_unwrapped_and_reported() {
     let swing = Swing::by_hand(0.0);
     let plain = counts(&swing);
     let truth = EncoderSeries::of("encoder.bar", &plain, &rig("", "", "")).unwrap();
@@ -101,8 +101,11 @@ fn a_counter_that_turns_over_is_unwrapped_and_told() {
     for (what, wrap) in wrapped {
         let encoder = with_values(&plain, |_, v| wrap(v));
         let series = EncoderSeries::of("encoder.bar", &encoder, &rig("", "", "")).unwrap();
-        let told: Vec<&flight::Notice> = series.notices.iter().collect();
-        assert!(told.len() == 1 && told[0].code == "encoder-repaired" && told[0].text.contains(what), "{told:?}");
+        let notices: Vec<&flight::Notice> = series.notices.iter().collect();
+        assert!(
+            notices.len() == 1 && notices[0].code == "encoder-repaired" && notices[0].text.contains(what),
+            "{notices:?}"
+        );
         let shift = series.angle_rad[0] - truth.angle_rad[0];
         let back: Vec<f64> = series.angle_rad.iter().map(|a| a - shift).collect();
         close(&truth.angle_rad, &back, 1e-6);
@@ -124,15 +127,15 @@ fn an_absolute_angle_that_passes_zero_is_unwrapped() {
 }
 
 #[test]
-fn single_glitches_are_left_out_counted_and_told() {
+fn single_glitches_are_rejected_counted_and_reported() {
     let swing = Swing::by_hand(0.0);
     let plain = counts(&swing);
     let bad = [0, 100, 777, 778 + 500, 3999];
     let glitched = with_values(&plain, |k, v| if bad.contains(&k) { v + 700.0 } else { v });
     let series = EncoderSeries::of("encoder.bar", &glitched, &rig("", "", "")).unwrap();
     assert_eq!(series.rejected.iter().map(|r| r.count).sum::<u64>(), bad.len() as u64);
-    let told = series.notices.iter().find(|n| n.code == "encoder-repaired").unwrap();
-    assert_eq!(told.count, bad.len() as u64);
+    let notice = series.notices.iter().find(|n| n.code == "encoder-repaired").unwrap();
+    assert_eq!(notice.count, bad.len() as u64);
     assert_eq!(series.t_s.len(), 4000 - bad.len());
     let truth = EncoderSeries::of("encoder.bar", &plain, &rig("", "", "")).unwrap();
     let kept: Vec<f64> = (0..4000).filter(|k| !bad.contains(k)).map(|k| truth.angle_rad[k]).collect();
@@ -140,14 +143,14 @@ fn single_glitches_are_left_out_counted_and_told() {
 }
 
 #[test]
-fn a_bar_that_stands_still_is_refused() {
+fn a_bar_at_rest_is_rejected() {
     let still = channel(Quantity::EncoderCount, &grid(100.0, 5.0), vec![vec![17.0; 500]]);
     let error = EncoderSeries::of("encoder.bar", &still, &rig("", "", "")).unwrap_err();
     assert!(matches!(error, EncoderError::Still { .. }), "{error}");
 }
 
 #[test]
-fn the_encoder_is_the_one_that_the_rig_names_or_the_only_one() {
+fn the_encoder_is_the_one_named_in_the_rig_file_or_the_only_one() {
     let swing = Swing::by_hand(0.0);
     let flight = |names: &[&str]| Flight {
         channels: names.iter().map(|n| ((*n).to_owned(), counts(&swing))).collect(),
@@ -166,7 +169,7 @@ fn the_encoder_is_the_one_that_the_rig_names_or_the_only_one() {
 
 /// Design note 2: about 0.07 to 0.11 m/s² at 2000 counts and 100 Hz, where the second difference has 29 m/s².
 #[test]
-fn the_smoothed_acceleration_is_hundreds_of_times_better_than_the_second_difference() {
+fn smoothed_acceleration_is_far_better_than_second_differences() {
     let swing = Swing::by_hand(0.2);
     let motion = motion(&counts(&swing), &rig("", "", ""));
     let rms = |pairs: &mut dyn Iterator<Item = (f64, f64)>| {
@@ -180,13 +183,13 @@ fn the_smoothed_acceleration_is_hundreds_of_times_better_than_the_second_differe
     let raw = rms(&mut t.into_iter().zip(second));
     println!("smoothed {smoothed:.4} m/s², second difference {raw:.2} m/s²");
     assert!(smoothed < 0.12, "{smoothed}");
-    // White quantisation noise would make 28.9 m/s²; that of a slow swing is partly correlated.
+    // White quantisation noise would give 28.9 m/s²; that of a slow swing is partly correlated.
     assert!((20.0..32.0).contains(&raw), "{raw}");
     assert!((motion.residual_rms_counts() - 0.289).abs() < 0.06, "{}", motion.residual_rms_counts());
 }
 
 #[test]
-fn sign_and_zero_turn_the_motion_and_leave_its_uncertainty() {
+fn sign_and_zero_change_the_motion_but_not_its_uncertainty() {
     let swing = Swing::by_hand(0.2);
     let encoder = encoder_channel(&swing, 100.0, 2000.0, -1.0, 0.5);
     let raw = motion(&encoder, &rig("", "", ""));
@@ -203,10 +206,10 @@ fn sign_and_zero_turn_the_motion_and_leave_its_uncertainty() {
     assert!(turned.at(-0.1).is_none() && turned.at(1e3).is_none());
 }
 
-/// 50 counts are 9°: the smoother made a motion of it, and gyro and accelerometer came out early by 5 and 4 ms, with gates
-/// that passed.
+/// 50 counts are 9°: the smoother turned them into motion, and gyro and accelerometer came out early by 5 and 4 ms,
+/// with passing gates.
 #[test]
-fn an_encoder_that_slips_is_cut_there_and_said() {
+fn an_encoder_slip_splits_the_record_and_is_reported() {
     let swing = Swing::by_hand(0.0);
     let honest = counts(&swing);
     let rig = rig("", "", "");
@@ -224,7 +227,7 @@ fn an_encoder_that_slips_is_cut_there_and_said() {
 
 /// False alarms: swings of many speeds and phases, coarse and fine encoders.
 #[test]
-fn an_encoder_without_a_slip_has_none() {
+fn an_encoder_without_slips_reports_no_slip() {
     let mut alarms = 0;
     for k in 0..60u32 {
         let x = f64::from(k);

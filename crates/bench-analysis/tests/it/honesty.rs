@@ -1,4 +1,4 @@
-//! Records that break an assumption: what is said of them must be no confident wrong number.
+//! Records that violate an assumption must not give a confident wrong number.
 
 use crate::support::{Noise, Sensor, Swing, encoder_channel, flight_of, rig, sensed};
 use bench_analysis::{Bench, BenchInput, bench};
@@ -18,7 +18,7 @@ fn channel_of<'a>(found: &'a Bench, name: &str) -> &'a ChannelDynamics {
     found.findings.channels.iter().find(|c| c.name == name).unwrap()
 }
 
-/// A swing of the hand that is another one for each seed.
+/// A hand swing, different for each seed.
 fn swing(seed: u64) -> Swing {
     let mut noise = Noise::seeded(seed);
     let mut swing = Swing::by_hand(0.0);
@@ -41,9 +41,9 @@ fn changing(early: &Channel, late: &Channel, from_s: f64) -> Channel {
     crate::support::channel(early.quantity, &t, values)
 }
 
-/// It was 45.8 ± 0.9 ms without a word, and exit code 0.
+/// Former bug: 45.8 ± 0.9 ms without a warning, and exit code 0.
 #[test]
-fn a_delay_that_changes_is_said_and_covered() {
+fn a_changing_delay_is_reported_and_covered() {
     for seed in 0..3 {
         let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
         let velocity = |delay| sensed(&swing, &sensor, Quantity::VelocityNed, 50.0, delay, 0.03);
@@ -61,9 +61,10 @@ fn a_delay_that_changes_is_said_and_covered() {
     }
 }
 
-/// 1.3 s early and 3 s late with a search of −1 to 1.5 s: it was a delay within it, "± 10 ms", and exit code 0.
+/// 1.3 s early and 3 s late with a search of −1 to 1.5 s. Former bug: a delay inside the search, "± 10 ms", and exit
+/// code 0.
 #[test]
-fn a_delay_outside_of_the_search_is_no_number() {
+fn a_delay_outside_the_search_gives_no_number() {
     for (seed, delay, quantity) in [
         (0, 3.0, Quantity::Attitude),
         (1, 1.8, Quantity::VelocityNed),
@@ -81,7 +82,7 @@ fn a_delay_outside_of_the_search_is_no_number() {
         let words = ["cannot tell", "search window of −1 to 1.5 s", "widen analysis.search_s"];
         assert!(words.iter().all(|w| late.reason.contains(w)), "{}", late.reason);
         assert!(channel_of(&found, "angular-rate.imu").delay.is_some());
-        // What an unmeasured channel shows of the rig is its own lateness.
+        // An unmeasured channel's deviation from the rig file is its own lateness.
         assert!(found.notices.iter().all(|n| n.code != "rig-contradicted"), "{:?}", found.notices);
     }
 }
@@ -90,9 +91,9 @@ fn gyro_of(swing: &Swing, sensor: &Sensor) -> Channel {
     sensed(swing, sensor, Quantity::AngularRate, 50.0, 0.005, 0.005)
 }
 
-/// A gap of 3 s was bridged with motion that never was: 6 ms of error, stated ± 11 ms.
+/// Former bug: a gap of 3 s was bridged with false motion: 6 ms of error, stated ± 11 ms.
 #[test]
-fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
+fn samples_within_a_gap_of_the_encoder_are_rejected_and_counted() {
     for seed in 0..4 {
         let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
         let whole = encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.0);
@@ -105,14 +106,14 @@ fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
         let found = measured(encoder, vec![("angular-rate.imu", gyro), ("attitude.ins", attitude)]);
         for (name, truth) in [("angular-rate.imu", 0.005), ("attitude.ins", 0.03)] {
             let channel = channel_of(&found, name);
-            let silent = channel.rejected.iter().find(|r| r.reason.contains("has a gap")).unwrap();
+            let in_gaps = channel.rejected.iter().find(|r| r.reason.contains("has a gap")).unwrap();
             // Three seconds at 50 Hz and a tenth of a second at either end.
-            assert!((150..=165).contains(&silent.count), "{silent:?}");
+            assert!((150..=165).contains(&in_gaps.count), "{in_gaps:?}");
             let delay = channel.delay.as_ref().unwrap();
             let error = delay.delay.seconds() - truth;
             assert!(error.abs() < 4.0 * delay.standard_uncertainty_s, "{error} {delay:?}");
             assert!(delay.standard_uncertainty_s < 1e-4, "{delay:?}");
-            // Nothing is drawn where nobody measured the motion.
+            // Nothing is drawn where the motion was not measured.
             let curves = channel.components.iter().flat_map(|c| [&c.curves[0], &c.zoom[0]]);
             assert!(curves.flat_map(|c| &c.t_s).all(|t| *t < 22.0 || *t > 24.99));
         }
@@ -134,9 +135,10 @@ fn samples_within_a_gap_of_the_encoder_are_left_out_and_counted() {
     }
 }
 
-/// The gain is known no better than the reference: against 200 counts 11 of 16 gyros had a gain beyond k = 2.
+/// The gain cannot be known better than the reference. Former bug: against 200 counts 11 of 16 gyros had a gain outside
+/// k = 2.
 #[test]
-fn the_gain_against_a_coarse_encoder_holds_the_truth() {
+fn the_gain_interval_against_a_coarse_encoder_covers_the_truth() {
     let trials = 12;
     let misses = |seed: u64| {
         let (swing, sensor) = (swing(seed), Sensor { seed, ..Sensor::upright(30f64.to_radians()) });
@@ -155,9 +157,9 @@ fn the_gain_against_a_coarse_encoder_holds_the_truth() {
     assert!(missed <= 2, "{missed} of {trials}");
 }
 
-/// Full turns were "0 swing; ten or more are needed", though the bar moved all the time.
+/// Former bug: full turns were "0 swing; ten or more are needed", though the bar moved all the time.
 #[test]
-fn full_turns_are_refused_as_full_turns() {
+fn full_turns_are_rejected_as_full_turns() {
     let t = crate::support::grid(100.0, 40.0);
     let counts = t.iter().map(|t| (3.0 * t / std::f64::consts::TAU * 2000.0).round()).collect();
     let encoder = crate::support::channel(Quantity::EncoderCount, &t, vec![counts]);

@@ -10,7 +10,7 @@ use std::path::Path;
 const HARD: [f64; 3] = [12e-6, -7e-6, 20e-6];
 const SOFT: [[f64; 3]; 3] = [[1.05, 0.02, -0.03], [0.01, 0.97, 0.04], [-0.02, 0.03, 1.01]];
 
-/// 15 s of swing with velocity and magnetometer; the bench stands at `azimuth_deg`.
+/// 15 s of swing with velocity and magnetometer; the bench is at `azimuth_deg`.
 fn simulated(azimuth_deg: f64, seed: u64, start_s: i64) -> SimulatedBench {
     let mut settings = BenchSettings { seed, swing_s: 12.0, rest_s: [3.0, 3.0], ..BenchSettings::default() };
     settings.start = Stamp(settings.start.0 + start_s * NANOS_PER_SECOND);
@@ -22,7 +22,7 @@ fn simulated(azimuth_deg: f64, seed: u64, start_s: i64) -> SimulatedBench {
     simulate_bench(&settings).unwrap()
 }
 
-/// The rig of a bench whose azimuth is off by `error_deg` from what the file says; or is left out.
+/// The rig of a bench whose azimuth differs by `error_deg` from the rig file; or is not stated.
 fn rig(simulated: &SimulatedBench, error_deg: Option<f64>) -> Rig {
     let what = RigText { model: "M".into(), serial: "1".into(), to_be_fitted: false };
     let mut rig = Rig::parse(&simulated.rig_text(&what), Path::new("simulated.rig.toml")).unwrap();
@@ -60,7 +60,7 @@ fn errors(found: &IronCalibration) -> Vec<f64> {
 }
 
 #[test]
-fn records_at_four_azimuths_give_the_hard_and_soft_iron_that_was_simulated() {
+fn records_at_four_azimuths_recover_the_simulated_hard_and_soft_iron() {
     let records: Vec<MagneticEvidence> =
         [30.0, 75.0, 165.0, 308.0].iter().zip(1..).map(|(azimuth, seed)| evidence(*azimuth, seed, None)).collect();
     let found = together(&records);
@@ -75,12 +75,12 @@ fn records_at_four_azimuths_give_the_hard_and_soft_iron_that_was_simulated() {
     let scale = Matrix3::from(SOFT).determinant().cbrt();
     let (ratio, u) = (iron.scale.unwrap(), iron.scale_standard_uncertainty.unwrap());
     assert!((ratio - scale).abs() < 4.5 * u + 2e-4, "{ratio} ± {u}, true {scale}: the model differs by 1e-4");
-    // 0.2 µT of white noise were put in.
+    // The simulated white noise is 0.2 µT.
     assert!((iron.residual_rms / 0.2e-6 - 1.0).abs() < 0.1, "{}", iron.residual_rms);
 }
 
 #[test]
-fn azimuths_that_the_rig_states_wrongly_widen_what_is_claimed() {
+fn azimuths_stated_wrongly_widen_the_uncertainty() {
     let azimuths = [30.0, 75.0, 165.0, 308.0];
     let wrong = [0.6, -0.4, 0.5, -0.7];
     let with = |errors: [Option<f64>; 4]| {
@@ -95,7 +95,7 @@ fn azimuths_that_the_rig_states_wrongly_widen_what_is_claimed() {
 }
 
 #[test]
-fn too_few_azimuths_are_told_with_those_that_would_help() {
+fn too_few_azimuths_are_reported_with_those_that_would_help() {
     let Finding::CannotTell(why) = together(&[evidence(30.0, 1, None)]).iron else { panic!() };
     assert!(why.contains("one azimuth, 30°; swing at 2 more, as 150° and 270°"), "{why}");
     let near = [evidence(30.0, 1, None), evidence(33.0, 2, None), evidence(100.0, 3, None)];
@@ -104,7 +104,7 @@ fn too_few_azimuths_are_told_with_those_that_would_help() {
 }
 
 #[test]
-fn records_in_different_fields_are_not_taken_together() {
+fn records_in_different_fields_are_not_combined() {
     let mut records = [30.0, 150.0, 270.0].map(|azimuth| evidence(azimuth, 1, None));
     let model = records[2].around.model.as_mut().unwrap();
     model.ned_t[0] *= 1.1;
@@ -112,7 +112,7 @@ fn records_in_different_fields_are_not_taken_together() {
     assert!(why.contains("in one place"), "{why}");
 }
 
-/// One flight after the other, as one log.
+/// Concatenates two flights into one log.
 fn joined(parts: &[Flight]) -> Flight {
     let mut whole = parts[0].clone();
     for (name, channel) in &mut whole.channels {
@@ -131,13 +131,13 @@ fn joined(parts: &[Flight]) -> Flight {
 }
 
 #[test]
-fn a_bench_that_is_turned_within_a_record_is_told_and_its_magnetometer_calibrated() {
+fn a_bench_turned_within_a_record_is_reported_and_calibrated() {
     let parts: Vec<SimulatedBench> =
         [30.0, 150.0, 270.0].iter().zip(0..).map(|(azimuth, k)| simulated(*azimuth, 1 + k, 19 * k as i64)).collect();
     let flights: Vec<Flight> = parts.iter().map(|p| p.to_flight().unwrap()).collect();
     let found = measured(&joined(&flights), &rig(&parts[0], None));
-    let told = found.notices.iter().find(|n| n.code == "record-split").unwrap();
-    assert!(told.text.contains("30° from") && told.text.contains("150° from") && told.text.contains("270° from"));
+    let notice = found.notices.iter().find(|n| n.code == "record-split").unwrap();
+    assert!(notice.text.contains("30° from") && notice.text.contains("150° from") && notice.text.contains("270° from"));
     for (swing, truth) in found.magnetic.swings.iter().zip([30.0f64, 150.0, 270.0]) {
         let off = swing.azimuth.value.rem_euclid(std::f64::consts::TAU) - truth.to_radians();
         assert!(off.abs() < 4.5 * swing.azimuth.standard_uncertainty.unwrap(), "{truth}: {off}");

@@ -1,4 +1,4 @@
-//! The formulas of design note 1 against its acceptance vectors, and against themselves.
+//! Checks the formulas of design note 1 against its acceptance vectors, and against each other.
 
 use crate::support::{close, numbers, vectors};
 use bench_analysis::{
@@ -73,13 +73,13 @@ fn gravity_equals_the_acceptance_vectors() {
 }
 
 #[test]
-fn a_bending_bar_answers_as_the_acceptance_vectors() {
+fn a_bending_bar_matches_the_acceptance_vectors() {
     for row in vectors()["flex_bar"]["rows"].as_array().unwrap() {
         let [fn_hz, f, zeta, gamma] = ["fn", "f", "zeta", "Gamma"].map(|k| number(&row[k]));
         let (magnitude, argument) = bending_response(f, fn_hz, zeta, gamma);
         assert!((magnitude - number(&row["mag"])).abs() < 1e-12, "{row}: {magnitude}");
         assert!((argument - number(&row["arg"])).abs() < 1e-12, "{row}: {argument}");
-        // Without damping the gain gives the mode back.
+        // Without damping, the mode is recovered from the gain.
         let (gain, _) = bending_response(f, fn_hz, 0.0, gamma);
         assert!((first_mode_of_gain(gain, gamma, f).unwrap() - fn_hz).abs() < 1e-9);
     }
@@ -101,7 +101,7 @@ fn the_field_at_goyang_equals_the_acceptance_vectors() {
     assert!((decimal_year(jiff::civil::date(2010, 10, 25)) - 2010.8137).abs() < 1e-4);
 }
 
-/// Poses all around: azimuth and bar angle over the full circle, gimbal lock and hanging upside down among them.
+/// Poses all around: azimuth and bar angle over the full circle, including gimbal lock and hanging upside down.
 fn poses() -> impl Iterator<Item = (f64, f64)> {
     (0..24).flat_map(|e| (0..48).map(move |x| (-PI + f64::from(e) * TAU / 24.0, -PI + f64::from(x) * TAU / 48.0)))
 }
@@ -131,7 +131,7 @@ fn a_wrong_heading_does_not_change_the_swing_angle() {
 }
 
 #[test]
-fn velocity_is_the_derivative_of_position_and_acceleration_that_of_velocity() {
+fn velocity_and_acceleration_are_derivatives_of_position() {
     let arm = [0.1, 0.02, -1.3];
     let state = |t: f64| BarState {
         angle: 1.1 * (2.9 * t).sin(),
@@ -153,7 +153,7 @@ fn velocity_is_the_derivative_of_position_and_acceleration_that_of_velocity() {
 }
 
 #[test]
-fn specific_force_is_acceleration_less_gravity_in_body_axes() {
+fn specific_force_is_acceleration_minus_gravity_in_body_axes() {
     for (azimuth, angle) in poses() {
         let state = BarState { angle, rate: 1.7, acceleration: -5.2, jerk: 0.0 };
         let arm = [0.12, 0.0, -1.3];
@@ -164,7 +164,7 @@ fn specific_force_is_acceleration_less_gravity_in_body_axes() {
 }
 
 #[test]
-fn a_gyro_that_sees_the_earth_sees_it_turn_with_the_bar() {
+fn a_gyro_that_measures_earth_rate_sees_it_rotate_with_the_bar() {
     let latitude = 0.6f64;
     let earth = Vector3::new(latitude.cos(), 0.0, -latitude.sin()) * bench_analysis::EARTH_RATE;
     for (azimuth, angle) in poses() {
@@ -175,7 +175,7 @@ fn a_gyro_that_sees_the_earth_sees_it_turn_with_the_bar() {
 }
 
 #[test]
-fn slopes_of_all_families_are_their_derivatives_by_the_state() {
+fn slopes_of_all_families_are_derivatives_by_the_state() {
     let (azimuth, arm) = (0.9, [0.08, 0.01, -1.25]);
     let families: [&dyn Fn(&BarState) -> bench_analysis::Sensed; 5] = [
         &|s| position(s, azimuth, arm),
@@ -202,7 +202,7 @@ fn slopes_of_all_families_are_their_derivatives_by_the_state() {
     }
 }
 
-/// One-σ steps along the columns of the covariance's Cholesky factor move a linear function by its contributions.
+/// One-σ steps along the columns of the covariance's Cholesky factor change a linear function by its contributions.
 #[test]
 fn the_standard_deviation_of_a_reading_is_that_of_the_linearised_family() {
     // P = L Lᵀ for (ξ, ξ′, ξ″), no jerk.

@@ -1,4 +1,4 @@
-//! The World Magnetic Model against the official test values of its makers.
+//! The World Magnetic Model against the official test values of its authors.
 
 use bench_analysis::MagneticModel;
 use flight::Geodetic;
@@ -36,7 +36,7 @@ fn worst(rows: &[Vec<f64>], columns: [usize; 6]) -> (f64, f64) {
 
 /// The tables give fields to 0.1 nT and angles to 0.01°.
 #[test]
-fn every_row_of_the_official_tables_is_met_to_its_rounding() {
+fn every_row_of_the_official_tables_is_matched_to_its_rounding() {
     let new = rows(TEST_2025);
     let old = rows(TEST_2020);
     assert_eq!((old.len(), new.len()), (100, 12));

@@ -58,13 +58,13 @@ fn calibrated(swings: &[MagneticSwing], with_model: bool) -> MagnetometerFinding
 }
 
 #[test]
-fn one_azimuth_gives_hard_iron_in_the_plane_and_says_that_y_cannot_be_told() {
+fn one_azimuth_gives_hard_iron_in_the_plane_and_y_is_unknown() {
     let found = calibrated(&[swing(0.5, Matrix3::identity(), HARD, 2e-7, 1)], true);
     assert_eq!((found.kind.as_str(), found.azimuths), ("planar", 1));
     for axis in [0, 2] {
         let e = found.hard_iron[axis].found().unwrap();
         let u = e.standard_uncertainty.unwrap();
-        // One axis' offset is known to a few times 2e-7/√2000, the arc being shorter than a circle.
+        // The offset of one axis is known to a few times 2e-7/√2000, because the arc is shorter than a circle.
         assert!((e.value - HARD[axis]).abs() < 4.0 * u && u < 1e-7, "{axis}: {e:?}");
     }
     assert!(matches!(&found.hard_iron[1], Finding::CannotTell(why) if why.contains("three azimuths")));
@@ -80,7 +80,7 @@ fn one_azimuth_gives_hard_iron_in_the_plane_and_says_that_y_cannot_be_told() {
 
 /// Ten numbers and the field's direction, known or not.
 #[test]
-fn four_azimuths_give_all_of_hard_and_soft_iron_with_and_without_a_model() {
+fn four_azimuths_give_full_hard_and_soft_iron_with_or_without_a_model() {
     let swings: Vec<MagneticSwing> =
         [0.2, 1.8, -2.0, -0.9].iter().enumerate().map(|(k, a)| swing(*a, soft(), HARD, 1e-7, 10 + k as u64)).collect();
     for with_model in [true, false] {
@@ -109,7 +109,7 @@ fn four_azimuths_give_all_of_hard_and_soft_iron_with_and_without_a_model() {
 }
 
 #[test]
-fn two_azimuths_are_not_called_a_full_fit_and_none_is_said_so() {
+fn two_azimuths_are_not_a_full_fit_and_no_azimuth_is_reported() {
     let two = [swing(0.2, soft(), HARD, 1e-7, 1), swing(1.8, soft(), HARD, 1e-7, 2)];
     let found = calibrated(&two, true);
     assert_eq!((found.kind.as_str(), found.azimuths), ("planar", 2));
@@ -117,7 +117,7 @@ fn two_azimuths_are_not_called_a_full_fit_and_none_is_said_so() {
 }
 
 #[test]
-fn a_sensor_with_a_mirrored_axis_is_refused_with_a_hint() {
+fn a_sensor_with_a_mirrored_axis_is_rejected_with_a_hint() {
     let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
     let swings = [0.2, 1.8, -2.0, -0.9].map(|a| swing(a, mirrored, HARD, 1e-7, 4));
     let Finding::CannotTell(why) = calibrate_magnetometer(&swings, &around(true)) else { panic!() };

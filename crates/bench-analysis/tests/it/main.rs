@@ -1,4 +1,4 @@
-//! Tests of the bench from outside.
+//! Integration tests of the bench.
 
 mod alignment;
 mod clocks;

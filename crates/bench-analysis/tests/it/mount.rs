@@ -22,7 +22,7 @@ fn value(finding: &MountFinding, name: &str) -> Estimate {
     *check(finding, name).fitted.found().unwrap()
 }
 
-/// Within four standard uncertainties, and these no larger than `most`.
+/// Within four standard uncertainties, which must not exceed `most`.
 fn is(finding: &MountFinding, name: &str, truth: f64, most: f64) {
     let e = value(finding, name);
     let u = e.standard_uncertainty.unwrap();
@@ -30,7 +30,7 @@ fn is(finding: &MountFinding, name: &str, truth: f64, most: f64) {
 }
 
 #[test]
-fn upright_hanging_and_upside_down_are_told_apart() {
+fn upright_hanging_and_upside_down_are_distinguished() {
     let cases = [
         (0.05, -LENGTH, "upright", "upright"),
         (0.05, LENGTH, "hanging", "hanging"),
@@ -47,7 +47,7 @@ fn upright_hanging_and_upside_down_are_told_apart() {
 }
 
 #[test]
-fn velocity_alone_tells_the_side_and_a_magnetometer_does_not() {
+fn velocity_alone_shows_the_side_and_a_magnetometer_does_not() {
     let swing = Swing::by_hand(0.05);
     let mut sensor = everything(&swing, &Sensor { arm: [0.0, 0.0, LENGTH], ..Sensor::upright(0.5) });
     sensor.channels.remove("specific-force.imu");
@@ -59,7 +59,7 @@ fn velocity_alone_tells_the_side_and_a_magnetometer_does_not() {
 }
 
 #[test]
-fn a_rig_that_has_the_sensor_on_the_wrong_side_is_told() {
+fn a_rig_with_the_sensor_on_the_wrong_side_is_reported() {
     let swing = Swing::by_hand(0.05);
     let sensor = everything(&swing, &Sensor { arm: [0.0, 0.0, LENGTH], ..Sensor::upright(0.5) });
     let (finding, notices) = found(&swing, &sensor, &rig("mount = \"upright\"", "", ""));
@@ -70,7 +70,7 @@ fn a_rig_that_has_the_sensor_on_the_wrong_side_is_told() {
 }
 
 #[test]
-fn a_well_mounted_sensor_agrees_with_its_rig_in_every_check() {
+fn a_correctly_mounted_sensor_passes_every_check() {
     let swing = Swing::by_hand(0.05);
     let (finding, notices) = found(&swing, &everything(&swing, &Sensor::upright(0.5)), &rig("", "", ""));
     for check in &finding.checks {
@@ -87,7 +87,7 @@ fn a_well_mounted_sensor_agrees_with_its_rig_in_every_check() {
 
 /// Lever arm off the axis, misalignment about all axes, biases and a scale.
 #[test]
-fn what_is_wrong_with_a_sensor_is_found_with_its_size() {
+fn sensor_errors_are_found_with_their_size() {
     let swing = Swing::by_hand(0.05);
     let (roll, yaw) = (0.03, -0.05);
     let sensor = Sensor { arm: [0.06, 0.0, -1.25], turned: [roll, 0.0, yaw], ..Sensor::upright(0.5) };
@@ -119,15 +119,15 @@ fn what_is_wrong_with_a_sensor_is_found_with_its_size() {
     near("bias y of angular-rate.imu", -0.02, 1e-3);
     near("bias x of specific-force.imu", 0.2, 0.03);
     near("bias z of specific-force.imu", 0.15, 0.03);
-    let told = notices.iter().find(|n| n.code == "rig-contradicted").unwrap();
+    let notice = notices.iter().find(|n| n.code == "rig-contradicted").unwrap();
     for name in ["lever arm x", "lever arm z", "misalignment about z"] {
-        assert!(told.text.contains(name), "{}", told.text);
+        assert!(notice.text.contains(name), "{}", notice.text);
     }
 }
 
-/// What is longer than the rig says contradicts it, unless a bar that is known to bend explains it, or a barometer says so.
+/// A length above the rig's contradicts it, unless bending is known and explains it, or it comes from a barometer.
 #[test]
-fn a_longer_arm_contradicts_a_stiff_rig_and_not_one_that_bends_a_little() {
+fn a_longer_arm_contradicts_a_stiff_rig_but_not_a_bending_one() {
     let swing = Swing::by_hand(0.05);
     for (longer, bar, contradicts) in
         [(1.0, "", false), (1.03, "", true), (1.03, "first_mode_hz = 5.0", false), (1.12, "first_mode_hz = 5.0", true)]
@@ -162,7 +162,7 @@ fn gains_of_a_bending_bar_give_its_first_mode() {
 }
 
 #[test]
-fn a_scale_error_is_not_taken_for_bending() {
+fn a_scale_error_is_not_mistaken_for_bending() {
     let found = flexibility(&[gain(1.02, 5e-4)], &[gain(1.02, 5e-4)], 0.55, None);
     let found = found.found().unwrap();
     assert!(found.text.contains("scale"), "{}", found.text);
@@ -170,7 +170,7 @@ fn a_scale_error_is_not_taken_for_bending() {
 }
 
 #[test]
-fn a_stiff_bar_says_which_bars_it_can_exclude() {
+fn a_stiff_bar_states_which_frequencies_it_excludes() {
     let found = flexibility(&[gain(1.0002, 5e-4)], &[gain(0.9998, 3e-4)], 0.55, None);
     let found = found.found().unwrap();
     assert!(matches!(&found.ratio, Finding::CannotTell(_)));

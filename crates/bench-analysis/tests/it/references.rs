@@ -1,4 +1,4 @@
-//! References equal the truth at each sensor's place, and say what the swing cannot show.
+//! References equal the truth at each sensor's place, and report what the swing cannot show.
 
 use crate::support::{FIELD, LENGTH, Sensor, Swing, encoder_channel, everything, flight_of, motion, rig, sensed};
 use bench_analysis::{
@@ -20,7 +20,7 @@ fn of<'a>(references: &'a References, name: &str) -> &'a ChannelReference {
     references.channels.iter().find(|c| c.name == name).unwrap()
 }
 
-/// Worst deviation of a component from the truth, one second from the ends.
+/// Worst deviation of a component from the truth, excluding one second at the ends.
 fn worst(channel: &ChannelReference, component: usize, swing: &Swing, truth: &dyn Fn(f64) -> f64) -> f64 {
     let reference = &channel.components[component].reference;
     (0..1000)
@@ -39,7 +39,7 @@ fn stated_rig() -> Rig {
 }
 
 #[test]
-fn every_reference_is_the_truth_within_what_the_encoder_can_know() {
+fn every_reference_equals_the_truth_within_encoder_accuracy() {
     let swing = Swing::by_hand(0.05);
     let (found, _) = references(&swing, &everything(&swing, &Sensor::upright(AZIMUTH)), &stated_rig());
     assert!(found.notices.is_empty());
@@ -69,7 +69,7 @@ fn every_reference_is_the_truth_within_what_the_encoder_can_know() {
 }
 
 #[test]
-fn measured_values_stand_in_si_beside_all_their_stamps() {
+fn measured_values_are_in_si_with_all_their_timestamps() {
     let swing = Swing::by_hand(0.05);
     let sensor = everything(&swing, &Sensor::upright(AZIMUTH));
     let (found, _) = references(&swing, &sensor, &stated_rig());
@@ -90,7 +90,7 @@ fn measured_values_stand_in_si_beside_all_their_stamps() {
 }
 
 #[test]
-fn components_that_the_swing_does_not_move_are_named_with_the_reason() {
+fn unexcited_components_are_named_with_the_reason() {
     let swing = Swing::by_hand(0.05);
     let (found, _) = references(&swing, &everything(&swing, &Sensor::upright(0.0)), &rig("", "", ""));
     let excited = |name: &str| -> Vec<bool> { of(&found, name).components.iter().map(|c| c.excited.is_ok()).collect() };
@@ -106,7 +106,7 @@ fn components_that_the_swing_does_not_move_are_named_with_the_reason() {
 
 /// A free point-mass pendulum below its pivot: `L ξ″ = −g sin ξ`, so `f_X = r_z ξ″ + g sin ξ = 0`.
 #[test]
-fn the_tangential_axis_of_a_free_pendulum_is_not_excited_and_the_reason_says_why() {
+fn the_tangential_axis_of_a_free_pendulum_is_reported_as_unexcited() {
     let small = (0.05f64, (crate::support::GRAVITY / LENGTH).sqrt() / std::f64::consts::TAU, 0.0);
     let swing = Swing { middle: 0.0, sines: vec![small], duration: 40.0 };
     let sensor = Sensor { arm: [0.0, 0.0, LENGTH], ..Sensor::upright(0.5) };
@@ -119,7 +119,7 @@ fn the_tangential_axis_of_a_free_pendulum_is_not_excited_and_the_reason_says_why
 }
 
 #[test]
-fn a_fitted_field_has_gain_one_by_construction_and_follows_an_iron_ridden_magnetometer() {
+fn a_fitted_field_follows_a_magnetometer_with_iron_at_gain_one() {
     let swing = Swing::by_hand(0.05);
     let mut channel = sensed(&swing, &Sensor::upright(AZIMUTH), Quantity::MagneticField, 100.0, 0.3, 1e-7);
     // Hard iron of 20 µT and a scale of 0.8 on x.
@@ -142,9 +142,9 @@ fn a_fitted_field_has_gain_one_by_construction_and_follows_an_iron_ridden_magnet
     assert!(off < 1e-7, "{off}");
 }
 
-/// The noise that the fitted reference takes along does not pull the delay: it is the one that the true field gives.
+/// The noise contained in the fitted reference does not bias the delay: it equals that of the true field.
 #[test]
-fn a_fitted_field_gives_the_delay_that_the_true_field_gives() {
+fn a_fitted_field_gives_the_same_delay_as_the_true_field() {
     let swing = Swing::by_hand(0.05);
     let channel = sensed(&swing, &Sensor::upright(AZIMUTH), Quantity::MagneticField, 100.0, 0.012, 2e-7);
     let flight = flight_of(vec![("magnetic-field.imu", channel)]);
@@ -176,7 +176,7 @@ fn stated_rig_with_fit() -> Rig {
 #[test]
 fn without_an_azimuth_only_the_vertical_is_compared() {
     let swing = Swing::by_hand(0.05);
-    // One component of three: the log holds no north and east.
+    // One component of three: the log has no north and east.
     let mut channel = sensed(&swing, &Sensor::upright(0.5), Quantity::VelocityNed, 50.0, 0.1, 0.05);
     channel.present = vec![false, false, true];
     let (sensor, rig) = (flight_of(vec![("velocity.gps", channel)]), rig("", "sign = -1", ""));
@@ -189,7 +189,7 @@ fn without_an_azimuth_only_the_vertical_is_compared() {
 }
 
 #[test]
-fn a_turned_mount_is_turned_back_before_it_is_compared() {
+fn a_rotated_mount_is_rotated_back_before_comparison() {
     let swing = Swing::by_hand(0.05);
     let straight = everything(&swing, &Sensor::upright(AZIMUTH));
     let turned =
@@ -201,7 +201,7 @@ fn a_turned_mount_is_turned_back_before_it_is_compared() {
     for name in ["specific-force.imu", "angular-rate.imu"] {
         for k in 0..3 {
             let (a, b) = (&of(&plain, name).components[k].measured, &of(&back, name).components[k].measured);
-            // Signal alike; noise differs by axis.
+            // The signals are equal; the noise differs by axis.
             let rms = (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt();
             let sigma = if name.starts_with("spec") { 0.05 } else { 0.01 };
             assert!(rms < 1.5 * sigma, "{name} {k}: {rms}");

@@ -1,4 +1,4 @@
-//! The rig file: what is meant, and what is refused with its line.
+//! The rig file: resolved values, and errors with their line.
 
 use bench_analysis::{FieldRule, MountKind, Rig, RigError, StampChoice};
 use std::path::Path;
@@ -66,7 +66,7 @@ valid_days = 365
 "#;
 
 #[test]
-fn the_shipped_rig_is_right_and_leaves_most_to_be_fitted() {
+fn the_default_rig_is_valid_and_leaves_most_to_be_fitted() {
     let rig = Rig::shipped_default().unwrap();
     assert_eq!((rig.bar.mount, rig.bar.length_m), (MountKind::Upright, 1.3));
     assert_eq!((rig.encoder.sign, rig.encoder.zero_rad, rig.encoder.counts_per_rev), (None, None, None));
@@ -76,7 +76,7 @@ fn the_shipped_rig_is_right_and_leaves_most_to_be_fitted() {
 }
 
 #[test]
-fn a_full_file_means_what_it_says_in_si() {
+fn a_full_file_is_converted_to_si() {
     let rig = parse(FULL).unwrap();
     assert_eq!(rig.encoder.counts_per_rev, Some(8000.0));
     assert_eq!((rig.encoder.sign, rig.encoder.zero_rad), (Some(-1.0), Some(0.0)));
@@ -91,7 +91,7 @@ fn a_full_file_means_what_it_says_in_si() {
 }
 
 #[test]
-fn the_first_mount_that_names_a_channel_counts() {
+fn the_first_mount_that_names_a_channel_is_used() {
     let rig = parse(FULL).unwrap();
     assert_eq!(rig.mount_of("velocity.gps").lever_arm_m, [0.0, 0.0, -1.3]);
     let imu = rig.mount_of("specific-force.imu");
@@ -110,7 +110,7 @@ fn a_hanging_bar_has_its_sensor_below_the_pivot() {
 }
 
 #[test]
-fn an_unknown_key_is_refused_with_file_line_and_the_keys_that_are_known() {
+fn an_unknown_key_is_rejected_with_file_line_and_the_known_keys() {
     let text = parse(&format!("{SMALL}azimut_deg = 30.0\n")).unwrap_err().to_string();
     assert!(text.starts_with("bench/r.rig.toml:7: unknown key `azimut_deg`"), "{text}");
     assert!(text.contains("`azimuth_deg`"), "{text}");
@@ -119,7 +119,7 @@ fn an_unknown_key_is_refused_with_file_line_and_the_keys_that_are_known() {
 }
 
 #[test]
-fn a_value_that_makes_no_sense_is_refused_with_its_line_and_what_would_be_right() {
+fn an_invalid_value_is_rejected_with_its_line_and_what_is_expected() {
     for (lines, number, right) in [
         ("[encoder]\ncounts_per_rev = 3", 8, "4 to 67108864"),
         ("[encoder]\ndecoding = 3", 8, "1, 2 or 4"),
@@ -154,7 +154,7 @@ fn a_value_that_makes_no_sense_is_refused_with_its_line_and_what_would_be_right(
 }
 
 #[test]
-fn a_custom_bar_without_lever_arms_is_refused() {
+fn a_custom_bar_without_lever_arms_is_rejected() {
     let custom = SMALL.replace("upright", "custom");
     assert!(parse(&custom).unwrap_err().what.contains("[[mount]]"));
     let without = parse(&format!("{custom}[[mount]]\nchannels = [\"*\"]\n")).unwrap_err();
@@ -164,7 +164,7 @@ fn a_custom_bar_without_lever_arms_is_refused() {
 }
 
 #[test]
-fn a_default_spelled_out_or_a_comment_means_the_same() {
+fn an_explicit_default_or_a_comment_changes_nothing() {
     let spelled = format!(
         "# a comment\n{SMALL}[encoder]\ndecoding = 1\n[site]\nfield = \"fit\"\nheight_m = -0.0\n[clock]\nstamps = \"auto\"\n\
          [analysis]\nsearch_s = [-1, 1.5]\ndrift = true\ninject_gain = 1.05\n"
@@ -175,7 +175,7 @@ fn a_default_spelled_out_or_a_comment_means_the_same() {
 }
 
 #[test]
-fn what_is_meant_is_itself_a_rig_with_the_same_meaning() {
+fn the_resolved_rig_file_parses_to_the_same_rig() {
     for text in [SMALL, FULL, bench_analysis::DEFAULT_RIG] {
         let rig = parse(text).unwrap();
         let again = parse(&rig.as_used().toml).unwrap();

@@ -1,4 +1,4 @@
-//! A simulated swing of which everything is known, and what tests share.
+//! A simulated swing with known truth, and helpers shared by the tests.
 
 use bench_analysis::{
     BarState, EncoderSeries, Motion, Rig, angular_rate, attitude, magnetic_field, position, specific_force, velocity,
@@ -33,7 +33,7 @@ pub fn close(expected: &[f64], found: &[f64], tolerance: f64) {
     }
 }
 
-/// A hand's swing: a few sines about a middle.
+/// A hand swing: a few sines about a centre.
 #[derive(Debug, Clone)]
 pub struct Swing {
     pub middle: f64,
@@ -43,7 +43,7 @@ pub struct Swing {
 }
 
 impl Swing {
-    /// About 55° to either side near 0.55 Hz, with what a hand adds.
+    /// About 55° to either side near 0.55 Hz, with small faster hand motion.
     pub fn by_hand(middle: f64) -> Swing {
         let sines = vec![(0.7, 0.53, 0.3), (0.2, 0.68, 1.1), (0.1, 1.07, -0.7), (0.05, 1.61, 2.0)];
         Swing { middle, sines, duration: 40.0 }
@@ -63,7 +63,7 @@ impl Swing {
     }
 }
 
-/// What the sensor on the bar does to the truth.
+/// What the sensor on the bar measures of the truth.
 #[derive(Debug, Clone)]
 pub struct Sensor {
     pub azimuth: f64,
@@ -112,7 +112,7 @@ pub fn grid(rate: f64, duration: f64) -> Vec<f64> {
     (0..(rate * duration) as usize).map(|k| k as f64 / rate).collect()
 }
 
-/// Counts of an encoder of `per_rev` counts, with its sign and its angle at count zero.
+/// Counts of an encoder with `per_rev` counts, its sign and its angle at count zero.
 pub fn encoder_channel(swing: &Swing, rate: f64, per_rev: f64, sign: f64, zero: f64) -> Channel {
     let t = grid(rate, swing.duration);
     let counts = t.iter().map(|t| (sign * (swing.at(*t).angle - zero) / TAU * per_rev).round()).collect();
@@ -175,7 +175,7 @@ pub fn flight_of(channels: Vec<(&str, Channel)>) -> Flight {
     Flight { channels: channels.into_iter().map(|(n, c)| (n.to_owned(), c)).collect(), ..Flight::default() }
 }
 
-/// Everything an MTi-G-like sensor logs: position 0.4 s late, the rest nearly on time.
+/// All channels of an MTi-G-like sensor: position 0.4 s late, the rest nearly on time.
 pub fn everything(swing: &Swing, sensor: &Sensor) -> Flight {
     let made = |quantity, rate, delay, sigma| sensed(swing, sensor, quantity, rate, delay, sigma);
     flight_of(vec![

@@ -1,4 +1,4 @@
-//! A channel as a sheet: stamps, values in units that a person reads, and what the columns are.
+//! A channel as a sheet: timestamps, values in readable units, and descriptions of the columns.
 
 use super::{About, ExportTo, Source};
 use crate::row_time::{utc_of, way_to_utc};
@@ -11,13 +11,13 @@ use std::collections::HashMap;
 /// How the values of a column are written.
 #[derive(Debug, Clone, Copy)]
 struct Written {
-    /// The end of the column's name.
+    /// Suffix of the column name.
     end: &'static str,
     unit: &'static str,
     from_si: fn(f64) -> f64,
 }
 
-/// As its SI value.
+/// The SI value unchanged.
 const fn si(end: &'static str, unit: &'static str) -> Written {
     Written { end, unit, from_si: |x| x }
 }
@@ -33,7 +33,7 @@ const DEGREES: Written = Written { end: "_deg", unit: "deg", from_si: degrees };
 const NUMBER: Written = si("", "1");
 
 impl Written {
-    /// A component of a channel. A scalar is what its field is.
+    /// How a component of a channel is written. A scalar follows its field.
     fn of(channel: &Channel, component: &str) -> Written {
         match (channel.quantity, component) {
             (Quantity::PositionGeodetic, "latitude" | "longitude") => DEGREES,
@@ -49,7 +49,7 @@ impl Written {
         }
     }
 
-    /// Of a field with the unit as logged behind it, as `hAcc [mm]`.
+    /// From a field followed by its logged unit, such as `hAcc [mm]`.
     fn of_field(field: &str) -> Written {
         let unit = field.rsplit_once(" [").and_then(|(_, unit)| unit.strip_suffix(']'));
         match unit.and_then(|unit| unit.parse::<Unit>().ok()).map(Unit::dimension) {
@@ -65,7 +65,7 @@ impl Written {
     }
 }
 
-/// Degrees of radians: where the radians came from degrees of few digits, those very ones.
+/// Radians to degrees. If the radians came from degrees with few digits, exactly those.
 fn degrees(radians: f64) -> f64 {
     let degrees = radians.to_degrees();
     let short = format!("{degrees:.14e}").parse().unwrap_or(degrees);
@@ -73,8 +73,8 @@ fn degrees(radians: f64) -> f64 {
     if back(short) == radians { short } else { degrees }
 }
 
-/// First stamp of the earliest channel of each clock: the zero of `t_s` in all sheets of a log, so that rows of two sheets with the
-/// same `t_s` are of the same instant.
+/// First timestamp of the earliest channel of each clock: the zero of `t_s` in all sheets of a log, so that rows of two
+/// sheets with the same `t_s` are from the same instant.
 pub(super) fn zeros<'c>(channels: impl Iterator<Item = &'c Channel>) -> HashMap<Clock, Stamp> {
     let mut zeros = HashMap::new();
     for timeline in channels.map(|channel| channel.series.timeline()) {
@@ -86,8 +86,8 @@ pub(super) fn zeros<'c>(channels: impl Iterator<Item = &'c Channel>) -> HashMap<
     zeros
 }
 
-/// Stamps, seconds since the zero of their clock, UTC where the stamps are not, components with their units, and 1 where a value was held
-/// since an earlier row. Takes the memory of the channel.
+/// Timestamps, seconds since the zero of their clock, UTC unless the timestamps are UTC, components with their units,
+/// and 1 where a value was held since an earlier row. Frees the channel's memory as it goes.
 pub(super) fn source(
     name: String,
     channel: Channel,
@@ -121,7 +121,7 @@ pub(super) fn source(
     Source { name, sheet, columns, about, log_time, log_time_how }
 }
 
-/// The stamps of a channel, in each of its clocks, as columns.
+/// The timestamps of a channel, in each of its clocks, as columns.
 fn times_of(channel: &Channel, zero: Stamp, utc_ns: Option<Values<i64>>) -> Vec<(String, Cells, Value)> {
     let timeline = channel.series.timeline();
     let clock = timeline.clock();
@@ -140,7 +140,7 @@ fn times_of(channel: &Channel, zero: Stamp, utc_ns: Option<Values<i64>>) -> Vec<
     columns
 }
 
-/// Where a channel comes from; `utc` is the way in which its stamps become UTC.
+/// The source of a channel; `utc` is how its timestamps become UTC.
 fn about(channel: &Channel, utc: Option<String>) -> Value {
     let timeline = channel.series.timeline();
     json!({
@@ -154,7 +154,7 @@ fn about(channel: &Channel, utc: Option<String>) -> Value {
     })
 }
 
-/// The components that the log holds, and which values are held, as columns.
+/// The components that the log contains, and which values are held, as columns.
 fn values_of(channel: Channel) -> Vec<(String, Cells, Value)> {
     let held = channel.is_held().then(|| channel.held.iter().map(|h| Some(i64::from(*h))).collect());
     let as_logged = match (channel.quantity, channel.source.fields.as_slice()) {
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn degrees_of_few_digits_come_back_and_others_within_their_last_digit() {
+    fn degrees_with_few_digits_are_restored_exactly() {
         for text in ["-127", "47.1234567", "8.5", "-0.0000001", "179.99999999999", "33.3"] {
             let value: f64 = text.parse().unwrap();
             assert_eq!(degrees(value * (std::f64::consts::PI / 180.0)), value);
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scalar_has_the_unit_of_what_its_field_measures() {
+    fn a_scalar_has_the_unit_of_its_field() {
         for (field, end) in [
             ("hAcc [mm]", "_m"),
             ("sAcc [cm/s]", "_mps"),

@@ -1,4 +1,4 @@
-//! Tables in a folder: all of them appear together, or none.
+//! Tables in a folder: all of them appear together, or none does.
 
 use crate::error::ConvertError;
 use crate::guard::{is_of_log, may_write};
@@ -11,27 +11,27 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Comes last: a folder with it is whole.
+/// Written last: a folder that has it is complete.
 pub(super) const PROVENANCE: &str = "provenance.json";
 
-/// Held by the run that writes; absent from a folder that is whole.
+/// Held by the process that writes; absent from a complete folder.
 const LOCK: &str = ".lock";
 
-/// Tables on the way to their folder: gone if it is dropped before.
+/// Tables in a temporary folder: removed if it is dropped before it is kept.
 pub(super) struct Folder {
     path: PathBuf,
-    /// Folders above it that were not there, the nearest first.
+    /// Parent folders that had to be created, the nearest first.
     made: Vec<PathBuf>,
-    /// Beside the folder, until it takes its place.
+    /// Next to the folder, until it replaces it.
     staging: PathBuf,
     _lock: File,
-    /// Names of what is written, in order.
+    /// File names written, in order.
     names: Vec<String>,
     is_kept: bool,
 }
 
 impl Folder {
-    /// Begins tables that will be in `path`, if nothing of the log stands in their way. Removes what killed runs left.
+    /// Starts tables for `path`, unless that would overwrite files of the log. Removes what killed processes left.
     pub(super) fn begin(path: &Path, places: &[String], log: &[PathBuf]) -> Result<Folder, ConvertError> {
         for place in places.iter().map(String::as_str).chain([PROVENANCE]) {
             may_write(&path.join(place), log)?;
@@ -40,7 +40,7 @@ impl Folder {
             let what = "a table of an earlier export that is also the log; it would be removed; name another folder";
             return Err(ConvertError::Refused { path: table, what: what.to_owned() });
         }
-        // Of a link, the folder that it leads to is meant.
+        // For a link, use its target folder.
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let above = folder_of(&path).to_owned();
         let made =
@@ -72,8 +72,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Writes the provenance and puts everything in its place. The tables of an earlier export go in the same step; what
-    /// somebody else put into the folder stays.
+    /// Writes the provenance and moves everything into place. The tables of an earlier export are removed in the same
+    /// step; files that others put into the folder stay.
     pub(super) fn keep(mut self, provenance: &impl Serialize, context: &ReadContext<'_>) -> Result<(), ConvertError> {
         self.write(PROVENANCE, context, |file| {
             serde_json::to_writer_pretty(&mut *file, provenance)?;
@@ -92,14 +92,14 @@ impl Folder {
         Ok(())
     }
 
-    /// The new folder takes the place of the old one. What others have in the old one is linked into the new one before, so
-    /// that it is there at any moment.
+    /// The new folder replaces the old one. Other people's files in the old one are first linked into the new one, so
+    /// that they exist at every moment.
     fn swap(&self) -> io::Result<()> {
         let tables: Vec<PathBuf> = earlier(&self.path).into_iter().chain([self.path.join(PROVENANCE)]).collect();
         for entry in fs::read_dir(&self.path)? {
             let entry = entry?;
             if !tables.contains(&entry.path()) && !self.staging.join(entry.file_name()).exists() {
-                // Of a folder there is no such link.
+                // Folders cannot be linked in this way.
                 fs::hard_link(entry.path(), self.staging.join(entry.file_name()))?;
             }
         }
@@ -107,14 +107,15 @@ impl Folder {
         exchange(&self.staging, &self.path)
     }
 
-    /// Where the folder cannot be swapped: first the old tables go, the provenance comes last. A folder with it is whole.
+    /// Where the folder cannot be swapped: removes the old tables first, writes the provenance last. A folder with it
+    /// is complete.
     fn place_one_by_one(&self) -> Result<(), ConvertError> {
         remove_earlier(&self.path)?;
         let mut placed = vec![];
         for name in &self.names {
             let place = self.path.join(name);
             if let Err(e) = fs::rename(self.staging.join(name), &place) {
-                // What cannot be removed has no provenance beside it.
+                // What cannot be removed has no provenance with it.
                 placed.iter().for_each(|table: &PathBuf| drop(fs::remove_file(table)));
                 return Err(ConvertError::write(&place, "rename to")(e));
             }
@@ -135,13 +136,13 @@ impl Drop for Folder {
     }
 }
 
-/// Not a mount point's or the user's own working folder: who stands in it would stay in the old one.
+/// Not a mount point, and not the working folder: processes in it would stay in the old one.
 fn can_be_swapped(path: &Path) -> bool {
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
     path.file_name().is_some() && !here.is_ok_and(|here| here.starts_with(path))
 }
 
-/// Removes what killed runs left beside the folder. What others had in an old folder goes back to where it was.
+/// Removes what killed processes left next to the folder. Other people's files in an old folder are moved back.
 fn clear_leftovers(path: &Path) {
     for leftover in temporaries_of(path).into_iter().chain(temporaries_of(&path.join("tables"))) {
         let lock = leftover.join(LOCK);
@@ -153,7 +154,7 @@ fn clear_leftovers(path: &Path) {
     }
 }
 
-/// Of an old folder, removes the tables that its provenance lists, and moves everything else into the new one.
+/// Removes from an old folder the tables that its provenance lists, and moves everything else into the new one.
 fn give_back(old: &Path, new: &Path) {
     if remove_earlier(old).is_err() {
         return;
@@ -169,7 +170,7 @@ fn give_back(old: &Path, new: &Path) {
     let _ = fs::remove_dir(old);
 }
 
-/// A file that is written until somebody wishes to stop: what is half done is then taken away, for nothing of it would be
+/// A file whose writing stops when the user requests it: the unfinished part is then removed, which would not happen
 /// if the process just ended.
 pub(super) struct Heeding<'c> {
     file: File,
@@ -187,13 +188,13 @@ impl Write for Heeding<'_> {
     }
 }
 
-/// Whether this can be a table that was exported: their names leave nothing that leads elsewhere.
+/// Whether this can be an exported table: such names cannot lead outside the folder.
 fn is_table(stem: &str, ending: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || ".-_~".contains(c);
     ["csv", "parquet"].contains(&ending) && !stem.starts_with('.') && stem.chars().all(plain)
 }
 
-/// The tables of an earlier export: only what its provenance lists, and only in this folder.
+/// The tables of an earlier export: only those listed in its provenance, and only in this folder.
 fn earlier(folder: &Path) -> Vec<PathBuf> {
     let text = fs::read_to_string(folder.join(PROVENANCE)).unwrap_or_default();
     let earlier: Value = serde_json::from_str(&text).unwrap_or_default();
@@ -204,7 +205,7 @@ fn earlier(folder: &Path) -> Vec<PathBuf> {
     earlier["sheets"].as_array().into_iter().flatten().filter_map(table).collect()
 }
 
-/// The tables of an earlier export would look like part of this one.
+/// Removes the tables of an earlier export, which would look like part of this one.
 fn remove_earlier(folder: &Path) -> Result<(), ConvertError> {
     let tables = earlier(folder);
     for path in std::iter::once(folder.join(PROVENANCE)).chain(tables) {

@@ -1,4 +1,4 @@
-//! Where an export comes from: the log with its hashes, the map, the clocks, every table, all notices.
+//! Provenance of an export: the log with its hashes, the map, the clocks, every table, all notices.
 
 use super::{About, ExportOrder, ExportTo, ExportedSheet, Read, Source};
 use crate::error::ConvertError;
@@ -14,10 +14,10 @@ use std::path::Path;
 
 const MADE_BY: &str = concat!("flightlag ", env!("CARGO_PKG_VERSION"));
 
-/// Bytes of the log that are hashed before a wish to stop is heard.
+/// Bytes of the log hashed between two checks for a stop request.
 const HASHED_AT_ONCE: u64 = 16 << 20;
 
-/// What all tables have in common.
+/// What all tables share.
 pub(super) struct Head {
     command: String,
     inputs: Vec<Value>,
@@ -46,7 +46,7 @@ impl Head {
         let inputs =
             files.map(|path| input(path).map_err(|e| ConvertError::write(path, "read")(e).or_stopped(context)));
         let inputs = inputs.collect::<Result<_, _>>()?;
-        // Tables and hash are of one content.
+        // Tables and hash are from the same content.
         unchanged.check()?;
         let map = read.binding.as_ref().map(|b| json!({ "name": b.map, "why": b.why }));
         Ok(Head { command: order.command.to_owned(), inputs, map, utc: read.utc.as_ref().map(about_tie) })
@@ -61,7 +61,7 @@ impl Head {
     }
 }
 
-/// What was written, sheet by sheet.
+/// Descriptions of the written sheets.
 #[derive(Default)]
 pub(super) struct Sheets {
     about: Vec<Packed>,
@@ -69,7 +69,7 @@ pub(super) struct Sheets {
 }
 
 impl Sheets {
-    /// Takes note of a sheet, and says what it is.
+    /// Adds a sheet, and returns its description.
     pub(super) fn add(&mut self, source: &Source, place: &str, to: ExportTo) -> Value {
         let columns = &source.sheet.columns;
         let mut about = json!({
@@ -93,7 +93,7 @@ impl Sheets {
     }
 }
 
-/// JSON as text: of tens of thousands of sheets the trees would take hundreds of megabytes.
+/// JSON as text: for tens of thousands of sheets the trees would take hundreds of megabytes.
 struct Packed(Box<str>);
 
 impl Serialize for Packed {
@@ -102,7 +102,7 @@ impl Serialize for Packed {
     }
 }
 
-/// All of it; keys in the order of their names, as in every JSON of flightlag.
+/// The whole provenance; keys in alphabetical order, as in every JSON of flightlag.
 #[derive(Serialize)]
 pub(super) struct Provenance<'e> {
     bytes: Value,
@@ -127,14 +127,14 @@ impl<'e> Provenance<'e> {
     }
 }
 
-/// A column's name, and what is known of it.
+/// A column's name and description.
 fn about_column(column: &SheetColumn, about: &About) -> Value {
-    let mut said = about.get(&column.name).cloned().unwrap_or_else(|| json!({}));
-    said["name"] = column.name.as_str().into();
-    said
+    let mut described = about.get(&column.name).cloned().unwrap_or_else(|| json!({}));
+    described["name"] = column.name.as_str().into();
+    described
 }
 
-/// How a clock is tied to UTC, and how well.
+/// How a clock is tied to UTC, and how accurately.
 pub(crate) fn about_tie(tie: &UtcTie) -> Value {
     let mut about = json!(tie);
     about["uncertainty_s"] = (tie.spread_s.p99 - tie.spread_s.p01).into();

@@ -1,4 +1,4 @@
-//! Sheets as Parquet files. The one file that knows the `parquet` crate.
+//! Sheets as Parquet files. The only file that uses the `parquet` crate.
 
 use super::{Cells, Sheet, SheetColumn};
 use ingest::Values;
@@ -16,16 +16,16 @@ use std::io::{self, Write};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rows of a row group: a reader that wants a part of a long table reads no more than these at a time.
+/// Rows of a row group: a reader of part of a long table reads no more than these at a time.
 pub const ROWS_OF_A_GROUP: usize = 1 << 18;
 
-/// Values of a column that are looked at for its encoding. Shorter columns have a dictionary.
+/// Values of a column examined to choose its encoding. Shorter columns use a dictionary.
 const LOOKED_AT: usize = 256;
 
-/// Writes a sheet. Bytes depend on the sheet and the build alone.
+/// Writes a sheet. The bytes depend only on the sheet and the build.
 ///
 /// # Errors
-/// What the writer says, and columns of unequal length.
+/// Write errors, and columns of unequal length.
 pub fn write_parquet(sheet: &Sheet, file: impl Write + Send) -> io::Result<()> {
     write_parquet_about(sheet, &[], file)
 }
@@ -44,11 +44,11 @@ pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl
     Ok(())
 }
 
-/// As [`write_parquet_about`], of a table that comes in parts with the same columns: each is a row group. The first one, which
-/// may be the only one, tells how the values are laid out.
+/// As [`write_parquet_about`], for a table in parts with the same columns: each becomes a row group. The first part,
+/// which may be the only one, determines the encodings.
 ///
 /// # Errors
-/// As [`write_parquet`], and a part with other columns than the first.
+/// As [`write_parquet`], and a part with different columns from the first.
 pub fn write_parquet_parts(
     first: &Sheet,
     others: impl Iterator<Item = Sheet>,
@@ -68,7 +68,7 @@ pub fn write_parquet_parts(
     Ok(())
 }
 
-/// A file with the columns of a sheet, and no rows yet.
+/// A file with the columns of a sheet, without rows so far.
 fn begun<W: Write + Send>(sheet: &Sheet, about: &[(String, String)], file: W) -> io::Result<SerializedFileWriter<W>> {
     let about: Vec<KeyValue> = about.iter().map(|(key, text)| KeyValue::new(key.clone(), text.clone())).collect();
     let properties = sheet.columns.iter().fold(
@@ -116,10 +116,10 @@ fn write_group<W: Write + Send>(
     Ok(())
 }
 
-/// How the values of a column are laid out; `None` for a dictionary. Stamps rise by nearly the same step, and neighbouring numbers
-/// share their first bytes: so they take a quarter less.
+/// The encoding of a column; `None` for a dictionary. Timestamps increase by nearly constant steps, and neighbouring
+/// numbers share their first bytes, so these encodings save a quarter.
 fn encoding(cells: &Cells) -> Option<Encoding> {
-    // Not one that is held, nor one of few values.
+    // Not for a held column, nor for one with few distinct values.
     let is_varied = |values: &Values<f64>| {
         let moves = values.iter().zip(values.iter().skip(1)).filter(|(before, now)| before != now).count();
         let step = values.len() / LOOKED_AT + 1;
@@ -148,7 +148,7 @@ fn schema(sheet: &Sheet) -> io::Result<TypePtr> {
     Ok(Arc::new(Type::group_type_builder("root").with_fields(fields).build()?))
 }
 
-/// Cells that are there, and for each cell whether it is: the definition level, 1 or 0.
+/// The present cells, and for each cell its definition level: 1 if present, otherwise 0.
 fn write_column<T: DataType, C>(
     out: &mut SerializedColumnWriter<'_>,
     cells: impl Iterator<Item = Option<C>> + Clone,
@@ -160,7 +160,7 @@ fn write_column<T: DataType, C>(
     Ok(())
 }
 
-/// A table that was read, and what its file says of itself, by name.
+/// A table that was read, with the metadata of its file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ReadTable {
     /// The table.
@@ -172,12 +172,12 @@ pub struct ReadTable {
 /// Reads a flat table of integers, numbers and texts, as [`write_parquet`] writes it.
 ///
 /// # Errors
-/// The file is no Parquet file, is damaged, or holds columns of other types.
+/// The file is not a Parquet file, is damaged, or has columns of other types.
 pub fn read_parquet(file: File) -> io::Result<ReadTable> {
     read_parquet_columns(file, &|_| true)
 }
 
-/// As [`read_parquet`], but only the columns that are wanted: the others are not decoded.
+/// As [`read_parquet`], but decodes only the wanted columns.
 ///
 /// # Errors
 /// As [`read_parquet`].
@@ -221,7 +221,7 @@ fn read_column<T: DataType, C>(
         let (mut levels, mut values) = (vec![], vec![]);
         column.read_records(usize::MAX, Some(&mut levels), None, &mut values)?;
         if levels.is_empty() {
-            // A column that may not be empty has no levels.
+            // A non-nullable column has no levels.
             levels.resize(values.len(), 1);
         }
         let mut values = values.iter();
@@ -250,7 +250,7 @@ mod tests {
         sheet
     }
 
-    /// Stamps that jitter, a track, and the same held for 20 rows, with rows that lack a value.
+    /// Timestamps with jitter, a track, and the same track held for 20 rows, with missing values in some rows.
     fn long_table() -> Sheet {
         let count = 6000_i32;
         let track = |i: i32| 100.0 * (f64::from(i) / 300.0).sin();
@@ -270,7 +270,7 @@ mod tests {
         (file, bytes)
     }
 
-    /// Cells of numbers as bits: a NaN is no NaN's equal.
+    /// Numeric cells as bits, because NaN does not equal NaN.
     fn bits(sheet: &Sheet) -> Vec<(String, Vec<Option<u64>>)> {
         let of = |c: &SheetColumn| match &c.cells {
             Cells::F64(v) => v.iter().map(|x| x.map(f64::to_bits)).collect(),
@@ -307,14 +307,14 @@ mod tests {
     }
 
     #[test]
-    fn a_long_table_is_packed_and_polars_and_we_read_it_to_the_bit() {
+    fn a_long_table_is_compressed_and_read_back_to_the_bit_also_by_polars() {
         let sheet = long_table();
         let bytes = |name: &str| {
             let mut one = Sheet::default();
             one.push(name, sheet.cells(name).unwrap().clone());
             written(&one).1.len()
         };
-        // Eight bytes a value; by a dictionary 5,733, 44,786 and 3,141 bytes.
+        // Eight bytes per value; with a dictionary 5,733, 44,786 and 3,141 bytes.
         let sizes = ["stamp_ns", "north_m", "held_m"].map(bytes);
         println!("{sizes:?} bytes");
         assert!(sizes[0] < 3_000 && sizes[1] < 38_000 && sizes[2] < 4_000, "{sizes:?}");
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_in_parts_is_the_same_table() {
+    fn a_table_written_in_parts_reads_back_as_one() {
         let part = |range: std::ops::Range<i64>| {
             let mut sheet = Sheet::default();
             sheet.push("stamp_ns", Cells::I64(range.clone().map(Some).collect()));
@@ -356,8 +356,8 @@ mod tests {
         assert_eq!(read(file(parts).unwrap()), part(0..701));
         let mut other = part(400..700);
         other.columns.pop();
-        let said = file(vec![part(0..400), other]).unwrap_err().to_string();
-        assert_eq!(said, "the parts of a table have different columns from the first");
+        let error = file(vec![part(0..400), other]).unwrap_err().to_string();
+        assert_eq!(error, "the parts of a table have different columns from the first");
     }
 
     #[test]
@@ -369,11 +369,11 @@ mod tests {
     }
 
     #[test]
-    fn columns_of_unequal_length_and_files_that_are_cut_are_refused() {
+    fn columns_of_unequal_length_and_truncated_files_are_rejected() {
         let mut sheet = every_kind();
         sheet.push("short", Cells::I64(vec![1].into()));
-        let said = write_parquet(&sheet, vec![]).unwrap_err().to_string();
-        assert_eq!(said, "column short has 1 rows, not 4");
+        let error = write_parquet(&sheet, vec![]).unwrap_err().to_string();
+        assert_eq!(error, "column short has 1 rows, not 4");
         let (_, bytes) = written(&every_kind());
         for length in [0, 3, 8, bytes.len() / 2, bytes.len() - 1] {
             let mut file = tempfile::tempfile().unwrap();

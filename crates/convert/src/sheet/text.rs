@@ -1,17 +1,17 @@
-//! Sheets as CSV that a spreadsheet opens without running anything.
+//! Sheets as CSV that a spreadsheet opens without evaluating anything.
 
 use super::{Cells, Sheet};
 use ingest::inert;
 use std::io::{self, Write};
 
-/// What stands for a zero byte in a text: no text table may hold one, for readers take it for damage, or for the end.
+/// Replaces a zero byte in a text: readers of text tables take zero bytes for corruption or the end of the file.
 const ZERO: char = '\u{2400}';
 
-/// Writes a sheet: a header, then rows, comma, LF. Numbers are the shortest text that reads back to the same bits; absent
-/// cells are empty, and texts are made [`inert`], with `␀` for a zero byte.
+/// Writes a sheet: a header, then rows, comma, LF. Numbers are the shortest text that reads back to the same bits,
+/// absent cells are empty, and texts are made [`inert`], with `␀` for a zero byte.
 ///
 /// # Errors
-/// What the writer says, and columns of unequal length.
+/// Write errors, and columns of unequal length.
 pub fn write_csv(sheet: &Sheet, file: impl Write) -> io::Result<()> {
     let mut writer = csv::WriterBuilder::new().from_writer(file);
     writer.write_record(sheet.columns.iter().map(|c| text(&c.name)))?;
@@ -27,12 +27,12 @@ pub fn write_csv(sheet: &Sheet, file: impl Write) -> io::Result<()> {
     writer.flush()
 }
 
-/// A text as it stands in a table.
+/// A text as written to a table.
 fn text(text: &str) -> String {
     inert(text).replace('\0', ZERO.encode_utf8(&mut [0; 4]))
 }
 
-/// Texts of a sheet that hold zero bytes.
+/// Number of texts in a sheet that contain zero bytes.
 pub(crate) fn with_zero_bytes(sheet: &Sheet) -> u64 {
     let texts = sheet.columns.iter().filter_map(|column| match &column.cells {
         Cells::Text(texts) => Some(texts.iter().flatten()),
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_zero_byte_goes_into_a_table() {
+    fn zero_bytes_are_replaced_in_text_tables() {
         let mut sheet = Sheet::default();
         sheet.push("a\0", Cells::Text([Some("\0=1"), Some("x\0y"), Some("plain"), None].into_iter().collect()));
         let mut bytes = vec![];

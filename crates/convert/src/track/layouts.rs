@@ -1,4 +1,4 @@
-//! Layouts that open the MCAP of a track: of Foxglove (and Lichtblick), and of `PlotJuggler`.
+//! Layouts that open the MCAP of a track in Foxglove (and Lichtblick) and in `PlotJuggler`.
 
 use super::map_files::{COLOURS, escaped};
 use super::{LINES, Track};
@@ -13,7 +13,7 @@ pub(super) fn foxglove(track: &Track) -> String {
     let centre = centre.map(|place| json!({ "lat": place.latitude_deg, "lon": place.longitude_deg }));
     let map = json!({
         "center": centre, "zoomLevel": 15, "layer": "map", "customTileUrl": "", "followTopic": "",
-        // Both encodings hold the same places: one of them is enough.
+        // Both encodings hold the same positions: one of them is enough.
         "disabledTopics": LINES.map(|(name, ..)| format!("/{name}/location")), "topicColors": colours,
     });
     let plot = |field: &str| {
@@ -40,7 +40,7 @@ pub(super) fn foxglove(track: &Track) -> String {
     format!("{layout:#}\n")
 }
 
-/// The same for `PlotJuggler`, which then also loads the MCAP beside the layout.
+/// The same for `PlotJuggler`, which then also loads the MCAP next to the layout.
 pub(super) fn plotjuggler(recording: &str) -> String {
     let curve = |line: usize, field: &str| {
         format!("       <curve name=\"/{}/fix/{field}\" color=\"#{}\"/>\n", LINES[line].0, COLOURS[line])

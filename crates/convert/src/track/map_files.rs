@@ -1,14 +1,14 @@
-//! Files that maps open: `GeoJSON`, KML, GPX.
+//! Files for maps: `GeoJSON`, KML, GPX.
 
 use super::{Instant, LINES, Place, Track};
 use jiff::Timestamp;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
-/// Colours of raw and compensated: `RRGGBB` as the pages have them.
+/// Colours of raw and compensated: `RRGGBB`, as on the pages.
 pub(super) const COLOURS: [&str; 2] = ["4d5761", "0072b2"];
 
-/// RFC 7946: longitude first, heights in metres. Times stand in `coordTimes`, as toGeoJSON has them.
+/// RFC 7946: longitude first, heights in metres. Times are in `coordTimes`, as in toGeoJSON.
 pub(super) fn geojson(track: &Track, out: &mut impl Write) -> io::Result<()> {
     let line = |n: usize| {
         let pieces: Vec<Vec<(&Instant, Place)>> = track.pieces(n).filter(|piece| piece.len() > 1).collect();
@@ -37,13 +37,13 @@ pub(super) fn geojson(track: &Track, out: &mut impl Write) -> io::Result<()> {
     out.write_all(b"\n")
 }
 
-/// Rounded to 0.1 mm, so that no digit is noise of the conversion.
+/// Rounded to 0.1 mm, so that no digit is conversion noise.
 fn degrees(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }
 
-/// KML 2.2 with `gx:Track` where UTC is known, else plain lines. Lines lie on the ground: a height in a log may be above the
-/// ellipsoid or above mean sea level, and Google Earth would take it for the latter.
+/// KML 2.2 with `gx:Track` where UTC is known, otherwise plain lines. Lines are clamped to the ground: a logged height
+/// may be above the ellipsoid or above mean sea level, and Google Earth would assume the latter.
 pub(super) fn kml(track: &Track, out: &mut impl Write) -> io::Result<()> {
     writeln!(
         out,
@@ -52,9 +52,9 @@ pub(super) fn kml(track: &Track, out: &mut impl Write) -> io::Result<()> {
         escaped(&track.name),
         escaped(&track.about)
     )?;
-    // Styles stand before what they are of.
+    // Styles come before the elements that use them.
     for ((name, ..), rgb) in LINES.iter().zip(COLOURS) {
-        // KML counts colours from alpha over blue and green to red.
+        // KML colours are in the order alpha, blue, green, red.
         let colour = format!("ff{}{}{}", &rgb[4..6], &rgb[2..4], &rgb[0..2]);
         writeln!(out, "<Style id=\"{name}\"><LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>")?;
     }
@@ -135,7 +135,7 @@ fn utc(instant: &Instant) -> Option<String> {
     Timestamp::from_millisecond(milliseconds).ok().map(|t| format!("{t:.3}"))
 }
 
-/// Text of an XML element: characters that XML 1.0 does not know are left out.
+/// Text of an XML element: characters not allowed in XML 1.0 are removed.
 pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

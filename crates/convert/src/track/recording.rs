@@ -1,4 +1,4 @@
-//! The track as MCAP: fixes that ROS 2 tools and Foxglove draw.
+//! The track as MCAP: fixes that ROS 2 tools and Foxglove display.
 
 use super::{LINES, Place, Track};
 use crate::error::ConvertError;
@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-/// `sensor_msgs/msg/NavSatFix` with the types that it needs, as ROS 2 concatenates them.
+/// `sensor_msgs/msg/NavSatFix` with the types it depends on, concatenated as in ROS 2.
 const NAV_SAT_FIX: &str = "std_msgs/Header header
 NavSatStatus status
 float64 latitude
@@ -45,8 +45,8 @@ fn location_fix() -> String {
     json!({ "title": "foxglove.LocationFix", "type": "object", "properties": properties }).to_string()
 }
 
-/// Topics `/raw/fix`, `/raw/location`, `/compensated/fix` and `/compensated/location`. Log times are UTC; where that is not
-/// known, seconds since the start of the track.
+/// Topics `/raw/fix`, `/raw/location`, `/compensated/fix` and `/compensated/location`. Log times are UTC; if that is
+/// unknown, seconds since the start of the track.
 pub(super) fn write(track: &Track, out: &Path, file: File) -> Result<(), ConvertError> {
     let failed = |e: McapError| ConvertError::write(out, "write")(std::io::Error::other(e));
     let options = WriteOptions::new().library("flightlag").profile("ros2").compression(Some(Compression::Zstd));
@@ -81,8 +81,8 @@ fn write_lines(track: &Track, writer: &mut Writer<BufWriter<File>>) -> McapResul
     Ok(())
 }
 
-/// The message as plain CDR, little-endian: numbers stand at multiples of their size, counted behind the four bytes that
-/// say so.
+/// The message as plain CDR, little-endian: numbers are aligned to their size, counted from the end of the four-byte
+/// encapsulation header.
 fn cdr(ns: i64, frame: &str, place: Place) -> Vec<u8> {
     let mut body: Vec<u8> = vec![];
     let align = |body: &mut Vec<u8>, to: usize| body.resize(body.len().next_multiple_of(to), 0);
@@ -91,7 +91,7 @@ fn cdr(ns: i64, frame: &str, place: Place) -> Vec<u8> {
     body.extend((frame.len() as u32 + 1).to_le_bytes());
     body.extend(frame.as_bytes());
     body.push(0);
-    // Status: a fix; service: not said.
+    // Status: a fix; service: not stated.
     body.push(0);
     align(&mut body, 2);
     body.extend(0_u16.to_le_bytes());

@@ -1,4 +1,4 @@
-//! Tables hold what the log holds.
+//! Exported tables contain what the log contains.
 
 use crate::flight::{in_context, library, read, unit, write};
 use convert::{ExportOrder, ExportTo, ExportWhat, Exported, export};
@@ -42,7 +42,7 @@ fn parquet_holds_the_channels_to_the_bit() {
 }
 
 #[test]
-fn csv_holds_the_same_rows_and_places_in_degrees() {
+fn csv_holds_the_same_rows_with_positions_in_degrees() {
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());
     let out = folder.path().join("tables");
@@ -101,7 +101,7 @@ fn an_exported_mcap_holds_every_topic_with_its_values() {
     }
 }
 
-/// Names of topics that lead elsewhere, begin a formula, are the same once they are file names, or are no file names.
+/// Topic names that lead outside the folder, start a formula, collide as file names, or are not valid file names.
 fn hostile_names() -> Vec<String> {
     let long = "x".repeat(300);
     let names = [
@@ -141,7 +141,7 @@ fn hostile_names() -> Vec<String> {
     names.into_iter().map(str::to_owned).chain(of_length).collect()
 }
 
-/// One JSON message for each topic: its number, a text that begins a formula, and a field named as a stamp.
+/// One JSON message per topic: its number, a text that starts a formula, and a field with the name of a timestamp.
 fn hostile_log(path: &Path, names: &[String]) {
     let mut writer = mcap::Writer::new(File::create(path).unwrap()).unwrap();
     for (number, name) in names.iter().enumerate() {
@@ -167,7 +167,7 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn hostile_names_of_topics_stay_in_the_folder_and_overwrite_nothing() {
+fn hostile_topic_names_stay_in_the_folder_and_overwrite_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let names = hostile_names();
     let log = folder.path().join("log.mcap");
@@ -179,7 +179,7 @@ fn hostile_names_of_topics_stay_in_the_folder_and_overwrite_nothing() {
         let written = files(&out);
         assert_eq!(written.len(), names.len() + 1, "{written:?}");
         let lower: std::collections::BTreeSet<String> = written.iter().map(|w| w.to_lowercase()).collect();
-        assert_eq!(lower.len(), written.len(), "names that differ in capitals alone: {written:?}");
+        assert_eq!(lower.len(), written.len(), "names that differ only in case: {written:?}");
         for name in &written {
             assert!(
                 name.len() < 150 && !name.starts_with(['.', '-', '=']) && !name.contains(['/', '\\', '\0']),
@@ -189,7 +189,7 @@ fn hostile_names_of_topics_stay_in_the_folder_and_overwrite_nothing() {
             assert!(!["con", "nul", "com1"].contains(&stem.as_str()), "{name}");
         }
     }
-    // Nothing in the folder of the log and the two folders.
+    // Nothing next to the log and the two folders.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
     let csv = folder.path().join("Csv");
     let report = exported(&log, ExportWhat::Topics, ExportTo::Csv, &csv);
@@ -207,7 +207,7 @@ fn hostile_names_of_topics_stay_in_the_folder_and_overwrite_nothing() {
 }
 
 #[test]
-fn hostile_names_come_back_from_an_exported_mcap() {
+fn hostile_names_are_read_back_from_an_exported_mcap() {
     let folder = tempfile::tempdir().unwrap();
     let names = hostile_names();
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("out.mcap"));
@@ -226,7 +226,7 @@ fn hostile_names_come_back_from_an_exported_mcap() {
 }
 
 #[test]
-fn an_export_takes_the_place_of_an_earlier_one_and_leaves_other_files_alone() {
+fn an_export_replaces_an_earlier_one_and_leaves_other_files_alone() {
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());
     let out = folder.path().join("tables");
@@ -234,7 +234,7 @@ fn an_export_takes_the_place_of_an_earlier_one_and_leaves_other_files_alone() {
     std::fs::write(out.join("mine.csv"), "x\n").unwrap();
     let precious = folder.path().join("precious.csv");
     std::fs::write(&precious, "x\n").unwrap();
-    // A provenance that somebody has tampered with removes nothing elsewhere.
+    // A tampered provenance removes nothing elsewhere.
     let provenance = out.join("provenance.json");
     let mut json: serde_json::Value = serde_json::from_slice(&std::fs::read(&provenance).unwrap()).unwrap();
     for place in ["../precious.csv", precious.to_str().unwrap(), "..", ".csv", "mine.txt"] {
@@ -272,7 +272,7 @@ fn tables(path: &Path) -> Vec<ingest::Table> {
 }
 
 #[test]
-fn a_clock_that_does_not_know_the_date_has_utc_beside_it_and_the_tie_in_the_provenance() {
+fn a_clock_without_a_date_gets_a_utc_column_and_its_tie_is_recorded() {
     for container in [Container::DataFlash, Container::Ubx] {
         let folder = tempfile::tempdir().unwrap();
         let log = write(container, folder.path());
@@ -288,16 +288,19 @@ fn a_clock_that_does_not_know_the_date_has_utc_beside_it_and_the_tie_in_the_prov
             let unix = |s: &Stamp| flight.unix(timeline.clock(), *s).unwrap().0;
             assert_eq!(utc, timeline.stamps().iter().map(unix).collect::<Vec<_>>(), "{}", sheet.name);
         }
-        let said = provenance(&out);
+        let provenance = provenance(&out);
         match &flight.utc {
             Some(tie) => {
-                assert_eq!(said["utc"]["offset_ns"], tie.offset_ns);
-                assert_eq!(said["utc"]["source"], tie.source.as_str());
-                assert_eq!(said["utc"]["uncertainty_s"], tie.spread_s.p99 - tie.spread_s.p01);
+                assert_eq!(provenance["utc"]["offset_ns"], tie.offset_ns);
+                assert_eq!(provenance["utc"]["source"], tie.source.as_str());
+                assert_eq!(provenance["utc"]["uncertainty_s"], tie.spread_s.p99 - tie.spread_s.p01);
             }
-            None => assert!(said["sheets"][0]["from"]["utc"].as_str().unwrap().contains("leap seconds"), "{said}"),
+            None => assert!(
+                provenance["sheets"][0]["from"]["utc"].as_str().unwrap().contains("leap seconds"),
+                "{provenance}"
+            ),
         }
-        // An MCAP has it as the log time, and says so.
+        // An MCAP uses it as the log time, and says so.
         let file = folder.path().join("out.mcap");
         exported(&log, ExportWhat::Channels, ExportTo::Mcap, &file);
         for table in tables(&file) {
@@ -315,16 +318,16 @@ fn a_clock_that_does_not_know_the_date_has_utc_beside_it_and_the_tie_in_the_prov
         let pairs = reader.get_metadata().unwrap().key_value_metadata().clone().unwrap();
         let text =
             pairs.iter().find(|pair| pair.key == "flightlag-export").and_then(|pair| pair.value.clone()).unwrap();
-        let said: serde_json::Value = serde_json::from_str(&text).unwrap();
-        assert_eq!(said["utc"]["offset_ns"].as_i64(), flight.utc.as_ref().map(|tie| tie.offset_ns));
-        assert_eq!(said["sheet"]["place"], report.sheets[0].place.as_str());
+        let provenance: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(provenance["utc"]["offset_ns"].as_i64(), flight.utc.as_ref().map(|tie| tie.offset_ns));
+        assert_eq!(provenance["sheet"]["place"], report.sheets[0].place.as_str());
     }
 }
 
 #[test]
-fn rows_of_two_tables_with_the_same_seconds_are_of_the_same_instant() {
+fn equal_seconds_in_two_tables_are_the_same_instant() {
     let folder = tempfile::tempdir().unwrap();
-    // The receiver has a velocity before it has a place.
+    // The receiver has a velocity before it has a position.
     let row = |k: u32| {
         let place = if k < 7 { ",,".to_owned() } else { format!("37.6{k:05},126.86{k:05},{}", 100 + k) };
         format!("2024-01-01T10:00:{:02}.{}Z,{place},{k}.5,-{k}.25,0.0\n", k / 10, k % 10)
@@ -337,7 +340,7 @@ fn rows_of_two_tables_with_the_same_seconds_are_of_the_same_instant() {
     let report = exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
     let firsts: Vec<i64> = flight.channels.values().map(|c| c.series.timeline().first().unwrap().0).collect();
     let zero = *firsts.iter().min().unwrap();
-    assert!(firsts.iter().any(|first| *first != zero), "channels that begin together prove nothing: {firsts:?}");
+    assert!(firsts.iter().any(|first| *first != zero), "channels with the same start prove nothing: {firsts:?}");
     for sheet in &report.sheets {
         let timeline = flight.channels[&sheet.name].series.timeline();
         let seconds = csv_column(&out.join(&sheet.place), "t_s");
@@ -345,8 +348,8 @@ fn rows_of_two_tables_with_the_same_seconds_are_of_the_same_instant() {
             assert_eq!(cell.parse::<f64>().unwrap(), stamp.seconds_since(Stamp(zero)), "{}", sheet.name);
         }
     }
-    let said = provenance(&out);
-    for sheet in said["sheets"].as_array().unwrap() {
+    let provenance = provenance(&out);
+    for sheet in provenance["sheets"].as_array().unwrap() {
         let columns = sheet["columns"].as_array().unwrap();
         let column = columns.iter().find(|column| column["name"] == "t_s").unwrap();
         assert_eq!((&column["zero_ns"], &column["clock"]), (&zero.into(), &"unix".into()), "{column}");
@@ -354,7 +357,7 @@ fn rows_of_two_tables_with_the_same_seconds_are_of_the_same_instant() {
 }
 
 #[test]
-fn rows_of_topics_have_the_time_that_their_fields_say_also_as_log_time() {
+fn topic_rows_use_the_time_in_their_fields_also_as_log_time() {
     for container in [Container::Ubx, Container::Nmea, Container::CsvWide, Container::Ulog, Container::DataFlash] {
         let folder = tempfile::tempdir().unwrap();
         let log = write(container, folder.path());
@@ -369,7 +372,7 @@ fn rows_of_topics_have_the_time_that_their_fields_say_also_as_log_time() {
         exported(&log, ExportWhat::Topics, ExportTo::Mcap, &out);
         let table = tables(&out).into_iter().find(|t| t.topic.name == topic).unwrap();
         let logged = table.logged_ns.unwrap();
-        // The log's stamps of a ULog are those of the driver, some hundred milliseconds behind the measurement.
+        // The log timestamps of a ULog are those of the driver, some hundred milliseconds after the measurement.
         let off =
             logged.first().unwrap().abs_diff(truth[0]).max(logged.last().unwrap().abs_diff(truth[truth.len() - 1]));
         assert!(off < 1_000_000_000, "{container:?}: {off} ns");
@@ -381,12 +384,12 @@ fn rows_of_topics_have_the_time_that_their_fields_say_also_as_log_time() {
     }
 }
 
-/// A frame of NAV-PVT with a fix in three dimensions, a tenth of a second after the one before.
+/// A NAV-PVT frame with a 3D fix, a tenth of a second after the previous one.
 fn nav_pvt(number: u32) -> Vec<u8> {
     let mut payload = [0; 92];
     let mut put = |at: usize, bytes: &[u8]| payload[at..at + bytes.len()].copy_from_slice(bytes);
     put(0, &(295_218_000 + 100 * number).to_le_bytes());
-    // 2026-05-06 10:00:00 UTC, which is valid; fix in 3D and OK; satellites; places, accuracies, velocities.
+    // 2026-05-06 10:00:00 UTC, valid; 3D fix and OK; satellites; positions, accuracies, velocities.
     put(4, &2026_u16.to_le_bytes());
     put(6, &[5, 6, 10, 0, (number / 10) as u8, 3]);
     put(20, &[3, 1]);
@@ -404,17 +407,17 @@ fn nav_pvt(number: u32) -> Vec<u8> {
 }
 
 #[test]
-fn the_name_of_a_scalar_ends_in_its_unit_and_the_provenance_says_both_units() {
+fn a_scalar_name_ends_in_its_unit_and_provenance_has_both_units() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.ubx"), folder.path().join("tables"));
     std::fs::write(&log, (0..20).flat_map(nav_pvt).collect::<Vec<u8>>()).unwrap();
     exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
     let values = csv_column(&out.join("horizontal-accuracy.gps.csv"), "value_m");
     assert_eq!(values[..2], ["1.5", "1.501"]);
-    // Nor does a place that the log has in few digits get more of them.
+    // Nor does a position logged with few digits gain any.
     assert_eq!(csv_column(&out.join("position.gps.csv"), "longitude_deg")[0], "-127.0");
-    let said = provenance(&out);
-    let sheets = said["sheets"].as_array().unwrap();
+    let provenance = provenance(&out);
+    let sheets = provenance["sheets"].as_array().unwrap();
     let column = |sheet: &str, column: &str| {
         let sheet = sheets.iter().find(|s| s["name"] == sheet).unwrap();
         sheet["columns"].as_array().unwrap().iter().find(|c| c["name"] == column).cloned().unwrap()
@@ -426,7 +429,7 @@ fn the_name_of_a_scalar_ends_in_its_unit_and_the_provenance_says_both_units() {
 }
 
 #[test]
-fn topics_as_they_stand_have_the_units_that_the_log_states() {
+fn unconverted_topics_have_the_units_stated_in_the_log() {
     let format = |id: u8, length: u8, name: &[u8], codes: &[u8], names: &[u8]| {
         let padded = |text: &[u8], width: usize| [text, &vec![0; width - text.len()]].concat();
         let texts = [padded(name, 4), padded(codes, 16), padded(names, 64)].concat();
@@ -451,15 +454,15 @@ fn topics_as_they_stand_have_the_units_that_the_log_states() {
     let (log, out) = (folder.path().join("log.bin"), folder.path().join("tables"));
     std::fs::write(&log, [head.concat(), (0..20).flat_map(row).collect()].concat()).unwrap();
     exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
-    let said = provenance(&out);
-    let sheet = said["sheets"].as_array().unwrap().iter().find(|s| s["name"] == "TST").unwrap();
+    let provenance = provenance(&out);
+    let sheet = provenance["sheets"].as_array().unwrap().iter().find(|s| s["name"] == "TST").unwrap();
     let unit_of = |name: &str| {
         let column = sheet["columns"].as_array().unwrap().iter().find(|c| c["name"] == name).unwrap();
         column["unit"].clone()
     };
     let expected = [("TimeUS", "1.000e-6 s"), ("Cur", "A"), ("Dst", "1.000e-2 m"), ("Ang", "deg")];
     for (name, unit) in expected {
-        assert_eq!(unit_of(name), unit, "{said:#}");
+        assert_eq!(unit_of(name), unit, "{provenance:#}");
     }
     assert!(unit_of("Raw").is_null());
 }
@@ -474,7 +477,7 @@ fn integers_of_the_log_stay_integers_in_csv() {
         let cells = csv_column(&out.join("NAV-POSLLH.csv"), name);
         assert!(!cells.is_empty() && cells.iter().all(|cell| cell.parse::<i64>().is_ok()), "{name}: {cells:?}");
     }
-    // A column with a fraction has it throughout.
+    // A column with a fraction has one throughout.
     let log = folder.path().join("t.csv");
     std::fs::write(&log, "time_s,a,b,c\n0.5,1,-127,-0.0\n1.5,2.25,3e9,1\n2.5,3,,2\n").unwrap();
     let out = folder.path().join("t");
@@ -484,7 +487,7 @@ fn integers_of_the_log_stay_integers_in_csv() {
     assert_eq!(csv_column(&out.join("t.csv"), "c"), ["-0.0", "1.0", "2.0"]);
 }
 
-/// A scan of any length, an array of structures, texts, and a hundred numbers; and a topic without a message.
+/// A variable-length scan, an array of structures, texts, and a hundred numbers; and a topic without messages.
 fn log_of_arrays(path: &Path) {
     let text =
         "float64 x\nfloat32[] ranges\np/Point[] points\nstring[] names\nuint8[100] long\n===\nMSG: p/Point\nfloat64 x";
@@ -504,7 +507,7 @@ fn log_of_arrays(path: &Path) {
 }
 
 #[test]
-fn fields_that_no_column_takes_and_topics_without_a_message_are_told_with_their_names() {
+fn fields_without_a_column_and_empty_topics_are_reported_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("tables"));
     log_of_arrays(&log);
@@ -516,9 +519,12 @@ fn fields_that_no_column_takes_and_topics_without_a_message_are_told_with_their_
         (Severity::Warning, 4, "topic /scan")
     );
     assert!(left_out[0].text.ends_with("long[64..100], names[], points[], ranges[]"), "{}", left_out[0].text);
-    let said = provenance(&out)["notices"].to_string();
-    assert!(said.contains("ranges[]") && said.contains("without a message have no table: /empty"), "{said}");
-    // The header has what is left.
+    let provenance = provenance(&out)["notices"].to_string();
+    assert!(
+        provenance.contains("ranges[]") && provenance.contains("without a message have no table: /empty"),
+        "{provenance}"
+    );
+    // The header has the remaining fields.
     assert_eq!(report.sheets[0].columns, 2 + 1 + 64);
 }
 
@@ -527,7 +533,7 @@ fn stopped(log: &Path, out: &Path) -> convert::ConvertError {
     let (unit, library) = (unit(log), library());
     let cancel = std::sync::atomic::AtomicBool::new(false);
     let any_table = || {
-        // What is being written lies beside its place, with a file that says so.
+        // Files being written are next to their final path, with a lock file.
         let is_begun = |e: std::fs::DirEntry| {
             let is_temporary = e.file_name().to_string_lossy().ends_with("flightlag-tmp");
             is_temporary && std::fs::read_dir(e.path()).is_ok_and(|inside| inside.count() > 1)
@@ -549,7 +555,7 @@ fn stopped(log: &Path, out: &Path) -> convert::ConvertError {
 }
 
 #[test]
-fn an_export_that_ends_early_leaves_nothing_of_itself_and_all_of_an_earlier_one() {
+fn an_aborted_export_leaves_nothing_and_keeps_the_earlier_one() {
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());
     let out = folder.path().join("tables");
@@ -563,7 +569,7 @@ fn an_export_that_ends_early_leaves_nothing_of_itself_and_all_of_an_earlier_one(
 }
 
 #[test]
-fn a_wish_to_stop_is_heard_while_the_rows_are_written_and_nothing_is_left() {
+fn a_stop_request_while_writing_rows_is_honoured_and_cleans_up() {
     use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.csv");
@@ -573,7 +579,7 @@ fn a_wish_to_stop_is_heard_while_the_rows_are_written_and_nothing_is_left() {
     let kinds = [Some(ExportTo::Csv), Some(ExportTo::Mcap), Some(ExportTo::Parquet), None];
     for kind in kinds {
         let (cancel, heard) = (AtomicBool::new(false), AtomicU32::new(0));
-        // Bytes are read before rows are written, and after: this is said between.
+        // Bytes are read before and after the rows are written: progress is reported in between.
         let on_bytes = |bytes: u64| {
             let written = std::fs::read_dir(folder.path()).unwrap().count() > 1;
             let count = heard.fetch_add(u32::from(written && bytes == 0), Ordering::Relaxed);
@@ -596,7 +602,7 @@ fn a_wish_to_stop_is_heard_while_the_rows_are_written_and_nothing_is_left() {
 }
 
 #[test]
-fn a_log_that_changes_while_it_is_read_gives_no_tables() {
+fn a_log_that_changes_while_being_read_gives_no_tables() {
     let folder = tempfile::tempdir().unwrap();
     for to in [ExportTo::Csv, ExportTo::Mcap] {
         let log = mcap(folder.path());
@@ -612,7 +618,7 @@ fn a_log_that_changes_while_it_is_read_gives_no_tables() {
             command: "flightlag export",
         };
         let bytes = std::fs::read(&log).unwrap();
-        // As a logger that goes on, or another log that is copied to this name.
+        // As a logger that continues, or another log copied to this name.
         let on_bytes = |_| std::fs::write(&log, [bytes.as_slice(), b"more"].concat()).unwrap();
         let cancel = std::sync::atomic::AtomicBool::new(false);
         let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &on_bytes };
@@ -631,7 +637,7 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn the_new_tables_take_the_place_of_the_old_ones_in_one_step() {
+fn new_tables_replace_the_old_ones_atomically() {
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());
     let out = folder.path().join("tables");
@@ -639,7 +645,7 @@ fn the_new_tables_take_the_place_of_the_old_ones_in_one_step() {
     std::fs::write(out.join("notes.txt"), "mine").unwrap();
     let stop = std::sync::atomic::AtomicBool::new(false);
     std::thread::scope(|scope| {
-        // Whenever somebody looks, there is a whole export: its provenance, and every table that it lists.
+        // At every moment there is a complete export: its provenance, and every table that it lists.
         let looker = scope.spawn(|| {
             let mut looks = 0;
             while !stop.load(std::sync::atomic::Ordering::Relaxed) || looks == 0 {
@@ -662,12 +668,12 @@ fn the_new_tables_take_the_place_of_the_old_ones_in_one_step() {
 }
 
 #[test]
-fn what_killed_runs_left_is_cleared_and_what_was_not_theirs_comes_back() {
+fn leftovers_of_killed_runs_are_removed_and_foreign_files_restored() {
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());
     let out = folder.path().join("tables");
     exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
-    // One run was killed while it wrote, one after it had taken the place of the old folder.
+    // One process was killed while writing, one after it had replaced the old folder.
     let half = folder.path().join(".tables.1-2-0.flightlag-tmp");
     std::fs::create_dir(&half).unwrap();
     std::fs::write(half.join(".lock"), "").unwrap();
@@ -677,7 +683,7 @@ fn what_killed_runs_left_is_cleared_and_what_was_not_theirs_comes_back() {
     std::fs::copy(out.join("provenance.json"), old.join("provenance.json")).unwrap();
     std::fs::write(old.join("position.gps.csv"), "old").unwrap();
     std::fs::write(old.join("notes.txt"), "mine").unwrap();
-    // Another run is at work.
+    // Another process is running.
     let live = folder.path().join(".tables.5-6-0.flightlag-tmp");
     std::fs::create_dir(&live).unwrap();
     let lock = File::create(live.join(".lock")).unwrap();
@@ -692,7 +698,7 @@ fn what_killed_runs_left_is_cleared_and_what_was_not_theirs_comes_back() {
 }
 
 #[test]
-fn one_broken_cell_leaves_a_column_of_numbers_and_is_counted() {
+fn one_corrupt_cell_is_counted_and_the_column_stays_numeric() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("flight.csv");
     let rows: String = (0..50).map(|i| format!("{i},{},{}\n", if i == 20 { "1.5#" } else { "1.5" }, "word")).collect();

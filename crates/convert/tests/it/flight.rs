@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 
-/// Writes a flight of 20 s below `folder`; the path of its file.
+/// Writes a flight of 20 s below `folder`; returns the path of its file.
 pub fn write(container: Container, folder: &Path) -> PathBuf {
     let settings = FlightSettings {
         duration_s: 20.0,

@@ -1,4 +1,4 @@
-//! What is never written over.
+//! What is never overwritten.
 
 use crate::flight::{in_context, library, unit, write};
 use convert::{ConvertError, ExportOrder, ExportTo, ExportWhat, export, recover};
@@ -24,7 +24,7 @@ fn refused(result: Result<(), ConvertError>, why: &str) {
     }
 }
 
-/// What every file in a folder holds; nothing for what is none.
+/// Contents of every file in a folder; empty for anything that is not a file.
 fn content(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let paths = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
     let held = |path: PathBuf| {
@@ -40,7 +40,7 @@ fn mcap(folder: &Path) -> PathBuf {
 
 #[cfg(unix)]
 #[test]
-fn a_log_is_not_written_over_by_whatever_name_or_link() {
+fn a_log_is_not_overwritten_under_any_name_or_link() {
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());
     let other = |name: &str| folder.path().join(name);
@@ -59,7 +59,7 @@ fn a_log_is_not_written_over_by_whatever_name_or_link() {
 }
 
 #[test]
-fn the_write_ahead_log_beside_a_bag_is_part_of_it() {
+fn the_write_ahead_log_of_a_bag_is_part_of_the_log() {
     let folder = tempfile::tempdir().unwrap();
     let log = write(Container::Db3(Db3Settings::default()), folder.path());
     let database = match log.is_dir() {
@@ -67,23 +67,23 @@ fn the_write_ahead_log_beside_a_bag_is_part_of_it() {
         false => log.clone(),
     };
     for end in ["-wal", "-shm", "-journal"] {
-        let mut beside = database.clone().into_os_string();
-        beside.push(end);
-        std::fs::write(&beside, "x").unwrap();
-        refused(recovered(&database, Path::new(&beside)), "the log itself");
-        assert_eq!(std::fs::read(&beside).unwrap(), b"x");
-        std::fs::remove_file(&beside).unwrap();
+        let mut sidecar = database.clone().into_os_string();
+        sidecar.push(end);
+        std::fs::write(&sidecar, "x").unwrap();
+        refused(recovered(&database, Path::new(&sidecar)), "the log itself");
+        assert_eq!(std::fs::read(&sidecar).unwrap(), b"x");
+        std::fs::remove_file(&sidecar).unwrap();
     }
 }
 
 #[test]
-fn tables_are_not_written_over_the_tables_that_they_are_made_of() {
+fn tables_do_not_overwrite_their_source_tables() {
     let folder = tempfile::tempdir().unwrap();
     let log = write(Container::CsvWide, folder.path());
     let before = content(folder.path());
     refused(exported(&log, ExportTo::Csv, folder.path()), "the log itself");
     assert_eq!(content(folder.path()), before);
-    // A log of several files: each of them.
+    // A log of several files: each of them is protected.
     let several = write(Container::CsvFolder, folder.path());
     let before = content(&several);
     assert!(before.len() > 1);
@@ -95,7 +95,7 @@ fn tables_are_not_written_over_the_tables_that_they_are_made_of() {
 }
 
 #[test]
-fn a_table_of_an_earlier_export_that_is_the_log_is_not_removed() {
+fn an_earlier_exported_table_that_is_now_the_log_is_not_removed() {
     let folder = tempfile::tempdir().unwrap();
     let tables = folder.path().join("tables");
     exported(&write(Container::CsvWide, folder.path()), ExportTo::Csv, &tables).unwrap();
@@ -106,7 +106,7 @@ fn a_table_of_an_earlier_export_that_is_the_log_is_not_removed() {
 
 #[cfg(unix)]
 #[test]
-fn what_is_no_plain_file_is_not_replaced() {
+fn only_regular_files_are_replaced() {
     use std::os::unix::fs::FileTypeExt;
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());

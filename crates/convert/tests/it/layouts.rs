@@ -1,6 +1,6 @@
-//! The layouts beside the MCAP of a track, held to the rules by which the programs read them. The rules are those of the
-//! sources of Lichtblick (`validateLayoutData`, the panels `map` and `Plot`) and of `PlotJuggler` (`loadLayoutFromFile`,
-//! `restoreSplitter`, `PlotWidget::xmlLoadState`, `DataLoadMCAP`).
+//! The layouts of a track's MCAP, checked against the rules by which the programs read them. The rules are from the
+//! sources of Lichtblick (`validateLayoutData`, the panels `map` and `Plot`) and of `PlotJuggler`
+//! (`loadLayoutFromFile`, `restoreSplitter`, `PlotWidget::xmlLoadState`, `DataLoadMCAP`).
 
 use crate::track::write;
 use convert::{TrackOrder, TrackTo, export_track, layouts_of};
@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
-/// Files of a track: schema of each topic of the MCAP, and the layouts.
+/// Files of a track: the schema of each topic of the MCAP, and the layouts.
 struct Written {
     recording: String,
     topics: BTreeMap<String, String>,
@@ -34,7 +34,7 @@ fn written(name: &str) -> Written {
     }
 }
 
-/// Fields of `NavSatFix` that are numbers.
+/// Numeric fields of `NavSatFix`.
 const FIELDS: [&str; 3] = ["latitude", "longitude", "altitude"];
 
 #[test]
@@ -67,7 +67,7 @@ fn foxglove_and_lichtblick_find_every_panel_topic_and_field() {
 /// A leaf is a panel's id; a parent has a direction and two children.
 fn mosaic(node: &Value, leaves: &mut BTreeSet<String>) {
     match node {
-        Value::String(id) => assert!(leaves.insert(id.clone()), "{id} stands twice"),
+        Value::String(id) => assert!(leaves.insert(id.clone()), "{id} appears twice"),
         parent => {
             assert!(["row", "column"].contains(&parent["direction"].as_str().unwrap()));
             assert!((1.0..100.0).contains(&parent["splitPercentage"].as_f64().unwrap_or(50.0)));
@@ -82,7 +82,7 @@ fn plot(config: &Value, topics: &BTreeMap<String, String>) {
     assert!(["floating", "top", "left", "none"].contains(&config["legendDisplay"].as_str().unwrap()));
     let flags = ["isSynced", "showLegend", "showPlotValuesInLegend", "showXAxisLabels", "showYAxisLabels"];
     assert!(flags.iter().all(|flag| config[flag].is_boolean()) && config["sidebarDimension"].is_number());
-    // Each of the programs has its own key for the title.
+    // The two programs use different keys for the title.
     assert!(["foxglovePanelTitle", "lichtblickPanelTitle"].iter().all(|key| config[key].is_string()), "{config}");
     for path in config["paths"].as_array().unwrap() {
         let (topic, field) = path["value"].as_str().unwrap().rsplit_once('.').unwrap();
@@ -107,7 +107,7 @@ fn plotjuggler_finds_the_recording_every_dock_and_every_curve() {
     assert_eq!(curves, 6, "two lines in three plots");
     assert!(tabs.only("currentTabIndex").attribute("index").parse::<usize>().unwrap() < tabs.all("Tab").len());
     let file = root.only("previouslyLoaded_Datafiles").only("fileInfo");
-    // A relative name is looked for beside the layout.
+    // A relative name is resolved next to the layout.
     assert_eq!((file.attribute("filename"), file.attribute("prefix")), (recording.as_str(), ""));
     let plugin = file.only("plugin");
     assert_eq!(plugin.attribute("ID"), "DataLoad MCAP");
@@ -120,7 +120,7 @@ fn plotjuggler_finds_the_recording_every_dock_and_every_curve() {
     assert!(!selected.is_empty() && selected.iter().all(|topic| topics.contains_key(*topic)), "{selected:?}");
 }
 
-/// A splitter has as many sizes and children as it says; each child is another or a plot.
+/// A splitter has as many sizes and children as it states; each child is a splitter or a plot.
 fn docks(splitter: &Element, topics: &BTreeMap<String, String>, curves: &mut usize) {
     let count: usize = splitter.attribute("count").parse().unwrap();
     let sizes: Vec<f64> = splitter.attribute("sizes").split(';').map(|size| size.parse().unwrap()).collect();
@@ -136,7 +136,7 @@ fn docks(splitter: &Element, topics: &BTreeMap<String, String>, curves: &mut usi
     }
 }
 
-/// A series of a topic is called `/topic/field`.
+/// A series of a topic is named `/topic/field`.
 fn curves_of(plot: &Element, topics: &BTreeMap<String, String>) -> usize {
     let is_series = |name: &str| {
         let (topic, field) = name.rsplit_once('/').unwrap();
@@ -155,7 +155,7 @@ fn curves_of(plot: &Element, topics: &BTreeMap<String, String>) -> usize {
     plot.all("curve").len()
 }
 
-/// An element of the XML that the layout is written in: no text, attributes in double quotes.
+/// An element of the layout's XML: no text, attributes in double quotes.
 struct Element {
     tag: String,
     attributes: BTreeMap<String, String>,

@@ -1,4 +1,4 @@
-//! A recovered log is read as the log that it comes from.
+//! A recovered log reads the same as its original.
 
 use crate::flight::{in_context, library, read, unit};
 use crate::recover::wrapped_dataflash;
@@ -8,14 +8,14 @@ use ingest::{Loaded, Selection, Table, TopicInfo};
 use simulate::{Container, Seed, seeds};
 use std::path::{Path, PathBuf};
 
-/// All that is found in a log, its container aside.
+/// Everything found in a log, except its container.
 fn tables(log: &Path) -> Vec<Table> {
     let unit = unit(log);
     in_context(|c| ingest::open(&unit).read(&|_: &TopicInfo| Selection::All, c)).unwrap().tables
 }
 
-/// Those of a recovered log as the original has them. Two things differ: MCAP has a time of publishing also where the log had
-/// none, and what is not decoded of a receiver's messages is a table of its own.
+/// Makes the tables of a recovered log comparable with the original. Two things differ: MCAP has a publish time even if
+/// the log had none, and undecoded messages of a receiver become a table of their own.
 fn twins(before: &mut [Table], after: &mut Vec<Table>) {
     let decoded = |twin: &Table| before.iter().any(|table| table.topic == twin.topic);
     after.retain(|twin| !["nmea", "ubx", "mavlink"].contains(&twin.topic.encoding.as_str()) || decoded(twin));
@@ -27,13 +27,13 @@ fn twins(before: &mut [Table], after: &mut Vec<Table>) {
     }
 }
 
-/// As text, for floats that are NaN are no equals.
+/// As text, because NaN floats do not compare equal.
 fn shown(tables: &[Table]) -> Vec<String> {
     tables.iter().map(|table| format!("{table:?}")).collect()
 }
 
-/// Topics but for the size of their messages, for checksums, which are those of the container, and for times of publishing,
-/// which MCAP has also where the log had none.
+/// Topics without message sizes, without checksums, which belong to the container, and without publish times, which
+/// MCAP has even if the log had none.
 fn topics(health: &LogHealth) -> Vec<TopicHealth> {
     let bare = |topic: &TopicHealth| {
         let mut topic = TopicHealth { payload_bytes: 0, vouched: 0, ..topic.clone() };
@@ -47,7 +47,7 @@ fn topics(health: &LogHealth) -> Vec<TopicHealth> {
     health.topics.iter().map(bare).collect()
 }
 
-/// What it cost to bind channels, but for times of publishing.
+/// The cost of binding channels, except publish times.
 fn channels(channels: &[ChannelHealth]) -> Vec<ChannelHealth> {
     let bare = |channel: &ChannelHealth| {
         let mut channel = channel.clone();
@@ -57,7 +57,7 @@ fn channels(channels: &[ChannelHealth]) -> Vec<ChannelHealth> {
     channels.iter().map(bare).collect()
 }
 
-/// How two flights and what is known of their logs differ; the containers' own things are left out.
+/// Differences between two flights and their health; what belongs to the container is excluded.
 fn differences(before: &Loaded, after: &Loaded) -> Vec<String> {
     let mut found = vec![];
     let mut compare = |what: &str, same: bool| {
@@ -78,8 +78,8 @@ fn differences(before: &Loaded, after: &Loaded) -> Vec<String> {
     }
     compare("map", before.binding.as_ref().ok().map(|b| &b.map) == after.binding.as_ref().ok().map(|b| &b.map));
     let heard = |flight: &Flight| -> Vec<String> {
-        let told = flight.notices.iter().filter(|n| n.severity != Severity::Info && n.code != "damaged");
-        told.map(|n| format!("{} {} {} {}", n.code, n.place, n.count, n.text)).collect()
+        let reported = flight.notices.iter().filter(|n| n.severity != Severity::Info && n.code != "damaged");
+        reported.map(|n| format!("{} {} {} {}", n.code, n.place, n.count, n.text)).collect()
     };
     let after_heard = heard(&after.flight);
     for notice in heard(&before.flight) {
@@ -97,7 +97,7 @@ fn write_seed(seed: &Seed, folder: &Path) -> PathBuf {
     folder.join(seed.container.path(seed.name))
 }
 
-/// Recovers a log and reads both: how they differ, and whether something was lost on the way.
+/// Recovers a log and reads both: the differences, and whether anything was lost on the way.
 fn recovered(log: &Path, out: &Path) -> (Vec<String>, bool) {
     let report = in_context(|context| recover(&unit(log), library(), out, context)).unwrap();
     let mut found = differences(&read(log), &read(out));
@@ -116,32 +116,32 @@ fn all_seeds_are_read_as_they_were(of: impl Fn(Container) -> bool) {
         let folder = tempfile::tempdir().unwrap();
         let log = write_seed(seed, folder.path());
         let (differences, lost) = recovered(&log, &folder.path().join("recovered.mcap"));
-        // What the missing index says of a bag is said of no MCAP.
+        // The notice about a bag's missing index does not apply to an MCAP.
         let no_index = seed.name == "bag-unindexed";
-        let told = if no_index { vec!["incomplete-recording"] } else { vec![] };
+        let reported = if no_index { vec!["incomplete-recording"] } else { vec![] };
         let kinds: Vec<&str> = differences.iter().filter_map(|d| d.split(' ').next()).collect();
-        assert_eq!((kinds, lost), (told, no_index), "{}: {differences:#?}", seed.name);
+        assert_eq!((kinds, lost), (reported, no_index), "{}: {differences:#?}", seed.name);
     }
 }
 
 #[test]
-fn a_recovered_mcap_is_read_as_the_original_bit_for_bit() {
+fn a_recovered_mcap_reads_as_the_original_bit_for_bit() {
     all_seeds_are_read_as_they_were(|container| matches!(container, Container::Mcap(_)));
 }
 
 #[test]
-fn a_recovered_bag_is_read_as_the_original_bit_for_bit() {
+fn a_recovered_bag_reads_as_the_original_bit_for_bit() {
     all_seeds_are_read_as_they_were(|container| matches!(container, Container::Bag(_) | Container::Db3(_)));
 }
 
 #[test]
-fn a_recovered_log_of_any_other_format_is_read_as_the_original_bit_for_bit() {
+fn a_recovered_log_of_any_other_format_reads_as_the_original() {
     let other = |c| !matches!(c, Container::Mcap(_) | Container::Bag(_) | Container::Db3(_));
     all_seeds_are_read_as_they_were(other);
 }
 
 #[test]
-fn where_the_clock_of_the_log_began_anew_the_recovered_log_has_its_stamps_all_the_same() {
+fn a_recovered_log_keeps_its_stamps_across_a_clock_wraparound() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.bin"), folder.path().join("out.mcap"));
     std::fs::write(&log, wrapped_dataflash()).unwrap();
@@ -152,15 +152,15 @@ fn where_the_clock_of_the_log_began_anew_the_recovered_log_has_its_stamps_all_th
 }
 
 #[test]
-fn a_log_that_was_recovered_twice_is_read_as_the_original() {
+fn a_log_recovered_twice_reads_as_the_original() {
     let mut replaced = 0;
     for seed in seeds().unwrap().iter().filter(|seed| ["dataflash-binary", "csv-wide"].contains(&seed.name)) {
         let folder = tempfile::tempdir().unwrap();
         let log = write_seed(seed, folder.path());
         let (once, twice) = (folder.path().join("once.mcap"), folder.path().join("twice.mcap"));
         for (log, out) in [(&log, &once), (&once, &twice)] {
-            let told = in_context(|context| recover(&unit(log), library(), out, context)).unwrap().notices;
-            replaced += told.iter().filter(|n| n.code == "values-replaced").map(|n| n.count).sum::<u64>();
+            let reported = in_context(|context| recover(&unit(log), library(), out, context)).unwrap().notices;
+            replaced += reported.iter().filter(|n| n.code == "values-replaced").map(|n| n.count).sum::<u64>();
         }
         let (before, after) = (read(&log), read(&twice));
         assert_eq!(before.flight.channels, after.flight.channels, "{}", seed.name);
@@ -172,7 +172,7 @@ fn a_log_that_was_recovered_twice_is_read_as_the_original() {
     assert!(replaced > 0, "cells that not every row has are placeholders in what is written");
 }
 
-/// A table of text and what it becomes.
+/// A text table and its recovered log.
 fn of_text(text: &str) -> (Loaded, Loaded) {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.csv"), folder.path().join("out.mcap"));
@@ -186,7 +186,7 @@ fn stamps(loaded: &Loaded, channel: &str) -> Vec<i64> {
 }
 
 #[test]
-fn decimals_that_a_float_cannot_hold_are_the_same_stamps_in_the_recovered_log() {
+fn decimals_beyond_float_precision_give_the_same_stamps_once_recovered() {
     let nanos = |row: i64| row * 3_333_331 + 123;
     let row = |row| format!("1700000000.{:09},{}\n", nanos(row), row);
     let text = (0..100).map(row).collect::<String>();
@@ -197,7 +197,7 @@ fn decimals_that_a_float_cannot_hold_are_the_same_stamps_in_the_recovered_log() 
 }
 
 #[test]
-fn a_date_of_digits_and_an_offset_of_digits_date_the_recovered_log_too() {
+fn numeric_dates_and_offsets_date_the_recovered_log_too() {
     let row = |row: u32| format!("20210605,09:30:0{row}.5,{},8.5,500\n", 47.3 + 1e-5 * f64::from(row));
     let rows = (0..10).map(row).collect::<String>();
     let (_, after) = of_text(&format!("Date,Time,PosLat,PosLon,PosAlt\n{rows}"));
@@ -213,7 +213,7 @@ fn a_date_of_digits_and_an_offset_of_digits_date_the_recovered_log_too() {
     }
 }
 
-/// An MCAP of one channel for each of these: what its metadata say, and its messages with their sequence numbers.
+/// An MCAP with one channel for each of these: its metadata, and the sequence numbers of its messages.
 fn of_channels(out: &Path, log: &str, channels: &[(Option<&str>, &[u32])]) {
     let mut writer = mcap::Writer::new(std::fs::File::create(out).unwrap()).unwrap();
     let entries = |key: &str, value: &str| [(key.to_owned(), value.to_owned())].into();
@@ -223,7 +223,7 @@ fn of_channels(out: &Path, log: &str, channels: &[(Option<&str>, &[u32])]) {
     for (number, (original, sequences)) in (1_u64..).zip(channels) {
         let mut entries: std::collections::BTreeMap<String, String> =
             original.map_or_else(Default::default, |original| entries("flightlag-original", original));
-        // The writer takes channels that are alike for one.
+        // The writer merges identical channels.
         entries.insert("number".to_owned(), number.to_string());
         let channel_id = writer.add_channel(schema, "A", "cdr", &entries).unwrap();
         for (time, sequence) in (1_u64..).zip(*sequences) {
@@ -236,7 +236,7 @@ fn of_channels(out: &Path, log: &str, channels: &[(Option<&str>, &[u32])]) {
 }
 
 #[test]
-fn messages_that_are_copied_keep_their_sequence_numbers() {
+fn copied_messages_keep_their_sequence_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("out.mcap"));
     of_channels(&log, "", &[(None, &[7, 3, u32::MAX])]);
@@ -247,7 +247,7 @@ fn messages_that_are_copied_keep_their_sequence_numbers() {
 }
 
 #[test]
-fn of_channels_that_disagree_on_what_their_topic_was_only_one_is_read_and_the_rest_is_a_loss() {
+fn channels_that_disagree_on_their_original_topic_are_a_loss_but_one() {
     let original = |clock: &str| format!(r#"{{"type_name":"flightlag/msg/A","encoding":"cdr","clock":{clock}}}"#);
     let (boot, unix, none) = (original("\"boot\""), original("\"unix\""), original("null"));
     let folder = tempfile::tempdir().unwrap();
@@ -271,7 +271,7 @@ fn of_channels_that_disagree_on_what_their_topic_was_only_one_is_read_and_the_re
 }
 
 #[test]
-fn a_log_that_says_more_of_itself_than_any_log_is_cut_short_and_that_is_told() {
+fn excessive_metadata_is_truncated_and_reported() {
     let notice = r#"{"severity":"loss","code":"c","place":"","count":1,"text":"t"}"#;
     let many = |what: &str| vec![what; 2000].join(",");
     let log = format!(
@@ -294,13 +294,13 @@ fn a_log_that_says_more_of_itself_than_any_log_is_cut_short_and_that_is_told() {
 }
 
 #[test]
-fn what_was_lost_of_the_original_is_told_of_the_recovered_log_and_is_no_loss_of_it() {
+fn losses_of_the_original_are_reported_but_are_not_losses_of_the_copy() {
     for seed in seeds().unwrap().iter().filter(|seed| ["ulog", "tlog", "mcap-cdr-none"].contains(&seed.name)) {
         let folder = tempfile::tempdir().unwrap();
         let log = write_seed(seed, folder.path());
         let mut bytes = std::fs::read(&log).unwrap();
         let middle = bytes.len() / 2;
-        // A piece out of the only chunk leaves nothing; the end of it is enough.
+        // Removing a piece of the only chunk would leave nothing; truncating its end is enough.
         match seed.name {
             "mcap-cdr-none" => bytes.truncate(bytes.len() * 3 / 4),
             _ => drop(bytes.drain(middle..middle + bytes.len() / 20)),
@@ -311,16 +311,16 @@ fn what_was_lost_of_the_original_is_told_of_the_recovered_log_and_is_no_loss_of_
         let (before, after) = (read(&log), read(&out));
         assert_eq!(before.flight.channels, after.flight.channels, "{}", seed.name);
         assert!(!after.flight.notices.any_loss(), "{:?}", after.flight.notices);
-        let told = after.flight.notices.iter().filter(|n| n.text.starts_with("when the log was recovered: "));
+        let reported = after.flight.notices.iter().filter(|n| n.text.starts_with("when the log was recovered: "));
         let losses = before.flight.notices.iter().filter(|n| n.severity == Severity::Loss);
         assert_eq!(
-            told.map(|n| (&n.code, n.count)).collect::<Vec<_>>(),
+            reported.map(|n| (&n.code, n.count)).collect::<Vec<_>>(),
             losses.map(|n| (&n.code, n.count)).collect::<Vec<_>>()
         );
     }
 }
 
-/// Messages of a recovered log as any reader of MCAP finds them: topic, log time, bytes.
+/// Messages of a recovered log as any MCAP reader finds them: topic, log time, bytes.
 fn messages(out: &Path) -> Vec<(String, u64, Vec<u8>)> {
     let bytes = std::fs::read(out).unwrap();
     let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
@@ -328,7 +328,7 @@ fn messages(out: &Path) -> Vec<(String, u64, Vec<u8>)> {
 }
 
 #[test]
-fn sentences_that_are_not_read_are_carried_as_text_and_only_a_damaged_one_is_lost() {
+fn undecoded_sentences_are_copied_as_text_and_only_damaged_ones_lost() {
     let sentence = |body: &str| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, byte| sum ^ byte));
     let view = "GPGSV,1,1,02,05,45,120,40,12,30,200,38";
     let epoch = |second: u64| {
@@ -348,7 +348,7 @@ fn sentences_that_are_not_read_are_carried_as_text_and_only_a_damaged_one_is_los
         let views: Vec<_> = found.iter().filter(|(topic, ..)| topic == "GPGSV").collect();
         assert_eq!(views.len(), 3);
         for (second, (_, at, bytes)) in views.iter().enumerate() {
-            // From 2026-11-22 12:00:00 UTC on.
+            // Starts at 2026-11-22 12:00:00 UTC.
             assert_eq!(*at, (1_795_348_800 + second as u64) * 1_000_000_000);
             assert!(bytes.windows(view.len()).any(|part| part == view.as_bytes()));
         }
@@ -357,7 +357,7 @@ fn sentences_that_are_not_read_are_carried_as_text_and_only_a_damaged_one_is_los
 }
 
 #[test]
-fn frames_that_are_not_read_are_carried_byte_for_byte_with_the_time_of_their_epoch() {
+fn undecoded_frames_are_copied_byte_for_byte_with_their_epoch_time() {
     let frame = |class: u8, number: u8, payload: &[u8]| {
         let body = [&[class, number][..], &(payload.len() as u16).to_le_bytes(), payload].concat();
         let (mut a, mut b) = (0_u8, 0_u8);

@@ -1,4 +1,4 @@
-//! What is good of a log, and nothing else, comes out.
+//! Everything recoverable from a log is recovered, and nothing else.
 
 use crate::flight::{in_context, library, read, unit, write};
 use convert::{ConvertError, How, Recovered, recover};
@@ -19,7 +19,7 @@ fn containers() -> [Container; 3] {
 }
 
 #[test]
-fn an_intact_log_comes_out_with_the_same_channels_to_the_bit() {
+fn an_intact_log_is_recovered_with_identical_channels() {
     for container in containers() {
         let folder = tempfile::tempdir().unwrap();
         let log = write(container, folder.path());
@@ -34,7 +34,7 @@ fn an_intact_log_comes_out_with_the_same_channels_to_the_bit() {
 }
 
 #[test]
-fn all_that_is_good_of_a_damaged_log_comes_out_and_the_rest_is_told() {
+fn a_damaged_log_is_recovered_and_its_losses_are_reported() {
     for container in containers() {
         let folder = tempfile::tempdir().unwrap();
         let log = write(container, folder.path());
@@ -55,7 +55,7 @@ fn all_that_is_good_of_a_damaged_log_comes_out_and_the_rest_is_told() {
 }
 
 #[test]
-fn formats_whose_messages_mean_nothing_elsewhere_come_out_as_typed_tables() {
+fn formats_with_private_messages_are_recovered_as_typed_tables() {
     for container in [Container::Ulog, Container::DataFlash] {
         let folder = tempfile::tempdir().unwrap();
         let log = write(container, folder.path());
@@ -70,7 +70,7 @@ fn formats_whose_messages_mean_nothing_elsewhere_come_out_as_typed_tables() {
                 (&table.topic.name, table.rows, &table.logged_ns),
                 (&twin.topic.name, twin.rows, &twin.logged_ns)
             );
-            // Columns keep their order, whatever ROS allows as their names.
+            // Columns keep their order, whatever names ROS allows.
             let sum = |t: &Table| -> Vec<f64> {
                 let of = |c: &ingest::Column| (0..t.rows).filter_map(|r| c.number(r)).filter(|x| x.is_finite()).sum();
                 let mut sums: Vec<f64> = t.columns.iter().map(of).collect();
@@ -88,7 +88,7 @@ fn tables(log: &Path) -> Vec<Table> {
 }
 
 #[test]
-fn a_log_that_changes_while_it_is_read_is_not_recovered_and_an_earlier_output_stays() {
+fn a_log_that_changes_while_read_is_not_recovered_and_old_output_stays() {
     for container in [Container::Mcap(McapSettings::default()), Container::Ulog] {
         for before in [None, Some(b"an earlier output".as_slice())] {
             let folder = tempfile::tempdir().unwrap();
@@ -96,7 +96,7 @@ fn a_log_that_changes_while_it_is_read_is_not_recovered_and_an_earlier_output_st
             let out = folder.path().join("out.mcap");
             before.iter().for_each(|bytes| std::fs::write(&out, bytes).unwrap());
             let bytes = std::fs::read(&log).unwrap();
-            // As a logger that goes on, or another log that is copied to this name.
+            // As a logger that continues, or another log copied to this name.
             let on_bytes = |_| std::fs::write(&log, [bytes.as_slice(), b"more"].concat()).unwrap();
             let cancel = std::sync::atomic::AtomicBool::new(false);
             let limits = ingest::Limits::default();
@@ -111,7 +111,7 @@ fn a_log_that_changes_while_it_is_read_is_not_recovered_and_an_earlier_output_st
 }
 
 #[test]
-fn a_log_without_a_message_is_refused_and_nothing_is_left() {
+fn a_log_without_messages_is_rejected_and_nothing_is_left() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.mcap");
     let mcap = write(Container::Mcap(McapSettings::default()), folder.path());
@@ -126,11 +126,11 @@ fn a_log_without_a_message_is_refused_and_nothing_is_left() {
     assert!(left.is_empty(), "{left:?}");
 }
 
-/// An MCAP with a message, two attachments of one name, and metadata.
+/// An MCAP with one message, two attachments with the same name, and metadata.
 fn with_extras(path: &Path) {
     let mut writer = mcap::Writer::new(std::fs::File::create(path).unwrap()).unwrap();
-    let said = [("offered_qos_profiles".to_owned(), "- depth: 1".to_owned())].into();
-    let channel = writer.add_channel(0, "/chatter", "json", &said).unwrap();
+    let metadata = [("offered_qos_profiles".to_owned(), "- depth: 1".to_owned())].into();
+    let channel = writer.add_channel(0, "/chatter", "json", &metadata).unwrap();
     let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 5, publish_time: 6 };
     writer.write_to_known_channel(&header, b"{}").unwrap();
     for (log_time, data) in [(7, vec![0xA5; 3 << 20]), (8, b"second".to_vec())] {
@@ -145,9 +145,9 @@ fn with_extras(path: &Path) {
 }
 
 /// Attachments and metadata as another reader finds them.
-type Beside = (Vec<(String, u64, u64, Vec<u8>)>, Vec<BTreeMap<String, String>>);
+type Extras = (Vec<(String, u64, u64, Vec<u8>)>, Vec<BTreeMap<String, String>>);
 
-fn beside(path: &Path) -> Beside {
+fn extras(path: &Path) -> Extras {
     let mut found = (vec![], vec![]);
     let bytes = std::fs::read(path).unwrap();
     for record in mcap::read::LinearReader::new(&bytes).unwrap() {
@@ -166,7 +166,7 @@ fn beside(path: &Path) -> Beside {
 }
 
 #[test]
-fn attachments_metadata_and_what_is_said_of_topics_come_out_byte_for_byte() {
+fn attachments_and_metadata_are_copied_byte_for_byte() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("out.mcap"));
     with_extras(&log);
@@ -176,16 +176,16 @@ fn attachments_metadata_and_what_is_said_of_topics_come_out_byte_for_byte() {
     let (long, short) =
         ("attachment ../calib.bin (application/x, 3145728 bytes)", "attachment ../calib.bin (application/x, 6 bytes)");
     assert_eq!(whats, [(long, 1), (short, 1), ("metadata crew (1 text)", 2)]);
-    assert_eq!(beside(&out), beside(&log));
+    assert_eq!(extras(&out), extras(&log));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 #[test]
-fn of_a_damaged_log_the_whole_attachments_come_out_and_the_broken_one_is_a_loss() {
+fn intact_attachments_are_recovered_and_the_damaged_one_is_a_loss() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("out.mcap"));
     with_extras(&log);
-    let whole = beside(&log);
+    let whole = extras(&log);
     let mut bytes = std::fs::read(&log).unwrap();
     bytes[1 << 20] ^= 1;
     let text = b"second";
@@ -195,27 +195,27 @@ fn of_a_damaged_log_the_whole_attachments_come_out_and_the_broken_one_is_a_loss(
     let report = recovered(&log, &out).unwrap();
     assert!(report.any_loss());
     assert!(report.health.damage.iter().any(|d| d.reason.contains("calib.bin")), "{:?}", report.health.damage);
-    let (attachments, metadata) = beside(&out);
+    let (attachments, metadata) = extras(&out);
     assert_eq!(attachments, whole.0[1..]);
     assert_eq!(metadata, whole.1);
 }
 
 #[test]
-fn what_a_ulog_holds_beside_its_topics_becomes_metadata() {
+fn ulog_content_other_than_topics_becomes_metadata() {
     let folder = tempfile::tempdir().unwrap();
     let message = |kind: u8, body: &[u8]| [&(body.len() as u16).to_le_bytes()[..], &[kind], body].concat();
     let entry = |key: &str, value: &[u8]| [&[key.len() as u8], key.as_bytes(), value].concat();
-    let behind = |flag: u8, entry: Vec<u8>| [&[flag][..], &entry].concat();
+    let prefixed = |flag: u8, entry: Vec<u8>| [&[flag][..], &entry].concat();
     let data = |us: u64| message(b'D', &[&0_u16.to_le_bytes()[..], &us.to_le_bytes(), &1_f32.to_le_bytes()].concat());
     let log = [
         b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".to_vec(),
         message(b'F', b"gps:uint64_t timestamp;float lat;"),
         message(b'I', &entry("char[3] sys_name", b"PX4")),
         message(b'I', &entry("uint64_t id", &u64::MAX.to_le_bytes())),
-        message(b'M', &behind(0, entry("char[2] boot", b"ab"))),
-        message(b'M', &behind(1, entry("char[2] boot", b"cd"))),
+        message(b'M', &prefixed(0, entry("char[2] boot", b"ab"))),
+        message(b'M', &prefixed(1, entry("char[2] boot", b"cd"))),
         message(b'P', &entry("float EKF2_GPS_DELAY", &110_f32.to_le_bytes())),
-        message(b'Q', &behind(2, entry("int32_t A", &7_i32.to_le_bytes()))),
+        message(b'Q', &prefixed(2, entry("int32_t A", &7_i32.to_le_bytes()))),
         message(b'A', &[&[0][..], &0_u16.to_le_bytes(), b"gps"].concat()),
         data(1_000_000),
         message(b'P', &entry("float EKF2_GPS_DELAY", &150_f32.to_le_bytes())),
@@ -244,19 +244,19 @@ fn what_a_ulog_holds_beside_its_topics_becomes_metadata() {
     assert_eq!(found["ulog parameter changes"], pairs(&[("#000002 at 1.000000 s: EKF2_GPS_DELAY", "150.0")]));
     assert_eq!(found["ulog dropouts"], pairs(&[("#000003 at 1.000000 s", "12 ms")]));
     assert_eq!(found["ulog texts"], pairs(&[("#000004 at 1.500000 s: WARNING", "=low battery")]));
-    // And what a reader needs to take it for the original.
+    // And what a reader needs to treat it as the original.
     assert_eq!(report.extras.len(), 7);
     assert!(found["flightlag-recover"].iter().any(|(key, value)| key == "inputs" && value == "log.ulg"));
 }
 
-/// Log times of all messages as any reader of MCAP finds them.
+/// Log times of all messages as any MCAP reader finds them.
 fn log_times(out: &Path) -> Vec<i64> {
     let bytes = std::fs::read(out).unwrap();
     mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap().log_time as i64).collect()
 }
 
 #[test]
-fn rows_that_nobody_logged_are_recovered_with_the_utc_that_they_say_themselves() {
+fn rows_without_log_times_are_recovered_with_their_own_utc() {
     for container in [Container::Ubx, Container::Nmea, Container::CsvWide, Container::CsvFolder] {
         let folder = tempfile::tempdir().unwrap();
         let log = write(container, folder.path());
@@ -275,17 +275,17 @@ fn rows_that_nobody_logged_are_recovered_with_the_utc_that_they_say_themselves()
         let logged = log_times(&out);
         let (first, last) = (*logged.iter().min().unwrap(), *logged.iter().max().unwrap());
         assert_eq!(logged.len() as u64, report.topics.iter().map(|t| t.found).sum::<u64>());
-        // Rows that no channel could use lie within a second of those that one could.
+        // Rows that no channel could use are within a second of rows that one could.
         let near = |found: i64, truth: i64| found.abs_diff(truth) < 1_000_000_000;
         assert!(near(first, *truth.iter().min().unwrap()), "{container:?} {first}");
         assert!(near(last, *truth.iter().max().unwrap()), "{container:?} {last}");
-        let told = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
-        assert!(told.severity == Severity::Info && told.text.contains("UTC: "), "{told:?}");
+        let notice = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
+        assert!(notice.severity == Severity::Info && notice.text.contains("UTC: "), "{notice:?}");
         assert!(provenance(&out)["log_time"].contains("UTC: "));
     }
 }
 
-/// What `flightlag-recover` says.
+/// The `flightlag-recover` metadata.
 fn provenance(out: &Path) -> BTreeMap<String, String> {
     let bytes = std::fs::read(out).unwrap();
     let records = mcap::read::LinearReader::new(&bytes).unwrap().map(Result::unwrap);
@@ -297,7 +297,7 @@ fn provenance(out: &Path) -> BTreeMap<String, String> {
 }
 
 #[test]
-fn rows_that_nothing_dates_keep_their_order_and_a_warning_says_so() {
+fn undated_rows_keep_their_order_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.csv"), folder.path().join("out.mcap"));
     let rows: String = (0..30).map(|i| format!("{},{}\n", 30 - i, i * i)).collect();
@@ -307,26 +307,28 @@ fn rows_that_nothing_dates_keep_their_order_and_a_warning_says_so() {
     let rpm: Vec<f64> = (0..table.rows).filter_map(|row| table.column("rpm")?.number(row)).collect();
     assert_eq!(rpm, (1..=30).rev().map(f64::from).collect::<Vec<_>>());
     assert!(log_times(&out).windows(2).all(|pair| pair[0] < pair[1]));
-    let told = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
-    assert!(told.severity == Severity::Warning && told.text.contains("the order of the rows alone"), "{told:?}");
+    let notice = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
+    assert!(notice.severity == Severity::Warning && notice.text.contains("the order of the rows alone"), "{notice:?}");
 }
 
 #[test]
-fn a_table_that_no_map_binds_is_dated_by_a_stamp_that_one_knows_if_it_is_a_date() {
+fn an_unbound_table_is_dated_by_a_known_stamp_field_if_it_is_a_date() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.csv"), folder.path().join("out.mcap"));
-    for (begin_ns, told) in [(1_778_061_600_000_000_000_i64, "UTC: "), (5_000_000_000, "the order of the rows alone")] {
+    for (begin_ns, expected) in
+        [(1_778_061_600_000_000_000_i64, "UTC: "), (5_000_000_000, "the order of the rows alone")]
+    {
         let rows: String = (0..30).map(|i| format!("{},{i}\n", begin_ns + i * 100_000_000)).collect();
         std::fs::write(&log, format!("%time,field.rpm\n{rows}")).unwrap();
         let report = recovered(&log, &out).unwrap();
         let notice = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
-        assert!(notice.text.contains(told), "{notice:?}");
+        assert!(notice.text.contains(expected), "{notice:?}");
         let first = log_times(&out)[0];
-        assert!(first == begin_ns || told != "UTC: ", "{first}");
+        assert!(first == begin_ns || expected != "UTC: ", "{first}");
     }
 }
 
-/// A DataFlash log of two types whose milliseconds of 32 bits begin anew: every record holds its place in the log.
+/// A DataFlash log of two types whose 32-bit milliseconds wrap around: every record holds its position in the log.
 pub fn wrapped_dataflash() -> Vec<u8> {
     const HEAD: [u8; 2] = [0xa3, 0x95];
     let padded = |text: &str, size: usize| {
@@ -349,7 +351,7 @@ pub fn wrapped_dataflash() -> Vec<u8> {
 }
 
 #[test]
-fn a_recovered_log_has_the_order_of_the_original_also_where_its_clock_began_anew() {
+fn a_recovered_log_keeps_its_order_across_a_clock_wraparound() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.bin"), folder.path().join("out.mcap"));
     std::fs::write(&log, wrapped_dataflash()).unwrap();
@@ -358,13 +360,13 @@ fn a_recovered_log_has_the_order_of_the_original_also_where_its_clock_began_anew
     let mut found: Vec<(u64, u32)> = vec![];
     for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
         if message.channel.topic != "FMT" {
-            // Behind the header of CDR: N, then TimeMS.
+            // After the CDR header: N, then TimeMS.
             let place = f64::from_le_bytes(message.data[4..12].try_into().unwrap());
             found.push((message.log_time, place as u32));
         }
     }
     let places: Vec<u32> = found.iter().map(|(_, place)| *place).collect();
     assert_eq!(places, (0..600).collect::<Vec<_>>());
-    assert!(found.windows(2).all(|pair| pair[1].0 - pair[0].0 == 100_000_000), "log_time runs on");
+    assert!(found.windows(2).all(|pair| pair[1].0 - pair[0].0 == 100_000_000), "log_time is continuous");
     assert!(report.notices.iter().any(|n| n.code == "stamp-wrap"), "{:?}", report.notices);
 }

@@ -1,4 +1,4 @@
-//! The track of a flight as maps and players read it.
+//! The track of a flight in the formats of maps and players.
 
 use convert::{Cells, Sheet, TrackOrder, TrackTo, export_track, write_track_table};
 use std::fs::{self, File};
@@ -7,8 +7,8 @@ use std::path::Path;
 /// 2026-05-04 12:00:00 UTC, ns.
 const START_NS: i64 = 1_777_896_000_000_000_000;
 
-/// Ten seconds at 10 Hz, north along the meridian of 8° east; raw is 1e-4° behind. No compensated place at first, nor from
-/// 5 s to 6 s.
+/// Ten seconds at 10 Hz, north along the 8° east meridian; raw lags by 1e-4°. No compensated position at first, nor
+/// from 5 s to 6 s.
 pub fn write(path: &Path, has_utc: bool) {
     let t: Vec<f64> = (0..100).map(|n| f64::from(n) / 10.0).collect();
     let utc = t.iter().map(|t| has_utc.then_some(START_NS + (t * 1e9).round() as i64)).collect();
@@ -39,7 +39,7 @@ fn text(to: TrackTo, most_hz: Option<f64>, has_utc: bool) -> String {
 }
 
 #[test]
-fn geojson_has_longitude_first_and_lifts_the_pen_where_nothing_is_known() {
+fn geojson_has_longitude_first_and_splits_lines_at_gaps() {
     let json: serde_json::Value = serde_json::from_str(&text(TrackTo::GeoJson, None, true)).unwrap();
     let [raw, compensated] = [0, 1].map(|n| &json["features"][n]["geometry"]["coordinates"]);
     assert_eq!((raw.as_array().unwrap().len(), compensated.as_array().unwrap().len()), (1, 2));
@@ -51,7 +51,7 @@ fn geojson_has_longitude_first_and_lifts_the_pen_where_nothing_is_known() {
 }
 
 #[test]
-fn kml_has_a_time_for_each_place_or_plain_lines_without_utc() {
+fn kml_has_a_time_per_position_or_plain_lines_without_utc() {
     let kml = text(TrackTo::Kml, None, true);
     assert!(kml.contains("<name>a &lt;b&gt; &amp; c</name>"), "{kml}");
     assert_eq!((kml.matches("<when>").count(), kml.matches("<gx:coord>").count()), (100 + 86, 100 + 86));
@@ -62,10 +62,10 @@ fn kml_has_a_time_for_each_place_or_plain_lines_without_utc() {
 }
 
 #[test]
-fn gpx_has_segments_and_as_many_points_as_asked_for() {
+fn gpx_has_segments_and_the_requested_number_of_points() {
     let gpx = text(TrackTo::Gpx, Some(5.0), true);
     assert_eq!((gpx.matches("<trk>").count(), gpx.matches("<trkseg>").count()), (2, 3));
-    // Every second of 100 raw rows, and of the 86 compensated ones.
+    // Every second row of 100 raw ones, and of the 86 compensated ones.
     assert_eq!(gpx.matches("<trkpt").count(), 50 + 43);
     assert!(gpx.contains(
         "<trkpt lat=\"47.000400000\" lon=\"8.000000000\"><ele>500.000</ele><time>2026-05-04T12:00:00.400Z</time></trkpt>"
@@ -73,7 +73,7 @@ fn gpx_has_segments_and_as_many_points_as_asked_for() {
 }
 
 #[test]
-fn csv_has_a_row_for_each_instant() {
+fn csv_has_one_row_per_instant() {
     let csv = text(TrackTo::Csv, None, true);
     let mut lines = csv.lines();
     let head =
@@ -84,7 +84,7 @@ fn csv_has_a_row_for_each_instant() {
 }
 
 #[test]
-fn mcap_is_read_again_as_the_fixes_that_were_written() {
+fn mcap_reads_back_the_written_fixes() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("track.mcap");
     fs::write(&log, exported(TrackTo::Mcap, None, true)).unwrap();
@@ -93,7 +93,7 @@ fn mcap_is_read_again_as_the_fixes_that_were_written() {
     for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
         *counts.entry(message.channel.topic.clone()).or_insert(0) += 1;
         if message.channel.topic == "/compensated/fix" && message.log_time as i64 == START_NS + 6_000_000_000 {
-            // The frame is `compensated`: 12 letters with the zero; the latitude begins 36 bytes behind the header.
+            // The frame is `compensated`: 12 letters with the zero; the latitude starts 36 bytes after the header.
             let latitude = f64::from_le_bytes(message.data[4 + 32..4 + 40].try_into().unwrap());
             assert_eq!(latitude, 47.006);
         }
@@ -104,7 +104,7 @@ fn mcap_is_read_again_as_the_fixes_that_were_written() {
 }
 
 #[test]
-fn a_track_without_places_or_a_file_that_is_none_is_refused() {
+fn a_track_without_positions_and_a_foreign_file_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let (track, out) = (folder.path().join("track.parquet"), folder.path().join("out.kml"));
     let order = TrackOrder { track: &track, name: "n", to: TrackTo::Kml, most_hz: None, out: &out };

@@ -1,4 +1,4 @@
-//! Grids that keep the removed delay still while flights are added.
+//! Grids that keep the removed delay stable as flights are added.
 
 /// Steps per second of the grids, coarse to fine: 1 s to 0.1 ms.
 const STEPS_PER_SECOND: [f64; 5] = [1.0, 10.0, 100.0, 1e3, 1e4];
@@ -29,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_step_stays_well_inside_the_uncertainty() {
+    fn the_grid_step_is_well_below_the_uncertainty() {
         assert_eq!(on_grid(0.201_546, 0.007_858), 0.202);
         assert_eq!(on_grid(0.201_546, 0.003_9), 0.201_5);
         assert_eq!(on_grid(0.201_546, 0.000_001), 0.201_5);
@@ -43,7 +43,7 @@ mod tests {
     }
 
     #[test]
-    fn an_uncertainty_keeps_two_digits_and_never_shrinks() {
+    fn an_uncertainty_is_rounded_up_to_two_digits() {
         assert!((rounded_up(0.007_858) - 0.007_9).abs() < 1e-12);
         assert!((rounded_up(0.007_9) - 0.007_9).abs() < 1e-12);
         assert!((rounded_up(0.0123) - 0.013).abs() < 1e-12);

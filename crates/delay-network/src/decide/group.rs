@@ -1,4 +1,4 @@
-//! What each flight of a group knows of its own, and what the others say.
+//! What each flight of a group knows about its own delay, and what the other flights show.
 
 use super::{FlightSources, PositionLateness};
 use crate::pool::{FlightLateness, Group, OUTLIER_Z, Others, pool};
@@ -6,19 +6,19 @@ use crate::solve::trusted;
 use record::{DelayPool, Estimate, NetworkDatum};
 use std::collections::BTreeMap;
 
-/// Least other flights of a mean.
+/// Least number of other flights for a mean.
 const LEAST_OTHERS: usize = 2;
 
 /// Evidence on the delay of one flight.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Evidence {
-    /// Own network, if a delay may be removed by it.
+    /// Lateness from the flight's own network, if it may be used for removal.
     pub(crate) own: Option<Estimate>,
     /// Mean of at least two other flights.
     pub(crate) others: Option<Others>,
-    /// Studentised difference between both.
+    /// Studentised difference between the two.
     pub(crate) z: Option<f64>,
-    /// Whether the group is several clusters, and this flight cannot say which is its own.
+    /// Whether the group consists of several clusters and this flight's cluster is unknown.
     pub(crate) cluster_unknown: bool,
 }
 
@@ -32,7 +32,7 @@ impl Evidence {
 /// Flights of one cluster with a pool of their own.
 #[derive(Debug)]
 struct Cluster {
-    /// Flights that are no outliers; `None` if there are none.
+    /// Flights that are not outliers; `None` if there are none.
     kept: Option<Group>,
     kept_flights: usize,
 }
@@ -79,8 +79,8 @@ impl GroupFlights {
     }
 }
 
-/// Own delay of a flight, if it is against the IMU (or a reference that was asked for), decided and not weak. Named by
-/// its place, for names may repeat.
+/// Own delay of a flight, if it is against the IMU (or a requested reference), decided and not weak. Identified by its
+/// index because names may repeat.
 fn own_lateness((at, flight): (usize, &FlightSources)) -> Option<FlightLateness> {
     let position = flight.position.as_ref()?;
     let tied = matches!(position.datum, NetworkDatum::Imu | NetworkDatum::Reference);
@@ -97,8 +97,8 @@ fn estimate(own: &FlightLateness) -> Estimate {
     Estimate { value: own.lateness_s, standard_uncertainty: Some(own.standard_uncertainty_s) }
 }
 
-/// Pools the flights; where they are not one group, both sides too, and so on. `each` gets the members of every pool, the
-/// pool, and whether it was left whole.
+/// Pools the flights. If they are not one group, also pools each side, recursively. `each` gets the members of every
+/// pool, the pool, and whether it was left whole.
 fn cluster_by_cluster(
     members: &[usize],
     own: &[Option<FlightLateness>],
@@ -115,7 +115,7 @@ fn cluster_by_cluster(
     }
 }
 
-/// Means of the others for the flights of a cluster. Outliers are in nobody's mean.
+/// Means of the other flights, for the flights of a cluster. Outliers are in no mean.
 fn pool_cluster(
     members: &[usize],
     found: &DelayPool,
@@ -127,7 +127,7 @@ fn pool_cluster(
         members.iter().for_each(|&at| evidence[at].cluster_unknown = true);
         return Cluster { kept: None, kept_flights: 0 };
     }
-    // two flights that differ do not say which of them is odd
+    // if two flights differ, neither can be identified as the outlier
     let several = members.len() > LEAST_OTHERS;
     let outlier = |place: usize| several && found.members.get(place).is_some_and(|member| member.outlier);
     let kept: Vec<usize> =
@@ -148,7 +148,7 @@ fn pool_cluster(
     Cluster { kept: group, kept_flights: kept.len() }
 }
 
-/// Mean for a flight that is in nobody's: all of the only cluster.
+/// Mean for a flight that is in no mean: all flights of the only cluster.
 fn judge_outsider(
     evidence: &mut Evidence,
     own: Option<&FlightLateness>,
@@ -165,7 +165,7 @@ fn judge_outsider(
     }
 }
 
-/// Puts the names of the flights where their places were.
+/// Replaces the indices by the names of the flights.
 fn rename(pool: &mut DelayPool, flights: &[FlightSources]) {
     let name = |place: &mut String| {
         if let Some(flight) = place.parse::<usize>().ok().and_then(|at| flights.get(at)) {

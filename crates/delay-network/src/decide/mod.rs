@@ -10,10 +10,10 @@ use self::table::Table;
 use crate::solve::difference;
 use record::{DelayNetwork, DelayPool, Estimate, NetworkDatum, NetworkVerdict, RemovedDelay};
 
-/// Source that the pipeline asks for: its key `from`.
+/// Source requested by the `from` key of the pipeline.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum AskedSource {
-    /// The decision table: others' flights, own network, card, stated number, else nothing.
+    /// The decision table: other flights, own network, card, stated number, else nothing.
     #[default]
     Network,
     /// Position less velocity of the flight.
@@ -26,7 +26,7 @@ pub enum AskedSource {
     Sweep,
 }
 
-/// What the network of one flight says of its position channel.
+/// Lateness of one flight's position channel, according to its network.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PositionLateness {
     /// Lateness T with U, s.
@@ -37,12 +37,12 @@ pub struct PositionLateness {
     pub datum: NetworkDatum,
     /// Verdict of the network.
     pub verdict: NetworkVerdict,
-    /// Whether the only way to the datum leads through a filter that is made from it.
+    /// Whether the only path to the datum leads through a filter that is made from it.
     pub weak: bool,
 }
 
 impl PositionLateness {
-    /// What a network says of this position channel; `None` if the channel is not in it.
+    /// Lateness of this position channel according to a network; `None` if the channel is not in it.
     #[must_use]
     pub fn from_network(network: &DelayNetwork, position: &str) -> Option<Self> {
         let channel = network.channel(position)?;
@@ -68,8 +68,8 @@ pub struct RelativeLateness {
 }
 
 impl RelativeLateness {
-    /// Position less velocity by the network; `None` if they are in separate parts, or if the network is undecided, for
-    /// then the difference may be the lie.
+    /// Position less velocity from the network. `None` if they are in separate parts, or if the network is undecided,
+    /// because then the difference itself may be wrong.
     #[must_use]
     pub fn from_network(network: &DelayNetwork, position: &str, velocity: &str) -> Option<Self> {
         let delay_s = difference(network, position, velocity)?;
@@ -82,14 +82,14 @@ impl RelativeLateness {
     }
 }
 
-/// Everything that could tell the delay of one flight.
+/// All sources for the delay of one flight.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FlightSources {
     /// Flight, unique in its group.
     pub flight: String,
     /// Lateness of the position; `None` without a network.
     pub position: Option<PositionLateness>,
-    /// Reason why there is no position; `None` where there is one, or where no pair was tried.
+    /// Why there is no position; `None` if there is one, or if no pair was tried.
     pub not_measured: Option<String>,
     /// Position against velocity; `None` if not measured.
     pub relative: Option<RelativeLateness>,
@@ -99,9 +99,9 @@ pub struct FlightSources {
     pub stated_s: Option<Estimate>,
     /// Best delay of the sweep against the flight's reference, s.
     pub sweep_s: Option<Estimate>,
-    /// Lateness against a reference, s. It judges and decides nothing.
+    /// Lateness against a reference, s. It is reported for comparison and does not affect the decision.
     pub reference_s: Option<Estimate>,
-    /// Reason to keep this flight out of the others' mean, such as a delay that steps; `None` to let it in.
+    /// Reason to exclude this flight from the mean of the others, such as a delay that steps; `None` to include it.
     pub keep_out_of_pool: Option<String>,
 }
 
@@ -110,26 +110,26 @@ pub struct FlightSources {
 pub struct GroupDecision {
     /// Delay removed from each flight, in the order of the flights given.
     pub removed: Vec<RemovedDelay>,
-    /// Pool of the group's flights, outliers included and marked; first that of the whole group. If the group is not one,
-    /// those of its clusters follow. Empty without a usable flight.
+    /// Pools of the group's flights, outliers included and marked. The pool of the whole group comes first. If the
+    /// group is split, those of its clusters follow. Empty without a usable flight.
     pub pools: Vec<DelayPool>,
 }
 
 /// Delay that is removed from each flight of one group, by the table of section 6.
 ///
-/// By default it is the mean of the *other* flights of the group, so that what is left in the flight is an honest test of
-/// it. Outliers (externally studentised |z| > 3) and flights without a delay of their own are in nobody's mean. A group
-/// that is two clusters is pooled cluster by cluster; a flight that cannot say which it belongs to gets no mean.
+/// By default it is the mean of the *other* flights of the group, so that the residual in the flight is an independent
+/// test of it. Outliers (externally studentised |z| > 3) and flights without a delay of their own are in no mean. A
+/// group of two clusters is pooled per cluster. A flight whose cluster is unknown gets no mean.
 ///
 /// A value from flights is rounded to a grid: the largest power of ten of a second that is at most a quarter of its
-/// standard uncertainty, and at least 0.1 ms. With 8 ms that is 1 ms, so rounding moves it by 0.5 ms at most, and one
-/// more flight among ten thousand, which moves their mean by microseconds, moves the value removed from hardly any.
-/// Powers of ten, not 1-2-5, because each such grid holds the coarser ones, and because the
-/// uncertainty of a pool lies near 8 ms, where a 1-2-5 grid changes its step. The standard uncertainty is
-/// rounded up to two digits. A number that was stated, a card and a sweep stay as they are.
+/// standard uncertainty, and at least 0.1 ms. With 8 ms the grid is 1 ms, so rounding moves the value by 0.5 ms at
+/// most. One more flight among ten thousand moves their mean by microseconds and rarely changes any removed value. The
+/// grids are powers of ten, not 1-2-5, because each such grid contains the coarser ones, and because the uncertainty of
+/// a pool is near 8 ms, where a 1-2-5 grid changes its step. The standard uncertainty is rounded up to two digits. A
+/// stated number, a card and a sweep are not rounded.
 ///
-/// `value_s`, `standard_uncertainty_s` and `source` depend on the set of flights as described;
-/// `pooled_flights`, `z` and `words` change with every flight and belong in no key.
+/// `value_s`, `standard_uncertainty_s` and `source` depend on the set of flights as described. `pooled_flights`, `z`
+/// and `words` change with every flight and must not be part of a cache key.
 ///
 /// Measured: 20 000 flights take a fraction of a second (test `twenty_thousand_flights_are_decided_together`).
 #[must_use]

@@ -6,7 +6,7 @@ use crate::isolate::K95;
 use crate::solve::trusted;
 use record::{Estimate, NetworkDatum, RemovedDelay, RemovedFrom};
 
-/// What a row of the table chooses.
+/// Choice made by a row of the table.
 #[derive(Debug, Clone)]
 pub(crate) struct Choice {
     pub(crate) row: u8,
@@ -31,13 +31,13 @@ impl Choice {
         Choice::new(row, RemovedFrom::None, None, words.to_owned())
     }
 
-    /// Flights that stand for the value.
+    /// Number of flights that support the value.
     fn flights(&self) -> usize {
         if self.source == RemovedFrom::OwnNetwork { 1 } else { self.pooled }
     }
 }
 
-/// Table for one flight.
+/// Decision table for one flight.
 #[derive(Debug)]
 pub(crate) struct Table<'a> {
     pub(crate) flight: &'a FlightSources,
@@ -45,7 +45,7 @@ pub(crate) struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// Delay removed if the pipeline asks for this source.
+    /// Delay removed for the requested source.
     pub(crate) fn removed(&self, asked: AskedSource) -> RemovedDelay {
         let choice = match asked {
             AskedSource::Network => self.network(),
@@ -83,11 +83,11 @@ impl Table<'_> {
         match (self.by_flights(), self.card_delay()) {
             (Some(choice), Some(card)) => with_card(choice, card),
             (Some(choice), None) => choice,
-            (None, card) => self.not_told(card),
+            (None, card) => self.without_own_delay(card),
         }
     }
 
-    /// Rows 1 to 4; `None` if neither this flight nor others know a delay.
+    /// Rows 1 to 4; `None` if neither this flight nor the others have a delay.
     fn by_flights(&self) -> Option<Choice> {
         let (row, delay_s) = match (self.evidence.others, self.evidence.own) {
             (Some(_), Some(own)) if self.evidence.differs() => (2, own),
@@ -106,7 +106,7 @@ impl Table<'_> {
     }
 
     /// Rows 7 and 8.
-    fn not_told(&self, card: Option<Estimate>) -> Choice {
+    fn without_own_delay(&self, card: Option<Estimate>) -> Choice {
         if let (Some(card), None) = (card, self.relative()) {
             let text = "The delay on the sensor card is removed. It was not seen in flight.".to_owned();
             return Choice { contradicted: self.contradiction("The card", card), ..card_choice(7, card, text) };
@@ -117,7 +117,7 @@ impl Table<'_> {
             (None, Some(stated)) => (RemovedFrom::Stated, Some(stated)),
             (None, None) => (RemovedFrom::None, None),
         };
-        let mut choice = Choice::new(8, source, delay_s, words::not_told(self.flight, &self.evidence, source));
+        let mut choice = Choice::new(8, source, delay_s, words::without_own_delay(self.flight, &self.evidence, source));
         choice.contradicted = delay_s.and_then(|number| {
             let what = if source == RemovedFrom::Card { "The card" } else { "The stated delay" };
             self.contradiction(what, number)
@@ -135,20 +135,20 @@ impl Table<'_> {
         }
     }
 
-    /// Rows 5 to 7 where the card was asked for: it is removed whatever the flights say.
+    /// Rows 5 to 7 if the card was requested: it is removed whatever the flights show.
     fn card(&self) -> Choice {
         let Some(card) = self.card_delay() else {
             return Choice::nothing(0, "There is no valid card of this sensor. Nothing is removed.");
         };
-        let told = self.by_flights();
-        let found = told.as_ref().and_then(|told| e_n(card, told.delay_s?));
-        let (row, text) = match (&told, found) {
+        let measured = self.by_flights();
+        let found = measured.as_ref().and_then(|measured| e_n(card, measured.delay_s?));
+        let (row, text) = match (&measured, found) {
             (Some(_), Some(e)) if e <= 1.0 => (5, "Card and flights agree. The card's delay is removed.".to_owned()),
-            (Some(told), Some(_)) => (
+            (Some(measured), Some(_)) => (
                 6,
                 format!(
                     "Card contradicted by {}. It is removed because the pipeline asks for it.",
-                    count(told.flights())
+                    count(measured.flights())
                 ),
             ),
             _ => (7, "The delay on the sensor card is removed. It was not seen in flight.".to_owned()),
@@ -157,13 +157,13 @@ impl Table<'_> {
         Choice { card_e_n: found, contradicted, ..card_choice(row, card, text) }
     }
 
-    /// A number that the pipeline insists on.
+    /// A number fixed in the pipeline.
     fn fixed(&self) -> Choice {
         let Some(stated) = self.flight.stated_s.filter(sound) else {
             return Choice::nothing(0, "A fixed delay was asked for and none is stated. Nothing is removed.");
         };
         let contradicted = self.contradiction("The stated delay", stated);
-        let text = match (&contradicted, self.told()) {
+        let text = match (&contradicted, self.measured()) {
             (Some(_), _) => "The number stated in the pipeline is removed. What was measured contradicts it.",
             (None, Some(_)) => {
                 "The number stated in the pipeline is removed. What was measured does not contradict it."
@@ -175,7 +175,7 @@ impl Table<'_> {
         Choice { contradicted, ..Choice::new(0, RemovedFrom::Stated, Some(stated), text.to_owned()) }
     }
 
-    /// Row 10 where the sweep was asked for.
+    /// Row 10 if the sweep was requested.
     fn sweep(&self) -> Choice {
         match self.flight.sweep_s.filter(sound) {
             Some(best) => {
@@ -192,13 +192,13 @@ impl Table<'_> {
         self.flight.card_s.filter(|card| sound(card) && card.standard_uncertainty.is_some())
     }
 
-    /// Position against velocity, if its figure can be used.
+    /// Position against velocity, if the figure is usable.
     fn relative(&self) -> Option<&RelativeLateness> {
         self.flight.relative.as_ref().filter(|pair| sound(&pair.delay_s))
     }
 
-    /// What this flight says of its delay, weak figures included; else what the others say.
-    fn told(&self) -> Option<Estimate> {
+    /// Delay measured by this flight, weak figures included; else that of the other flights.
+    fn measured(&self) -> Option<Estimate> {
         let weak = self.flight.position.as_ref().filter(|position| {
             sound(&position.lateness_s)
                 && trusted(position.verdict)
@@ -213,11 +213,11 @@ impl Table<'_> {
     fn contradiction(&self, what: &str, number: Estimate) -> Option<String> {
         let by_others = self.evidence.own.is_none() && self.evidence.others.is_some();
         let by = if by_others { "other flights of its group" } else { "this flight" };
-        words::contradiction(what, number, (self.told(), by))
+        words::contradiction(what, number, (self.measured(), by))
     }
 }
 
-/// Rows 5 and 6: the flights' choice with a card.
+/// Rows 5 and 6: combines the flights' choice with a card.
 fn with_card(choice: Choice, card: Estimate) -> Choice {
     let Some(flights) = choice.delay_s else { return choice };
     let Some(e) = e_n(card, flights) else { return choice };
@@ -242,7 +242,7 @@ fn count(flights: usize) -> String {
     if flights == 1 { "1 flight".to_owned() } else { format!("{flights} flights") }
 }
 
-/// Whether an estimate holds numbers that can be used.
+/// Whether the numbers of an estimate are usable.
 fn sound(estimate: &Estimate) -> bool {
     estimate.value.is_finite() && estimate.standard_uncertainty.is_none_or(|u| u.is_finite() && u >= 0.0)
 }

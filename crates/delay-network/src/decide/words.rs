@@ -1,4 +1,4 @@
-//! What was decided, in plain English.
+//! Decisions in plain English.
 
 use super::RelativeLateness;
 use super::group::{Evidence, why_not_own};
@@ -54,8 +54,8 @@ pub(crate) fn why(flight: &FlightSources) -> String {
     }
 }
 
-/// Row 8, and its use of a card or a stated number.
-pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: RemovedFrom) -> String {
+/// Row 8, including its use of a card or a stated number.
+pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, source: RemovedFrom) -> String {
     let known = match &flight.relative {
         Some(pair) => format!("How late position and {} are is not known: {}", pair.velocity, why(flight)),
         None => format!("It is not known how late the position is: {}", why(flight)),
@@ -83,17 +83,17 @@ pub(crate) fn pair(pair: &RelativeLateness) -> String {
     format!("Puts the position where {} is, {late}. The residual is zero by construction.", pair.velocity)
 }
 
-/// What the flights say against a number; `None` if it is within 3 standard uncertainties. `by` says whose measurement it is.
-pub(crate) fn contradiction(what: &str, number: Estimate, (told, by): (Option<Estimate>, &str)) -> Option<String> {
-    let told = told?;
-    let u = told.standard_uncertainty?.hypot(number.standard_uncertainty.unwrap_or(0.0));
-    let apart = number.value - told.value;
+/// How the flights contradict a number; `None` within 3 standard uncertainties. `by` names whose measurement it is.
+pub(crate) fn contradiction(what: &str, number: Estimate, (measured, by): (Option<Estimate>, &str)) -> Option<String> {
+    let measured = measured?;
+    let u = measured.standard_uncertainty?.hypot(number.standard_uncertainty.unwrap_or(0.0));
+    let apart = number.value - measured.value;
     (apart.abs() > 3.0 * u).then(|| {
         let side = if apart > 0.0 { "less" } else { "more" };
         format!(
             "{what}, {} ms, is contradicted: {by} measured {}. That is {} ms {side} than it says, {:.1} standard uncertainties.",
             ms(number.value),
-            with_uncertainty(told),
+            with_uncertainty(measured),
             ms(apart.abs()),
             apart.abs() / u
         )

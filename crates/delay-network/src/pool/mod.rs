@@ -10,17 +10,17 @@ use record::{DelayPool, Estimate, FlightsDiffer, GroupSplit, PoolMean, PoolMembe
 
 /// |z| above which a flight is an outlier of its group.
 pub(crate) const OUTLIER_Z: f64 = 3.0;
-/// Least uncertainty of a flight beyond what it shares with the group, s.
+/// Least uncertainty of a flight in addition to what it shares with the group, s.
 const LEAST_OWN_S: f64 = 0.2e-3;
-/// Probability below which a group is split, and below which its flights differ at all.
+/// Probability below which a group is split, and below which its flights are considered different.
 const SPLIT_P: f64 = 0.01;
 /// Least distance of the means of two clusters, in standard deviations of a cluster.
 const SPLIT_SEPARATION: f64 = 4.5;
 
-/// Lateness of one flight as the pool takes it.
+/// Lateness of one flight as input to the pool.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightLateness {
-    /// Flight. Duplicates of one flight count once: pass only one.
+    /// Name of the flight. Pass duplicates of a flight only once.
     pub flight: String,
     /// Lateness, s.
     pub lateness_s: f64,
@@ -42,19 +42,20 @@ impl FlightLateness {
 
 /// Mean lateness of a group; `None` without a flight that has finite figures.
 ///
-/// The least model part of the flights is common to all and does not average out. The rest is pooled by random effects:
-/// τ by REML, interval by Hartung and Knapp with a factor of at least 1, common part added. Whether flights differ is
-/// tested with their full uncertainties less `datum_uncertainty_s` (0.005), for model errors differ from flight to flight
-/// but the datum does not.
+/// The smallest model part among the flights is common to all and does not average out. The rest is pooled by random
+/// effects: τ by REML, interval by Hartung and Knapp with a factor of at least 1, common part added. Whether flights
+/// differ is tested with their full uncertainties less `datum_uncertainty_s` (0.005), because model errors differ from
+/// flight to flight but the datum does not.
 ///
-/// Flights are compared with the pool of the others (externally studentised). Up to 30 flights each such pool has its own
-/// τ; beyond, all share the τ of the group, and the sums without one flight have a closed form: 20 000 flights take
-/// a fraction of a second.
+/// Each flight is compared with the pool of the others (externally studentised). Up to 30 flights, each such pool has
+/// its own τ. With more, all share the τ of the group and the leave-one-out sums have a closed form: 20 000 flights
+/// take a fraction of a second.
 ///
-/// The group is split in two when a single normal group would hardly look so divided: the cut of least weighted variance
-/// within, the t test between both sides with k − 2 degrees of freedom, its p multiplied by the 2^(k−1) − 1 ways to cut the
-/// group (Bonferroni), below 0.01. The means must also be 4.5 standard deviations of a cluster apart, for the halves of an
-/// even spread are 3.5 apart, and the flights must differ by more than their uncertainties (p of Q below 0.01).
+/// The group is split in two when a single normal group is unlikely to look so divided. The cut is the one with the
+/// least weighted variance within. Its t test between both sides has k − 2 degrees of freedom. Its p, multiplied by the
+/// 2^(k−1) − 1 ways to cut the group (Bonferroni), must be below 0.01. The means must also be 4.5 standard deviations
+/// of a cluster apart (the halves of a uniform spread are 3.5 apart), and the flights must differ by more than their
+/// uncertainties (p of Q below 0.01).
 #[must_use]
 pub fn pool(flights: &[FlightLateness], datum_uncertainty_s: f64) -> Option<DelayPool> {
     let flights: Vec<&FlightLateness> = flights.iter().filter(|flight| flight.usable()).collect();
@@ -79,7 +80,7 @@ pub fn pool(flights: &[FlightLateness], datum_uncertainty_s: f64) -> Option<Dela
     })
 }
 
-/// The mean of the flights that are no outliers, if there are outliers and fewer of them than of the others.
+/// Mean of the flights that are not outliers, if there are outliers and they are the minority.
 fn without_outliers(flights: &[&FlightLateness], members: &[PoolMember], datum_uncertainty_s: f64) -> Option<PoolMean> {
     let kept: Vec<&FlightLateness> =
         flights.iter().zip(members).filter(|(_, member)| !member.outlier).map(|(flight, _)| *flight).collect();
@@ -105,14 +106,14 @@ pub(crate) struct Group {
     common_s: f64,
 }
 
-/// Mean of some flights, and what a further flight's delay may differ from it by.
+/// Mean of some flights, and how far the delay of a further flight may differ from it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Others {
     /// Flights in the mean.
     pub(crate) flights: usize,
     /// Mean, s.
     pub(crate) mean_s: f64,
-    /// Standard uncertainty of one flight's delay at that mean, s: of the mean, and τ.
+    /// Standard uncertainty of one flight's delay around that mean, s: uncertainty of the mean, and τ.
     pub(crate) uncertainty_s: f64,
 }
 
@@ -151,7 +152,7 @@ impl Group {
         })
     }
 
-    /// Mean of all, for a flight that is not among them.
+    /// Mean of all, for a flight outside the group.
     pub(crate) fn all(&self) -> Others {
         self.others(self.own.len(), &self.own.mean())
     }
@@ -167,7 +168,7 @@ impl Group {
         Others { flights, mean_s: mean.mean, uncertainty_s }
     }
 
-    /// Studentised difference of a flight that is not of this group.
+    /// Studentised difference of a flight outside this group.
     pub(crate) fn z_of(&self, flight: &FlightLateness, datum_uncertainty_s: f64) -> f64 {
         let shared_s = datum_uncertainty_s.min(self.common_s);
         let variance = (flight.standard_uncertainty_s.powi(2) - shared_s.powi(2)).max(LEAST_OWN_S.powi(2));
@@ -179,7 +180,7 @@ fn studentised(value: f64, variance: f64, others: &Mean) -> f64 {
     (value - others.mean) / (variance + others.tau.unwrap_or(0.0).powi(2) + others.se.powi(2)).sqrt()
 }
 
-/// Every flight against the pool of the others.
+/// Compares every flight with the pool of the others.
 fn members(flights: &[&FlightLateness], group: &Group) -> Vec<PoolMember> {
     let (own, full) = (group.own.leave_one_out(), group.full.leave_one_out());
     flights
@@ -199,7 +200,7 @@ fn members(flights: &[&FlightLateness], group: &Group) -> Vec<PoolMember> {
         .collect()
 }
 
-/// Two clusters, if one group is too unlikely.
+/// Two clusters, if a single group is too unlikely.
 fn split(flights: &[&FlightLateness], group: &Group, datum_uncertainty_s: f64) -> Option<GroupSplit> {
     let items: Vec<(f64, f64)> = group.full.items().collect();
     let Cut { early, late, gap, p, .. } =

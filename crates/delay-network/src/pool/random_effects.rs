@@ -1,10 +1,10 @@
-//! Random-effects mean: REML, Hartung–Knapp, and the same without one member.
+//! Random-effects mean: REML, Hartung–Knapp, and the leave-one-out means.
 
-/// Members beyond which leaving one out keeps the τ of all.
+/// Above this number of members, leaving one out keeps the τ of all.
 const EXACT_UP_TO: usize = 30;
 /// Points of the grid that brackets the minimum of the REML objective.
 const GRID: usize = 64;
-/// Steps of the golden section within the bracket: 0.618⁴⁵ of its width is left.
+/// Steps of the golden section within the bracket: 0.618⁴⁵ of its width remains.
 const GOLDEN_STEPS: usize = 45;
 
 /// Values with the variances of their own errors.
@@ -17,11 +17,11 @@ pub(crate) struct Sample {
 /// Random-effects mean of some values.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Mean {
-    /// Values in it.
+    /// Number of values.
     pub(crate) count: usize,
     /// Mean.
     pub(crate) mean: f64,
-    /// Its standard error, Hartung–Knapp's factor (at least 1) included.
+    /// Its standard error, including Hartung–Knapp's factor (at least 1).
     pub(crate) se: f64,
     /// Standard deviation between members; `None` for one.
     pub(crate) tau: Option<f64>,
@@ -83,8 +83,8 @@ impl Sample {
         self.sums(0.0).q
     }
 
-    /// Mean of all others, for each member. Beyond 30 members all share one τ, and sums are corrected, not redone:
-    /// `Q₋ᵢ = Q − wᵢ(yᵢ − m)² W/(W − wᵢ)`.
+    /// Mean of all others, for each member. With more than 30 members all share one τ, and sums are corrected instead
+    /// of recomputed: `Q₋ᵢ = Q − wᵢ(yᵢ − m)² W/(W − wᵢ)`.
     pub(crate) fn leave_one_out(&self) -> Vec<Option<Mean>> {
         let count = self.len();
         if count < 2 {
@@ -129,7 +129,7 @@ impl Sample {
         0.5 * (logs + sums.weight.ln() + sums.q)
     }
 
-    /// τ of greatest restricted likelihood: a grid brackets it, a golden section finds it.
+    /// τ that maximises the restricted likelihood: a grid brackets it, then a golden-section search.
     fn tau_reml(&self) -> f64 {
         let count = self.len() as f64;
         let mean = self.values.iter().sum::<f64>() / count;
@@ -151,7 +151,7 @@ fn mean_of(sums: Sums, count: usize, tau: Option<f64>) -> Mean {
     Mean { count, mean: sums.mean, se: (factor / sums.weight).sqrt(), tau }
 }
 
-/// Lowest point between two, of a function with one valley there.
+/// Minimum between two points of a function that is unimodal there.
 fn golden_section(f: impl Fn(f64) -> f64, (mut low, mut high): (f64, f64)) -> (f64, f64) {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let inner = |low: f64, high: f64| (high - ratio * (high - low), low + ratio * (high - low));
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn leaving_one_out_in_closed_form_equals_doing_it() {
+    fn leave_one_out_in_closed_form_equals_recomputation() {
         let sample = sample(50);
         let tau = sample.tau_reml();
         for (at, left) in sample.leave_one_out().iter().enumerate() {
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn one_tau_for_all_hardly_moves_what_is_left_of_many() {
+    fn one_tau_for_all_hardly_changes_leave_one_out_means() {
         let sample = sample(40);
         for (at, left) in sample.leave_one_out().iter().enumerate() {
             assert!((left.unwrap().mean - sample.without(at).mean().mean).abs() < 2e-5);
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_variances_have_the_reml_of_the_textbook() {
+    fn equal_variances_give_the_textbook_reml() {
         // with equal variances s² REML is the sample variance less s²
         let values = [0.190, 0.200, 0.204, 0.214, 0.198];
         let sample = Sample::new(values.iter().map(|value| (*value, 0.003_f64.powi(2))));

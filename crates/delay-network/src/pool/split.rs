@@ -1,8 +1,8 @@
-//! Whether one group is two.
+//! Whether a group should be split in two.
 
 use statrs::function::gamma::ln_gamma;
 
-/// Flights in a cluster at least.
+/// Least number of flights in a cluster.
 const LEAST_IN_CLUSTER: usize = 2;
 
 /// Best cut of a group in two.
@@ -14,13 +14,13 @@ pub(crate) struct Cut {
     pub(crate) late: Vec<usize>,
     /// Empty gap between them.
     pub(crate) gap: f64,
-    /// Distance of the means in standard deviations within a side. The halves of an even spread are √12 = 3.5 apart.
+    /// Distance of the means in standard deviations within a side. The halves of a uniform spread are √12 = 3.5 apart.
     pub(crate) separation: f64,
     /// Upper bound of the probability that one normal group has such a cut.
     pub(crate) p: f64,
 }
 
-/// Sums of weights, weighted values and weighted squares up to a place.
+/// Running sums of weights, weighted values and weighted squares.
 #[derive(Debug, Clone, Copy, Default)]
 struct Running {
     weight: f64,
@@ -54,7 +54,7 @@ impl Running {
     }
 }
 
-/// Cut of least weighted variance within both sides, of values with their variances; `None` with fewer than four.
+/// Cut with the least weighted variance within both sides, of values with variances; `None` with fewer than four.
 pub(crate) fn best_cut(items: &[(f64, f64)]) -> Option<Cut> {
     let count = items.len();
     if count < 2 * LEAST_IN_CLUSTER {
@@ -110,7 +110,7 @@ mod tests {
     use statrs::distribution::{ContinuousCDF, StudentsT};
 
     #[test]
-    fn the_bound_of_the_tail_is_close_above_student() {
+    fn the_tail_bound_is_slightly_above_student_t() {
         for (count, t) in [(4_usize, 20.0), (8, 9.0), (12, 12.0)] {
             let dof = count as f64 - 2.0;
             let student = 2.0 * StudentsT::new(0.0, 1.0, dof).unwrap().sf(t);
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn an_evenly_spread_group_is_one_however_large() {
+    fn a_uniformly_spread_group_is_not_split_however_large() {
         for count in [10, 100, 20_000] {
             let items: Vec<(f64, f64)> = (0..count).map(|i| (i as f64 / count as f64, 1.0)).collect();
             let separation = best_cut(&items).unwrap().separation;

@@ -1,4 +1,4 @@
-//! Flights whose delay is known and may vary (`delay-over-time.md`, `vectors.json`). Seconds and metres.
+//! Flights with a known delay that may vary (`delay-over-time.md`, `vectors.json`). Seconds and metres.
 
 #![allow(dead_code, clippy::indexing_slicing, clippy::unwrap_used)]
 
@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 /// Step of the true motion, s.
 const DT: f64 = 0.02;
-/// The true motion begins here, s.
+/// Start of the true motion, s.
 const BEGIN_S: f64 = -20.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -326,7 +326,7 @@ pub fn fly(case: &Case, seed: u64) -> Flight {
     flight
 }
 
-/// The positions of a flight re-timed: late by `by` more from the instant at which `share` of the record is over.
+/// The positions of a flight with later timestamps: by `by` from the instant at which `share` of the record is over.
 pub fn inject_step(flight: &Flight, by: f64, share: f64) -> Vec<f64> {
     let (first, last) = (flight.t[0], flight.t[flight.t.len() - 1]);
     let at = first + share * (last - first);

@@ -1,11 +1,11 @@
-//! The catalogue: every code of a notice and of an alarm, what it means, and what a reader can do about it.
+//! The catalogue: every code of a notice or an alarm, what it means, and what the user can do about it.
 //!
-//! An entry is: variant, code, severities with the usual one first, what happened, what to do. `docs/src/notices.md` and
-//! `flightlag explain` are made from these texts, and a test fires every code.
+//! An entry is: variant, code, severities with the usual one first, what happened, what to do. `docs/src/notices.md`
+//! and `flightlag explain` are generated from these texts, and a test fires every code.
 
 use super::code::catalogue;
 
-/// Names of codes in records of older releases, and the code that says the same now.
+/// Names of codes in records of older releases, and the code that replaces each.
 pub(super) const FORMER: &[(Code, &str)] = &[
     (
         Code::IncompleteRecording,

@@ -1,4 +1,4 @@
-//! Codes of notices and alarms: the types behind the catalogue.
+//! Codes of notices and alarms: the types of the catalogue.
 
 use super::Severity;
 use super::catalogue::{Alarm, Code, FORMER};
@@ -37,9 +37,9 @@ impl Gravity {
 pub struct CodeEntry {
     /// The stable name, such as `duplicate-stamp`.
     pub name: &'static str,
-    /// The part of the catalogue.
+    /// Section of the catalogue.
     pub section: &'static str,
-    /// The severities that a notice with this code can have, the usual one first.
+    /// The severities that a notice with this code can have, usual one first.
     pub severities: &'static [Severity],
     /// What happened.
     pub happened: &'static str,
@@ -60,7 +60,7 @@ pub struct AlarmEntry {
     pub advice: &'static str,
 }
 
-/// A code with the severity that it has this time.
+/// A code with the severity of this occurrence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Graded {
     pub(super) code: Code,
@@ -68,7 +68,7 @@ pub struct Graded {
 }
 
 impl Graded {
-    /// The code alone.
+    /// The code without its severity.
     #[must_use]
     pub fn code(self) -> Code {
         self.code
@@ -76,14 +76,14 @@ impl Graded {
 }
 
 impl From<Code> for Graded {
-    /// With the usual severity of the code.
+    /// Uses the usual severity of the code.
     fn from(code: Code) -> Graded {
         Graded { code, severity: code.entry().severities[0] }
     }
 }
 
 impl Code {
-    /// This code with a severity that is not its usual one.
+    /// This code with a severity other than its usual one.
     #[must_use]
     pub fn at(self, severity: Severity) -> Graded {
         debug_assert!(self.entry().severities.contains(&severity), "{self} is never {severity:?}");
@@ -96,19 +96,19 @@ impl Code {
         self.entry().name
     }
 
-    /// The code of this name.
+    /// The code with this name.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Code> {
         Code::ALL.iter().copied().find(|code| code.name() == name)
     }
 
-    /// The code that has taken the place of this former one: records of older releases hold such names.
+    /// The code that replaced this former one: records of older releases contain such names.
     #[must_use]
     pub fn of_former(name: &str) -> Option<Code> {
         FORMER.iter().find(|(_, former)| former.split(' ').any(|former| former == name)).map(|(code, _)| *code)
     }
 
-    /// Names of older releases that this code has taken the place of.
+    /// Names in older releases that this code replaced.
     pub fn former(self) -> impl Iterator<Item = &'static str> {
         FORMER.iter().filter(move |(code, _)| *code == self).flat_map(|(_, former)| former.split(' '))
     }
@@ -121,7 +121,7 @@ impl Alarm {
         self.entry().name
     }
 
-    /// How grave it is.
+    /// Severity of the alarm.
     #[must_use]
     pub fn gravity(self) -> Gravity {
         self.entry().gravity
@@ -152,7 +152,7 @@ impl PartialEq<Alarm> for String {
     }
 }
 
-/// Makes the two enums and their entries of the table in `catalogue.rs`.
+/// Generates the two enums and their entries from the table in `catalogue.rs`.
 macro_rules! catalogue {
     (
         notices {$($section:literal {
@@ -180,7 +180,7 @@ macro_rules! catalogue {
             /// All codes, in the order of the catalogue.
             pub const ALL: &[Code] = &[$($(Code::$code),+),+];
 
-            /// What the catalogue says about it.
+            /// Its entry in the catalogue.
             #[must_use]
             pub fn entry(self) -> &'static $crate::notice::CodeEntry {
                 match self {$($(
@@ -199,7 +199,7 @@ macro_rules! catalogue {
             /// All alarms, in the order of the catalogue.
             pub const ALL: &[Alarm] = &[$(Alarm::$alarm),+];
 
-            /// What the catalogue says about it.
+            /// Its entry in the catalogue.
             #[must_use]
             pub fn entry(self) -> &'static $crate::notice::AlarmEntry {
                 match self {$(

@@ -1,10 +1,10 @@
-//! What a log says of the vehicle, its software and its settings.
+//! What a log states about the vehicle, its software and its settings.
 
 use super::MOST_LISTED;
 use crate::show::{Table, count, number};
 use flight::{About, Clock, ModeStart};
 
-/// As a table; long lists are cut unless `all` of them are wanted.
+/// As a table; long lists are shortened unless `all`.
 pub(super) fn text(about: &About, all: bool) -> String {
     let mut table = Table::new(&["vehicle", "value"]);
     for (name, value) in facts(about) {
@@ -23,7 +23,7 @@ pub(super) fn text(about: &About, all: bool) -> String {
     if table.is_empty() { String::new() } else { table.text() }
 }
 
-/// By the log's clock, as its texts: UTC where it counts that.
+/// By the log's clock, as in its texts: UTC if the clock counts that.
 fn when(mode: &ModeStart) -> String {
     let utc = jiff::Timestamp::from_nanosecond(mode.at_ns.into()).ok().filter(|_| mode.clock == Clock::Unix);
     match utc {

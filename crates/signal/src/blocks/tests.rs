@@ -3,7 +3,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
-/// Errors that wander over a time constant, in a record of 180 s at 5 Hz.
+/// Errors that wander with a given time constant, in a record of 180 s at 5 Hz.
 struct Wander {
     time_constant_s: f64,
     axes: usize,
@@ -18,7 +18,7 @@ impl Wander {
         (self.axes as f64 * (1.0 + self.white * self.white)).sqrt()
     }
 
-    /// Squares of the errors, all axes together.
+    /// Squared errors, summed over all axes.
     fn draw(&self, random: &mut Pcg64) -> Vec<f64> {
         let keeps = (-STEP_S / self.time_constant_s).exp();
         let mut squares = vec![0.0; (RECORD_S / STEP_S) as usize];
@@ -34,8 +34,8 @@ impl Wander {
         squares
     }
 
-    /// How often of `trials` the interval misses the truth below (the error is called smaller than it is) and above it,
-    /// and how often there is none.
+    /// How often in `trials` the interval misses the truth below (the error is understated) and above it, and how often
+    /// there is no interval.
     fn misses(&self, trials: usize, seed: u64) -> [usize; 3] {
         let mut random = Pcg64::seed_from_u64(seed);
         let mut counts = [0; 3];
@@ -57,16 +57,16 @@ fn rms(squares: &[f64]) -> Option<BlockEstimate> {
     BlockSums::of(squares.len(), squares.iter().map(|s| [*s, 1.0])).estimate_size(|[s, n]| (s / n).sqrt())
 }
 
-/// The most misses of `trials` that a share of `share` gives once in 740 times (3 standard deviations).
+/// The number of misses in `trials` that a true share of `share` exceeds once in 740 times (3 standard deviations).
 fn gate(trials: usize, share: f64) -> usize {
     let n = trials as f64;
     (n * share + 3.0 * (n * share * (1.0 - share)).sqrt()) as usize
 }
 
-/// With twenty blocks whatever the wander, 12 to 55 % of the intervals missed where it lasts 6 s or more of the 180 s. Of
-/// 2000 each now at most 6.2 % miss.
+/// With twenty blocks regardless of the wander, 12 to 55 % of the intervals missed where it lasts 6 s or more of the
+/// 180 s. Now at most 6.2 % of 2000 each miss.
 #[test]
-fn intervals_hold_or_are_not_given_from_a_wander_of_a_second_to_one_of_a_third_of_the_record() {
+fn intervals_cover_the_truth_or_are_missing_for_any_wander() {
     let trials = 2000;
     for axes in [1, 2] {
         for (k, share) in [180.0, 60.0, 30.0, 20.0, 12.0, 8.0, 5.0, 3.0].into_iter().enumerate() {
@@ -75,7 +75,7 @@ fn intervals_hold_or_are_not_given_from_a_wander_of_a_second_to_one_of_a_third_o
             let most = gate(trials, 0.08);
             assert!(below + above <= most, "{axes} axes, T/{share}: {below} + {above} of {trials}, {none} not given");
             match share {
-                // A hundred and eighty and sixty independent errors are enough.
+                // 180 and 60 independent errors are enough.
                 s if s >= 60.0 => assert!(none <= gate(trials, 0.2), "{axes} axes, T/{share}: {none} not given"),
                 s if s <= 5.0 => assert!(none >= trials * 9 / 10, "{axes} axes, T/{share}: {none} not given"),
                 _ => {}
@@ -85,7 +85,7 @@ fn intervals_hold_or_are_not_given_from_a_wander_of_a_second_to_one_of_a_third_o
 }
 
 #[test]
-fn a_wander_under_white_noise_is_seen() {
+fn a_wander_below_white_noise_is_detected() {
     let trials = 2000;
     for share in [60.0, 30.0] {
         let wander = Wander { time_constant_s: RECORD_S / share, axes: 2, white: 1.0 };
@@ -96,7 +96,7 @@ fn a_wander_under_white_noise_is_seen() {
 
 /// White Gaussian noise has var(mean square) = 2σ⁴/n, so the rms of n rows has the standard error σ/√(2n).
 #[test]
-fn white_noise_is_known_as_well_as_the_textbook_says_and_hardly_less() {
+fn white_noise_has_the_textbook_uncertainty() {
     let (trials, rows) = (400, 1200);
     let mut random = Pcg64::seed_from_u64(5);
     let mut ratio = vec![];
@@ -110,15 +110,15 @@ fn white_noise_is_known_as_well_as_the_textbook_says_and_hardly_less() {
         ratio.push(u * (2.0 * rows as f64).sqrt());
     }
     assert!(given >= trials * 95 / 100, "{given}");
-    // Of the right width or up to a third wider: the median is known to 1.25 · 0.2/√400 = 1.3 %.
+    // Correct width, or up to a third wider: the median is known to 1.25 · 0.2/√400 = 1.3 %.
     let middle = crate::median_in_place(&mut ratio).unwrap();
     assert!((1.0..1.33).contains(&middle), "{middle}");
     assert!(given - held <= gate(given, 0.05), "{held} of {given}");
 }
 
-/// The mean of noise that is held for ten rows is known √10 times less well than that of as many independent rows.
+/// The mean of noise held for ten rows is known √10 times less well than that of as many independent rows.
 #[test]
-fn held_rows_are_no_more_rows() {
+fn held_rows_add_no_information() {
     let mean = |rows: &[f64]| {
         let found = BlockSums::of(rows.len(), rows.iter().map(|x| [*x, 1.0])).estimate(|[x, n]| x / n);
         found.unwrap().standard_uncertainty
@@ -136,12 +136,12 @@ fn held_rows_are_no_more_rows() {
 }
 
 #[test]
-fn too_few_rows_have_a_number_and_no_uncertainty_and_none_have_no_number() {
+fn too_few_rows_give_no_uncertainty_and_no_rows_give_no_value() {
     assert_eq!(rms(&[4.0; 10]), Some(BlockEstimate { value: 2.0, standard_uncertainty: None }));
     assert_eq!(rms(&[]), None);
-    // What is constant is known.
+    // A constant is known exactly.
     assert_eq!(rms(&[4.0; 400]).unwrap().standard_uncertainty, Some(0.0));
-    // A step in the middle is two errors, not four hundred.
+    // A step in the middle is two errors, not 400.
     let step: Vec<f64> = (0..400).map(|k| if k < 200 { 1.0 } else { 9.0 }).collect();
     assert_eq!(rms(&step).unwrap().standard_uncertainty, None);
 }

@@ -1,24 +1,24 @@
-//! The rows of one component that take part, made white, and the part of the fit that is linear.
+//! The used rows of one component, whitened, and the linear part of the fit.
 
 use super::descent::Lateness;
 use super::{Gain, Measurement, Sign};
 use crate::noise::{dot, orthonormal_to, remove};
 use crate::whiten::{NoiseModel, WhiteningFilter};
 
-/// One component under one noise: what does not change while the delay is looked for is computed once.
+/// One component under one noise: holds what does not change during the search for the delay.
 pub(crate) struct Block {
-    /// Rows of the measurement that take part.
+    /// Used rows of the measurement.
     pub(crate) rows: Vec<usize>,
-    /// Their stamps, s.
+    /// Their timestamps, s.
     pub(crate) t: Vec<f64>,
     pub(crate) gain: Gain,
     drift: bool,
     pub(crate) filter: WhiteningFilter,
     /// Whitened offset and drift, orthonormal.
     nuisances: Vec<Vec<f64>>,
-    /// Whitened values without their projection on the nuisances.
+    /// Whitened values minus their projection on the nuisances.
     values: Vec<f64>,
-    /// Working space: the shape of the signal, then its derivatives by the parameters that are not linear, at gain 1.
+    /// Working space: the shape of the signal, then its derivatives by the nonlinear parameters, at gain 1.
     pub(crate) columns: Vec<Vec<f64>>,
     /// Whitened residuals of the last projection.
     pub(crate) residuals: Vec<f64>,
@@ -26,11 +26,11 @@ pub(crate) struct Block {
     instants: Vec<f64>,
     /// Columns whose coefficients all components share.
     pub(crate) shared: Shared,
-    /// Square of the length of the whitened shape before offset and drift are taken out.
+    /// Squared length of the whitened shape before offset and drift are removed.
     whitened_power: f64,
 }
 
-/// Working space for the columns that all components share: values and rates, and the coefficients' prior deviations.
+/// Working space for the shared columns: values, rates, and the prior deviations of the coefficients.
 #[derive(Default)]
 pub(crate) struct Shared {
     pub(crate) columns: Vec<Vec<f64>>,
@@ -38,21 +38,21 @@ pub(crate) struct Shared {
     pub(crate) prior_std: Vec<f64>,
 }
 
-/// What is left of one component for one set of the parameters that are not linear.
+/// Remainder of one component for one set of the nonlinear parameters.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Projection {
-    /// Gain that fits best; 0 if that would have the wrong sign.
+    /// Best gain; 0 if it would have the wrong sign.
     pub(crate) gain: f64,
-    /// Whitened sum of squares that is left.
+    /// Whitened residual sum of squares.
     pub(crate) rss: f64,
-    /// Square of the length of the whitened shape, offset and drift taken out: one over the variance of the gain.
+    /// Squared length of the whitened shape, offset and drift removed: the inverse of the variance of the gain.
     pub(crate) power: f64,
-    /// The same over what it was before they were taken out: 0 for a constant shape.
+    /// The same divided by its value before they were removed: 0 for a constant shape.
     pub(crate) moving_share: f64,
 }
 
 impl Block {
-    /// `rows` of `measurement`, with `derivatives` columns beside the shape.
+    /// `rows` of `measurement`, with `derivatives` columns in addition to the shape.
     pub(crate) fn new(
         measurement: &Measurement,
         rows: Vec<usize>,
@@ -72,7 +72,7 @@ impl Block {
         let before = dot(&values, &values);
         nuisances.iter().for_each(|q| remove(&mut values, q));
         if dot(&values, &values) <= 1e-26 * before {
-            // Constant values: what is left is rounding.
+            // Constant values: only rounding remains.
             values.fill(0.0);
         }
         let columns = vec![vec![0.0; t.len()]; 1 + derivatives];
@@ -96,8 +96,8 @@ impl Block {
         }
     }
 
-    /// Fills the columns at `at`: shape and derivatives by delay and skew, not yet whitened; of the shared columns values
-    /// and rates.
+    /// Fills the columns at `at`: shape and derivatives by delay and skew, not yet whitened; values and rates of the
+    /// shared columns.
     pub(crate) fn fill(&mut self, measurement: &Measurement, at: &Lateness, middle_s: f64) {
         let (first, last) = measurement.reference.span();
         for (instant, t) in self.instants.iter_mut().zip(&self.t) {
@@ -108,7 +108,7 @@ impl Block {
         }
         let [shape, derivatives @ ..] = self.columns.as_mut_slice() else { return };
         match derivatives {
-            // What is not asked for goes where it is overwritten.
+            // Values that are not needed go to columns that are overwritten later.
             [] => measurement.reference.fill(&self.instants, shape, &mut self.residuals),
             [by_delay, rest @ ..] => {
                 measurement.reference.fill(&self.instants, shape, by_delay);
@@ -128,7 +128,8 @@ impl Block {
     }
 
     /// Solves for gain, offset and drift, with `columns` filled in (not yet whitened). Afterwards `residuals` are the
-    /// whitened residuals, and the derivative columns are times the gain and orthogonal to all linear parameters.
+    /// whitened residuals, and the derivative columns are multiplied by the gain and orthogonal to all linear
+    /// parameters.
     pub(crate) fn project(&mut self) -> Projection {
         let raw = dot(&self.columns[0], &self.columns[0]);
         self.filter.apply_all(&mut self.columns);
@@ -168,7 +169,8 @@ impl Block {
         }
     }
 
-    /// Whitens shape and shared columns, offset and drift taken out; `residuals` are then the values less gain times shape.
+    /// Whitens shape and shared columns and removes offset and drift; `residuals` become the values minus gain times
+    /// shape.
     fn whiten_shared(&mut self) {
         let gain = self.fixed_gain();
         self.filter.apply_all(&mut self.shared.columns);
@@ -184,8 +186,8 @@ impl Block {
         }
     }
 
-    /// As [`Block::project`] after [`Block::whiten_shared`], with the shared coefficients that all blocks agree on. The
-    /// derivatives have offset and drift taken out, not the shared columns.
+    /// As [`Block::project`] after [`Block::whiten_shared`], with the shared coefficients common to all blocks. Offset
+    /// and drift are removed from the derivatives, the shared columns are not.
     fn project_shared(&mut self, coefficients: &[f64]) -> Projection {
         let gain = self.fixed_gain();
         for (column, c) in self.shared.columns.iter().zip(coefficients) {
@@ -236,7 +238,7 @@ pub(crate) fn middle(t: &[f64]) -> f64 {
     }
 }
 
-/// The shared coefficients that fit best, and how well the columns tell them.
+/// The best shared coefficients, and how well the columns determine them.
 struct Joint {
     coefficients: Vec<f64>,
     prior_std: Vec<f64>,
@@ -272,7 +274,7 @@ impl Joint {
         Joint { coefficients, prior_std, information }
     }
 
-    /// What the coefficients cost against their prior.
+    /// Penalty of the coefficients under their prior.
     fn penalty(&self) -> f64 {
         self.coefficients.iter().zip(&self.prior_std).map(|(c, std)| (c / std).powi(2)).sum()
     }
@@ -285,7 +287,7 @@ impl Joint {
     }
 }
 
-/// Normal equations of the parameters that are not linear, at most [`MOST_CURVED`] of them.
+/// Normal equations of the nonlinear parameters, at most [`MOST_CURVED`] of them.
 #[derive(Debug, Clone)]
 pub(crate) struct Normal {
     pub(crate) hessian: [[f64; MOST_CURVED]; MOST_CURVED],
@@ -293,17 +295,17 @@ pub(crate) struct Normal {
     pub(crate) parameters: usize,
     /// Sum of squares over all components, and of the shared coefficients over their prior deviations.
     pub(crate) rss: f64,
-    /// One for each component.
+    /// Projections of the components.
     pub(crate) projections: Vec<Projection>,
-    /// Coefficients that all components share.
+    /// Coefficients common to all components.
     pub(crate) shared: Vec<f64>,
 }
 
-/// Most parameters that are not linear: delay and skew, or delay and two lags.
+/// Maximum number of nonlinear parameters: delay and skew, or delay and two lags.
 pub(crate) const MOST_CURVED: usize = 3;
 
 impl Normal {
-    /// Projects all blocks (their columns filled in) and sums up.
+    /// Projects all blocks (their columns filled in) and adds them up.
     pub(crate) fn of(blocks: &mut [Block]) -> Normal {
         let parameters = blocks.first().map_or(0, |b| b.columns.len() - 1);
         let mut normal = Normal {
@@ -321,8 +323,7 @@ impl Normal {
         normal
     }
 
-    /// As [`Normal::of`], with the shared columns of the blocks (filled in as well) solved for jointly. The gains are
-    /// fixed.
+    /// As [`Normal::of`], solving jointly for the shared columns of the blocks (also filled in). The gains are fixed.
     pub(crate) fn of_shared(blocks: &mut [Block]) -> Normal {
         let parameters = blocks.first().map_or(0, |b| b.columns.len() - 1);
         let joint = Joint::of(blocks);
@@ -344,7 +345,7 @@ impl Normal {
                 }
             }
         }
-        // What the shared columns explain of the derivatives is no information.
+        // The part of the derivatives that the shared columns explain carries no information.
         for i in 0..parameters {
             for j in 0..parameters {
                 normal.hessian[i][j] -= joint.inverse_product(&crossed[i], &crossed[j]);
@@ -369,7 +370,7 @@ impl Normal {
         }
     }
 
-    /// Whether a component follows its reference at all.
+    /// Whether any component follows its reference.
     pub(crate) fn follows(&self) -> bool {
         self.projections.iter().any(|p| p.gain != 0.0)
     }

@@ -1,4 +1,4 @@
-//! How well a delay can be known at all.
+//! The lower bound on the uncertainty of a delay.
 
 use super::block::Block;
 use super::descent::{Alignment, Lateness};
@@ -7,9 +7,9 @@ use super::{Gain, Measurement, Sign};
 use crate::reference::Reference;
 use crate::whiten::NoiseModel;
 
-/// Cramér–Rao bound of the delay, s, for samples at the stamps `t` (s, rising) of a signal `gain · reference` that is
-/// `delay_s` late, with gain and offset (and drift) to be found as well; `[(JᵀC⁻¹J)⁻¹]₁₁^½` (design note 3.1).
-/// `None` if the reference does not move, or too few stamps show an instant within it.
+/// Cramér–Rao bound of the delay, s, for samples at the timestamps `t` (s, rising) of a signal `gain · reference` that
+/// is `delay_s` late, where gain and offset (and drift) are also estimated; `[(JᵀC⁻¹J)⁻¹]₁₁^½` (design note 3.1).
+/// `None` if the reference does not move or too few timestamps lie within it.
 #[must_use]
 pub fn delay_crlb(
     t: &[f64],

@@ -1,8 +1,8 @@
-//! Every step from the Hessian to the interval against its closed formula.
+//! Checks every step from the Hessian to the interval against its closed formula.
 //!
-//! The reference is the parabola ½ a t², sampled at times that lie even about zero, and the residuals are even in t with
-//! mean zero: the derivative by the delay, −a t, is odd, so that delay 0 and offset 0 are the solution, whatever the size
-//! of the residuals, and all sums can be written down.
+//! The reference is the parabola ½ a t², sampled at times symmetric about zero; the residuals are even in t with mean
+//! zero. The derivative by the delay, −a t, is odd, so delay 0 and offset 0 are the solution for residuals of any size,
+//! and all sums have closed forms.
 
 use super::*;
 use crate::delay::windows::delay_windows;
@@ -22,7 +22,7 @@ impl Reference for Parabola {
     }
 }
 
-/// 61 stamps half a second apart about zero, and residuals of the stamp's distance from zero, their mean taken out.
+/// 61 timestamps 0.5 s apart, centred on zero; residuals depend on the distance from zero, with their mean removed.
 fn record(residual: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>) {
     let t: Vec<f64> = (-30..=30).map(|k| 0.5 * f64::from(k)).collect();
     let mut e: Vec<f64> = t.iter().map(|t| residual(t.abs())).collect();
@@ -31,7 +31,7 @@ fn record(residual: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>) {
     (t, e)
 }
 
-/// Residuals without a pattern in time, and such as come in long runs.
+/// Residuals without a pattern in time, and residuals in long runs.
 fn ragged(t: f64) -> f64 {
     0.1 * (97.0 * t * t + 13.0 * t).sin()
 }
@@ -61,13 +61,13 @@ fn scores(t: &[f64], e: &[f64]) -> Vec<f64> {
     t.iter().zip(e).map(|(t, e)| -t * e / (A * tt) / (1.0 - t * t / tt - 1.0 / n).sqrt()).collect()
 }
 
-/// Newey and West's sum as a double one.
+/// Newey and West's sum as a double sum.
 fn newey_west(s: &[f64], lags: usize) -> f64 {
     let weight = |i: usize, j: usize| (1.0 - i.abs_diff(j) as f64 / (lags + 1) as f64).max(0.0);
     (0..s.len()).flat_map(|i| (0..s.len()).map(move |j| (i, j))).map(|(i, j)| weight(i, j) * s[i] * s[j]).sum()
 }
 
-/// Andrews' lag of a series that is an AR(1), at most a quarter of it.
+/// Andrews' lag of a series that is an AR(1), at most a quarter of its length.
 fn andrews(s: &[f64]) -> usize {
     let (n, mean) = (s.len() as f64, s.iter().sum::<f64>() / s.len() as f64);
     let power: f64 = s.iter().map(|s| (s - mean).powi(2)).sum();
@@ -84,14 +84,14 @@ fn the_curvature_is_sigma_over_the_root_of_the_squared_slopes() {
     assert!(known.delay_s.abs() < 1e-9, "{}", known.delay_s);
     near(known.hessian_s, 0.05 / root);
     near(known.crlb_s, 0.05 / root);
-    // Of unknown noise the scale is that of the residuals: 61 of them, offset and delay taken out.
+    // With unknown noise the scale comes from the residuals: 61 of them, minus offset and delay.
     let own = fitted(&t, &e, NoiseRule::White);
     near(own.hessian_s, (squares(&e) / 59.0).sqrt() / root);
     near(own.degrees_of_freedom, if own.hac_s > own.hessian_s { own.degrees_of_freedom } else { 59.0 });
 }
 
 #[test]
-fn the_sandwich_is_newey_and_wests_double_sum() {
+fn the_sandwich_equals_the_double_sum_of_newey_and_west() {
     for residual in [ragged as fn(f64) -> f64, in_runs] {
         let (t, e) = record(residual);
         let fit = fitted(&t, &e, NoiseRule::White);
@@ -101,9 +101,9 @@ fn the_sandwich_is_newey_and_wests_double_sum() {
     }
 }
 
-/// Runs of residuals of one sign: the curvature believes 61 samples, the sandwich the few runs.
+/// Runs of residuals of one sign: the curvature assumes 61 samples, the sandwich only the few runs.
 #[test]
-fn where_residuals_come_in_runs_the_sandwich_is_what_is_claimed() {
+fn residuals_in_runs_report_the_sandwich_uncertainty() {
     let (t, e) = record(in_runs);
     let fit = fitted(&t, &e, NoiseRule::White);
     assert!(fit.hac_s > 1.3 * fit.hessian_s, "{} {}", fit.hac_s, fit.hessian_s);
@@ -119,17 +119,17 @@ fn where_residuals_come_in_runs_the_sandwich_is_what_is_claimed() {
 }
 
 #[test]
-fn the_larger_of_the_two_is_claimed_where_it_is_the_curvature() {
-    // Large where the slope is small: the scores are smaller than the curvature has it.
+fn the_curvature_uncertainty_is_reported_where_it_is_larger() {
+    // Large where the slope is small: the scores are smaller than the curvature assumes.
     let (t, e) = record(|t| ragged(t) / (1.0 + t));
     let fit = fitted(&t, &e, NoiseRule::White);
     assert!(fit.hac_s < 0.8 * fit.hessian_s, "{} {}", fit.hac_s, fit.hessian_s);
     assert_eq!((fit.standard_uncertainty_s, fit.degrees_of_freedom), (fit.hessian_s, 59.0));
 }
 
-/// Quantiles of Student's table.
+/// Quantiles from Student's table.
 #[test]
-fn the_interval_is_the_value_and_students_quantile_times_the_uncertainty() {
+fn the_interval_is_students_quantile_times_the_uncertainty() {
     for (degrees, level, quantile) in [
         (10.0, 0.95, 2.228_138_852),
         (59.0, 0.95, 2.000_995_378),
@@ -146,9 +146,10 @@ fn the_interval_is_the_value_and_students_quantile_times_the_uncertainty() {
     }
 }
 
-/// A part of the record with an offset of its own has σ/(a √Σ(t − t̄)²), times what the whole is worse than its curvature.
+/// A part of the record with its own offset has σ/(a √Σ(t − t̄)²), times the ratio of the whole fit's uncertainty to
+/// its curvature's.
 #[test]
-fn a_part_is_known_as_its_curvature_says_and_as_much_worse_as_the_whole() {
+fn a_part_has_its_curvature_uncertainty_scaled_as_the_whole() {
     let (t, e) = record(in_runs);
     let fit = fitted(&t, &e, NoiseRule::White);
     let inflation = fit.hac_s / fit.hessian_s;
@@ -175,17 +176,18 @@ fn a_part_is_known_as_its_curvature_says_and_as_much_worse_as_the_whole() {
     }
 }
 
-/// Two components with the same stamps and the same residuals are one measurement, not two: their scores are added
-/// before they are squared.
+/// Two components with the same timestamps and residuals are one measurement, not two: their scores are added before
+/// squaring.
 #[test]
-fn residuals_that_two_components_share_count_once() {
+fn residuals_shared_by_two_components_count_once() {
     let (t, e) = record(ragged);
     let y: Vec<f64> = t.iter().zip(&e).map(|(t, e)| 0.5 * A * t * t + e).collect();
     let one = Measurement { t: &t, y: &y, reference: &Parabola, gain: Gain::Fixed(1.0), drift: false };
     let settings =
         DelaySettings { search_s: (-0.3, 0.3), noise: NoiseRule::White, robust: false, ..DelaySettings::default() };
     let (alone, both) = (fit_delay(&[one], &settings).unwrap(), fit_delay(&[one, one], &settings).unwrap());
-    // The curvature counts them twice: information is doubled, and rss/(n − p) is 2 rss/(122 − 3) beside rss/(61 − 2).
+    // The curvature counts them twice: information is doubled, and rss/(n − p) is 2 rss/(122 − 3) instead of rss/(61 −
+    // 2).
     near(both.hessian_s, alone.hessian_s * (0.5_f64 * 2.0 * 59.0 / 119.0).sqrt());
     // Leverages differ by 1/(2 Σ): the sandwich stays within a percent.
     assert!((both.hac_s / alone.hac_s - 1.0).abs() < 0.02, "{} {}", both.hac_s, alone.hac_s);

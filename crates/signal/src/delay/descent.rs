@@ -4,7 +4,7 @@
 use super::Measurement;
 use super::block::{Block, MOST_CURVED, Normal};
 
-/// The parameters that are not linear.
+/// The nonlinear parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lateness {
     pub(crate) delay_s: f64,
@@ -12,13 +12,13 @@ pub(crate) struct Lateness {
 }
 
 impl Lateness {
-    /// The instant that a sample stamped `t` shows.
+    /// True instant of a sample with timestamp `t`.
     pub(crate) fn true_instant(&self, t: f64, middle_s: f64) -> f64 {
         t - self.delay_s + self.skew * (t - middle_s)
     }
 }
 
-/// All components on their rows.
+/// All components on their used rows.
 pub(crate) struct Alignment<'a> {
     pub(crate) measurements: &'a [Measurement<'a>],
     pub(crate) blocks: Vec<Block>,
@@ -29,7 +29,7 @@ pub(crate) struct Alignment<'a> {
 const LONGEST_STEP: [f64; 2] = [0.15, 0.02];
 const MOST_STEPS: usize = 30;
 
-/// Where the descent ended.
+/// End point of the descent.
 #[derive(Debug, Clone)]
 pub(crate) struct Descent {
     pub(crate) at: Lateness,
@@ -41,7 +41,7 @@ pub(crate) struct Descent {
 }
 
 impl Alignment<'_> {
-    /// The normal equations at `at`: evaluates the references and solves for everything linear.
+    /// The normal equations at `at`: evaluates the references and solves for all linear parameters.
     pub(crate) fn normal(&mut self, at: &Lateness) -> Normal {
         for (block, measurement) in self.blocks.iter_mut().zip(self.measurements) {
             block.fill(measurement, at, self.middle_s);
@@ -52,19 +52,19 @@ impl Alignment<'_> {
         }
     }
 
-    /// Walks down from `from` until a step is below `enough` standard uncertainties; `None` if the delay has no
-    /// influence there.
+    /// Descends from `from` until a step is below `enough` standard uncertainties; `None` if the delay has no influence
+    /// there.
     pub(crate) fn descend(&mut self, from: Lateness, enough: f64) -> Option<Descent> {
         let normal = self.normal(&from);
         self.walk(from, normal, enough)
     }
 
-    /// [`Alignment::descend`] from where the last descent of these blocks ended.
+    /// [`Alignment::descend`] from the end point of the last descent of these blocks.
     pub(crate) fn descend_further(&mut self, last: Descent, enough: f64) -> Option<Descent> {
         self.walk(last.at, last.normal, enough)
     }
 
-    /// The columns of the blocks are those at `at`, where the normal equations are `normal`.
+    /// Expects the columns of the blocks to be those at `at`, with the normal equations `normal`.
     fn walk(&mut self, mut at: Lateness, mut normal: Normal, enough: f64) -> Option<Descent> {
         for steps in 1..=MOST_STEPS {
             let step = normal.step(0.0, [true; MOST_CURVED])?;
@@ -85,7 +85,7 @@ impl Alignment<'_> {
         unit.step(0.0, [true; MOST_CURVED]).map_or(f64::INFINITY, |s| s[0].max(0.0).sqrt())
     }
 
-    /// Takes the step, or half of it, and so on, until the sum of squares does not rise.
+    /// Halves the step until the sum of squares does not rise.
     fn shorter_until_lower(&mut self, at: &Lateness, normal: &Normal, step: [f64; MOST_CURVED]) -> (Lateness, Normal) {
         let longest = (0..2).map(|i| step[i].abs() / LONGEST_STEP[i]).fold(1.0, f64::max);
         let mut share = 1.0 / longest;

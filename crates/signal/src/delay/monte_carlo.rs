@@ -1,9 +1,9 @@
-//! Simulated hand swings of known delay: errors against the bound, and intervals against their promise.
+//! Simulated hand swings of known delay: compares errors with the bound and checks the coverage of the intervals.
 //!
-//! Gates follow from the number of trials M: the goals of the project (rms at most 1.05 of the Cramér–Rao bound, 95 %
-//! intervals that hold 93 to 97 times in a hundred, never less than 92 where the noise is outside of the model, bias
-//! below a tenth of the bound) plus four standard errors: rms/bound 1/√(2M), coverage √(0.95·0.05/M), bias 1/√M. The
-//! large study is `examples/delay_study.rs`.
+//! Gates follow from the number of trials M. They are the goals of the project (rms at most 1.05 of the Cramér–Rao
+//! bound, 95 % intervals that cover 93 to 97 times in a hundred, never less than 92 where the noise is outside the
+//! model, bias below a tenth of the bound) plus four standard errors: rms/bound 1/√(2M), coverage √(0.95·0.05/M), bias
+//! 1/√M. The large study is `examples/delay_study.rs`.
 
 use super::*;
 use crate::{CubicSpline, LagModel, LaggedReference, choose_lag_model};
@@ -31,20 +31,20 @@ fn swing(rng: &mut Pcg64, end: f64) -> CubicSpline {
     CubicSpline::new(&knots, &position).unwrap()
 }
 
-/// What is added to the true values.
+/// Noise added to the true values.
 #[derive(Clone, Copy)]
 enum Noise {
     Model(NoiseModel),
-    /// New values four times a second, held between (m), and a random walk (m/√s).
+    /// New values four times a second, held in between (m), and a random walk (m/√s).
     HeldAndWalk(f64, f64),
-    /// Latency that jitters (s), and white noise (m).
+    /// Jitter of the latency (s), and white noise (m).
     Jitter(f64, f64),
 }
 
 struct Case {
     rate_hz: f64,
     length_s: f64,
-    /// Stamps up to 30 % of an interval off, and a tenth of them lost.
+    /// Timestamps up to 30 % of an interval off, and a tenth of them lost.
     irregular: bool,
     noise: Noise,
     trials: u32,
@@ -145,21 +145,21 @@ fn model(wander_std: f64, time_constant_s: f64, white_std: f64) -> Noise {
 }
 
 #[test]
-fn four_fixes_a_second_with_white_noise_on_irregular_stamps_reach_the_bound() {
+fn irregular_fixes_at_4_hz_with_white_noise_reach_the_bound() {
     Case { rate_hz: 4.0, length_s: 60.0, irregular: true, noise: model(0.0, 1.0, 0.1), trials: 100 }
         .run(1)
         .is_efficient();
 }
 
 #[test]
-fn a_slow_wander_under_white_noise_on_irregular_stamps_reaches_the_bound() {
+fn irregular_samples_with_a_slow_wander_and_white_noise_reach_the_bound() {
     Case { rate_hz: 10.0, length_s: 60.0, irregular: true, noise: model(0.5, 20.0, 0.05), trials: 80 }
         .run(2)
         .is_efficient();
 }
 
 #[test]
-fn a_fast_wander_on_regular_stamps_reaches_the_bound() {
+fn regular_samples_with_a_fast_wander_reach_the_bound() {
     Case { rate_hz: 50.0, length_s: 60.0, irregular: false, noise: model(0.1, 0.5, 0.02), trials: 60 }
         .run(3)
         .is_efficient();
@@ -173,22 +173,22 @@ fn twenty_seconds_are_enough_to_reach_the_bound() {
 }
 
 #[test]
-fn intervals_hold_where_the_noise_is_held_steps_and_a_random_walk() {
+fn intervals_cover_the_truth_with_held_steps_and_a_random_walk() {
     Case { rate_hz: 25.0, length_s: 60.0, irregular: false, noise: Noise::HeldAndWalk(0.1, 0.05), trials: 40 }
         .run(5)
         .keeps_its_promise(0.92);
 }
 
 #[test]
-fn intervals_hold_where_the_latency_jitters() {
+fn intervals_cover_the_truth_with_jittering_latency() {
     Case { rate_hz: 10.0, length_s: 60.0, irregular: false, noise: Noise::Jitter(0.02, 0.01), trials: 80 }
         .run(6)
         .keeps_its_promise(0.92);
 }
 
-/// Delay, lags and their name, where design note 3.6 says that they can be told apart; 10 Hz, 0.03 m.
+/// Delay, lags and their name, for cases that design note 3.6 calls distinguishable; 10 Hz, 0.03 m.
 #[test]
-fn delay_lag_and_both_are_told_apart_where_they_can_be_and_their_sum_is_known() {
+fn delay_lag_and_both_are_distinguished_where_possible() {
     let trials = 12;
     for (name, delay, lag) in [(LagModel::D, 0.4, 0.0), (LagModel::L, 0.0, 0.4), (LagModel::DL, 0.3, 0.1)] {
         let (mut right, mut covered) = (0, 0);
@@ -208,14 +208,15 @@ fn delay_lag_and_both_are_told_apart_where_they_can_be_and_their_sum_is_known() 
             let error = truth.sum_s.value - (delay + lag);
             covered += u32::from(error.abs() < 1.96 * truth.sum_s.standard_uncertainty);
         }
-        // With a chance of 95 % each, fewer than 9 of 12 come once in 5000 runs.
+        // With a chance of 95 % each, fewer than 9 of 12 occur once in 5000 runs.
         assert!(right >= 9 && covered >= 9, "{name:?}: {right} right, {covered} covered");
     }
 }
 
-/// 4 Hz and 0.1 m: a delay of 0.3 s and a lag of 0.1 s cannot be told from a delay of 0.4 s, and this is said.
+/// 4 Hz and 0.1 m: a delay of 0.3 s with a lag of 0.1 s cannot be distinguished from a delay of 0.4 s, and this is
+/// reported.
 #[test]
-fn what_cannot_be_told_apart_is_not_decided_wrongly() {
+fn an_indistinguishable_delay_and_lag_are_left_undecided() {
     let trials = 20;
     let mut wrong = 0;
     for trial in 0..trials {
@@ -234,11 +235,11 @@ fn what_cannot_be_told_apart_is_not_decided_wrongly() {
             assert!(choice.rival.is_some_and(|(_, excess)| excess < 6.0));
         }
     }
-    // At most 5 % wrong: more than four of twenty once in 400 runs.
+    // At most 5 % wrong: more than four of twenty occur once in 400 runs.
     assert!(wrong <= 4, "{wrong} of {trials}");
 }
 
-/// Σz²/M and the share of 95 % intervals that hold, over cheap fits of white noise.
+/// Σz²/M and the share of 95 % intervals that cover the truth, over fast fits of white noise.
 fn white_fits(trials: u32) -> (f64, f64) {
     let reference = super::tests::swing();
     let t: Vec<f64> = (0..160).map(|k| 3.0 + 0.25 * f64::from(k)).collect();
@@ -263,23 +264,23 @@ fn white_fits(trials: u32) -> (f64, f64) {
     (squares, f64::from(held) / f64::from(trials))
 }
 
-/// 900 cheap fits of white noise. With an honest uncertainty Σz² is chi-squared: its mean is 1 ± √(2/900) = 0.047, and the
-/// gates are four of these. An uncertainty that is a fifth too small makes 1.56 of it, one that is a fifth too large 0.69:
-/// both lie more than five standard deviations of their own beyond the gates. Of 95 % intervals 93.0 to 97.0 % must hold
-/// (2.7 standard errors): those of 90 % hold 90 ± 1.0 %.
+/// 900 fast fits of white noise. With an honest uncertainty Σz² is chi-squared: its mean is 1 ± √(2/900) = 0.047, and
+/// the gates are four of these. An uncertainty a fifth too small gives 1.56, one a fifth too large 0.69; both are more
+/// than five of their own standard deviations outside the gates. Of 95 % intervals 93.0 to 97.0 % must cover the truth
+/// (2.7 standard errors); those of 90 % cover 90 ± 1.0 %.
 #[test]
-fn the_size_of_an_uncertainty_is_watched_from_both_sides() {
+fn uncertainties_are_neither_too_small_nor_too_large() {
     let (squares, share) = white_fits(900);
     assert!((squares - 1.0).abs() < 4.0 * (2.0 / 900_f64).sqrt(), "{squares}");
     assert!((0.930..=0.970).contains(&share), "{share}");
 }
 
-/// 8000 of the same fits: Σz²/M is 1 ± 0.016. An uncertainty that is a tenth too small makes 1.23 of it, one that is a tenth
-/// too large 0.83: both lie more than five standard deviations of their own beyond gates of four. And 2000 fits under a
-/// wander, noise model found from the data: its Σz²/M may lie a twentieth off besides.
+/// 8000 of the same fits: Σz²/M is 1 ± 0.016. An uncertainty a tenth too small gives 1.23, one a tenth too large 0.83;
+/// both are more than five of their own standard deviations outside gates of four. Also 2000 fits with a wander and a
+/// noise model estimated from the data: their Σz²/M may be off by an additional twentieth.
 #[test]
 #[ignore = "a minute of Monte Carlo: `just monte-carlo` runs it in release"]
-fn an_uncertainty_that_is_a_tenth_off_is_noticed() {
+fn an_uncertainty_wrong_by_a_tenth_is_detected() {
     let (squares, share) = white_fits(8000);
     assert!((squares - 1.0).abs() < 4.0 * (2.0 / 8000_f64).sqrt(), "{squares}");
     assert!((share - 0.95).abs() < 4.0 * (0.95 * 0.05 / 8000_f64).sqrt() + 0.005, "{share}");

@@ -4,17 +4,17 @@ use super::block::Block;
 use super::descent::{Alignment, Lateness};
 use super::{DelayFit, Measurement};
 
-/// −2 log likelihood (without its constants) at each of `delays` (s), gain, offset and drift profiled out, noise,
-/// weights and skew as in `fit`. The rows are those of the fit that lie within the reference for all delays asked for
-/// (all rows of the fit, if that would leave less than half of them), so that the curve has no steps.
+/// −2 log likelihood (without its constants) at each of `delays` (s), gain, offset and drift profiled out; noise,
+/// weights and skew as in `fit`. The rows are those of the fit that lie within the reference for all requested delays
+/// (all rows of the fit if that would leave less than half of them), so that the curve has no steps.
 #[must_use]
 pub fn delay_objective(components: &[Measurement], fit: &DelayFit, delays: &[f64]) -> Vec<f64> {
     let (mut alignment, skew) = aligned(components, fit, delays, usize::MAX, 0);
     delays.iter().map(|&delay_s| alignment.normal(&Lateness { delay_s, skew }).rss).collect()
 }
 
-/// [`delay_objective`] above its value at the delay of the fit, from at most `most_samples` of each component: fewer say
-/// less, and the curve is stretched by as much as they say less of the delay.
+/// [`delay_objective`] relative to its value at the delay of the fit, from at most `most_samples` of each component.
+/// Fewer samples carry less information about the delay; the curve is scaled up accordingly.
 #[must_use]
 pub fn delay_objective_above(
     components: &[Measurement],

@@ -1,4 +1,4 @@
-//! Delay and noise in turn, until both are steady.
+//! Alternates between delay and noise until both converge.
 
 use super::block::{Block, Normal, Projection, nuisance_columns};
 use super::descent::{Alignment, Descent, Lateness};
@@ -12,36 +12,36 @@ use crate::noise::{NoiseFit, NoiseProblem, NoiseRule, orthonormal_to};
 use crate::reference::Reference;
 use crate::whiten::{NoiseModel, WhiteningFilter};
 
-/// Huber's constant: 95 % as efficient as least squares if there are no outliers.
+/// Huber's constant: 95 % as efficient as least squares without outliers.
 pub(crate) const HUBER: f64 = 1.345;
 /// Share of a Gaussian's power that Huber's weights keep: E min(z², k|z|) = 2Φ(k) − 1.
 pub(crate) const KEPT_POWER: f64 = 0.821_374;
-/// Whitened residuals are looked at as if they had outliers above this kurtosis or this size.
+/// Whitened residuals are checked for outliers above this kurtosis or this size.
 const WILD_KURTOSIS: f64 = 4.0;
 const WILD_RESIDUAL: f64 = 6.0;
 const MOST_ROUNDS: usize = 6;
-/// Move between two rounds that no longer counts, in standard uncertainties.
+/// Change between two rounds that counts as converged, in standard uncertainties.
 const STEADY: f64 = 0.01;
 
-/// What is known so far.
+/// Current state of the fit.
 struct State {
     at: Lateness,
     noise: Vec<NoiseFit>,
-    /// Huber weights by row of each measurement, once outliers were seen.
+    /// Huber weights by row of each measurement, once outliers have been detected.
     weights: Option<Vec<Vec<f64>>>,
 }
 
 struct Fitting<'a> {
     measurements: &'a [Measurement<'a>],
     settings: &'a DelaySettings,
-    /// Smallest standard deviation of the noise of each component that makes sense in floating point.
+    /// Smallest usable standard deviation of the noise of each component in floating point.
     floors: Vec<f64>,
     middle_s: f64,
-    /// The noise is what it was at the start.
+    /// The noise stays at its start value.
     keep_noise: bool,
 }
 
-/// With the noise that `revise` makes of the noise found, if it makes any, the fit ends there.
+/// If `revise` returns a noise, the fit ends with that one.
 pub(crate) fn fit(
     measurements: &[Measurement],
     settings: &DelaySettings,
@@ -69,7 +69,7 @@ pub(crate) fn fit(
     fitting.report(found).ok_or(DelayError::NoExcitation)
 }
 
-/// [`fit`] from a delay that is nearly right, without a search.
+/// [`fit`] from an approximate delay, without a search.
 pub(crate) fn fit_near(
     measurements: &[Measurement],
     settings: &DelaySettings,
@@ -87,7 +87,7 @@ pub(crate) fn fit_near(
     fitting.report(found).ok_or(DelayError::NoExcitation)
 }
 
-/// Everything at the end of the rounds.
+/// Result after the last round.
 struct Found<'a> {
     alignment: Alignment<'a>,
     state: State,
@@ -113,8 +113,8 @@ impl<'a> Fitting<'a> {
         Fitting { measurements, settings, floors, middle_s, keep_noise: false }
     }
 
-    /// Rounds of delay and noise from `state`. With `relocate` the best delay is looked for again among these, s, once it
-    /// is known what the noise is.
+    /// Alternates delay and noise from `state`. With `relocate`, the best of these delays (s) is searched for again
+    /// once the noise is known.
     fn from(&self, mut state: State, mut relocate: Option<&[f64]>, mut scan: Scan) -> Result<Found<'a>, DelayError> {
         let mut steps = 0;
         let mut guard_s = self.settings.search_step_s;
@@ -150,19 +150,19 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// The scan under the noise and the skew that were found.
+    /// The scan under the fitted noise and skew.
     fn scan_again(&self, state: &State, delays: &[f64]) -> Result<Scan, DelayError> {
         let models: Vec<NoiseModel> = state.noise.iter().map(|n| n.model).collect();
         search::scan(self.measurements, delays, Some(&models), (state.at.skew, self.middle_s))
     }
 
-    /// The lowest delay of the scan, if it is not about the one that was found.
+    /// The lowest delay of the scan, if it is not near the fitted one.
     fn elsewhere(&self, scan: &Scan, delay_s: f64, guard_s: f64) -> Option<f64> {
         let apart = 3.0 * guard_s.max(self.settings.search_step_s);
         scan.lowest().filter(|d| (d - delay_s).abs() > apart)
     }
 
-    /// Down to the bottom, and with `rivals` the other minimum.
+    /// Descends to the minimum; with `rivals` also to the other minimum.
     fn finish(&self, end: End<'a>, rivals: bool) -> Result<Found<'a>, DelayError> {
         let End { mut alignment, mut state, descent, steps, scan } = end;
         let descent = alignment.descend_further(descent, 1e-9).ok_or(DelayError::NoExcitation)?;
@@ -176,7 +176,7 @@ impl<'a> Fitting<'a> {
         if self.settings.skew { 2 } else { 1 }
     }
 
-    /// The rows that show an instant within the reference, `guard_s` from its ends, under the noise of `state`.
+    /// The rows whose true instant is within the reference, `guard_s` from its ends, under the noise of `state`.
     fn align(&self, state: &State, guard_s: f64) -> Result<Alignment<'a>, DelayError> {
         let models: Vec<NoiseModel> = state.noise.iter().map(|n| n.model).collect();
         let rows = self.rows(&state.at, guard_s)?;
@@ -205,7 +205,7 @@ impl<'a> Fitting<'a> {
         Alignment { measurements: self.measurements, blocks, middle_s: self.middle_s }
     }
 
-    /// White noise of the size of the residuals at the first delay.
+    /// White noise with the standard deviation of the residuals at the first delay.
     fn first_noise(&self, at: &Lateness) -> Result<Vec<NoiseFit>, DelayError> {
         let unit = vec![NoiseModel::white(1.0); self.measurements.len()];
         let mut alignment = self.align_rows(self.rows(at, self.settings.search_step_s)?, &unit, None);
@@ -231,7 +231,7 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// With `rough` the wander is looked for among few samples only.
+    /// With `rough` the wander is searched for on few samples only.
     fn update_noise_of(&self, c: usize, state: &mut State, (alignment, raw): (&Alignment, &Raw), rough: bool) {
         if self.keep_noise {
             return;
@@ -272,7 +272,7 @@ impl<'a> Fitting<'a> {
         true
     }
 
-    /// The lowest other minimum of the scan, walked down to its bottom, against the best on the same rows.
+    /// The lowest other minimum of the scan, refined, against the best on the same rows.
     fn second_minimum(&self, state: &State, scan: &Scan, best: &Descent) -> Option<OtherMinimum> {
         let apart = (3.0 * best.hessian_s).max(2.0 * self.settings.search_step_s);
         let (start, _) = scan.minima().into_iter().find(|m| (m.0 - best.at.delay_s).abs() > apart)?;
@@ -328,12 +328,12 @@ impl<'a> Fitting<'a> {
     }
 }
 
-/// The weights of the rows that the blocks use.
+/// The weights of the rows used by the blocks.
 fn of_rows(weights: &[Vec<f64>], blocks: &[Block]) -> Vec<Vec<f64>> {
     blocks.iter().zip(weights).map(|(b, w)| b.rows.iter().map(|&k| w[k]).collect()).collect()
 }
 
-/// Share of the rows that weights hold back.
+/// Share of the rows that weights reduce.
 fn downweighted_share(blocks: &[Block], weights: Option<&[Vec<f64>]>) -> f64 {
     let used: usize = blocks.iter().map(|b| b.t.len()).sum();
     let held_back = weights.into_iter().flatten().flatten().filter(|w| **w < 1.0).count();
@@ -384,7 +384,7 @@ fn component_fit(
     }
 }
 
-/// One component before it is whitened: values less gain times reference and shared columns, and the model's shape.
+/// One component before whitening: values minus gain times reference and shared columns, and the model's shape.
 struct Raw {
     residuals: Vec<f64>,
     shape: Shape,
@@ -398,8 +398,8 @@ impl Raw {
         Raw { residuals, shape }
     }
 
-    /// The columns that the fit took out of the values: offset, drift, value (if the gain is free), shared columns, skew,
-    /// rate.
+    /// The columns that the fit removed from the values: offset, drift, value (if the gain is free), shared columns,
+    /// skew, rate.
     fn regressors(&self, alignment: &Alignment, c: usize) -> Vec<Vec<f64>> {
         let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
         let mut regressors = nuisance_columns(&block.t, m.drift, alignment.middle_s);
@@ -416,7 +416,7 @@ impl Raw {
     }
 }
 
-/// What the model says of one component, not whitened.
+/// Model values of one component, not whitened.
 pub(crate) struct Shape {
     /// The reference.
     pub(crate) values: Vec<f64>,
@@ -457,7 +457,7 @@ impl Shape {
     }
 }
 
-/// `residuals` of component `c` whitened under another noise than that of its block.
+/// `residuals` of component `c` whitened under a different noise than that of its block.
 fn whitened_residuals(
     alignment: &Alignment,
     c: usize,
@@ -504,7 +504,7 @@ fn rows_within(m: &Measurement, at: &Lateness, middle_s: f64, guard_s: f64) -> V
     (0..m.t.len()).filter(within).collect()
 }
 
-/// Middle of the stamps that take part.
+/// Middle of the used timestamps.
 fn middle_of(measurements: &[Measurement], at: &Lateness, guard_s: f64) -> f64 {
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
     for m in measurements {

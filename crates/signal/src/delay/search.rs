@@ -1,11 +1,11 @@
-//! The first look: the objective over all delays that are allowed, on few samples.
+//! Initial scan: the objective over all allowed delays, on few samples.
 
 use super::block::Block;
 use super::descent::{Alignment, Lateness};
 use super::{DelayError, DelaySettings, LEAST_SAMPLES, Measurement};
 use crate::whiten::NoiseModel;
 
-/// Samples of a component that are looked at.
+/// Samples of a component used for the scan.
 const ENOUGH_SAMPLES: usize = 600;
 
 /// The objective over the search range.
@@ -18,7 +18,7 @@ pub(crate) struct Scan {
 }
 
 impl Scan {
-    /// Where nothing was searched.
+    /// Result if there was no search.
     pub(crate) fn none() -> Scan {
         Scan { points: vec![], follows: true }
     }
@@ -28,7 +28,7 @@ impl Scan {
         self.points.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|p| p.0)
     }
 
-    /// Minima inside the range, and its ends where the objective falls towards them; lowest first.
+    /// Minima inside the range, and its ends if the objective falls towards them; lowest first.
     pub(crate) fn minima(&self) -> Vec<(f64, f64)> {
         let value = |k: usize| self.points.get(k).map_or(f64::INFINITY, |p| p.1);
         let mut minima: Vec<(f64, f64)> = (0..self.points.len())
@@ -40,7 +40,7 @@ impl Scan {
     }
 }
 
-/// Checks the settings and gives the delays to look at, s.
+/// Checks the settings and returns the delays to scan, s.
 pub(crate) fn delays(settings: &DelaySettings) -> Result<Vec<f64>, DelayError> {
     let ((from_s, to_s), step_s) = (settings.search_s, settings.search_step_s);
     let steps = (to_s - from_s) / step_s;
@@ -51,7 +51,7 @@ pub(crate) fn delays(settings: &DelaySettings) -> Result<Vec<f64>, DelayError> {
 }
 
 /// The objective at `delays`, on at most 600 samples of each component, with the noise as far as it is known: a noise
-/// of the model stays what it is on fewer samples. Without noise each component is taken as white, of unknown size.
+/// of the model applies unchanged to fewer samples. Without noise each component is assumed white, of unknown size.
 ///
 /// # Errors
 /// Too few samples within the reference, or a reference that does not move.
@@ -81,7 +81,7 @@ pub(crate) fn scan(
     if moving { Ok(scan) } else { Err(DelayError::NoExcitation) }
 }
 
-/// A block of each measurement with rows that can be compared at all delays between the two.
+/// A block of each measurement with the rows comparable at all delays between the two.
 fn thinned_blocks(
     measurements: &[Measurement],
     (earliest, latest): (f64, f64),
@@ -100,8 +100,8 @@ fn thinned_blocks(
     measurements.iter().enumerate().map(block).collect()
 }
 
-/// Rows that stay within the reference for all delays between the two; if that leaves less than half of those that
-/// are within it for one of them, then these.
+/// Rows within the reference for all delays between the two. If that leaves less than half of the rows that are within
+/// it for at least one of them, the latter.
 fn rows_of(m: &Measurement, earliest: f64, latest: f64) -> Vec<usize> {
     let (first, last) = m.reference.span();
     let rows =

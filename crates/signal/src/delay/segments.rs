@@ -1,23 +1,23 @@
-//! Whether the delay stays the same over the record.
+//! Checks whether the delay is constant over the record.
 
 use super::block::Block;
 use super::descent::{Alignment, Lateness};
 use super::{DelayFit, LEAST_SAMPLES, Measurement};
 
-/// The delay in one stretch of the record.
+/// The delay in one segment of the record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SegmentDelay {
-    /// Middle of the stretch, s.
+    /// Middle of the segment, s.
     pub middle_s: f64,
-    /// Delay, s; without what the skew of the fit explains, if it has one.
+    /// Delay, s; excludes the part explained by the skew of the fit, if it has one.
     pub delay_s: f64,
     /// Its standard uncertainty, s.
     pub standard_uncertainty_s: f64,
 }
 
-/// The delay in windows of `window_s` seconds that overlap by `overlap` (0 to below 1) of their length, from the first
-/// used row on; a last stretch shorter than a window is left out, and so is a window without enough samples or
-/// movement. Each fits its own gain, offset and drift; the noise is that of the whole. Uncertainties are from the
+/// The delay in windows of `window_s` seconds that overlap by `overlap` (0 to below 1) of their length, starting at the
+/// first used row. A last window that would be shorter is skipped, as is a window without enough samples or movement.
+/// Each window fits its own gain, offset and drift; the noise is that of the whole. Uncertainties are from the
 /// curvature, times the ratio of the whole fit's uncertainty to its curvature's.
 #[must_use]
 pub fn delay_by_segment(components: &[Measurement], fit: &DelayFit, window_s: f64, overlap: f64) -> Vec<SegmentDelay> {
@@ -29,7 +29,7 @@ pub fn delay_by_segment(components: &[Measurement], fit: &DelayFit, window_s: f6
     if !(window_s > 0.0 && first < last && most > 1) {
         return vec![];
     }
-    // A record of n samples lasts n intervals, the last of which has only a beginning.
+    // A record of n samples lasts n intervals; the last one has only a start.
     let length_s = (last - first) * most as f64 / (most - 1) as f64;
     let windows = ((length_s - window_s) / step_s + 1e-6).floor();
     if windows < 0.0 {
@@ -65,8 +65,8 @@ fn segment(components: &[Measurement], fit: &DelayFit, from: f64, window_s: f64)
     })
 }
 
-/// Chi-squared of the hypothesis that all (not overlapping) segments have one delay, and the probability of one as
-/// large by chance; `None` with fewer than two.
+/// Chi-squared of the hypothesis that all (non-overlapping) segments have one delay, and the probability of a value at
+/// least as large by chance; `None` with fewer than two.
 #[must_use]
 pub fn homogeneity(segments: &[SegmentDelay]) -> Option<(f64, f64)> {
     if segments.len() < 2 {

@@ -48,7 +48,7 @@ fn deterministic() -> (Vec<f64>, Vec<f64>) {
 
 /// `delay_fit_deterministic` of the project's acceptance vectors.
 #[test]
-fn the_deterministic_record_gives_delay_gain_and_offset_of_the_acceptance_vector() {
+fn the_deterministic_record_matches_the_acceptance_vector() {
     let case = &vectors()["delay_fit_deterministic"];
     let number = |key: &str| case[key].as_f64().unwrap();
     let list = |key: &str| -> Vec<f64> { serde_json::from_value(case[key].clone()).unwrap() };
@@ -67,9 +67,9 @@ fn the_deterministic_record_gives_delay_gain_and_offset_of_the_acceptance_vector
     assert!((sse / number("sse") - 1.0).abs() < 1e-10, "{sse}");
 }
 
-/// The same with the sandwich of the textbooks.
+/// The same with the textbook sandwich.
 #[test]
-fn the_uncertainties_of_the_deterministic_record_are_those_of_the_acceptance_vector() {
+fn deterministic_record_uncertainties_match_the_acceptance_vector() {
     let case = &vectors()["delay_fit_deterministic"];
     let list = |key: &str| -> Vec<f64> { serde_json::from_value(case[key].clone()).unwrap() };
     let (t, y) = deterministic();
@@ -91,7 +91,7 @@ fn the_uncertainties_of_the_deterministic_record_are_those_of_the_acceptance_vec
 }
 
 #[test]
-fn a_spline_reference_of_100_hz_gives_the_same_delay_within_its_tolerance() {
+fn a_100_hz_spline_reference_gives_the_same_delay_within_tolerance() {
     let case = &vectors()["delay_fit_deterministic"];
     let (t, y) = deterministic();
     let knots: Vec<f64> = (0..7000).map(|k| 0.01 * f64::from(k)).collect();
@@ -117,7 +117,7 @@ fn the_bound_of_a_sine_is_the_closed_formula() {
 
 /// `skew` of the project's acceptance vectors, with a sine of whole periods for which it holds to 1/N².
 #[test]
-fn skew_and_delay_are_found_together_and_the_skew_is_known_as_the_formula_says() {
+fn skew_and_delay_are_fitted_together_with_the_predicted_skew_error() {
     let case = &vectors()["skew"]["example"];
     let number = |key: &str| case[key].as_f64().unwrap();
     let formula = number("sigma_tau") * 12f64.sqrt() / number("T");
@@ -140,7 +140,7 @@ fn skew_and_delay_are_found_together_and_the_skew_is_known_as_the_formula_says()
 }
 
 #[test]
-fn a_late_sensor_has_a_positive_delay_and_an_early_one_a_negative() {
+fn a_late_sensor_has_positive_delay_and_an_early_one_negative_delay() {
     let reference = swing();
     let t: Vec<f64> = (0..300).map(|k| 3.0 + 0.1 * f64::from(k) + 0.02 * f64::from(k * 7 % 5)).collect();
     for delay in [0.4, 0.012, 0.0, -0.005, -0.7, 1.2] {
@@ -158,7 +158,7 @@ fn a_late_sensor_has_a_positive_delay_and_an_early_one_a_negative() {
 }
 
 #[test]
-fn components_on_their_own_stamps_share_one_delay_and_keep_their_own_gain() {
+fn components_with_own_timestamps_share_one_delay_but_not_the_gain() {
     let (north, east) = (swing(), Sines { terms: vec![[0.4, 0.62, 0.2]], span: (0.0, 50.0) });
     let t_north: Vec<f64> = (0..400).map(|k| 3.0 + 0.1 * f64::from(k)).collect();
     let t_east: Vec<f64> = (0..150).map(|k| 4.0 + 0.25 * f64::from(k)).collect();
@@ -176,10 +176,10 @@ fn components_on_their_own_stamps_share_one_delay_and_keep_their_own_gain() {
 }
 
 #[test]
-fn rows_whose_instant_is_not_within_the_reference_are_left_out() {
+fn rows_outside_the_reference_are_skipped() {
     let reference = Sines { span: (3.0, 33.0), ..swing() };
     let t: Vec<f64> = (0..600).map(|k| 0.1 * f64::from(k)).collect();
-    // Outside of the reference's span the sensor shows what the reference cannot know.
+    // Outside the reference's span the sensor shows what the reference cannot know.
     let within = |t: f64| (3.0..=33.0).contains(&(t - 0.4));
     let y: Vec<f64> = t.iter().map(|t| if within(*t) { swing().value_and_rate(t - 0.4).0 } else { 40.0 }).collect();
     let m = Measurement { t: &t, y: &y, reference: &reference, gain: POSITIVE, drift: false };
@@ -190,7 +190,7 @@ fn rows_whose_instant_is_not_within_the_reference_are_left_out() {
 }
 
 #[test]
-fn a_delay_of_a_period_more_is_named_as_the_other_minimum() {
+fn a_delay_one_period_longer_is_reported_as_second_minimum() {
     let reference = Sines { terms: vec![[1.0, 1.0, 0.0], [0.2, 0.93, 1.0]], span: (-5.0, 80.0) };
     let t: Vec<f64> = (0..2000).map(|k| 3.0 + 0.02 * f64::from(k)).collect();
     let noise = |k: usize| 0.2 * (1.2345 * (k * k) as f64).sin();
@@ -205,7 +205,7 @@ fn a_delay_of_a_period_more_is_named_as_the_other_minimum() {
 }
 
 #[test]
-fn outliers_are_held_back_and_counted() {
+fn outliers_are_downweighted_and_counted() {
     let (t, mut y) = deterministic();
     let clean = y.clone();
     for k in (5..240).step_by(23) {
@@ -220,14 +220,14 @@ fn outliers_are_held_back_and_counted() {
     assert!(fit(&clean, true).downweighted_share == 0.0);
     assert!(robust.downweighted_share >= 11.0 / 240.0 && plain.downweighted_share == 0.0);
     let spoiled = (5..240).step_by(23).all(|k| robust.components[0].weights[k] < 0.2);
-    assert!(spoiled, "every spoiled row is held back");
+    assert!(spoiled, "every spoiled row is downweighted");
     assert!(robust.standard_uncertainty_s < 0.4 * plain.standard_uncertainty_s);
     assert!((robust.delay_s - 0.4).abs() < 3.0 * robust.standard_uncertainty_s, "{}", robust.delay_s);
 }
 
-/// The last piece is 0.3 s later than the others: its samples are held back, and do not say what its offset is.
+/// The last piece is 0.3 s later than the others: its samples are downweighted and do not determine its offset.
 #[test]
-fn a_piece_that_is_held_back_as_a_whole_costs_no_other() {
+fn a_fully_downweighted_piece_does_not_affect_the_others() {
     let reference = swing();
     let noise = |k: usize| 0.0002 * (1.2345 * (k * k) as f64).sin();
     let piece = |from: f64, samples: u32, late: f64| -> (Vec<f64>, Vec<f64>) {
@@ -248,7 +248,7 @@ fn a_piece_that_is_held_back_as_a_whole_costs_no_other() {
 }
 
 #[test]
-fn a_delay_that_changes_half_way_is_not_homogeneous() {
+fn a_delay_that_changes_midway_is_not_homogeneous() {
     let reference = swing();
     let t: Vec<f64> = (0..1200).map(|k| 3.0 + 0.05 * f64::from(k)).collect();
     let noise = |k: usize| 0.05 * (1.2345 * (k * k) as f64).sin();
@@ -276,7 +276,7 @@ fn error_of(t: &[f64], y: &[f64], reference: &dyn Reference) -> DelayError {
 }
 
 #[test]
-fn odd_input_is_an_error_in_words() {
+fn invalid_input_is_a_descriptive_error() {
     let reference = swing();
     let t: Vec<f64> = (0..100).map(|k| 3.0 + 0.1 * f64::from(k)).collect();
     assert_eq!(fit_delay(&[], &DelaySettings::default()).unwrap_err(), DelayError::NoComponent);
@@ -291,7 +291,7 @@ fn odd_input_is_an_error_in_words() {
 }
 
 #[test]
-fn what_does_not_move_or_is_elsewhere_is_an_error_in_words() {
+fn a_still_or_non_overlapping_reference_is_a_descriptive_error() {
     let t: Vec<f64> = (0..100).map(|k| 3.0 + 0.1 * f64::from(k)).collect();
     assert!(matches!(error_of(&t, &[4.0; 100], &swing()), DelayError::DoesNotFollow { .. }));
     let still = Sines { terms: vec![], span: (0.0, 80.0) };
@@ -304,7 +304,7 @@ fn what_does_not_move_or_is_elsewhere_is_an_error_in_words() {
 }
 
 #[test]
-fn noise_free_values_and_a_still_component_beside_a_moving_one_do_not_break_the_fit() {
+fn noise_free_values_and_a_still_component_do_not_break_the_fit() {
     let reference = swing();
     let still = Sines { terms: vec![], span: (-5.0, 80.0) };
     let t: Vec<f64> = (0..100).map(|k| 3.0 + 0.1 * f64::from(k)).collect();

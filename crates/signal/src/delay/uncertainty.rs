@@ -1,4 +1,4 @@
-//! How well the parameters are known: from the curvature, and from the scores whatever the noise.
+//! Uncertainties of the parameters: from the curvature, and from the scores for any noise.
 
 use super::block::{Normal, nuisance_columns};
 use super::descent::{Alignment, Lateness};
@@ -6,8 +6,8 @@ use super::rounds::Shape;
 use super::{Gain, Uncertain};
 use nalgebra::DMatrix;
 
-/// Standard uncertainties of all parameters: those that are not linear first, then gain (if free), offset and drift
-/// (if any) of each component.
+/// Standard uncertainties of all parameters: nonlinear first, then gain (if free), offset and drift (if any) of each
+/// component.
 pub(crate) struct Uncertainties {
     /// From the curvature.
     pub(crate) hessian: Vec<f64>,
@@ -15,13 +15,13 @@ pub(crate) struct Uncertainties {
     pub(crate) hac: Vec<f64>,
     /// Lag of the Bartlett window, samples.
     pub(crate) lags: usize,
-    /// Samples less parameters; of the sandwich of the delay where that is the larger, which is known less well.
+    /// Samples minus parameters; those of the sandwich of the delay where it is the larger, which is known less well.
     pub(crate) degrees_of_freedom: f64,
-    /// Of the delay, if the noise is as in the model.
+    /// Of the delay, if the noise matches the model.
     pub(crate) crlb: f64,
-    /// Place of the first coefficient that all components share.
+    /// Index of the first coefficient common to all components.
     pub(crate) first_shared: usize,
-    /// Place of the first linear parameter of each component.
+    /// Index of the first linear parameter of each component.
     pub(crate) first_linear: Vec<usize>,
 }
 
@@ -37,27 +37,27 @@ impl Uncertainties {
     }
 }
 
-/// Share of the information of all rows that is added where those not held back do not determine all parameters: of a
-/// piece after a step of the delay all may be held back, and then nothing says what its offset is.
+/// Share of the information of all rows to add if the rows at full weight do not determine all parameters. After a step
+/// of the delay, all rows of a piece may be downweighted, which leaves its offset undetermined.
 const HELD_BACK_SHARE: f64 = 1e-3;
 
-/// Least pivot of a matrix with ones on its diagonal.
+/// Minimum pivot of a matrix with ones on its diagonal.
 const LEAST_PIVOT: f64 = 1e-13;
 
 /// How the scale of the noise is treated, and whether rows are weighted.
 pub(crate) struct Conditions<'a> {
-    /// Huber weights for each component, if any row is held back.
+    /// Huber weights for each component, if any row is downweighted.
     pub(crate) weights: Option<&'a [Vec<f64>]>,
-    /// The noise was given: its scale is not taken from the residuals.
+    /// The noise is given: its scale is not estimated from the residuals.
     pub(crate) known_scale: bool,
-    /// The sandwich of the textbooks: this lag of the Bartlett window instead of Andrews' rule, and the factor
-    /// n/(n − p) instead of the leverage of each row.
+    /// The textbook sandwich: this lag of the Bartlett window instead of Andrews' rule, and the factor n/(n − p)
+    /// instead of the leverage of each row.
     pub(crate) textbook_lags: Option<usize>,
 }
 
 /// Whitened derivatives of one component by its own and the common parameters.
 struct Jacobian {
-    /// Column and the place of its parameter.
+    /// Column and the index of its parameter.
     columns: Vec<(usize, Vec<f64>)>,
 }
 
@@ -67,7 +67,7 @@ struct Jacobian {
 /// s²_ψ H⁻¹ (JᵀJ) H⁻¹, H = Jᵀ diag(ψ′) J (Huber 1981). Sandwich: Newey and West (1987), Bartlett window, lag by Andrews
 /// (1991) from an AR(1) of the score of the delay; each residual over √(1 − its leverage), which makes it unbiased in
 /// small samples (HC2, MacKinnon and White 1985), and degrees of freedom by Satterthwaite as Bell and McCaffrey (2002).
-/// Scores of components with the same stamp are added first, so that what they have in common counts. `None` if the
+/// Scores of components with the same timestamp are added first, so that what they have in common counts. `None` if the
 /// parameters cannot be distinguished.
 pub(crate) fn uncertainties(
     alignment: &Alignment,
@@ -99,10 +99,10 @@ pub(crate) fn uncertainties(
     Some(Uncertainties { hessian, hac, lags, degrees_of_freedom, crlb, first_shared, first_linear })
 }
 
-/// Where all parameters stand: those that are not linear, then the coefficients that all components share.
+/// Positions of all parameters: nonlinear first, then the coefficients common to all components.
 struct Layout {
     curved: usize,
-    /// Of each component.
+    /// One entry per component.
     first_linear: Vec<usize>,
     parameters: usize,
 }
@@ -119,7 +119,7 @@ impl Layout {
         Some(Layout { curved, first_linear, parameters })
     }
 
-    /// Of each component.
+    /// One entry per component.
     fn jacobians(&self, alignment: &Alignment, at: &Lateness, normal: &Normal) -> Vec<Jacobian> {
         let of = |(c, first_linear): (usize, &usize)| {
             let shape = Shape::of(alignment, c, at, normal);
@@ -174,7 +174,7 @@ fn score_power(alignment: &Alignment, conditions: &Conditions, rss: f64) -> f64 
     alignment.blocks.iter().zip(weights).map(power).sum()
 }
 
-/// Where the parameters of a component stand: shared coefficients follow those that are not linear.
+/// Positions of the parameters of a component: shared coefficients follow the nonlinear ones.
 struct Places {
     curved: usize,
     first_linear: usize,
@@ -200,8 +200,8 @@ fn jacobian(alignment: &Alignment, c: usize, shape: Shape, places: &Places) -> J
     Jacobian { columns }
 }
 
-/// JᵀJ, and Jᵀ diag(ψ′) J. Rows are √w times the whitened ones: held-back rows are freed of that in the first and
-/// have no part in the second.
+/// JᵀJ, and Jᵀ diag(ψ′) J. Rows are √w times the whitened ones: downweighted rows count in full in the first and not at
+/// all in the second.
 fn matrices(jacobians: &[Jacobian], parameters: usize, weights: Option<&[Vec<f64>]>) -> (DMatrix<f64>, DMatrix<f64>) {
     let mut information = DMatrix::zeros(parameters, parameters);
     let mut bread = DMatrix::zeros(parameters, parameters);
@@ -225,7 +225,7 @@ fn matrices(jacobians: &[Jacobian], parameters: usize, weights: Option<&[Vec<f64
     (information, bread)
 }
 
-/// Inverse of a symmetric matrix whose rows may have very different units; `None` if it has none but for rounding.
+/// Inverse of a symmetric matrix whose rows may have very different units; `None` if it is singular to rounding.
 fn inverse_of(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     let scale: Vec<f64> = (0..n).map(|i| matrix[(i, i)].sqrt()).collect();
@@ -241,7 +241,7 @@ fn inverse_of(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / (scale[i] * scale[j])))
 }
 
-/// How much of each row the fit takes: the diagonal of J H⁻¹ Jᵀ, kept below 1.
+/// Leverage of each row: the diagonal of J H⁻¹ Jᵀ, kept below 1.
 fn leverages(jacobian: &Jacobian, inverse: &DMatrix<f64>) -> Vec<f64> {
     let mut leverages = vec![0.0; jacobian.columns.first().map_or(0, |c| c.1.len())];
     for (i, a) in &jacobian.columns {
@@ -254,9 +254,9 @@ fn leverages(jacobian: &Jacobian, inverse: &DMatrix<f64>) -> Vec<f64> {
     leverages
 }
 
-/// Which samples of the components share an instant.
+/// Maps rows of the components to common instants.
 struct Instants {
-    /// Place among all instants, rising, of each row of each component.
+    /// Index among all instants, rising, of each row of each component.
     places: Vec<Vec<usize>>,
     count: usize,
 }
@@ -276,7 +276,7 @@ impl Instants {
     }
 }
 
-/// What each instant contributes to the error of `parameter`: its row of H⁻¹ Jᵀψ, summed over samples of one instant.
+/// Contribution of each instant to the error of `parameter`: its row of H⁻¹ Jᵀψ, summed over samples of one instant.
 fn influence(
     alignment: &Alignment,
     jacobians: &[Jacobian],

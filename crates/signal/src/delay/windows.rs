@@ -1,4 +1,4 @@
-//! The delay in windows that are as long as it takes to know it.
+//! The delay in windows just long enough to determine it.
 
 use super::{ComponentFit, DelayFit, LEAST_SAMPLES};
 use crate::whiten::Steps;
@@ -6,9 +6,9 @@ use crate::whiten::Steps;
 /// The delay in one window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelayWindow {
-    /// First stamp, s.
+    /// First timestamp, s.
     pub start_s: f64,
-    /// Last stamp, s.
+    /// Last timestamp, s.
     pub end_s: f64,
     /// Delay, s.
     pub delay_s: f64,
@@ -16,11 +16,11 @@ pub struct DelayWindow {
     pub standard_uncertainty_s: f64,
 }
 
-/// The delay in windows that do not overlap, from the first used row on, each extended by one part in `tiles` of the record until
-/// the delay is known to `aim_s` in it (standard uncertainty); what is left at the end goes to the last. Offset and drift
-/// are fitted in each; gain, shared columns and noise are those of the whole. One Gauss–Newton step from the delay
-/// of the whole, in one pass over the rows. Uncertainties are from the curvature, times the ratio of the whole fit's
-/// uncertainty to its curvature's.
+/// The delay in non-overlapping windows, starting at the first used row. Each is extended by one part in `tiles` of the
+/// record until its delay is known to `aim_s` (standard uncertainty); the remainder at the end joins the last window.
+/// Each window fits offset and drift; gain, shared columns and noise are those of the whole. It takes one Gauss–Newton
+/// step from the delay of the whole, in one pass over the rows. Uncertainties are from the curvature, times the ratio
+/// of the whole fit's uncertainty to its curvature's.
 #[must_use]
 pub fn delay_windows(fit: &DelayFit, aim_s: f64, tiles: usize) -> Vec<DelayWindow> {
     let stamps = || fit.components.iter().flat_map(|c| c.t_used.first().into_iter().chain(c.t_used.last()));
@@ -59,14 +59,15 @@ struct Window {
     parts: Vec<Part>,
 }
 
-/// Of one component: derivative by the delay, residual, offset and drift, whitened from the first row of the window on.
+/// For one component: derivative by the delay, residual, offset and drift, whitened from the first row of the window
+/// on.
 struct Part {
     first: usize,
     next: usize,
     steps: Steps,
     wander: [f64; 4],
     gram: [[f64; 4]; 4],
-    /// Whether any row of the fit is held back.
+    /// Whether any row of the fit is downweighted.
     weighted: bool,
 }
 
@@ -85,7 +86,7 @@ impl Window {
         Window { parts: fit.components.iter().map(part).collect() }
     }
 
-    /// Takes the rows before `to_s` in.
+    /// Adds the rows before `to_s`.
     fn extend(&mut self, fit: &DelayFit, to_s: f64) {
         for (part, c) in self.parts.iter_mut().zip(&fit.components) {
             while let Some(t) = c.t_used.get(part.next).filter(|t| **t < to_s) {
@@ -109,7 +110,7 @@ impl Window {
         }
     }
 
-    /// The delay of the rows so far; `None` while they say nothing.
+    /// The delay from the rows so far; `None` while they do not determine it.
     fn delay(&self, fit: &DelayFit, inflation: f64) -> Option<DelayWindow> {
         let (mut information, mut right) = (0.0, 0.0);
         let (mut start_s, mut end_s) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -134,7 +135,7 @@ impl Window {
 }
 
 impl Part {
-    /// Σ d² and Σ d e with offset and drift taken out.
+    /// Σ d² and Σ d e with offset and drift removed.
     fn without_nuisances(&self, drift: bool) -> [f64; 2] {
         let half = &self.gram;
         let mut g: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| half[i.max(j)][i.min(j)]));
@@ -180,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_are_as_long_as_it_takes_and_say_what_a_fit_of_their_rows_says() {
+    fn windows_are_as_long_as_needed_and_agree_with_a_fit_of_their_rows() {
         let (t, y) = record(0.0);
         let (fit, windows, segment) = fitted(&t, &y);
         assert!(windows.len() >= 3 && windows.windows(2).all(|w| w[0].end_s < w[1].start_s), "{windows:?}");
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_shows_in_the_windows() {
+    fn a_step_of_the_delay_shows_in_the_windows() {
         let (t, y) = record(0.03);
         let (_, windows, _) = fitted(&t, &y);
         let (first, last) = (windows[0].delay_s, windows[windows.len() - 1].delay_s);
@@ -203,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_in_nothing() {
+    fn no_rows_give_no_windows() {
         let (t, y) = record(0.0);
         let (fit, ..) = fitted(&t, &y);
         assert!(delay_windows(&DelayFit { components: vec![], ..fit.clone() }, 1.0, 10).is_empty());

@@ -1,4 +1,4 @@
-//! The fit of one way to be late.
+//! The fit of one lag model.
 
 use super::lagged::LaggedReference;
 use super::{DISTINGUISHED, LagCandidate, LagModel};
@@ -9,14 +9,14 @@ use crate::whiten::NoiseModel;
 
 /// Grid of the lagged references, s.
 const GRID_S: f64 = 0.01;
-/// Longest lag that is looked for, s.
+/// Longest lag to search, s.
 const LONGEST_LAG_S: f64 = 3.0;
 const MOST_STEPS: usize = 40;
 const LEAST_ROWS: usize = 20;
 /// One-sided 95 %.
 const ONE_SIDED: f64 = 1.645;
 
-/// All that the candidates share.
+/// Data shared by the candidates.
 pub(super) struct Trial<'a> {
     components: &'a [Measurement<'a>],
     references: Vec<LaggedReference>,
@@ -29,11 +29,11 @@ pub(super) struct Trial<'a> {
     reference_std: Vec<f64>,
 }
 
-/// A candidate with what it says that was measured.
+/// A candidate with its predicted measured values.
 #[derive(Clone)]
 pub(super) struct Fitted {
     pub(super) candidate: LagCandidate,
-    /// Gain times shape at the rows of each component, offset and drift taken out.
+    /// Gain times shape at the rows of each component, offset and drift removed.
     shapes: Vec<Vec<f64>>,
 }
 
@@ -52,8 +52,8 @@ impl std::ops::Deref for Fitted {
     }
 }
 
-/// Delay plus lags (s) and the squares of the lags (s²): near no lag at all the likelihood is smooth in the square,
-/// not in the lag.
+/// Delay plus lags (s) and the squares of the lags (s²): near zero lag the likelihood is smooth in the square, not in
+/// the lag.
 type Point = [f64; MOST_CURVED];
 
 /// A candidate at its best point.
@@ -93,7 +93,7 @@ impl<'a> Trial<'a> {
         Some(Trial { components, references, rows, weights, noise, rule: settings.noise, delay_s, reference_std })
     }
 
-    /// All candidates that can be fitted. Beside a lag no delay is negative, unless the data demand it.
+    /// All candidates that can be fitted. A delay together with a lag is not negative, unless the data require it.
     pub(super) fn candidates(&self) -> Vec<Fitted> {
         let delay = self.delay_s;
         let guess = delay.abs().max(0.02);
@@ -111,10 +111,11 @@ impl<'a> Trial<'a> {
         self.without_negative_delays(free)
     }
 
-    /// A sensor that shows a value before it was true and smears it besides is no sensor, but a reference that is too lively
-    /// looks like one: `e^{sT}/(1 + sT)` is a low pass. Such an optimum gives way to the one on the border, where either the
-    /// lag is zero or the delay: the better of the candidates without a negative delay, with parameters that say nothing.
-    /// It stays if it is better by ΔBIC 6 than all of these and differs from them by more than the reference's own error.
+    /// A sensor that shows a value early and also smears it does not exist, but a reference with too much
+    /// high-frequency content looks like one: `e^{sT}/(1 + sT)` is a low pass. Such an optimum is replaced by the one
+    /// on the border, where either the lag or the delay is zero: the better of the candidates without a negative delay,
+    /// with insignificant parameters. It is kept if it is better by ΔBIC 6 than all of these and differs from them by
+    /// more than the reference's own error.
     fn without_negative_delays(&self, free: Vec<Fitted>) -> Vec<Fitted> {
         let is_negative = |f: &Fitted| !f.lags_s.is_empty() && f.delay_s.is_some_and(|d| d.value < 0.0);
         let proper: Vec<Fitted> = free.iter().filter(|f| !is_negative(f)).cloned().collect();
@@ -136,7 +137,7 @@ impl<'a> Trial<'a> {
         free.into_iter().map(on_the_border).collect()
     }
 
-    /// Whether two candidates say anything else of the measured values, beyond the error of the reference.
+    /// Whether the predictions of two candidates differ by more than the error of the reference.
     pub(super) fn differ(&self, a: &Fitted, b: &Fitted) -> bool {
         let of = |((a, b), std): ((&Vec<f64>, &Vec<f64>), &f64)| {
             let square = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len().max(1) as f64;
@@ -145,7 +146,7 @@ impl<'a> Trial<'a> {
         a.shapes.iter().zip(&b.shapes).zip(&self.reference_std).any(of)
     }
 
-    /// The best point of `model` under the noise that fits it best, and its Bayesian information criterion.
+    /// The best point of `model` under its best noise, and its Bayesian information criterion.
     fn best(&self, model: LagModel, starts: &[Point]) -> Option<(Best, f64)> {
         let mut noise = self.noise.clone();
         let mut blocks = self.blocks(model, &noise);
@@ -156,7 +157,7 @@ impl<'a> Trial<'a> {
         self.refine_noise(model, &first, &mut noise, &self.rule)?;
         blocks = self.blocks(model, &noise);
         let best = self.descend(model, &mut blocks, first.at)?;
-        // The residuals hardly change: noise that was white stays so.
+        // The residuals hardly change, so white noise stays white.
         let white = noise.iter().all(|n| n.wander_std == 0.0) && self.rule == NoiseRule::WanderAndWhite;
         let rule = if white { NoiseRule::White } else { self.rule };
         let bic = self.refine_noise(model, &best, &mut noise, &rule)?;
@@ -172,7 +173,7 @@ impl<'a> Trial<'a> {
         (0..self.components.len()).map(block).collect()
     }
 
-    /// Fills the columns of all blocks at `at` and solves for what is linear.
+    /// Fills the columns of all blocks at `at` and solves for the linear parameters.
     fn normal(&self, model: LagModel, blocks: &mut [Block], at: &Point) -> Normal {
         let (delay, lags) = delay_and_lags(model, at);
         for (block, reference) in blocks.iter_mut().zip(&self.references) {
@@ -196,7 +197,7 @@ impl<'a> Trial<'a> {
         Normal::of(blocks)
     }
 
-    /// Levenberg and Marquardt's descent, with squares of lags that stay positive.
+    /// Levenberg and Marquardt's descent, keeping the squares of the lags non-negative.
     fn descend(&self, model: LagModel, blocks: &mut [Block], start: Point) -> Option<Best> {
         let mut at = bounded(model, start);
         let mut normal = self.normal(model, blocks, &at);
@@ -222,8 +223,8 @@ impl<'a> Trial<'a> {
         normal.follows().then_some(Best { at, normal })
     }
 
-    /// Fits the noise to the residuals of `best`; gives the Bayesian information criterion with the noise's parameters
-    /// counted. `None` if there is no likelihood.
+    /// Fits the noise to the residuals of `best`. Returns the Bayesian information criterion including the noise's
+    /// parameters; `None` if there is no likelihood.
     fn refine_noise(&self, model: LagModel, best: &Best, noise: &mut [NoiseModel], rule: &NoiseRule) -> Option<f64> {
         let rows: usize = self.rows.iter().map(Vec::len).sum();
         let mut minus_twice_log = 0.0;
@@ -244,7 +245,7 @@ impl<'a> Trial<'a> {
         Some(minus_twice_log + counted as f64 * (rows as f64).ln())
     }
 
-    /// Values less gain times lagged and delayed reference.
+    /// Values minus gain times lagged and delayed reference.
     fn residuals(&self, model: LagModel, c: usize, best: &Best) -> Vec<f64> {
         let (delay, lags) = delay_and_lags(model, &best.at);
         let shape = lags.iter().fold(self.references[c].clone(), |r, lag| r.after(*lag));
@@ -253,7 +254,7 @@ impl<'a> Trial<'a> {
         self.rows[c].iter().map(|&k| m.y[k] - gain * value(m.t[k])).collect()
     }
 
-    /// What `best` says that component `c` measures, offset and drift taken out.
+    /// Values predicted by `best` for component `c`, offset and drift removed.
     fn shape(&self, model: LagModel, c: usize, best: &Best) -> Vec<f64> {
         let m = &self.components[c];
         let t: Vec<f64> = self.rows[c].iter().map(|&k| m.t[k]).collect();
@@ -278,7 +279,7 @@ impl<'a> Trial<'a> {
             _ => (0..squares).map(|i| lag_of(best.at[i + 1], covariance[i + 1][i + 1])).collect(),
         };
         lags_s.sort_by(|a, b| b.value.total_cmp(&a.value));
-        // What varies is the sum of the squares; the sum itself is known far better.
+        // The sum of the squares varies; the sum itself is known far better.
         let total: f64 = best.at[1..=squares].iter().sum();
         let variance: f64 =
             (1..=squares).flat_map(|i| (1..=squares).map(move |j| (i, j))).map(|(i, j)| covariance[i][j]).sum();
@@ -301,7 +302,7 @@ impl<'a> Trial<'a> {
         })
     }
 
-    /// Gains with the uncertainty that they have if the lateness is known; exact ones have none.
+    /// Gains with their uncertainty if the lateness is known; fixed gains have none.
     fn gains(&self, best: &Best) -> Vec<Uncertain> {
         let of = |(m, p): (&Measurement, &crate::delay::block::Projection)| match m.gain {
             Gain::Fixed(value) => Uncertain { value, standard_uncertainty: 0.0 },
@@ -311,7 +312,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// Parameters that are not linear.
+/// Number of nonlinear parameters.
 fn parameters(model: LagModel) -> usize {
     match model {
         LagModel::D | LagModel::L => 1,
@@ -336,13 +337,13 @@ fn bounded(model: LagModel, at: Point) -> Point {
     [sum, at[1].clamp(0.0, longest), at[2].clamp(0.0, longest)]
 }
 
-/// A square at zero that wants to be negative stays there.
+/// Whether each parameter is free: a square at zero whose gradient points below zero is held there.
 fn free(model: LagModel, at: &Point, normal: &Normal) -> [bool; MOST_CURVED] {
     let held = |i: usize| i > 0 && model != LagModel::L && at[i] <= 0.0 && normal.gradient[i] <= 0.0;
     std::array::from_fn(|i| !held(i))
 }
 
-/// Inverse of the normal equations, slightly damped: two equal lags cannot be distinguished, their sum can.
+/// Inverse of the normal equations, slightly damped: two equal lags cannot be separated, but their sum is determined.
 fn covariance(normal: &Normal) -> [[f64; MOST_CURVED]; MOST_CURVED] {
     std::array::from_fn(|i| {
         let mut unit = normal.clone();
@@ -351,7 +352,7 @@ fn covariance(normal: &Normal) -> [[f64; MOST_CURVED]; MOST_CURVED] {
     })
 }
 
-/// Sum less lags whose squares sum up to `total` ± `spread`.
+/// Sum minus lags whose squares add up to `total` ± `spread`.
 fn range_of_delay(sum: f64, lags: &[f64], total: f64, spread: f64) -> [f64; 2] {
     let all: f64 = lags.iter().sum();
     let open = |square: f64| if total > 0.0 { all * (square.max(0.0) / total).sqrt() } else { square.max(0.0).sqrt() };

@@ -4,10 +4,9 @@ use crate::reference::Reference;
 
 /// A reference after first-order lags, `r/((1 + sT₁)(1 + sT₂)…)`, on a fine grid.
 ///
-/// Between the points of the grid reference and result are cubic Hermite curves, and the lag is the exact solution for
-/// such an input: the error falls with the fourth power of the step, where the ramp-invariant recursion of the
-/// textbooks has the second. At its start it is steady: for a few `T` it remembers a past in which the reference stood
-/// still.
+/// Between grid points, reference and result are cubic Hermite curves, and the lag is the exact solution for such an
+/// input: the error falls with the fourth power of the step, that of the textbook ramp-invariant recursion with the
+/// second. The reference is assumed steady before its start, which affects the first few `T`.
 #[derive(Debug, Clone)]
 pub struct LaggedReference {
     start: f64,
@@ -17,8 +16,8 @@ pub struct LaggedReference {
 }
 
 impl LaggedReference {
-    /// `reference` after `lags_s` (s; those that are not positive do nothing), on a grid of about `step_s` seconds,
-    /// which should be a thirtieth of the shortest period or less. `None` if the reference spans no time.
+    /// `reference` after `lags_s` (s; non-positive ones are ignored), on a grid of about `step_s` seconds, which should
+    /// be a thirtieth of the shortest period or less. `None` if the reference has no duration.
     #[must_use]
     pub fn new(reference: &dyn Reference, lags_s: &[f64], step_s: f64) -> Option<LaggedReference> {
         let plain = LaggedReference::sampled(reference, step_s)?;
@@ -38,7 +37,7 @@ impl LaggedReference {
         Some(LaggedReference { start, step_s, values, rates })
     }
 
-    /// One more lag.
+    /// Applies one more lag.
     pub(crate) fn after(&self, lag_s: f64) -> LaggedReference {
         if lag_s.is_nan() || lag_s <= SHORTEST_LAG_S {
             return self.clone();
@@ -65,7 +64,7 @@ impl LaggedReference {
         out
     }
 
-    /// Second derivative at the points of the grid.
+    /// Second derivative at the grid points.
     pub(crate) fn curvatures(&self) -> Vec<f64> {
         let n = self.rates.len();
         let at = |k: usize| {
@@ -75,7 +74,7 @@ impl LaggedReference {
         (0..n).map(at).collect()
     }
 
-    /// Point of the grid before `t`, and how far on the way to the next one, 0 to 1.
+    /// Grid point before `t`, and the fraction of the step to the next one, 0 to 1.
     pub(crate) fn place(&self, t: f64) -> (usize, f64) {
         let x = ((t - self.start) / self.step_s).clamp(0.0, (self.values.len() - 1) as f64);
         let k = (x as usize).min(self.values.len() - 2);
@@ -100,10 +99,10 @@ impl Reference for LaggedReference {
     }
 }
 
-/// A lag below this does nothing that could be seen, s.
+/// A lag below this has no visible effect, s.
 const SHORTEST_LAG_S: f64 = 1e-6;
 
-/// z ∫₀¹ e^{−z(1−s)} sʲ ds for j = 0 to 3: what a lag of 1/z steps makes of a power in one step.
+/// z ∫₀¹ e^{−z(1−s)} sʲ ds for j = 0 to 3: effect of a lag of 1/z steps on a power within one step.
 fn moments(z: f64) -> [f64; 4] {
     if z > 2.0 {
         let m0 = -(-z).exp_m1();
@@ -111,7 +110,7 @@ fn moments(z: f64) -> [f64; 4] {
         let m2 = 1.0 - 2.0 * m1 / z;
         return [m0, m1, m2, 1.0 - 3.0 * m2 / z];
     }
-    // z · j! Σ (−z)ᵏ/(k + j + 1)!, without the differences that cancel for a long lag.
+    // z · j! Σ (−z)ᵏ/(k + j + 1)!, avoiding differences that cancel for a long lag.
     std::array::from_fn(|j| {
         let mut term = z / (j + 1) as f64;
         let mut sum = term;
@@ -142,7 +141,7 @@ mod tests {
 
     /// `fopdt` of the project's acceptance vectors: gain and phase of 1.02·e^{−0.4s}/(1 + 0.05s).
     #[test]
-    fn a_lagged_and_delayed_sine_has_gain_and_phase_of_the_acceptance_vector() {
+    fn a_lagged_and_delayed_sine_matches_the_acceptance_vector() {
         let vectors: serde_json::Value = serde_json::from_str(include_str!("../../tests/delay_vectors.json")).unwrap();
         let case = &vectors["fopdt"];
         let number = |v: &serde_json::Value| v.as_f64().unwrap();
@@ -166,13 +165,13 @@ mod tests {
     fn moments_of_a_step_are_the_same_by_series_and_by_recursion() {
         let (below, above) = (moments(2.0), moments(2.0 + 1e-12));
         assert!(below.iter().zip(above).all(|(a, b)| (a - b).abs() < 1e-11), "{below:?} {above:?}");
-        // A lag of a million steps takes in a millionth of the mean of sʲ.
+        // A lag of a million steps passes a millionth of the mean of sʲ.
         let long = moments(1e-6);
         assert!((0..4).all(|j| (long[j] * 1e6 * (j + 1) as f64 - 1.0).abs() < 1e-6));
     }
 
     #[test]
-    fn a_ramp_comes_out_late_by_the_lag() {
+    fn a_ramp_is_late_by_the_lag() {
         struct Ramp;
         impl Reference for Ramp {
             fn span(&self) -> (f64, f64) {

@@ -1,4 +1,4 @@
-//! The smoother of Rauch, Tung and Striebel (1965), backwards over what the filter left behind.
+//! The smoother of Rauch, Tung and Striebel (1965), backwards over the results of the filter.
 
 use super::chain::{
     Cholesky, Matrix, State, Symmetric, Transition, dot, full, matrix_times, process_noise, sandwich, settled, sum,
@@ -6,7 +6,7 @@ use super::chain::{
 };
 use super::filter::{Filtered, Series};
 
-/// Intervals longer than this, in usual ones, keep what interpolation inside them needs.
+/// Longer intervals than this, in usual ones, keep what interpolation inside them needs.
 const LONG: f64 = 2.0;
 
 /// Smoothed states and covariances, in scaled units.
@@ -14,11 +14,11 @@ const LONG: f64 = 2.0;
 pub(super) struct Smoothed {
     pub states: Vec<State>,
     pub covariances: Vec<Symmetric>,
-    /// For each long interval, from the last to the first: the row before it, and the covariance of
-    /// the state there (rows) with the state after it (columns).
+    /// For each long interval, from the last to the first: the previous row, and the covariance of the state there
+    /// (rows) with the state after it (columns).
     pub across: Vec<(usize, Matrix)>,
-    /// Samples at which the motion started anew after a gap, from the last to the first.
-    pub anew: Vec<usize>,
+    /// Samples at which the motion restarted after a gap, from the last to the first.
+    pub restarts: Vec<usize>,
 }
 
 /// One step back: xₛ = x + C (xₛ′ − x′) and Pₛ = B + C Pₛ′ Cᵀ.
@@ -28,11 +28,12 @@ struct StepBack {
     own: Symmetric,
 }
 
-/// Smooths what was filtered (states and covariances kept) with the same `rho`.
+/// Smooths the filter's results (states and covariances kept) with the same `rho`.
 pub(super) fn smooth_back(series: &Series, filtered: &Filtered, rho: f64) -> Smoothed {
     let n = series.z.len();
     let usual = Transition::new(1.0);
-    let mut out = Smoothed { states: vec![[0.0; 4]; n], covariances: vec![[0.0; 10]; n], across: vec![], anew: vec![] };
+    let mut out =
+        Smoothed { states: vec![[0.0; 4]; n], covariances: vec![[0.0; 10]; n], across: vec![], restarts: vec![] };
     let Some(last) = n.checked_sub(1) else { return out };
     let mut state = filtered.states[last];
     let mut covariance = with_variances_not_negative(*filtered.covariance(last));
@@ -46,17 +47,17 @@ pub(super) fn smooth_back(series: &Series, filtered: &Filtered, rho: f64) -> Smo
         let index = filtered.update_of[k];
         let same = is_usual && matches!(step, Some((i, _)) if i == index);
         let back = match step {
-            _ if filtered.starts_anew(k + 1) => StepBack { gain: [[0.0; 4]; 4], own: *filtered.covariance(k) },
+            _ if filtered.restarts_at(k + 1) => StepBack { gain: [[0.0; 4]; 4], own: *filtered.covariance(k) },
             Some((_, back)) if same => back,
             _ => step_back(filtered.covariance(k), ratio, rho),
         };
-        step = (is_usual && !filtered.starts_anew(k + 1)).then_some((index, back));
+        step = (is_usual && !filtered.restarts_at(k + 1)).then_some((index, back));
         let predicted = if is_usual { usual } else { Transition::new(ratio) }.apply(&filtered.states[k]);
         let ahead: State = std::array::from_fn(|i| state[i] - predicted[i]);
         let correction = matrix_times(&back.gain, &ahead);
         state = std::array::from_fn(|i| filtered.states[k][i] + correction[i]);
-        if filtered.starts_anew(k + 1) {
-            out.anew.push(k + 1);
+        if filtered.restarts_at(k + 1) {
+            out.restarts.push(k + 1);
         }
         if ratio > LONG {
             out.across.push((k, product(&back.gain, &full(&covariance))));
@@ -72,9 +73,9 @@ pub(super) fn smooth_back(series: &Series, filtered: &Filtered, rho: f64) -> Smo
     out
 }
 
-/// C = Pf Fᵀ Pp⁻¹ and B = Pf − C Pp Cᵀ, where Pp = F Pf Fᵀ + Q. With W = Q Pp⁻¹ they are
-/// F⁻¹ (I − W) and F⁻¹ (Q − W Q) F⁻ᵀ, which loses no digits where the filter knows far less than
-/// the smoother (at the start, and when q is small); the first form loses few over a long gap.
+/// C = Pf Fᵀ Pp⁻¹ and B = Pf − C Pp Cᵀ, where Pp = F Pf Fᵀ + Q. With W = Q Pp⁻¹ they are F⁻¹ (I − W) and F⁻¹ (Q − W Q)
+/// F⁻ᵀ, which loses no digits where the filter knows far less than the smoother (at the start, and when q is small);
+/// the first form loses few over a long gap.
 fn step_back(filtered: &Symmetric, ratio: f64, rho: f64) -> StepBack {
     let forth = Transition::new(ratio);
     let noise = process_noise(ratio, rho);

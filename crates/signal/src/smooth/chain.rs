@@ -208,7 +208,7 @@ pub(super) struct Cholesky {
 }
 
 impl Cholesky {
-    /// Directions without variance (to rounding) get none of the correction.
+    /// Directions without variance (to rounding) receive no correction.
     #[expect(clippy::needless_range_loop, reason = "the indices are those of the textbook")]
     pub(super) fn new(p: &Symmetric) -> Cholesky {
         let p = full(p);

@@ -1,13 +1,13 @@
-//! The Kalman filter forwards, and its adjoint backwards for what cross-validation asks.
+//! The Kalman filter forwards, and its adjoint backwards for cross-validation.
 
 use super::chain::{State, Symmetric, Transition, dot, process_noise, settled, sum, times};
 
 /// A record in scaled units: intervals in usual intervals, values in standard deviations.
 #[derive(Debug, Clone)]
 pub(super) struct Series {
-    /// Values less the first, over the measurement's standard deviation.
+    /// Values minus the first, over the measurement's standard deviation.
     pub z: Vec<f64>,
-    /// Interval before each sample over the usual one; 1 exactly where it is usual.
+    /// Interval before each sample divided by the usual one; exactly 1 where it is usual.
     pub ratio: Vec<f64>,
     /// Prior variances of the scaled states.
     pub prior: [f64; 4],
@@ -19,33 +19,32 @@ struct Update {
     gain: State,
     /// 1/S.
     inverse_s: f64,
-    /// Whether the motion starts anew here: nothing before it says anything about it.
-    anew: bool,
+    /// Whether the motion restarts here: earlier samples carry no information about it.
+    restarts: bool,
 }
 
-/// Innovations skipped by the likelihood, while the states are being found: two per state (of a
-/// very short record, half).
+/// Innovations skipped by the likelihood while the states converge: two per state (half of a very short record).
 const START_UP: usize = 8;
 
-/// Predicted variance of x, in measurement variances, beyond which the motion is lost and starts anew.
+/// Predicted variance of x, in measurement variances, above which the motion is lost and restarts.
 const LOST: f64 = 1e10;
 
-/// What a pass forwards leaves behind. Where the filter has settled, samples share an update.
+/// Results of a forward pass. Once the filter has settled, samples share an update.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Filtered {
     updates: Vec<Update>,
-    /// Filtered covariances, as many as `updates`, if they were kept.
+    /// Filtered covariances, parallel to `updates`, if kept.
     covariances: Vec<Symmetric>,
-    /// Filtered states, one for each sample, if they were kept.
+    /// Filtered states, one for each sample, if kept.
     pub states: Vec<State>,
     /// For each sample, its row in `updates` and `covariances`.
     pub update_of: Vec<u32>,
     innovations: Vec<f64>,
-    /// Σ log S + e²/S after the start-up: −2 log likelihood, less a constant.
+    /// Σ log S + e²/S after the start-up: −2 log likelihood, without a constant.
     pub minus_two_log_likelihood: f64,
 }
 
-/// What cross-validation asks of a smoother.
+/// Quantities for cross-validation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Score {
     /// Sum of squares of measured − smoothed, in measurement variances.
@@ -55,7 +54,7 @@ pub(super) struct Score {
 }
 
 impl Filtered {
-    /// Filters the record with noise density `rho`; states and covariances are kept if asked.
+    /// Filters the record with noise density `rho`; keeps states and covariances if requested.
     pub(super) fn run(&mut self, series: &Series, rho: f64, keep: bool) {
         self.clear();
         let usual = Transition::new(1.0);
@@ -66,7 +65,7 @@ impl Filtered {
         let mut steady = false;
         let mut log_likelihood = LogLikelihood::default();
         let start_up = START_UP.min(series.z.len() / 2);
-        let mut update = Update { gain: [0.0; 4], inverse_s: 1.0, anew: false };
+        let mut update = Update { gain: [0.0; 4], inverse_s: 1.0, restarts: false };
         for (k, (&z, &ratio)) in series.z.iter().zip(&series.ratio).enumerate() {
             let is_usual = ratio == 1.0;
             let before = covariance;
@@ -82,16 +81,16 @@ impl Filtered {
                 } else if k > 0 {
                     covariance = sum(&Transition::new(ratio).congruence(&covariance), &process_noise(ratio, rho));
                 }
-                let anew = covariance[0] > LOST;
-                if anew {
+                let restarts = covariance[0] > LOST;
+                if restarts {
                     (state, covariance) = ([z, 0.0, 0.0, 0.0], prior);
                 }
-                (update, covariance) = updated(&covariance, anew);
+                (update, covariance) = updated(&covariance, restarts);
                 self.updates.push(update);
                 if keep {
                     self.covariances.push(covariance);
                 }
-                steady = is_usual && !anew && settled(&covariance, &before);
+                steady = is_usual && !restarts && settled(&covariance, &before);
             }
             let innovation = z - state[0];
             for (x, gain) in state.iter_mut().zip(update.gain) {
@@ -122,9 +121,9 @@ impl Filtered {
         &self.covariances[self.update_of[k] as usize]
     }
 
-    /// Whether the motion starts anew at sample `k`.
-    pub(super) fn starts_anew(&self, k: usize) -> bool {
-        self.updates[self.update_of[k] as usize].anew
+    /// Whether the motion restarts at sample `k`.
+    pub(super) fn restarts_at(&self, k: usize) -> bool {
+        self.updates[self.update_of[k] as usize].restarts
     }
 
     /// Residual sum of squares and degrees of freedom of the smoother, by the adjoint of the filter
@@ -140,7 +139,7 @@ impl Filtered {
         let (mut rss, mut freedom, mut d) = (0.0, 0.0, 0.0);
         for k in (0..series.z.len()).rev() {
             let index = self.update_of[k];
-            let Update { gain, inverse_s, anew } = &self.updates[index as usize];
+            let Update { gain, inverse_s, restarts } = &self.updates[index as usize];
             let is_usual = series.ratio[k] == 1.0;
             let transition = if is_usual { usual } else { Transition::new(series.ratio[k]) };
             steady &= index == previous;
@@ -162,7 +161,7 @@ impl Filtered {
             }
             freedom += d;
             previous = index;
-            if *anew {
+            if *restarts {
                 (adjoint, information) = ([0.0; 4], [0.0; 10]);
             }
         }
@@ -176,7 +175,7 @@ fn diagonal(d: [f64; 4]) -> Symmetric {
 }
 
 /// The update of a predicted covariance, and the filtered one. The measurement's variance is 1.
-fn updated(predicted: &Symmetric, anew: bool) -> (Update, Symmetric) {
+fn updated(predicted: &Symmetric, restarts: bool) -> (Update, Symmetric) {
     let inverse_s = 1.0 / (predicted[0] + 1.0);
     let [p00, p01, p02, p03, p11, p12, p13, p22, p23, p33] = *predicted;
     let gain = [p00 * inverse_s, p01 * inverse_s, p02 * inverse_s, p03 * inverse_s];
@@ -192,7 +191,7 @@ fn updated(predicted: &Symmetric, anew: bool) -> (Update, Symmetric) {
         p23 - gain[2] * p03,
         p33 - gain[3] * p03,
     ];
-    (Update { gain, inverse_s, anew }, covariance)
+    (Update { gain, inverse_s, restarts }, covariance)
 }
 
 /// Σ log S + e²/S. The logarithms are taken of products, which is a hundred times cheaper.
@@ -207,7 +206,7 @@ impl LogLikelihood {
     fn add(&mut self, innovation: f64, inverse_s: f64) {
         self.squares += innovation * innovation * inverse_s;
         let product = self.product.unwrap_or(1.0) * inverse_s;
-        // 1/S lies in (0, 1]: the product only falls, and is put away long before it can vanish.
+        // 1/S lies in (0, 1]: the product only falls, and is flushed long before it can underflow.
         self.product = if product < 1e-100 {
             self.logarithms -= product.ln();
             None

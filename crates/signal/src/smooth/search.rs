@@ -1,8 +1,8 @@
-//! The least value of a function of one number.
+//! Minimises a function of one variable.
 
-/// Where on `[low, high]` the function is least, to within `tolerance`: golden section with parabolic
-/// steps (Brent 1973, ch. 5; the bounded form of Forsythe, Malcolm and Moler 1977). One local minimum
-/// is found if there are several. The function must not return NaN.
+/// The minimum of the function on `[low, high]`, to within `tolerance`: golden section with parabolic steps (Brent
+/// 1973, ch. 5; the bounded form of Forsythe, Malcolm and Moler 1977). If there are several local minima, one of them
+/// is found. The function must not return NaN.
 pub(super) fn least(mut f: impl FnMut(f64) -> f64, low: f64, high: f64, tolerance: f64) -> f64 {
     let golden = 0.5 * (3.0 - 5f64.sqrt());
     let (mut a, mut b) = (low, high);
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_least_value_is_found_inside_and_at_an_end() {
+    fn the_minimum_is_found_inside_and_at_an_end() {
         let mut calls = 0;
         let inside = least(
             |x| {

@@ -1,30 +1,30 @@
-//! The bar, how the sensor is mounted on it, and how it bends.
+//! The bar, the mounting of the sensor on it, and its bending.
 
 use crate::error::{SimulateError, within};
 use serde::{Deserialize, Serialize};
 
-/// How the sensor sits on the bar (design note 1.2, 1.4).
+/// Mounting of the sensor on the bar (design note 1.2, 1.4).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mount {
-    /// Above the pivot when the bar's angle is zero: lever arm 0, 0, −L. The paper's.
+    /// Above the pivot when the bar's angle is zero: lever arm 0, 0, −L. As in the paper.
     Upright,
-    /// Below the pivot when the bar's angle is zero, upright itself: lever arm 0, 0, +L.
+    /// Below the pivot when the bar's angle is zero, sensor upright: lever arm 0, 0, +L.
     Hanging,
-    /// Somewhere else: lever arm forward, right, down of the pivot, m.
+    /// Elsewhere: lever arm forward, right, down of the pivot, m.
     Custom([f64; 3]),
 }
 
 /// The bar.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Bar {
-    /// From the pivot to the sensor, m.
+    /// Distance from the pivot to the sensor, m.
     pub length_m: f64,
-    /// How the sensor sits on it.
+    /// Mounting of the sensor.
     pub mount: Mount,
     /// Azimuth of the swing plane from north over east, rad.
     pub azimuth_rad: f64,
-    /// How it bends; `None` is stiff.
+    /// Bending; `None` is stiff.
     pub flexible: Option<FlexibleBar>,
 }
 
@@ -38,13 +38,13 @@ pub struct FlexibleBar {
     pub damping: f64,
     /// Participation Γ.
     pub participation: f64,
-    /// Slope of the tip over its deflection, κ = L φ'(L)/φ(L).
+    /// Slope of the tip divided by its deflection, κ = L φ'(L)/φ(L).
     pub slope_ratio: f64,
 }
 
 impl FlexibleBar {
-    /// Γ and κ of a cantilever by the mass at its tip over its own, linear between the rows of the table
-    /// in the design note, 1.6 (from 5 on, those of a massless bar).
+    /// Γ and κ of a cantilever by the ratio of its tip mass to its own mass, linear between the rows of the table in
+    /// the design note, 1.6 (from 5 on, those of a massless bar).
     #[must_use]
     pub fn of_tip_mass(mass_ratio: f64, frequency_hz: f64, damping: f64) -> FlexibleBar {
         const TABLE: [(f64, f64, f64); 5] = [
@@ -72,7 +72,7 @@ impl FlexibleBar {
 }
 
 impl Bar {
-    /// From the pivot to the sensor: forward, right, down of the bar, m.
+    /// Vector from the pivot to the sensor: forward, right, down of the bar, m.
     #[must_use]
     pub fn lever_arm_m(&self) -> [f64; 3] {
         match self.mount {

@@ -1,4 +1,4 @@
-//! Bench records to show everything once.
+//! Bench records that show every feature once.
 
 use super::bar::{FlexibleBar, Mount};
 use super::quantity::BenchChannel;
@@ -15,16 +15,16 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What is true of the bench records of a demo: content of [`TRUTH_FILE`].
+/// Truth of the bench records of a demo: content of [`TRUTH_FILE`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchDemo {
     /// Seed of all records.
     pub seed: u64,
-    /// Records, in the order in which they were made.
+    /// Records, in the order of recording.
     pub records: Vec<BenchDemoRecord>,
 }
 
-/// What is true of a bench record of a demo. Paths are below the demo's folder, their parts separated by `/`.
+/// Truth of a bench record of a demo. Paths are relative to the demo's folder, their parts separated by `/`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchDemoRecord {
     /// Short name.
@@ -33,9 +33,9 @@ pub struct BenchDemoRecord {
     pub rig: String,
     /// The log of the encoder.
     pub encoder: String,
-    /// The log of the sensor: the same, where one log holds both.
+    /// The log of the sensor: the same if one log has both.
     pub sensor: String,
-    /// Format, for people.
+    /// Format, as readable text.
     pub format: String,
     /// UTC day, `yyyy-mm-dd`.
     pub date: String,
@@ -43,35 +43,35 @@ pub struct BenchDemoRecord {
     pub model: String,
     /// Serial number of the sensor.
     pub serial: String,
-    /// Seconds of swing, and of rest before and after.
+    /// Seconds of swing.
     pub swing_s: f64,
     /// Seconds of rest before and after.
     pub rest_s: [f64; 2],
-    /// How it is moved.
+    /// Kind of motion.
     pub swing: Swing,
-    /// Which way counts rise with the bar's angle.
+    /// Direction in which counts rise with the bar's angle.
     pub encoder_sign: f64,
     /// Bar angle at count zero, rad.
     pub encoder_zero_rad: f64,
     /// Azimuth of the swing plane from north over east, rad.
     pub azimuth_rad: f64,
-    /// How the bar bends; absent if it does not.
+    /// Bending of the bar; absent if it is stiff.
     pub flexible: Option<FlexibleBar>,
-    /// The clocks beside the encoder's.
+    /// The clocks other than the encoder's.
     pub clocks: BenchClocks,
     /// The channels by name.
     pub channels: BTreeMap<String, BenchSensor>,
-    /// What is wrong with the record, for people.
+    /// Faults of the record, as readable text.
     pub faults: Vec<String>,
 }
 
-/// Writes five bench records with their rig files (`NAME.rig.toml`), and [`TRUTH_FILE`] beside them. The same seed
-/// gives the same bytes. Nothing else in `folder` is touched.
+/// Writes five bench records with their rig files (`NAME.rig.toml`), and [`TRUTH_FILE`] next to them. The same seed
+/// gives the same bytes. Nothing else in `folder` is changed.
 ///
-/// Three records of one sensor on three days: a 4 Hz position, 0.4 s late and held in 100 Hz rows, as MCAP, as bag
-/// and as one wide table. A second sensor with a 100 Hz position, 0.4 s late, its encoder in a log and a clock of
-/// their own, on a bar that bends. The first sensor once more, under a pushed, hanging bar. The bench stands at another
-/// azimuth for each record of the first sensor, whose magnetometer has hard and soft iron; of the second there is one.
+/// Three records of one sensor on three days: a 4 Hz position, 0.4 s late and held in 100 Hz rows, as MCAP, as bag and
+/// as one wide table. A second sensor with a 100 Hz position, 0.4 s late, its encoder in a separate log with a separate
+/// clock, on a bar that bends. The first sensor once more, under a pushed, hanging bar. Each record of the first
+/// sensor, whose magnetometer has hard and soft iron, has another azimuth; the second sensor has one record.
 ///
 /// # Errors
 /// [`SimulateError::Write`] with the first file that cannot be written.
@@ -101,13 +101,13 @@ const MCAP: Container = Container::Mcap(McapSettings {
     summary: true,
 });
 
-/// A record of the demo before it is made.
+/// A record of the demo before it is simulated.
 struct Plan {
     name: &'static str,
     serial: &'static str,
     settings: BenchSettings,
     format: &'static str,
-    /// Of the one log, or of encoder and sensor.
+    /// Paths of the one log, or of encoder and sensor.
     logs: Logs,
     to_be_fitted: bool,
     faults: &'static [&'static str],
@@ -165,7 +165,7 @@ impl Plan {
     }
 }
 
-/// A battery beside the magnetometer, and a steel screw.
+/// A battery next to the magnetometer, and a steel screw.
 const HARD_IRON_T: [f64; 3] = [12e-6, -7e-6, 20e-6];
 const SOFT_IRON: [[f64; 3]; 3] = [[1.05, 0.02, -0.03], [0.01, 0.97, 0.04], [-0.02, 0.03, 1.01]];
 
@@ -210,7 +210,7 @@ fn plans() -> [Plan; 5] {
     ]
 }
 
-/// The inertial part sits a little below the end of the bar, where the antenna is; two channels are slow.
+/// The inertial part is slightly below the end of the bar, where the antenna is; two channels are slow.
 fn placed(mut settings: BenchSettings) -> BenchSettings {
     let [x, y, z] = settings.bar.lever_arm_m();
     let inner = [x, y, z - 0.02 * z.signum()];

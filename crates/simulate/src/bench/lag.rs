@@ -1,9 +1,9 @@
-//! Functions known at nodes: what must be integrated.
+//! Functions known at nodes, for numerical integration.
 
-/// Distance of nodes, s.
+/// Node spacing, s.
 pub(super) const STEP_S: f64 = 0.001;
 
-/// A function by its value and first two derivatives at equal steps, a quintic between them.
+/// A function given by its value and first two derivatives at equal steps, with a quintic between them.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Nodes {
     pub(super) first_s: f64,
@@ -39,7 +39,7 @@ fn quintic(s: f64, h: f64, a: [f64; 3], b: [f64; 3]) -> [f64; 4] {
     ]
 }
 
-/// Three functions behind a first-order lag: `τ y′ = u − y`, from the steady state at `from_s`.
+/// Three functions after a first-order lag: `τ y′ = u − y`, from the steady state at `from_s`.
 #[derive(Debug, Clone)]
 pub(super) struct Lagged {
     first_s: f64,
@@ -47,7 +47,7 @@ pub(super) struct Lagged {
     rows: Vec<[[f64; 2]; 3]>,
 }
 
-/// Distance of the nodes of a lag, s.
+/// Node spacing of a lag, s.
 const LAG_STEP_S: f64 = 0.002;
 
 impl Lagged {
@@ -85,7 +85,7 @@ impl Lagged {
     }
 }
 
-/// Weights of the input at the begin, the middle and the end of a step of `x` time constants:
+/// Weights of the input at the start, the middle and the end of a step of `x` time constants:
 /// `∫₀¹ x e^{−x(1−s)} ℓ(s) ds` for the three parabolas ℓ.
 fn parabola_weights(x: f64) -> [f64; 3] {
     // Moments m_n = ∫ x e^{−x(1−s)} sⁿ ds, by parts: m_n = 1 − (n/x) m_{n−1}; as a series for small x.

@@ -15,8 +15,8 @@ use crate::write::{Container, LogFile, Logbook, Topic, ros};
 use flight::{NANOS_PER_SECOND, Stamp};
 
 impl SimulatedBench {
-    /// The bench as one log, `stem` being its path without an extension. A wide table has a row for each
-    /// sample of the encoder and holds what the sensor sent last; it has no stamps but the encoder's, and no pulses.
+    /// The bench as one log; `stem` is its path without an extension. A wide table has a row for each sample of the
+    /// encoder and holds the last values of the sensor; it has only the encoder's timestamps, and no pulses.
     ///
     /// # Errors
     /// [`SimulateError::Mcap`], [`SimulateError::Json`] or [`SimulateError::Compress`] if a writer fails.
@@ -32,7 +32,7 @@ impl SimulatedBench {
         self.part_files(Part::Encoder, container, stem)
     }
 
-    /// The log of the sensor alone. Its wide table has a row for each of the channel with the most rows.
+    /// The log of the sensor alone. Its wide table has a row for each row of the channel with the most rows.
     ///
     /// # Errors
     /// As [`SimulatedBench::files`].
@@ -44,14 +44,14 @@ impl SimulatedBench {
         container.write(stem, || self.logbook(part), || wide::table(self, part))
     }
 
-    /// Topic of a channel: below `/bench`, or below `/mti` where the sensor stamps by a clock of its own.
+    /// Topic of a channel: below `/bench`, or below `/mti` if the sensor has its own clock.
     #[must_use]
     pub fn topic(&self, channel: BenchChannel) -> String {
         let own_clock = self.settings.clocks.device.is_some();
         if own_clock { channel.topic().replacen("/bench/", "/mti/", 1) } else { channel.topic().to_owned() }
     }
 
-    /// Topic of the encoder: below `/bench`, or below `/daq` where the sensor stamps by a clock of its own.
+    /// Topic of the encoder: below `/bench`, or below `/daq` if the sensor has its own clock.
     #[must_use]
     pub fn encoder_topic(&self) -> String {
         let name = match self.settings.encoder.output {
@@ -97,7 +97,7 @@ impl SimulatedBench {
         messages.extend(stamped(topic, "bar", &encoder.measured, &encoder.logged, fields));
     }
 
-    /// A pulse is logged when it is seen.
+    /// A pulse is logged when it is detected.
     fn add_pulses(&self, topics: &mut Vec<Topic>, messages: &mut Vec<Message>) {
         let Some(pulses) = &self.pulses else { return };
         let second = |row: usize, header| ros::time_reference(header, Stamp(pulses.second[row] * NANOS_PER_SECOND));
@@ -124,8 +124,8 @@ fn definition(channel: BenchChannel) -> &'static Definition {
     }
 }
 
-/// Vectors go out forward, left, up; attitudes turn forward, left, up to north, west, up, as the MTi-G has them; all
-/// that is a change of signs. (To east, north, up would stir the last bits.)
+/// Vectors are sent forward, left, up; attitudes rotate forward, left, up to north, west, up, as on the MTi-G. All of
+/// this only changes signs. (East, north, up would change the last bits.)
 fn message(channel: BenchChannel, samples: &BenchSamples, row: usize, header: Header, variance: f64) -> Fields {
     let of = |k: usize| samples.values[row].get(k).copied().unwrap_or(0.0);
     let flu = [of(0), -of(1), -of(2)];

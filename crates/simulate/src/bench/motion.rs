@@ -1,4 +1,4 @@
-//! What is true at an instant: the bar, and what each channel ought to say (design note 1.1 to 1.4).
+//! The truth at an instant: the bar, and the ideal readings of each channel (design note 1.1 to 1.4).
 
 use super::bar::FlexibleBar;
 use super::lag::{Nodes, STEP_S};
@@ -53,29 +53,30 @@ impl BenchTruth {
         Ok(truth)
     }
 
-    /// The bar at its axis, where the encoder is, `t_s` seconds after the start. Before the start and after
-    /// the end it rests.
+    /// The bar at its axis, where the encoder is, `t_s` seconds after the start. It rests before the start and after
+    /// the end.
     #[must_use]
     pub fn at(&self, t_s: f64) -> BarMotion {
         let [angle, rate, acceleration, jerk] = self.curve.at(t_s - self.settings.rest_s[0]);
         BarMotion { angle: self.settings.rest_angle_rad + angle, rate, acceleration, jerk }
     }
 
-    /// The line from the pivot to the sensor: what position and velocity follow. A stiff bar's is the bar's.
+    /// The line from the pivot to the sensor: it determines position and velocity. For a stiff bar it is the bar's.
     #[must_use]
     pub fn chord_at(&self, t_s: f64) -> BarMotion {
         self.deflection.as_ref().map_or(self.at(t_s), |nodes| self.at(t_s).bent(nodes.at(t_s), 1.0))
     }
 
-    /// The slope of the bar at the sensor: what attitude, angular rate and field follow. A stiff bar's is the bar's.
+    /// The slope of the bar at the sensor: it determines attitude, angular rate and field. For a stiff bar it is the
+    /// bar's.
     #[must_use]
     pub fn slope_at(&self, t_s: f64) -> BarMotion {
         let slope_ratio = self.settings.bar.flexible.map_or(0.0, |f| f.slope_ratio);
         self.deflection.as_ref().map_or(self.at(t_s), |nodes| self.at(t_s).bent(nodes.at(t_s), slope_ratio))
     }
 
-    /// What a perfect sensor at the channel's place and in its mount would say: components in the order and
-    /// the units of [`flight::Quantity`], but a position as north, east, down from the pivot, m.
+    /// Readings of a perfect sensor at the channel's place and in its mount: components in the order and the units of
+    /// [`flight::Quantity`], but a position as north, east, down from the pivot, m.
     #[must_use]
     pub fn value(&self, channel: BenchChannel, t_s: f64) -> Vec<f64> {
         let core = self.core(channel, t_s);
@@ -85,8 +86,8 @@ impl BenchTruth {
         core.iter().take(channel.quantity().components().len()).copied().collect()
     }
 
-    /// What lags and gains work on: the value itself, of an attitude the angle of the bar where the sensor sits,
-    /// of a single number the first.
+    /// The input of lags and gains: the value itself; for an attitude the angle of the bar at the sensor; for a single
+    /// number the first component.
     pub(super) fn core(&self, channel: BenchChannel, t_s: f64) -> [f64; 3] {
         match channel {
             BenchChannel::PositionGps | BenchChannel::PositionIns => self.position(channel, t_s),
@@ -103,13 +104,13 @@ impl BenchTruth {
         }
     }
 
-    /// w, x, y, z of the sensor's attitude at the bar angle `angle`, turned by a further small `error`.
+    /// w, x, y, z of the sensor's attitude at the bar angle `angle`, rotated further by a small `error`.
     pub(super) fn quaternion(&self, angle: f64, error: [f64; 3]) -> [f64; 4] {
         let azimuth = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.settings.bar.azimuth_rad);
         let swung = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle);
         let error = UnitQuaternion::from_scaled_axis(Vector3::from(error));
         let q = azimuth * swung * self.body_from_sensor(BenchChannel::Attitude) * error;
-        // Once more, so that not even the last bit of the length is left over.
+        // Once more, to normalise the length to the last bit.
         let q = UnitQuaternion::new_normalize(q.into_inner());
         [q.w, q.i, q.j, q.k]
     }
@@ -127,7 +128,7 @@ impl BenchTruth {
         self.to_ned([motion.rate * (z * cos - x * sin), 0.0, -motion.rate * (x * cos + z * sin)])
     }
 
-    /// Acceleration of the chord's end less gravity, in the axes of the bar where the sensor sits.
+    /// Acceleration of the chord's end minus gravity, in the axes of the bar at the sensor.
     fn specific_force(&self, channel: BenchChannel, t_s: f64) -> [f64; 3] {
         let [x, _, z] = self.settings.lever_arm_m(channel);
         let motion = self.chord_at(t_s);
@@ -148,7 +149,7 @@ impl BenchTruth {
         [cos * along - sin * down, across, sin * along + cos * down]
     }
 
-    /// From the swing plane (forward, right, down) to north, east, down.
+    /// Converts the swing plane (forward, right, down) to north, east, down.
     fn to_ned(&self, [forward, right, down]: [f64; 3]) -> [f64; 3] {
         let (sin, cos) = self.settings.bar.azimuth_rad.sin_cos();
         [cos * forward - sin * right, sin * forward + cos * right, down]

@@ -1,4 +1,4 @@
-//! What encoder, sensor and pulses make of the truth.
+//! Observations of the truth by encoder, sensor and pulses.
 
 use super::lag::Lagged;
 use super::motion::BenchTruth;
@@ -21,7 +21,7 @@ pub(super) fn observe(settings: &BenchSettings, truth: BenchTruth) -> Result<Sim
     Ok(SimulatedBench { settings: settings.clone(), truth, encoder, channels, pulses })
 }
 
-/// A generator for each thing that is drawn: more noise does not move a stamp.
+/// A separate generator for each random quantity: more noise does not change any timestamp.
 fn random(settings: &BenchSettings, name: &str, what: &str) -> Pcg64 {
     generator(settings.seed, &format!("bench {name} {what}"))
 }
@@ -45,7 +45,7 @@ fn encoder(settings: &BenchSettings, truth: &BenchTruth) -> EncoderSamples {
     }
 }
 
-/// The logger's clock at the arrival of what was sent at `at_s`.
+/// The logger's clock at the arrival of a message sent at `at_s`.
 fn arrivals(settings: &BenchSettings, at_s: &[f64], latencies: &[f64]) -> Vec<Stamp> {
     let clock = settings.clocks.logger;
     at_s.iter().zip(latencies).map(|(t, late)| settings.start.plus_seconds(clock.shows_s(t + late))).collect()
@@ -83,7 +83,7 @@ fn samples(settings: &BenchSettings, truth: &BenchTruth, which: BenchChannel, se
     }
 }
 
-/// Instants of updates, and which of them each row shows.
+/// Instants of updates, and the update shown by each row.
 fn updates(elapsed: &[f64], update_hz: Option<f64>) -> (Vec<f64>, Vec<usize>) {
     let Some(update_hz) = update_hz else { return (elapsed.to_vec(), (0..elapsed.len()).collect()) };
     let (mut updates, mut rows) = (vec![], vec![]);
@@ -105,7 +105,7 @@ fn add_outliers(errors: &mut [[f64; 3]], outliers: &Outliers, random: &mut Pcg64
     }
 }
 
-/// How one channel sees the truth.
+/// The observation of the truth by one channel.
 struct Seen<'a> {
     truth: &'a BenchTruth,
     which: BenchChannel,
@@ -137,7 +137,7 @@ impl<'a> Seen<'a> {
         (0..width).map(|k| scaled[k] + error[k]).collect()
     }
 
-    /// What soft iron makes of a magnetometer's three axes.
+    /// The effect of soft iron on a magnetometer's three axes.
     fn mixed(&self, field: [f64; 3]) -> [f64; 3] {
         let is_magnetometer = matches!(self.which, BenchChannel::MagneticField | BenchChannel::MagneticDirection);
         let soft_iron = self.sensor.soft_iron.filter(|_| is_magnetometer);
@@ -145,7 +145,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Latitude deg, longitude deg, height m of a position; nothing for other channels.
+/// Latitude deg, longitude deg, height m of a position; empty for other channels.
 fn geodetic_deg(settings: &BenchSettings, which: BenchChannel, values: &[Vec<f64>]) -> Vec<[f64; 3]> {
     if which.quantity() != flight::Quantity::PositionGeodetic {
         return vec![];
@@ -161,7 +161,7 @@ fn geodetic_deg(settings: &BenchSettings, which: BenchChannel, values: &[Vec<f64
 fn edges(settings: &BenchSettings, pulses: &Pulses) -> PulseSamples {
     let mut random = random(settings, "pulses", "edges");
     let mut samples = PulseSamples::default();
-    // A sensor without a clock of its own pulses at the full seconds of the encoder's, which begins at one.
+    // A sensor without its own clock pulses at the full seconds of the encoder's, starting at one.
     let start_s = settings.start.0.div_euclid(flight::NANOS_PER_SECOND);
     let (clock, epoch_s) = settings.clocks.device.map_or((Default::default(), start_s), |clock| (clock, 0));
     let (first, last) = (clock.shows_s(0.0), clock.shows_s(settings.duration_s()));

@@ -1,6 +1,6 @@
 //! A bench may log to one file or to two.
 
-/// What a log of the bench holds.
+/// Contents of a log of the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
     /// Encoder, pulses and sensor.

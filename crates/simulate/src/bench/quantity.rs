@@ -3,7 +3,7 @@
 use flight::Quantity;
 use serde::{Deserialize, Serialize};
 
-/// A channel that the simulated sensor can send, in the order in which logs list them.
+/// A channel of the simulated sensor, in the order of the logs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BenchChannel {
@@ -61,7 +61,7 @@ impl BenchChannel {
         }
     }
 
-    /// What it holds.
+    /// Its quantity.
     #[must_use]
     pub fn quantity(self) -> Quantity {
         match self {
@@ -76,7 +76,7 @@ impl BenchChannel {
         }
     }
 
-    /// Its topic in a log whose stamps are of one clock.
+    /// Its topic in a log with a single clock.
     #[must_use]
     pub(super) fn topic(self) -> &'static str {
         match self {
@@ -93,7 +93,7 @@ impl BenchChannel {
         }
     }
 
-    /// Type of its messages, as ROS 1 names it.
+    /// Type of its messages, as named in ROS 1.
     #[must_use]
     pub fn type_name(self) -> &'static str {
         match self {

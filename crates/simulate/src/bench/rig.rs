@@ -1,22 +1,22 @@
-//! The rig file that fits a simulated bench.
+//! The rig file of a simulated bench.
 
 use super::bar::Mount;
 use super::quantity::BenchChannel;
 use super::samples::SimulatedBench;
 
-/// What a rig file of a simulated bench says.
+/// Contents of a rig file of a simulated bench.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RigText {
     /// Model of the sensor.
     pub model: String,
     /// Its serial number.
     pub serial: String,
-    /// Whether azimuth, sign and zero are left out, for the analysis to find.
+    /// Whether azimuth, sign and zero are omitted, for the analysis to find.
     pub to_be_fitted: bool,
 }
 
 impl SimulatedBench {
-    /// A rig file that says what is true of this bench; the field is left to be fitted. Its layout is that of
+    /// A rig file with the truth of this bench; the field is left to be fitted. Its layout is that of
     /// `pipelines/bench.rig.toml`.
     #[must_use]
     pub fn rig_text(&self, what: &RigText) -> String {
@@ -66,7 +66,7 @@ impl SimulatedBench {
         )
     }
 
-    /// One for each place and mount that channels have in common.
+    /// One for each place and mount shared by channels.
     fn mounts(&self) -> String {
         let mut mounts: Vec<(String, Vec<&str>)> = vec![];
         for (channel, sensor) in &self.settings.sensor {
@@ -94,12 +94,12 @@ impl SimulatedBench {
     }
 }
 
-/// Without the last bits that a change of unit leaves.
+/// Removes the last bits left by a unit conversion.
 fn tidy(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }
 
-/// UTC day of a stamp, `yyyy-mm-dd` (Howard Hinnant, "chrono-compatible low-level date algorithms").
+/// UTC day of a timestamp, `yyyy-mm-dd` (Howard Hinnant, "chrono-compatible low-level date algorithms").
 pub(super) fn day(unix_ns: i64) -> String {
     let days = unix_ns.div_euclid(86_400 * flight::NANOS_PER_SECOND) + 719_468;
     let (era, of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));

@@ -1,4 +1,4 @@
-//! What the bench's instruments said, and the same as a perfect reader would hand it over.
+//! Samples of the bench's instruments, and the same as returned by a perfect reader.
 
 use super::motion::BenchTruth;
 use super::quantity::BenchChannel;
@@ -14,14 +14,14 @@ pub struct BenchSamples {
     pub at_s: Vec<f64>,
     /// True time at which its value was updated: the same, unless values are held.
     pub update_s: Vec<f64>,
-    /// The stamp that it carries: of the device's clock, or of the encoder's where that stamps all.
+    /// Its timestamp: of the device's clock, or of the encoder's if that is the only clock.
     pub measured: Vec<Stamp>,
-    /// When the logger had it, by the logger's clock; may fall where a later row overtook.
+    /// Arrival at the logger, by the logger's clock; may decrease if a later row overtook.
     pub logged: Vec<Stamp>,
     /// Components in the order and units of [`flight::Quantity`], but a position as north, east, down from the
     /// pivot, m.
     pub values: Vec<Vec<f64>>,
-    /// Of a position latitude deg, longitude deg, height m, as it is sent. Else empty.
+    /// For a position: latitude deg, longitude deg, height m, as sent. Otherwise empty.
     pub geodetic_deg: Vec<[f64; 3]>,
 }
 
@@ -30,9 +30,9 @@ pub struct BenchSamples {
 pub struct EncoderSamples {
     /// True time at which each was taken, s after the start.
     pub at_s: Vec<f64>,
-    /// The stamp that it carries, of the encoder's clock.
+    /// Its timestamp, by the encoder's clock.
     pub measured: Vec<Stamp>,
-    /// When the logger had it, by the logger's clock.
+    /// Arrival at the logger, by the logger's clock.
     pub logged: Vec<Stamp>,
     /// Counts.
     pub counts: Vec<i64>,
@@ -43,33 +43,33 @@ pub struct EncoderSamples {
 pub struct PulseSamples {
     /// True time of each edge, s after the start.
     pub at_s: Vec<f64>,
-    /// Stamp of the edge by the encoder's clock.
+    /// Timestamp of the edge, by the encoder's clock.
     pub edge: Vec<Stamp>,
-    /// Second that the sensor's clock shows at the edge.
+    /// Second shown by the sensor's clock at the edge.
     pub second: Vec<i64>,
 }
 
-/// A bench record whose truth is known.
+/// A bench record with known truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedBench {
-    /// What was asked for.
+    /// The settings.
     pub settings: BenchSettings,
-    /// What is true.
+    /// The truth.
     pub truth: BenchTruth,
     /// The encoder.
     pub encoder: EncoderSamples,
     /// The sensor's channels.
     pub channels: BTreeMap<BenchChannel, BenchSamples>,
-    /// The pulses, if there are any.
+    /// The pulses, if any.
     pub pulses: Option<PulseSamples>,
 }
 
 impl SimulatedBench {
-    /// Encoder and sensor as a perfect reader would hand them over from one log, bit for bit the values that
-    /// logs hold: `encoder.bar`, the channels of [`BenchChannel::name`], and `pps.sensor`.
+    /// Encoder and sensor as a perfect reader would return them from one log, bit for bit the values in the logs:
+    /// `encoder.bar`, the channels of [`BenchChannel::name`], and `pps.sensor`.
     ///
     /// # Errors
-    /// [`SimulateError::Series`] if the samples make no series.
+    /// [`SimulateError::Series`] if the samples are not a valid series.
     pub fn to_flight(&self) -> Result<Flight, SimulateError> {
         let (mut encoder, sensor) = self.to_flights()?;
         encoder.channels.extend(sensor.channels);
@@ -79,7 +79,7 @@ impl SimulatedBench {
     /// The same from two logs: that of the encoder, with the pulses, and that of the sensor.
     ///
     /// # Errors
-    /// [`SimulateError::Series`] if the samples make no series.
+    /// [`SimulateError::Series`] if the samples are not a valid series.
     pub fn to_flights(&self) -> Result<(Flight, Flight), SimulateError> {
         let (mut encoder, mut sensor) = (Flight::default(), Flight::default());
         encoder.channels.insert(self.encoder_name().to_owned(), self.encoder_channel()?);
@@ -101,7 +101,7 @@ impl SimulatedBench {
         }
     }
 
-    /// The encoder's values as it sends them: counts, or rad.
+    /// The encoder's values as sent: counts, or rad.
     #[must_use]
     pub fn encoder_values(&self) -> Vec<f64> {
         let count_rad = std::f64::consts::TAU / self.settings.encoder.counts_per_rev();
@@ -137,7 +137,7 @@ impl SimulatedBench {
     }
 }
 
-/// Components as a flight has them, column by column.
+/// Components in the layout of a flight, column by column.
 pub(super) fn columns(which: BenchChannel, samples: &BenchSamples) -> Vec<Vec<f64>> {
     let column = |k: usize| -> Vec<f64> {
         match which.quantity() {
@@ -149,7 +149,7 @@ pub(super) fn columns(which: BenchChannel, samples: &BenchSamples) -> Vec<Vec<f6
     (0..which.quantity().components().len()).map(column).collect()
 }
 
-/// Rows whose values are all those of the row before; none, unless an update most often stands for two rows or more.
+/// Rows equal to the previous row in all values; empty unless most updates cover two rows or more.
 pub(super) fn held(components: &[Vec<f64>]) -> Vec<bool> {
     let rows = components.first().map_or(0, Vec::len);
     let repeats: Vec<bool> = (0..rows).map(|row| row > 0 && components.iter().all(|c| c[row] == c[row - 1])).collect();

@@ -1,4 +1,4 @@
-//! What a simulated bench is made of.
+//! Settings of a simulated bench.
 
 use super::bar::{Bar, Mount};
 use super::quantity::BenchChannel;
@@ -9,7 +9,7 @@ use flight::{Geodetic, Stamp};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Where and in what field the bench stands.
+/// Location and field of the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Site {
     /// Latitude, deg.
@@ -53,81 +53,80 @@ impl Default for Site {
     }
 }
 
-/// What the encoder sends.
+/// Output of the encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EncoderOutput {
     /// Counts.
     Count,
-    /// Counts as an angle: 2π/N of each, without sign or zero set right.
+    /// Counts as an angle: 2π/N each, without correction of sign or zero.
     Angle,
 }
 
 /// The encoder on the axis: counts n = round((ξ − zero)·N/(2π)·sign).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Encoder {
-    /// Lines of a revolution.
+    /// Lines per revolution.
     pub lines: u32,
-    /// Counts of a line: 1, 2 or 4.
+    /// Counts per line: 1, 2 or 4.
     pub decoding: u32,
-    /// +1 or −1: which way counts rise with the bar's angle.
+    /// +1 or −1: direction in which counts rise with the bar's angle.
     pub sign: f64,
     /// Bar angle at count zero, rad.
     pub zero_rad: f64,
-    /// What it sends.
+    /// Its output.
     pub output: EncoderOutput,
-    /// The counter goes from this number less one back to zero, if it does.
+    /// The counter wraps around at this number, if at all.
     pub wrap_counts: Option<u32>,
-    /// Its stamps and losses. Its delay is that of the encoder; noise and bias are not used.
+    /// Its timestamps and losses. Its delay is that of the encoder; noise and bias are not used.
     pub sampling: SensorSettings,
 }
 
 impl Encoder {
-    /// Counts of a revolution.
+    /// Counts per revolution.
     #[must_use]
     pub fn counts_per_rev(&self) -> f64 {
         f64::from(self.lines) * f64::from(self.decoding)
     }
 }
 
-/// Single samples that are far off.
+/// Outliers of single samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Outliers {
     /// Share of samples, 0 to 1.
     pub share: f64,
-    /// Standard deviation of each axis of those, in the channel's unit.
+    /// Standard deviation of these on each axis, in the channel's unit.
     pub std: f64,
 }
 
-/// One channel of the sensor. A row sent at the instant t says
-/// `soft iron · gain · lagged truth(u − delay) + bias + wander + white`, with u = t, or where the value is held the
-/// instant of its last update.
+/// One channel of the sensor. A row sent at the instant t is `soft iron · gain · lagged truth(u − delay) + bias +
+/// wander + white`, with u = t, or the instant of the last update if the value is held.
 ///
-/// Position counts from the pivot for the gain; the errors of an attitude are small rotations about the
-/// sensor's axes, rad, and its gain stretches the bar's angle.
+/// For the gain, position is relative to the pivot; the errors of an attitude are small rotations about the sensor's
+/// axes, rad, and its gain scales the bar's angle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchSensor {
-    /// Rate of the rows, delay, noise, bias, stamps, losses.
+    /// Rate of the rows, delay, noise, bias, timestamps, losses.
     pub sampling: SensorSettings,
-    /// Updates per second, where rows repeat a held value; `None`: every row is an update.
+    /// Updates per second, if rows repeat a held value; `None`: every row is an update.
     pub update_hz: Option<f64>,
-    /// Time constants of first-order lags, one behind the other, s.
+    /// Time constants of first-order lags in series, s.
     pub lags_s: Vec<f64>,
-    /// Factor on the truth.
+    /// Factor applied to the truth.
     pub gain: f64,
-    /// What mixes the axes of a magnetometer, row by row, in its own axes; the hard iron is the bias. `None`: nothing
-    /// does. Other channels do not look at it.
+    /// Matrix that mixes the axes of a magnetometer, row by row, in its own axes; the hard iron is the bias. `None`: no
+    /// mixing. Other channels ignore it.
     pub soft_iron: Option<[[f64; 3]; 3]>,
     /// From the pivot, forward, right, down of the bar, m; `None`: that of the bar.
     pub lever_arm_m: Option<[f64; 3]>,
-    /// Rotation vector R that turns sensor axes to body axes, rad: the sensor reads `exp(R)ᵀ u_body`.
+    /// Rotation vector R from sensor axes to body axes, rad: the sensor reads `exp(R)ᵀ u_body`.
     pub rotation_rad: [f64; 3],
     /// Outliers, if any.
     pub outliers: Option<Outliers>,
 }
 
 impl BenchSensor {
-    /// A channel without fault at this rate, delivered 2 ms after its stamp.
+    /// A perfect channel at this rate, delivered 2 ms after its timestamp.
     #[must_use]
     pub fn clean(rate_hz: f64) -> BenchSensor {
         BenchSensor {
@@ -188,17 +187,17 @@ impl BenchSensor {
     }
 }
 
-/// How a clock is off: at true time t it shows `offset + (1 + skew) t` seconds.
+/// Error of a clock: at true time t it shows `offset + (1 + skew) t` seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct ClockError {
-    /// At the start, s.
+    /// Offset at the start, s.
     pub offset_s: f64,
     /// Seconds gained per second.
     pub skew: f64,
 }
 
 impl ClockError {
-    /// What it shows, seconds after its own zero, at true time `t_s`.
+    /// Its reading, seconds after its own zero, at true time `t_s`.
     #[must_use]
     pub fn shows_s(&self, t_s: f64) -> f64 {
         self.offset_s + (1.0 + self.skew) * t_s
@@ -210,42 +209,42 @@ impl ClockError {
     }
 }
 
-/// The clocks beside the encoder's, which shows true time as UTC.
+/// The clocks other than the encoder's, which shows true time as UTC.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct BenchClocks {
-    /// The sensor's own clock, which stamps its samples since boot; `None`: the encoder's clock stamps them.
+    /// The sensor's own clock, which timestamps its samples since boot; `None`: the encoder's clock timestamps them.
     pub device: Option<ClockError>,
-    /// The clock of the logger that stamps the arrival of every message: UTC, with this error.
+    /// The clock of the logger that timestamps the arrival of every message: UTC, with this error.
     pub logger: ClockError,
 }
 
-/// A pulse at each full second of the sensor's clock (or of the encoder's, where that stamps all).
+/// A pulse at each full second of the sensor's clock (or of the encoder's, if that is the only one).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pulses {
-    /// Standard deviation of the stamp of an edge in the encoder's clock, s.
+    /// Standard deviation of the timestamp of an edge in the encoder's clock, s.
     pub stamp_jitter_s: f64,
-    /// Share of pulses that are lost.
+    /// Share of lost pulses.
     pub drop_share: f64,
 }
 
 /// A bench to simulate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchSettings {
-    /// Draws the swing, the noise and the latencies.
+    /// Seed of the swing, the noise and the latencies.
     pub seed: u64,
     /// Time zero, UTC, as the encoder's clock shows it.
     pub start: Stamp,
-    /// Where it stands.
+    /// Its location.
     pub site: Site,
     /// The bar.
     pub bar: Bar,
-    /// Its angle at rest, rad: the swing goes to both sides of it.
+    /// Its angle at rest, rad: the swing goes to both sides of this angle.
     pub rest_angle_rad: f64,
-    /// How it is moved.
+    /// Kind of motion.
     pub swing: Swing,
-    /// How long it swings, s.
+    /// Duration of the swing, s.
     pub swing_s: f64,
-    /// How long it rests before and after, s.
+    /// Duration of the rest before and after, s.
     pub rest_s: [f64; 2],
     /// The encoder.
     pub encoder: Encoder,
@@ -253,14 +252,14 @@ pub struct BenchSettings {
     pub sensor: BTreeMap<BenchChannel, BenchSensor>,
     /// Clocks.
     pub clocks: BenchClocks,
-    /// Pulse per second, if there is one.
+    /// Pulse per second, if any.
     pub pulses: Option<Pulses>,
 }
 
 impl Default for BenchSettings {
-    /// The paper's bench with a plain receiver: upright bar of 1.3 m, 60 s of hand-driven swing of ±60° between
-    /// 10 s of rest, encoder of 2000 counts at 100 Hz, one clock. An MTi-G-like sensor at 100 Hz, on time, but
-    /// for the position: 0.4 s late, updated at 4 Hz and held in 100 Hz rows.
+    /// The paper's bench with a plain receiver: upright bar of 1.3 m, 60 s of hand-driven swing of ±60° between 10 s of
+    /// rest, encoder of 2000 counts at 100 Hz, one clock. An MTi-G-like sensor at 100 Hz, on time, except for the
+    /// position: 0.4 s late, updated at 4 Hz and held in 100 Hz rows.
     fn default() -> BenchSettings {
         let position = BenchSensor { update_hz: Some(4.0), ..BenchSensor::noisy(100.0, 0.05) };
         let mut sensor = inertial();
@@ -302,21 +301,21 @@ impl BenchSettings {
         settings
     }
 
-    /// With these channels alone.
+    /// With only these channels.
     #[must_use]
     pub fn only(mut self, channels: &[BenchChannel]) -> BenchSettings {
         self.sensor.retain(|channel, _| channels.contains(channel));
         self
     }
 
-    /// With another or one more channel.
+    /// With a replaced or additional channel.
     #[must_use]
     pub fn with(mut self, channel: BenchChannel, sensor: BenchSensor) -> BenchSettings {
         self.sensor.insert(channel, sensor);
         self
     }
 
-    /// From time zero to the end, s.
+    /// Duration from time zero to the end, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.rest_s[0] + self.swing_s + self.rest_s[1]
@@ -357,7 +356,7 @@ impl Encoder {
     }
 }
 
-/// Everything but a position: rates and noise of the order of an MTi-G's of 2010.
+/// All channels except positions: rates and noise similar to an MTi-G of 2010.
 fn inertial() -> BTreeMap<BenchChannel, BenchSensor> {
     BTreeMap::from([
         (BenchChannel::VelocityIns, BenchSensor::noisy(100.0, 0.02).wandering(0.03, 5.0)),

@@ -1,4 +1,4 @@
-//! How the bar is moved: laws with exact derivatives, that begin and end at rest.
+//! Motion of the bar: laws with exact derivatives that start and end at rest.
 
 use super::bar::Bar;
 use super::lag::{Nodes, STEP_S};
@@ -9,14 +9,14 @@ use rand_distr::{Distribution, Exp1, StandardNormal};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// Time in which a swing is let in at its begin and stopped at its end, s; at most a quarter of the swing.
+/// Time to fade a swing in at its start and out at its end, s; at most a quarter of the swing.
 const EASE_S: f64 = 2.0;
 
-/// A way to move the bar.
+/// A kind of motion of the bar.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "moved", rename_all = "kebab-case")]
 pub enum Swing {
-    /// Waved by hand: a sum of sines drawn by the seed, most of them about `centre_hz`, a few faster and smaller.
+    /// Waved by hand: a sum of sines determined by the seed, most of them about `centre_hz`, a few faster and smaller.
     Hand {
         /// Largest angle, rad.
         amplitude_rad: f64,
@@ -27,14 +27,14 @@ pub enum Swing {
         /// Fastest of the small motions, Hz.
         fastest_hz: f64,
     },
-    /// A pendulum that hangs and is pushed about twice a swing: `θ″ = −(g/L) sin θ − c θ′ + pushes`.
+    /// A hanging pendulum, pushed about twice per swing: `θ″ = −(g/L) sin θ − c θ′ + pushes`.
     Pushed {
-        /// Largest angle, rad; met within a percent.
+        /// Largest angle, rad; reached within a percent.
         amplitude_rad: f64,
         /// Damping c, 1/s.
         damping_per_s: f64,
     },
-    /// One sine: hard to tell a lag from a delay with.
+    /// One sine, which makes a lag hard to distinguish from a delay.
     Sine {
         /// Largest angle, rad.
         amplitude_rad: f64,
@@ -78,14 +78,14 @@ impl Swing {
     }
 }
 
-/// The frequencies of a bar that is waved by hand.
+/// The frequencies of a hand-waved bar.
 fn check_hand(centre_hz: f64, spread_hz: f64, fastest_hz: f64) -> Result<(), SimulateError> {
     within("swing.centre_hz", centre_hz, 0.05, 10.0, "between 0.05 and 10 Hz")?;
     within("swing.spread_hz", spread_hz, 0.0, 10.0, "between 0 and 10 Hz")?;
     within("swing.fastest_hz", fastest_hz, 0.8, 20.0, "between 0.8 and 20 Hz")
 }
 
-/// A swing as drawn: angle about the angle at rest and its derivatives, from its begin to its end.
+/// A swing with its random values: angle about the angle at rest and its derivatives, from start to end.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SwingCurve {
     law: Law,
@@ -127,7 +127,7 @@ impl SwingCurve {
         SwingCurve { law, swing_s }
     }
 
-    /// Angle, rate, acceleration, jerk at `t_s` after its begin: rad and seconds. Zero outside.
+    /// Angle, rate, acceleration, jerk at `t_s` after its start: rad and seconds. Zero outside.
     pub(super) fn at(&self, t_s: f64) -> [f64; 4] {
         if !(0.0..=self.swing_s).contains(&t_s) {
             return [0.0; 4];
@@ -142,13 +142,13 @@ impl SwingCurve {
         product(window, free)
     }
 
-    /// Largest angle, within what it changes in 5 ms.
+    /// Largest angle, to within its change in 5 ms.
     fn largest(&self) -> f64 {
         let count = (self.swing_s / 0.005) as usize;
         (0..=count).map(|i| self.at(i as f64 * 0.005)[0].abs()).fold(0.0, f64::max)
     }
 
-    /// The sines, stretched so that the largest angle of the swing is as wanted.
+    /// The sines, scaled to the requested largest angle of the swing.
     fn scaled_to(self, amplitude: f64) -> Law {
         let factor = amplitude / self.largest().max(f64::MIN_POSITIVE);
         match self.law {
@@ -160,7 +160,7 @@ impl SwingCurve {
     }
 }
 
-/// Sixteen sines of the swing itself, eight that are faster and smaller.
+/// Sixteen sines of the swing itself, eight faster and smaller ones.
 fn hand(centre_hz: f64, spread_hz: f64, fastest_hz: f64, random: &mut impl Rng) -> Vec<Sine> {
     let mut sines = vec![];
     let mut sine = |f: f64, amplitude: f64, random: &mut dyn FnMut() -> f64| {
@@ -195,7 +195,7 @@ fn sum_of(sines: &[Sine], t_s: f64) -> [f64; 4] {
     sum
 }
 
-/// Pushes on a hanging pendulum: acceleration `height · sin⁴` over its width each.
+/// Pushes on a hanging pendulum: acceleration `height · sin⁴` over the width of each.
 #[derive(Debug, Clone)]
 struct Pushes {
     swing_s: f64,
@@ -230,8 +230,8 @@ impl Pushes {
         Pushes { swing_s, stiffness, damping, pushes }
     }
 
-    /// Pushes of the least strength that swings it as far as wanted: steps up to the first that goes further, then
-    /// bisection. (A swing that grows falls out of step with its pushes: further is not always harder.)
+    /// Pushes of the smallest strength that reaches the requested angle: steps up to the first that exceeds it, then
+    /// bisection. (A growing swing gets out of step with its pushes: stronger pushes do not always swing further.)
     fn scaled_to(self, amplitude: f64) -> Pushes {
         let scaled = |factor: f64| {
             let pushes = self.pushes.iter().map(|push| Push { height: push.height * factor, ..*push }).collect();
@@ -279,7 +279,7 @@ impl Pushes {
         Nodes { first_s: 0.0, step_s, rows }
     }
 
-    /// Acceleration of the pushes from number `first` on; each ends before the one after the next begins.
+    /// Acceleration of the pushes from number `first` on; each ends before the next but one starts.
     fn push(&self, first: usize, t_s: f64) -> f64 {
         let near = self.pushes.iter().skip(first).take(3);
         let inside = near.filter(|p| (p.begin_s..p.begin_s + p.width_s).contains(&t_s));

@@ -1,4 +1,4 @@
-//! Truth against closed formulas, samples against truth.
+//! Compares truth with closed formulas, and samples with truth.
 
 use super::lag::Lagged;
 use super::*;
@@ -31,7 +31,7 @@ fn swings() -> [Swing; 3] {
 }
 
 #[test]
-fn rate_acceleration_and_jerk_are_derivatives_of_the_angle_in_every_swing_and_when_the_bar_bends() {
+fn rate_acceleration_and_jerk_are_derivatives_of_the_angle() {
     for swing in swings() {
         for flexible in [None, Some(FlexibleBar::of_tip_mass(0.5, 4.0, 0.02))] {
             let mut settings = BenchSettings { swing, ..still() };
@@ -50,7 +50,7 @@ fn rate_acceleration_and_jerk_are_derivatives_of_the_angle_in_every_swing_and_wh
                         (slope(h, t, |t| at(&truth, t).rate), now.acceleration),
                         (slope(h, t, |t| at(&truth, t).acceleration), now.jerk),
                     ];
-                    // h⁴/30 of a fifth derivative below 1e5 is 1e-6; where a push begins it has a step.
+                    // h⁴/30 of a fifth derivative below 1e5 is 1e-6; it has a step at the start of a push.
                     for (order, (numeric, exact)) in pairs.into_iter().enumerate() {
                         let limit = [2e-5, 2e-4, 2e-2][order] * (1.0 + exact.abs());
                         assert!((numeric - exact).abs() < limit, "{swing:?} {which} {order} at {t}: {numeric} {exact}");
@@ -62,7 +62,7 @@ fn rate_acceleration_and_jerk_are_derivatives_of_the_angle_in_every_swing_and_wh
 }
 
 #[test]
-fn a_swing_rests_before_and_after_and_goes_as_far_as_it_was_asked_to() {
+fn a_swing_rests_before_and_after_and_reaches_the_requested_angle() {
     for (swing, amplitude, within) in [(swings()[0], PI / 3.0, 0.001), (swings()[1], PI / 3.0, 0.01)] {
         for seed in 1..4 {
             let truth = bench(&BenchSettings { swing, seed, rest_angle_rad: 0.2, ..still() }).truth;
@@ -78,7 +78,7 @@ fn a_swing_rests_before_and_after_and_goes_as_far_as_it_was_asked_to() {
 }
 
 #[test]
-fn between_pushes_a_hanging_pendulum_feels_nothing_along_its_swing_but_damping() {
+fn between_pushes_a_hanging_pendulum_only_measures_damping() {
     // Design note 1.6: f_X = L ξ″ + g sin ξ = L (push − c ξ′).
     let mut settings = clean(BenchChannel::SpecificForce, BenchSensor::clean(100.0));
     settings.bar.mount = Mount::Hanging;
@@ -94,7 +94,7 @@ fn between_pushes_a_hanging_pendulum_feels_nothing_along_its_swing_but_damping()
 }
 
 #[test]
-fn position_velocity_and_specific_force_of_any_lever_arm_belong_together() {
+fn position_velocity_and_specific_force_are_consistent_for_any_arm() {
     let arms = [[0.0, 0.0, -1.3], [0.0, 0.0, 1.3], [0.21, -0.1, -1.15]];
     for (arm, flexible) in arms
         .into_iter()
@@ -110,7 +110,7 @@ fn position_velocity_and_specific_force_of_any_lever_arm_belong_together() {
             let v = |t: f64, k: usize| truth.value(BenchChannel::VelocityIns, t)[k];
             let acceleration = [0, 1, 2].map(|k| slope(0.003, t, |t| v(t, k)));
             (0..3).for_each(|k| assert!((slope(0.003, t, |t| p(t, k)) - v(t, k)).abs() < 1e-6, "{arm:?} {t}"));
-            // Turned back by the attitude: f_NED = a − g.
+            // Rotated back by the attitude: f_NED = a − g.
             let f = truth.value(BenchChannel::SpecificForce, t);
             let q = truth.value(BenchChannel::Attitude, t);
             let q = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]));
@@ -118,7 +118,7 @@ fn position_velocity_and_specific_force_of_any_lever_arm_belong_together() {
             let expected = [acceleration[0], acceleration[1], acceleration[2] - g];
             (0..3).for_each(|k| assert!((ned[k] - expected[k]).abs() < 1e-5, "{arm:?} {t} {k}: {ned} {expected:?}"));
             assert_eq!(truth.value(BenchChannel::Height, t), [-p(t, 2)]);
-            // The field of the site, turned to the body, is what the magnetometer reads.
+            // The magnetometer reads the field of the site, rotated to the body.
             let field = q.inverse() * nalgebra::Vector3::from(settings.site.field_t);
             let read = truth.value(BenchChannel::MagneticField, t);
             (0..3).for_each(|k| assert!((read[k] - field[k]).abs() < 1e-18));
@@ -136,7 +136,7 @@ fn assert_upright(channel: BenchChannel, expected: impl Fn(BarMotion) -> Vec<f64
 }
 
 #[test]
-fn the_upright_bench_moves_as_the_paper_prints() {
+fn the_upright_bench_moves_as_in_the_paper() {
     let (l, eta) = (1.3, 30f64.to_radians());
     assert_upright(BenchChannel::PositionGps, |BarMotion { angle: xi, .. }| {
         vec![-l * eta.cos() * xi.sin(), -l * eta.sin() * xi.sin(), -l * xi.cos()]
@@ -152,7 +152,7 @@ fn the_upright_bench_moves_as_the_paper_prints() {
 }
 
 #[test]
-fn the_upright_bench_feels_what_the_paper_prints() {
+fn the_upright_bench_measures_the_forces_of_the_paper() {
     let (l, g) = (1.3, still().site.gravity_mps2);
     assert_upright(BenchChannel::SpecificForce, |BarMotion { angle: xi, rate, acceleration, .. }| {
         vec![-l * acceleration + g * xi.sin(), 0.0, l * rate * rate - g * xi.cos()]
@@ -161,7 +161,7 @@ fn the_upright_bench_feels_what_the_paper_prints() {
 }
 
 #[test]
-fn a_late_sensor_with_gain_and_bias_says_gain_times_truth_of_before_plus_bias() {
+fn a_late_sensor_reads_gain_times_earlier_truth_plus_bias() {
     for channel in BenchChannel::ALL {
         let sensor = BenchSensor { gain: 1.05, ..BenchSensor::clean(50.0) }.late(0.137).biased([0.1, -0.2, 0.3]);
         let bench = bench(&clean(channel, sensor));
@@ -190,8 +190,8 @@ fn a_late_sensor_with_gain_and_bias_says_gain_times_truth_of_before_plus_bias() 
 }
 
 #[test]
-fn a_turned_sensor_reads_the_body_in_its_own_axes() {
-    // A quarter turn about x carries the sensor's y to the body's z: what is along the body's z, it feels along y.
+fn a_rotated_sensor_reads_the_body_in_its_own_axes() {
+    // A quarter turn about x maps the sensor's y to the body's z: it measures along y what is along the body's z.
     let sensor = BenchSensor { rotation_rad: [PI / 2.0, 0.0, 0.0], ..BenchSensor::clean(100.0) };
     let bench = bench(&clean(BenchChannel::SpecificForce, sensor));
     let force = bench.truth.value(BenchChannel::SpecificForce, 0.0);
@@ -200,7 +200,7 @@ fn a_turned_sensor_reads_the_body_in_its_own_axes() {
 }
 
 #[test]
-fn a_lag_weakens_and_delays_a_sine_as_its_formula_says() {
+fn a_lag_attenuates_and_delays_a_sine_as_predicted() {
     for (tau, f) in [(0.02, 0.5), (0.15, 2.0), (0.0005, 1.0)] {
         let omega = TAU * f;
         let input = |t: f64| if t < 0.0 { [0.0; 3] } else { [(omega * t).sin(), 1.0, t] };
@@ -217,7 +217,7 @@ fn a_lag_weakens_and_delays_a_sine_as_its_formula_says() {
 }
 
 #[test]
-fn two_lags_stand_behind_one_another_and_shift_a_slow_swing_by_their_sum() {
+fn two_lags_in_series_shift_a_slow_swing_by_their_sum() {
     // d/dt of the height is far below 1/τ: delay = sum of the lags, to second order.
     let sensor = BenchSensor { lags_s: vec![0.01, 0.02], ..BenchSensor::clean(100.0) }.late(0.1);
     let bench = bench(&clean(BenchChannel::PositionIns, sensor));
@@ -234,7 +234,7 @@ fn two_lags_stand_behind_one_another_and_shift_a_slow_swing_by_their_sum() {
 }
 
 #[test]
-fn a_bar_that_bends_swings_further_by_the_response_of_its_mode() {
+fn a_bending_bar_swings_further_by_the_response_of_its_mode() {
     let mode = FlexibleBar { frequency_hz: 4.0, damping: 0.05, participation: 1.031, slope_ratio: 1.4767 };
     let mut settings = BenchSettings { swing: Swing::Sine { amplitude_rad: 0.5, frequency_hz: 0.55 }, ..still() };
     settings.bar.flexible = Some(mode);
@@ -250,12 +250,12 @@ fn a_bar_that_bends_swings_further_by_the_response_of_its_mode() {
         assert!((chord.angle - axis.angle - deflection).abs() < 1e-7, "{t}: {} {deflection}", chord.angle - axis.angle);
         assert!((slope.angle - axis.angle - 1.4767 * deflection).abs() < 1.5e-7);
     }
-    // Design note 1.6: 1.0199 less its terms of higher order at 0.55 Hz and 4 Hz.
+    // Design note 1.6: 1.0199 minus its terms of higher order at 0.55 Hz and 4 Hz.
     assert!((scale * re - 0.0199).abs() < 1e-3, "{}", scale * re);
 }
 
 #[test]
-fn a_held_position_repeats_the_last_update_and_its_truth_is_that_of_the_update() {
+fn a_held_position_repeats_the_last_update_and_its_truth() {
     let sensor = BenchSensor { update_hz: Some(4.0), ..BenchSensor::noisy(100.0, 0.01) }.late(0.4);
     let bench = bench(&clean(BenchChannel::PositionGps, sensor));
     let samples = &bench.channels[&BenchChannel::PositionGps];
@@ -269,7 +269,7 @@ fn a_held_position_repeats_the_last_update_and_its_truth_is_that_of_the_update()
     let channel = &flight.channels["position.gps"];
     assert_eq!((channel.update_rows().len(), channel.series.len()), (321, 8001));
     assert_eq!(channel.update_rows()[..3], [0, 25, 50]);
-    // What is sent as degrees is that position.
+    // The degrees sent are that position.
     let frame = LocalFrame::new(bench.settings.site.pivot());
     let [latitude, longitude, height] = samples.geodetic_deg[700];
     let ned = frame.to_ned(flight::Geodetic::from_degrees(latitude, longitude, height));
@@ -277,7 +277,7 @@ fn a_held_position_repeats_the_last_update_and_its_truth_is_that_of_the_update()
 }
 
 #[test]
-fn counts_are_the_angle_in_steps_of_the_encoder_with_its_sign_and_zero() {
+fn counts_are_the_quantised_angle_with_the_encoders_sign_and_zero() {
     for (lines, decoding, sign, wrap) in [(2000, 1, 1.0, None), (2000, 4, -1.0, None), (1024, 4, 1.0, Some(4096))] {
         let mut settings = still();
         settings.encoder = Encoder {
@@ -308,7 +308,7 @@ fn counts_are_the_angle_in_steps_of_the_encoder_with_its_sign_and_zero() {
 }
 
 #[test]
-fn a_device_clock_stamps_its_own_seconds_and_the_logger_the_arrival() {
+fn a_device_clock_timestamps_samples_and_the_logger_arrivals() {
     let mut settings = clean(BenchChannel::AngularRate, BenchSensor::clean(100.0));
     settings.clocks.device = Some(ClockError { offset_s: 500.0, skew: 1e-3 });
     settings.clocks.logger = ClockError { offset_s: -2.0, skew: -1e-4 };
@@ -351,7 +351,7 @@ fn pulses_mark_the_full_seconds_of_the_sensors_clock() {
 }
 
 #[test]
-fn outliers_and_losses_have_the_shares_that_were_asked_for() {
+fn outliers_and_losses_have_the_requested_shares() {
     let mut sensor = BenchSensor { outliers: Some(Outliers { share: 0.02, std: 1.0 }), ..BenchSensor::clean(100.0) };
     sensor.sampling.drop_share = 0.1;
     sensor.sampling.gaps = vec![Interval { from_s: 30.0, to_s: 40.0 }];
@@ -366,7 +366,7 @@ fn outliers_and_losses_have_the_shares_that_were_asked_for() {
 }
 
 #[test]
-fn the_same_settings_give_the_same_bench_and_noise_of_one_channel_does_not_move_another() {
+fn benches_are_reproducible_and_channel_noise_is_independent() {
     let settings = BenchSettings { swing_s: 10.0, ..BenchSettings::default() };
     assert_eq!(bench(&settings), bench(&settings));
     let other = settings.clone().with(BenchChannel::Height, BenchSensor::noisy(20.0, 5.0));
@@ -378,7 +378,7 @@ fn the_same_settings_give_the_same_bench_and_noise_of_one_channel_does_not_move_
 }
 
 #[test]
-fn settings_that_make_no_sense_are_refused_by_name() {
+fn invalid_settings_are_rejected_by_name() {
     let refused = |change: &dyn Fn(&mut BenchSettings)| {
         let mut settings = BenchSettings::default();
         change(&mut settings);
@@ -399,7 +399,7 @@ fn settings_that_make_no_sense_are_refused_by_name() {
 }
 
 #[test]
-fn every_format_of_a_bench_gives_the_same_bytes_twice_and_other_bytes_for_another_seed() {
+fn every_bench_format_is_reproducible_and_depends_on_the_seed() {
     let settings = BenchSettings { swing_s: 5.0, rest_s: [1.0, 1.0], ..BenchSettings::default() };
     let (one, again) = (bench(&settings), bench(&settings));
     let other = bench(&BenchSettings { seed: 2, ..settings });
@@ -414,7 +414,7 @@ fn every_format_of_a_bench_gives_the_same_bytes_twice_and_other_bytes_for_anothe
 }
 
 #[test]
-fn the_bench_demo_tells_the_truth_beside_its_logs() {
+fn the_bench_demo_writes_the_truth_next_to_its_logs() {
     let folder = tempfile::tempdir().unwrap();
     let demo = write_bench_demo(folder.path(), 1).unwrap();
     let size = |path: &str| std::fs::metadata(folder.path().join(path)).unwrap().len();
@@ -432,7 +432,7 @@ fn the_bench_demo_tells_the_truth_beside_its_logs() {
 }
 
 #[test]
-fn days_are_those_of_the_calendar() {
+fn days_are_calendar_days() {
     let day = |s: i64| rig::day(s * flight::NANOS_PER_SECOND);
     // date -u -d @N +%F
     assert_eq!(

@@ -7,7 +7,7 @@ use super::settings::EncoderOutput;
 use crate::error::SimulateError;
 use flight::{Clock, Flight, Series, Stamp, StampKind, Timeline};
 
-/// Rows of the table: true times, stamps, and the clock of these.
+/// Rows of the table: true times, timestamps, and the clock of these.
 struct Rows<'a> {
     at_s: &'a [f64],
     stamps: &'a [Stamp],
@@ -24,14 +24,14 @@ fn rows(bench: &SimulatedBench, part: Part) -> Rows<'_> {
     longest.map_or(Rows { at_s: &[], stamps: &[], clock }, |s| Rows { at_s: &s.at_s, stamps: &s.measured, clock })
 }
 
-/// Of each row of the table the newest row of a channel.
+/// For each row of the table, the newest row of a channel.
 fn newest(rows: &Rows<'_>, samples: &BenchSamples) -> Vec<Option<usize>> {
-    // A nanosecond, for the same instant counted in two clocks.
+    // One nanosecond of tolerance, for the same instant counted in two clocks.
     let last = |t: &f64| samples.at_s.partition_point(|at| *at <= t + 1e-9).checked_sub(1);
     rows.at_s.iter().map(last).collect()
 }
 
-/// Names say the unit; body axes are forward, right, down; a quaternion turns them to north, east, down.
+/// Names contain the unit; body axes are forward, right, down; a quaternion rotates them to north, east, down.
 fn names(channel: BenchChannel) -> Vec<String> {
     let of = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
     match channel {
@@ -79,11 +79,11 @@ pub(super) fn table(bench: &SimulatedBench, part: Part) -> Vec<u8> {
 }
 
 impl SimulatedBench {
-    /// What a perfect reader would make of the bench's wide table: all channels by the stamps of the encoder,
-    /// which count as the logger's, with repeats marked where a channel or its updates are slower than the rows.
+    /// The bench's wide table as a perfect reader would return it: all channels by the timestamps of the encoder, which
+    /// count as the logger's, with repeats marked if a channel or its updates are slower than the rows.
     ///
     /// # Errors
-    /// [`SimulateError::Series`] if the samples make no series.
+    /// [`SimulateError::Series`] if the samples are not a valid series.
     pub fn to_wide_flight(&self) -> Result<Flight, SimulateError> {
         let rows = rows(self, Part::Whole);
         let mut flight = self.to_flight()?;

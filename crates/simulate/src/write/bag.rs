@@ -1,9 +1,8 @@
 //! ROS 1 bag, format 2.0.
 //!
-//! A bag is `#ROSBAG V2.0\n` and records: `u32` length of a header of `u32`-counted `name=value`
-//! fields, the header, `u32` length of the data, the data. A chunk holds connections and messages;
-//! after it stands an index for each connection in it; at the end all connections and a summary of
-//! each chunk, to which the first record points.
+//! A bag is `#ROSBAG V2.0\n` and records: `u32` length of a header of `u32`-counted `name=value` fields, the header,
+//! `u32` length of the data, the data. A chunk holds connections and messages. It is followed by an index for each
+//! connection in it. At the end are all connections and a summary of each chunk; the first record points there.
 
 use super::message::{Message, ros_time};
 use super::{Logbook, Topic};
@@ -11,31 +10,31 @@ use crate::error::SimulateError;
 use flight::Stamp;
 use std::io::Write;
 
-/// How a bag is written.
+/// Options for writing a bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct BagSettings {
-    /// Chunks.
+    /// Compression of the chunks.
     pub compression: BagCompression,
-    /// Whether it was closed in order. One that was not has no index at its end and says so with an
-    /// index position of zero: what a recorder leaves when it is killed.
+    /// Whether it was closed properly. Otherwise it has no index at its end and an index position of zero, as left by a
+    /// killed recorder.
     pub indexed: bool,
 }
 
-/// How chunks are packed.
+/// Compression of the chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BagCompression {
-    /// As they are.
+    /// Uncompressed.
     None,
     /// bzip2.
     Bz2,
-    /// LZ4 frames whose blocks stand alone.
+    /// LZ4 frames with independent blocks.
     Lz4Independent,
-    /// LZ4 frames whose blocks refer to those before, as `rosbag` writes.
+    /// LZ4 frames whose blocks refer to previous ones, as `rosbag` writes.
     Lz4Linked,
 }
 
 impl Default for BagSettings {
-    /// As `rosbag record` writes: not compressed, indexed.
+    /// As `rosbag record` writes: uncompressed, indexed.
     fn default() -> BagSettings {
         BagSettings { compression: BagCompression::None, indexed: true }
     }
@@ -43,7 +42,7 @@ impl Default for BagSettings {
 
 /// Uncompressed bytes of a chunk: small, so that short flights have several.
 const CHUNK_BYTES: usize = 256 << 10;
-/// Bytes of the first record with its two lengths, by convention of the format.
+/// Size of the first record including its two lengths, by convention of the format.
 const BAG_HEADER_BYTES: usize = 4096;
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 
@@ -84,7 +83,7 @@ struct Chunk {
 }
 
 impl Bag<'_> {
-    /// Appends a message; the first of a topic brings its connection.
+    /// Appends a message; the first one of a topic adds its connection.
     fn add(&mut self, chunk: &mut Chunk, message: &Message) {
         if !std::mem::replace(&mut self.known[message.topic], true) {
             chunk.bytes.extend(self.connection(message.topic));
@@ -112,7 +111,7 @@ impl Bag<'_> {
         Ok(())
     }
 
-    /// Connections and chunk summaries, then the first record once more with its true numbers.
+    /// Connections and chunk summaries, then the first record again with its final numbers.
     fn finish(mut self) -> Vec<u8> {
         if !self.settings.indexed {
             return self.bytes;
@@ -233,7 +232,7 @@ fn header_bytes(fields: &[(&str, &[u8])]) -> Vec<u8> {
         .collect()
 }
 
-/// The bytes after their number as `u32`.
+/// The bytes after their length as `u32`.
 fn counted(bytes: &[u8]) -> impl Iterator<Item = u8> {
     (bytes.len() as u32).to_le_bytes().into_iter().chain(bytes.iter().copied())
 }

@@ -1,4 +1,4 @@
-//! What a camera and a laser scanner write beside a flight: most bytes of such a log, and nothing that a delay needs.
+//! Camera and laser scanner data of a flight: most bytes of such a log, but irrelevant for a delay.
 
 use super::definition::COMPRESSED_IMAGE;
 use super::message::{Header, Message, Value};
@@ -23,7 +23,7 @@ const CAMERA: Images = Images {
     frame_id: "camera",
     format: "jpeg",
     rate_hz: 5.0,
-    // Compressed once, it cannot be compressed again.
+    // Compressed once, so that it cannot be compressed again.
     draw: |random| (0..48_000).map(|_| random.random()).collect(),
 };
 const SCANNER: Images = Images {
@@ -43,7 +43,7 @@ pub(super) fn is_heavy(topic: &Topic) -> bool {
     [CAMERA.name, SCANNER.name].contains(&topic.name.as_str())
 }
 
-/// The logbook with their topics.
+/// The logbook including their topics.
 pub(super) fn added(log: Logbook, flight: &SimulatedFlight) -> Logbook {
     let Logbook { mut topics, mut messages } = log;
     for images in [CAMERA, SCANNER] {

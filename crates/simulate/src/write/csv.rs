@@ -1,4 +1,4 @@
-//! Tables. Numbers are written with as many digits as they need to be read back bit for bit.
+//! Tables. Numbers are written with enough digits to be read back bit for bit.
 
 use super::message::Message;
 use super::{LogFile, Logbook};
@@ -8,8 +8,8 @@ use crate::simulated::SimulatedFlight;
 const WIDE_HEADER: &str = "time_ns,latitude,longitude,altitude,velocity_north,velocity_east,velocity_down,\
     truth_latitude,truth_longitude,truth_altitude\nns,deg,deg,m,m/s,m/s,m/s,deg,deg,m\n";
 
-/// A row for each velocity with the position as last received: the fixes' own stamps are lost, as
-/// in tables made by hand. A cell of the truth is empty where the truth has no row of that instant.
+/// A row for each velocity with the last received position: the fixes' own timestamps are lost, as in hand-made tables.
+/// A cell of the truth is empty if the truth has no row at that instant.
 pub(super) fn wide(flight: &SimulatedFlight) -> Vec<u8> {
     let mut text = WIDE_HEADER.to_owned();
     for (velocity, position) in flight.held_rows() {
@@ -34,7 +34,7 @@ fn truth_at(flight: &SimulatedFlight, at_s: f64) -> Option<&[f64; 3]> {
     flight.reference.geodetic_deg.get(row)
 }
 
-/// One table a topic that has messages, in the columns of `rostopic echo -p`.
+/// One table per topic with messages, in the columns of `rostopic echo -p`.
 pub(super) fn folder(log: &Logbook, stem: &str) -> Vec<LogFile> {
     let table = |(index, topic): (usize, &super::Topic)| {
         let mut messages = log.messages.iter().filter(|m| m.topic == index).peekable();

@@ -1,16 +1,17 @@
-//! ArduPilot DataFlash: binary, and the text that ground stations make of it.
+//! ArduPilot DataFlash: binary, and the text that ground stations convert it to.
 //!
-//! A position is a `GPS` record, a velocity that of the estimator (`XKF1`), the truth a `SIM`. Values have the quantum of
-//! their format character: 1e-7 deg (`L`), 0.01 m (`e`), single precision (`f`), stamps whole microseconds.
+//! A position is a `GPS` record, a velocity that of the estimator (`XKF1`), the truth a `SIM`. Values have the
+//! resolution of their format character: 1e-7 deg (`L`), 0.01 m (`e`), single precision (`f`), timestamps whole
+//! microseconds.
 
 use crate::samples::Samples;
 use crate::simulated::SimulatedFlight;
 use flight::{Stamp, WEEK_S, gps_of_unix};
 
-/// Time since boot at which the flight begins, µs.
+/// Time since boot at the start of the flight, µs.
 const BOOT_US: i64 = 60_000_000;
 
-/// A type of records, as `FMT` and `FMTU` describe it.
+/// A record type, as described by `FMT` and `FMTU`.
 struct Kind {
     id: u8,
     name: &'static str,
@@ -37,7 +38,7 @@ const XKF1: Kind = kind(76, "XKF1", ["QBfff", "TimeUS,C,VN,VE,VD", "s#nnn", "F-0
 const SIM: Kind = kind(104, "SIM", ["QfLL", "TimeUS,Alt,Lat,Lng", "smDU", "F0GG"]);
 const KINDS: [&Kind; 10] = [&FMT, &UNIT, &FMTU, &MULT, &PARM, &MSG, &MODE, &GPS, &XKF1, &SIM];
 
-/// Letters of units, and of multipliers, that the types use.
+/// Letters of units, and of multipliers, used by the types.
 const UNITS: [(u8, &str); 9] = [
     (b'-', ""),
     (b's', "s"),
@@ -51,14 +52,14 @@ const UNITS: [(u8, &str); 9] = [
 ];
 const MULTIPLIERS: [(u8, f64); 5] = [(b'-', 0.0), (b'0', 1.0), (b'B', 1e-2), (b'F', 1e-6), (b'G', 1e-7)];
 
-/// A value of a record, in the unit that a reader is to see.
+/// A value of a record, in the unit after reading.
 enum Value {
     Integer(i64),
     Number(f64),
     Text(String),
 }
 
-/// A record, and when the logger had it.
+/// A record, and its arrival at the logger.
 struct Record {
     logged: Stamp,
     kind: &'static Kind,
@@ -125,7 +126,7 @@ fn positions(flight: &SimulatedFlight) -> Vec<Record> {
     all
 }
 
-/// A text a second, which nobody asks for.
+/// One text per second, which is not needed.
 fn notes(flight: &SimulatedFlight) -> impl Iterator<Item = Record> {
     (0..flight.settings.duration_s as u32).map(|second| {
         let logged = flight.settings.start.plus_seconds(f64::from(second) + 0.0005);
@@ -134,7 +135,7 @@ fn notes(flight: &SimulatedFlight) -> impl Iterator<Item = Record> {
     })
 }
 
-/// What stands in front of all samples.
+/// Records before all samples.
 fn definitions(flight: &SimulatedFlight) -> Vec<Record> {
     let start = flight.settings.start;
     let boot = || time(flight, start);
@@ -169,7 +170,7 @@ fn time(flight: &SimulatedFlight, stamp: Stamp) -> Value {
 }
 
 impl Kind {
-    /// Of a record, header included.
+    /// Length of a record, including the header.
     fn length(&self) -> i64 {
         let size = |code| match code {
             b'b' | b'B' | b'M' => 1,
@@ -184,7 +185,7 @@ impl Kind {
 }
 
 impl Value {
-    /// The number that is logged, for a format character with a scale.
+    /// The logged number, for a format character with a scale.
     fn scaled(&self, code: u8) -> i64 {
         let scale = match code {
             b'c' | b'e' => 1e2,
@@ -229,7 +230,7 @@ impl Value {
         }
     }
 
-    /// As many digits as bring back what the binary log holds.
+    /// Enough digits to reproduce the value in the binary log.
     fn cell(&self, code: u8) -> String {
         match (code, self) {
             (_, Value::Text(text)) => text.clone(),

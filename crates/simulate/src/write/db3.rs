@@ -1,5 +1,5 @@
-//! ROS 2 bag in SQLite, as rosbag2 lays it out: topics, message definitions, messages in the order of their
-//! arrival with an index over their stamps, and `metadata.yaml` beside it.
+//! ROS 2 bag in SQLite, as rosbag2 writes it: topics, message definitions, messages in order of arrival with an index
+//! over their timestamps, and `metadata.yaml` next to it.
 
 use super::{LogFile, Logbook, Topic};
 use crate::error::SimulateError;
@@ -7,39 +7,39 @@ use flight::Stamp;
 use rusqlite::{Connection, MAIN_DB, params};
 use std::fmt::Write;
 
-/// How a ROS 2 bag is written.
+/// Options for writing a ROS 2 bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Db3Settings {
-    /// What is compressed.
+    /// Compression.
     pub compression: Db3Compression,
-    /// A bare file, or a folder with `metadata.yaml` and so many files.
+    /// A bare file, or a folder with `metadata.yaml` and a number of files.
     pub layout: Db3Layout,
-    /// Whether definitions of the messages are stored, as recorders do since 2023.
+    /// Whether message definitions are stored, as recorders do since 2023.
     pub definitions: bool,
 }
 
-/// What of a ROS 2 bag is compressed.
+/// Compression of a ROS 2 bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Db3Compression {
     /// Nothing.
     None,
-    /// Each message by itself with Zstandard.
+    /// Each message individually with Zstandard.
     ZstdMessages,
     /// Each file as a whole with Zstandard.
     ZstdFile,
 }
 
-/// Which files there are.
+/// Files of the bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Db3Layout {
-    /// One file, without what the recorder says about it.
+    /// One file, without the recorder's metadata.
     Bare,
-    /// A folder with `metadata.yaml` and this many files, one after the other in time.
+    /// A folder with `metadata.yaml` and this many files, consecutive in time.
     Folder(u8),
 }
 
 impl Default for Db3Settings {
-    /// As `ros2 bag record -s sqlite3` writes: a folder with one file, not compressed.
+    /// As `ros2 bag record -s sqlite3` writes: a folder with one uncompressed file.
     fn default() -> Db3Settings {
         Db3Settings { compression: Db3Compression::None, layout: Db3Layout::Folder(1), definitions: true }
     }
@@ -53,7 +53,7 @@ const TABLES: &str = "CREATE TABLE schema(schema_version INTEGER PRIMARY KEY,ros
     CREATE TABLE messages(id INTEGER PRIMARY KEY,topic_id INTEGER NOT NULL,timestamp INTEGER NOT NULL, data BLOB NOT NULL);\
     CREATE INDEX timestamp_idx ON messages (timestamp ASC);\
     INSERT INTO schema VALUES (4,'jazzy');";
-/// What recorders before 2023 leave out.
+/// Missing from recorders before 2023.
 const DEFINITIONS: &str = "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY,topic_type TEXT NOT NULL,\
     encoding TEXT NOT NULL,encoded_message_definition TEXT NOT NULL,type_description_hash TEXT NOT NULL);";
 const LEVEL: i32 = 1;
@@ -66,7 +66,7 @@ impl Db3Settings {
         }
     }
 
-    /// Paths of the data, `stem` being that of the flight.
+    /// Paths of the data; `stem` is that of the flight.
     pub(super) fn paths(self, stem: &str) -> Vec<String> {
         let name = stem.rsplit('/').next().unwrap_or(stem);
         match self.layout {
@@ -130,7 +130,7 @@ fn database<'m>(
     Ok(connection.serialize(MAIN_DB)?.to_vec())
 }
 
-/// What rosbag2 writes when it closes the bag, version 8.
+/// The metadata that rosbag2 writes when it closes the bag, version 8.
 fn metadata(log: &Logbook, paths: &[String], settings: Db3Settings) -> String {
     let (format, mode) = match settings.compression {
         Db3Compression::None => ("''", "''"),

@@ -1,5 +1,5 @@
-//! Message definitions as ROS 1 and ROS 2 recorders store them: the type's own text, then that of
-//! each type within it below a line of `=`.
+//! Message definitions as stored by ROS 1 and ROS 2 recorders: the type's own text, then that of each nested type after
+//! a line of `=`.
 
 /// `sensor_msgs/NavSatFix`.
 pub(crate) const NAV_SAT_FIX: Definition = Definition {
@@ -95,7 +95,7 @@ pub(crate) const JOINT_STATE: Definition = Definition {
     parts: &[HEADER],
 };
 
-/// Counts of an encoder with a stamp: no message of ROS holds them. The sum is that of its text.
+/// Counts of an encoder with a timestamp: there is no standard ROS message for them. The MD5 sum is that of its text.
 pub(crate) const ENCODER_COUNT: Definition = Definition {
     package: "flightlag_msgs",
     name: "EncoderCount",
@@ -114,7 +114,7 @@ const TIME_ROS2: &str = include_str!("msg/Time.ros2.msg");
 pub(crate) struct Definition {
     package: &'static str,
     name: &'static str,
-    /// Sum that ROS 1 knows the type by.
+    /// MD5 sum that identifies the type in ROS 1.
     pub(crate) md5: &'static str,
     text: &'static str,
     parts: &'static [(&'static str, &'static str)],

@@ -10,10 +10,10 @@ const POSITION: usize = 0;
 const VELOCITY: usize = 1;
 const REFERENCE: usize = 2;
 const NOTES: usize = 3;
-/// Only if the aircraft computes something.
+/// Only if the aircraft computes a position.
 const ONBOARD: usize = 4;
 
-/// Variance that stands for "as good as exact" in a covariance, m².
+/// Variance that represents "as good as exact" in a covariance, m².
 const EXACT_M2: f64 = 1e-6;
 
 /// All topics and messages of a flight.
@@ -55,7 +55,7 @@ fn stamped(
     (0..samples.len()).map(message).collect()
 }
 
-/// One a second: a topic that nobody asks for, so that readers have something to skip.
+/// One message per second: a topic that is not needed, so that readers have something to skip.
 fn notes(flight: &SimulatedFlight) -> Vec<Message> {
     let note = |second: u32| Message {
         topic: NOTES,

@@ -1,8 +1,8 @@
-//! Message definitions in OMG IDL, as `rosidl` makes them from `.msg` files.
+//! Message definitions in OMG IDL, as `rosidl` generates them from `.msg` files.
 
 use super::definition::Definition;
 
-/// The definition of a type and those within it, each behind a line of `=` and its name, as rosbag2 stores them.
+/// The definition of a type and its nested types, each after a line of `=` and its name, as rosbag2 stores them.
 pub(super) fn text(definition: &Definition) -> String {
     let line = "=".repeat(80);
     let whole = format!("MSG: {}\n{}", definition.ros1_name(), definition.ros2_text());
@@ -62,7 +62,7 @@ fn idl_type(package: &str, of: &str) -> String {
         "int64" => "long long".to_owned(),
         "uint32" => "unsigned long".to_owned(),
         "string" | "wstring" | "char" => of.to_owned(),
-        // The names with the number of bits are as good: IDL 4.2, 7.4.13.
+        // The names with the number of bits are equivalent: IDL 4.2, 7.4.13.
         number if number.starts_with("int") || number.starts_with("uint") => number.to_owned(),
         named => match named.split_once('/') {
             Some((package, name)) => format!("{package}::msg::{name}"),

@@ -1,4 +1,4 @@
-//! MCAP, by the `mcap` crate: CRCs of chunks, data and summary are written.
+//! MCAP, using the `mcap` crate: CRCs of chunks, data and summary are written.
 
 use super::camera::is_heavy;
 use super::message::Message;
@@ -9,14 +9,14 @@ use mcap::{Compression, WriteOptions, Writer};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-/// How an MCAP file is written.
+/// Options for writing an MCAP file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct McapSettings {
     /// Encoding of messages and schemas.
     pub encoding: McapEncoding,
-    /// Chunks.
+    /// Compression of the chunks.
     pub compression: McapCompression,
-    /// Whether there is a summary section, as a recorder writes it that was closed in order.
+    /// Whether there is a summary section, as written by a properly closed recorder.
     pub summary: bool,
 }
 
@@ -35,16 +35,16 @@ pub enum McapEncoding {
     Protobuf,
 }
 
-/// How messages are packed.
+/// Packing of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum McapCompression {
-    /// Chunks as they are.
+    /// Uncompressed chunks.
     None,
     /// LZ4 frames.
     Lz4,
     /// Zstandard.
     Zstd,
-    /// No chunks: messages stand in the data section.
+    /// No chunks: messages are directly in the data section.
     Unchunked,
 }
 
@@ -67,7 +67,7 @@ pub(super) fn write_apart(log: &Logbook, settings: McapSettings) -> Result<Vec<u
     write_groups(log, settings, settings.options().calculate_data_section_crc(false), &apart(log))
 }
 
-/// Messages in groups that are either heavy or not, each about a chunk.
+/// Messages in groups that are either heavy or not, each about the size of a chunk.
 fn apart(log: &Logbook) -> Vec<Vec<&Message>> {
     let (mut groups, mut open) = (vec![], [(2000, vec![]), (5, vec![])]);
     for message in &log.messages {
@@ -81,7 +81,7 @@ fn apart(log: &Logbook) -> Vec<Vec<&Message>> {
     groups
 }
 
-/// A chunk ends with its group, if not before.
+/// A chunk ends at the latest with its group.
 fn write_groups(
     log: &Logbook,
     settings: McapSettings,
@@ -110,7 +110,7 @@ fn write_messages(
             channel_id: channels[message.topic],
             sequence: message.sequence,
             log_time: time_ns,
-            // As ROS recorders, which know no other time of the message.
+            // As in ROS recorders, which do not know any other time of the message.
             publish_time: time_ns,
         };
         writer.write_to_known_channel(&header, &settings.encoding.payload(message)?)?;
@@ -126,7 +126,7 @@ impl McapSettings {
             .compression(self.compression.algorithm())
             .use_chunks(self.compression != McapCompression::Unchunked)
             .chunk_size(Some(CHUNK_BYTES))
-            // More threads would cut the frames elsewhere: other bytes on another machine.
+            // More threads would split the frames elsewhere and give different bytes on another machine.
             .compression_threads(0)
             .emit_summary_records(self.summary)
             .emit_summary_offsets(self.summary)

@@ -9,11 +9,11 @@ use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 pub(crate) struct Message {
     /// Index into the topics of its [`super::Logbook`].
     pub(crate) topic: usize,
-    /// Count of messages of this topic before it.
+    /// Sequence number within its topic.
     pub(crate) sequence: u32,
-    /// When the logger had it.
+    /// Arrival at the logger.
     pub(crate) logged: Stamp,
-    /// What it says, in the order of its definition.
+    /// Its content, in the order of its definition.
     pub(crate) fields: Fields,
 }
 
@@ -34,11 +34,11 @@ pub(crate) enum Value {
     Header(Header),
     /// An array of fixed length.
     Fixed(Vec<f64>),
-    /// An array that says its length.
+    /// A variable-length array.
     Sequence(Vec<f64>),
-    /// An array of bytes that says its length.
+    /// A variable-length array of bytes.
     Bytes(Vec<u8>),
-    /// An array of texts that says its length.
+    /// A variable-length array of texts.
     Texts(Vec<&'static str>),
     Message(Fields),
 }
@@ -181,7 +181,7 @@ impl Serialize for Value {
     }
 }
 
-/// Bytes of a message: as they come (ROS 1), or each aligned to its size (CDR).
+/// Bytes of a message: packed (ROS 1), or each aligned to its size (CDR).
 struct Wire {
     bytes: Vec<u8>,
     cdr: bool,
@@ -233,7 +233,7 @@ impl Wire {
         self.put((nanosec as u32).to_le_bytes());
     }
 
-    /// CDR counts and writes a closing zero, ROS 1 does not.
+    /// CDR counts and writes a terminating zero, ROS 1 does not.
     fn text(&mut self, text: &str) {
         let zero: &[u8] = if self.cdr { &[0] } else { &[] };
         self.put(((text.len() + zero.len()) as u32).to_le_bytes());

@@ -30,11 +30,10 @@ use crate::simulated::SimulatedFlight;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What a flight is written as.
+/// Format of a written flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Container {
-    /// One table at the velocity's rate, the position held between its updates; a row of units below
-    /// the header.
+    /// One table at the velocity's rate, the position held between its updates; a row of units below the header.
     CsvWide,
     /// A folder with a table for each topic, in the columns of `rostopic echo -p`.
     CsvFolder,
@@ -42,21 +41,21 @@ pub enum Container {
     Mcap(McapSettings),
     /// ROS 1 bag 2.0.
     Bag(BagSettings),
-    /// PX4 ULog: topics as PX4 has them, stamps in whole µs since the autopilot was switched on, velocities,
-    /// attitudes and vectors as 32-bit floats. What PX4 has no topic for is left out.
+    /// PX4 ULog: topics of PX4, timestamps in whole µs since the autopilot was switched on, velocities, attitudes and
+    /// vectors as 32-bit floats. Data without a PX4 topic is skipped.
     Ulog,
-    /// ArduPilot DataFlash. Only a flight has this form.
+    /// ArduPilot DataFlash. Only for flights.
     DataFlash,
-    /// ArduPilot DataFlash as text. Only a flight has this form.
+    /// ArduPilot DataFlash as text. Only for flights.
     DataFlashText,
     /// ROS 2 bag in SQLite.
     #[cfg(feature = "db3")]
     Db3(Db3Settings),
-    /// NMEA 0183: no vertical speed and no truth. Only a flight has this form.
+    /// NMEA 0183: no vertical speed and no truth. Only for flights.
     Nmea,
-    /// UBX of a u-blox receiver: no truth. Only a flight has this form.
+    /// UBX of a u-blox receiver: no truth. Only for flights.
     Ubx,
-    /// MAVLink telemetry. Only a flight has this form.
+    /// MAVLink telemetry. Only for flights.
     Tlog,
 }
 
@@ -67,7 +66,7 @@ pub(crate) struct Topic {
     pub(crate) definition: &'static Definition,
 }
 
-/// What a logger writes down: topics in the order of their connections, messages in the order of their arrival.
+/// Contents of a log: topics in the order of their connections, messages in order of arrival.
 #[derive(Debug, Clone)]
 pub(crate) struct Logbook {
     topics: Vec<Topic>,
@@ -84,14 +83,14 @@ impl Logbook {
 /// A file of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogFile {
-    /// Path below the campaign's folder.
+    /// Path relative to the campaign's folder.
     pub path: PathBuf,
     /// Content.
     pub bytes: Vec<u8>,
 }
 
 impl Container {
-    /// The flight's files, `stem` being the path below the campaign's folder without an extension.
+    /// The flight's files; `stem` is the path relative to the campaign's folder, without an extension.
     ///
     /// # Errors
     /// [`SimulateError::Mcap`], [`SimulateError::Json`] or [`SimulateError::Compress`] if a writer fails.
@@ -107,9 +106,9 @@ impl Container {
         }
     }
 
-    /// The flight's files with images of a camera and a laser scanner beside it, some five times as many bytes as all
-    /// else. An MCAP can have them in chunks of their own (`apart`), and then no checksum over its data section, so
-    /// that a reader need not even read them. For containers of ROS messages.
+    /// The flight's files including images of a camera and a laser scanner, about five times as many bytes as
+    /// everything else. An MCAP can have them in separate chunks (`apart`), and then no checksum over its data section,
+    /// so that a reader can skip them. For containers of ROS messages.
     ///
     /// # Errors
     /// As [`Container::files`].
@@ -151,7 +150,7 @@ impl Container {
         })
     }
 
-    /// Path of the flight below the campaign's folder: its file, or its folder.
+    /// Path of the flight relative to the campaign's folder: its file, or its folder.
     #[must_use]
     pub fn path(self, stem: &str) -> PathBuf {
         match self {
@@ -174,7 +173,7 @@ impl Container {
     }
 }
 
-/// Writes files below `folder`, making the folders that are missing.
+/// Writes files below `folder`, creating missing folders.
 ///
 /// # Errors
 /// [`SimulateError::Write`] with the first file that cannot be written.
@@ -228,14 +227,14 @@ mod tests {
         files.remove(0).bytes
     }
 
-    /// Messages of each topic that ought to be there.
+    /// Expected messages of each topic.
     fn expected_counts() -> BTreeMap<String, usize> {
         let counts = [("/gps/fix", 151), ("/gps/vel", 3001), ("/truth/fix", 3001), ("/operator/notes", 30)];
         counts.map(|(topic, count)| (topic.to_owned(), count)).into()
     }
 
     #[test]
-    fn every_container_gives_the_same_bytes_twice_and_other_bytes_for_another_flight() {
+    fn every_container_is_reproducible_and_depends_on_the_flight() {
         let (flight, again) = (short_flight(), short_flight());
         let other = simulate(&FlightSettings { seed: 2, ..flight.settings.clone() }).unwrap();
         for container in containers() {
@@ -286,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn an_mcap_without_summary_has_none() {
+    fn an_mcap_without_summary_has_no_summary_section() {
         let settings = McapSettings { summary: false, ..McapSettings::default() };
         let bytes = only(Container::Mcap(settings), &short_flight());
         assert!(::mcap::Summary::read(&bytes).unwrap().is_none());
@@ -333,7 +332,7 @@ mod tests {
             let (counts, payloads) = read_bag(&bytes, "/gps/fix");
             assert_eq!(counts, expected_counts(), "{compression:?}");
             for (row, (logged, payload)) in payloads.iter().enumerate() {
-                // seq, stamp, frame "gps", status, service: latitude begins at byte 22.
+                // seq, stamp, frame "gps", status, service: latitude starts at byte 22.
                 let f64_at = |at: usize| f64::from_le_bytes(payload[at..at + 8].try_into().unwrap());
                 assert_eq!([22, 30, 38].map(f64_at), flight.position.geodetic_deg[row]);
                 assert_eq!(Stamp(*logged as i64), flight.position.logged[row]);
@@ -405,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unindexed_bag_says_so_and_holds_the_same_chunks() {
+    fn an_unindexed_bag_is_marked_and_has_the_same_chunks() {
         let flight = short_flight();
         let whole = only(Container::Bag(BagSettings::default()), &flight);
         let crashed = only(Container::Bag(BagSettings { indexed: false, ..BagSettings::default() }), &flight);
@@ -434,7 +433,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wide_table_has_a_row_of_units_and_holds_its_positions() {
+    fn the_wide_table_has_a_row_of_units_and_held_positions() {
         let flight = short_flight();
         let text = String::from_utf8(only(Container::CsvWide, &flight)).unwrap();
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();

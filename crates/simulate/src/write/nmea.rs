@@ -1,13 +1,13 @@
-//! NMEA 0183 as a receiver writes it: a position is a `GGA`, a velocity an `RMC` without a position.
+//! NMEA 0183 as written by a receiver: a position is a `GGA`, a velocity an `RMC` without a position.
 //!
-//! Quanta: 1e-5 minutes, 1 mm (half of it in the undulation, which is a whole number), 1e-4 knots and degrees of track, whole
-//! milliseconds. There is no vertical speed, and no truth.
+//! Resolution: 1e-5 minutes, 1 mm (half of it in the undulation, which is a whole number), 1e-4 knots and degrees of
+//! track, whole milliseconds. There is no vertical speed, and no truth.
 
 use crate::simulated::SimulatedFlight;
 use flight::Stamp;
 use std::fmt::Write;
 
-/// Height of the sea above the ellipsoid, m.
+/// Height of the geoid above the ellipsoid, m.
 const UNDULATION: f64 = 47.0;
 const DAY_MS: i64 = 86_400_000;
 
@@ -41,7 +41,7 @@ pub(super) fn write(flight: &SimulatedFlight) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// With its checksum.
+/// The sentence with its checksum.
 fn sentence(body: &str) -> String {
     format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, byte| sum ^ byte))
 }
@@ -50,7 +50,7 @@ fn sentence(body: &str) -> String {
 fn angle(degrees: f64, digits: usize, [positive, negative]: [&str; 2]) -> String {
     let parts = (degrees.abs() * 60e5).round() as u64;
     let mut text = String::new();
-    // Writing to a string does not fail.
+    // Writing to a string cannot fail.
     let _ = write!(text, "{:0digits$}{:02}.{:05}", parts / 6_000_000, parts / 100_000 % 60, parts % 100_000);
     text + "," + if degrees < 0.0 { negative } else { positive }
 }
@@ -65,7 +65,7 @@ fn time(stamp: Stamp) -> (String, String) {
     (format!("{day:02}{month:02}{:02}", year.rem_euclid(100)), clock)
 }
 
-/// Year, month and day of a day since 1970, by cycles of 400 years that begin in March.
+/// Year, month and day from days since 1970, by cycles of 400 years that start in March.
 fn civil(days: i64) -> (i64, i64, i64) {
     let since = days + 719_468;
     let (era, day) = (since.div_euclid(146_097), since.rem_euclid(146_097));
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn days_have_their_date() {
+    fn days_are_converted_to_dates() {
         // date -u -d @$((days * 86400)) +%F
         for (days, date) in
             [(0, (1970, 1, 1)), (11_016, (2000, 2, 29)), (20_778, (2026, 11, 21)), (20_819, (2027, 1, 1))]

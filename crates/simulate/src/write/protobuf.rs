@@ -27,7 +27,7 @@ fn tagged_bytes(number: u32, bytes: &[u8], out: &mut Vec<u8>) {
     out.extend(bytes);
 }
 
-/// A message; what is zero is left out, as proto3 does.
+/// A message; zero values are omitted, as in proto3.
 pub(super) fn payload(message: &Message) -> Vec<u8> {
     of_fields(&message.fields)
 }
@@ -83,12 +83,12 @@ fn field(number: u32, value: &Value, out: &mut Vec<u8>) {
     }
 }
 
-/// Name of the type as Protocol Buffers spell it.
+/// Name of the type in Protocol Buffers.
 pub(super) fn type_name(definition: &Definition) -> String {
     definition.ros1_name().replace('/', ".")
 }
 
-/// The `FileDescriptorSet` of a type, made from one of its messages.
+/// The `FileDescriptorSet` of a type, derived from one of its messages.
 pub(super) fn descriptor(definition: &Definition, example: Option<&Message>) -> Vec<u8> {
     let full = type_name(definition);
     let (package, name) = full.split_once('.').unwrap_or(("", &full));
@@ -119,7 +119,7 @@ fn timestamp() -> Vec<u8> {
     file
 }
 
-/// By its number in `FieldDescriptorProto`, or a message by its name.
+/// A type by its number in `FieldDescriptorProto`, or a message by its name.
 enum Type {
     Plain(u64),
     Named(String),
@@ -140,7 +140,7 @@ fn field_type(name: &str, number: u32, of: Type, repeated: bool) -> Vec<u8> {
     out
 }
 
-/// A message type with those of its fields within it.
+/// A message type with the nested types of its fields.
 fn message_type(name: &str, full: &str, fields: &Fields) -> Vec<u8> {
     let mut out = vec![];
     tagged_bytes(1, name.as_bytes(), &mut out);

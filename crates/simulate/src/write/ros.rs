@@ -1,4 +1,4 @@
-//! The ROS messages that are written.
+//! The written ROS messages.
 
 use super::message::{Fields, Header, Value};
 use flight::Stamp;
@@ -46,7 +46,7 @@ pub(crate) fn quaternion_stamped(header: Header, [w, x, y, z]: [f64; 4]) -> Fiel
     vec![("header", Value::Header(header)), ("quaternion", Value::Message(quaternion))]
 }
 
-/// `sensor_msgs/MagneticField`, T; its covariance is not known.
+/// `sensor_msgs/MagneticField`, T; its covariance is unknown.
 pub(crate) fn magnetic_field(header: Header, field: [f64; 3]) -> Fields {
     let unknown = Value::Fixed(vec![0.0; 9]);
     vec![("header", Value::Header(header)), ("magnetic_field", xyz(field)), ("magnetic_field_covariance", unknown)]

@@ -1,17 +1,17 @@
-//! MAVLink telemetry as a ground station writes it: a position is a `GPS_RAW_INT`, a velocity a `LOCAL_POSITION_NED` whose
-//! place is the truth, the truth a `HIL_STATE_QUATERNION`.
+//! MAVLink telemetry as written by a ground station: a position is a `GPS_RAW_INT`, a velocity a `LOCAL_POSITION_NED`
+//! whose position is the truth, the truth a `HIL_STATE_QUATERNION`.
 //!
-//! Quanta: 1e-7 deg, 1 mm, single precision, whole milliseconds for velocities and microseconds for positions since boot.
-//! MAVLink 2, with the zeros at the end of a payload left out; every other velocity is signed.
+//! Resolution: 1e-7 deg, 1 mm, single precision, whole milliseconds for velocities and microseconds for positions since
+//! boot. MAVLink 2, with trailing zeros of a payload omitted; every other velocity is signed.
 
 use crate::samples::Samples;
 use crate::simulated::SimulatedFlight;
 use flight::{Geodetic, LocalFrame, Stamp};
 
-/// Time since boot at which the flight begins, µs.
+/// Time since boot at the start of the flight, µs.
 const BOOT_US: i64 = 60_000_000;
 
-/// A message: number, and what stands for its layout in the checksum.
+/// A message type: number, and the extra byte for the checksum that represents its layout (CRC_EXTRA).
 type Kind = (u32, u8);
 const HEARTBEAT: Kind = (0, 50);
 const SYSTEM_TIME: Kind = (2, 137);
@@ -21,7 +21,7 @@ const LOCAL_POSITION_NED: Kind = (32, 185);
 const HIL_STATE_QUATERNION: Kind = (115, 4);
 const STATUSTEXT: Kind = (253, 83);
 
-/// A frame to be, and when the ground station has it.
+/// A frame before encoding, and its arrival at the ground station.
 struct Message {
     logged: Stamp,
     kind: Kind,
@@ -59,7 +59,7 @@ fn place([latitude, longitude, height]: [f64; 3]) -> Vec<u8> {
 fn fixes(flight: &SimulatedFlight, messages: &mut Vec<Message>) {
     for (measured, logged, row) in rows(&flight.position) {
         let time = (boot_us(flight, measured) as u64).to_le_bytes();
-        // Dilutions; speed and course that are not known; a fix in three dimensions by 14 satellites.
+        // Dilutions; speed and course unknown; a 3D fix with 14 satellites.
         let quality = [72_u16, 110, u16::MAX, u16::MAX].map(u16::to_le_bytes).concat();
         let mut payload = [&time[..], &place(flight.position.geodetic_deg[row]), &quality, &[3, 14]].concat();
         payload.extend([0, 1500, 2500, 0, 0].map(u32::to_le_bytes).concat());
@@ -92,7 +92,7 @@ fn truths(flight: &SimulatedFlight, messages: &mut Vec<Message>) {
     }
 }
 
-/// Once a second: that the aircraft lives, what time it is, and a text.
+/// Once per second: heartbeat, time, and a text.
 fn beats(flight: &SimulatedFlight, messages: &mut Vec<Message>) {
     for second in 0..flight.settings.duration_s.ceil() as u32 {
         let at = flight.settings.start.plus_seconds(f64::from(second) + 0.0005);
@@ -104,7 +104,7 @@ fn beats(flight: &SimulatedFlight, messages: &mut Vec<Message>) {
     }
 }
 
-/// A plane of ArduPilot in AUTO.
+/// An ArduPilot plane in AUTO.
 fn heartbeat() -> Vec<u8> {
     [&10_u32.to_le_bytes()[..], &[1, 3, 0x51, 4, 3]].concat()
 }
@@ -116,7 +116,7 @@ fn text(text: &str) -> Vec<u8> {
     payload
 }
 
-/// What an autopilot says when a ground station connects.
+/// Messages of an autopilot when a ground station connects.
 fn introduction(flight: &SimulatedFlight) -> Vec<Message> {
     let start = flight.settings.start;
     let mut delay = 220_f32.to_le_bytes().to_vec();
@@ -141,7 +141,7 @@ fn boot_ms(flight: &SimulatedFlight, stamp: Stamp) -> u32 {
 impl Message {
     fn frame(self, sequence: u8) -> Vec<u8> {
         let (number, extra) = self.kind;
-        // One byte stays, whatever it is.
+        // At least one byte remains, whatever its value.
         let used = self.payload.iter().rposition(|byte| *byte != 0).map_or(1, |last| last + 1);
         let [a, b, c, _] = number.to_le_bytes();
         let mut frame = vec![0xfd, used as u8, u8::from(self.signed), 0, sequence, 1, 1, a, b, c];
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_checksum_is_that_of_the_catalogue() {
+    fn the_checksum_matches_the_crc_catalogue() {
         assert_eq!(b"123456789".iter().fold(0xffff, |crc, byte| checksum(crc, *byte)), 0x6f91);
     }
 }

@@ -1,7 +1,7 @@
-//! UBX as a u-blox receiver writes it: a position is a `NAV-POSLLH`, a velocity a `NAV-VELNED`; `NAV-TIMEGPS` says the
-//! week once a second.
+//! UBX as written by a u-blox receiver: a position is a `NAV-POSLLH`, a velocity a `NAV-VELNED`; `NAV-TIMEGPS` gives
+//! the week once per second.
 //!
-//! Quanta: 1e-7 deg, 1 mm, 1 cm/s, whole milliseconds. There is no truth.
+//! Resolution: 1e-7 deg, 1 mm, 1 cm/s, whole milliseconds. There is no truth.
 
 use crate::simulated::SimulatedFlight;
 use flight::{Stamp, WEEK_S, gps_of_unix};
@@ -19,7 +19,7 @@ pub(super) fn write(flight: &SimulatedFlight) -> Vec<u8> {
     bytes
 }
 
-/// `NAV-POSLLH` with the stamps of the log.
+/// `NAV-POSLLH` with the timestamps of the log.
 fn positions(flight: &SimulatedFlight) -> Vec<(Stamp, Vec<u8>)> {
     let mut frames = vec![];
     let position = &flight.position;
@@ -35,7 +35,7 @@ fn positions(flight: &SimulatedFlight) -> Vec<(Stamp, Vec<u8>)> {
     frames
 }
 
-/// `NAV-VELNED` with the stamps of the log.
+/// `NAV-VELNED` with the timestamps of the log.
 fn velocities(flight: &SimulatedFlight) -> Vec<(Stamp, Vec<u8>)> {
     let mut frames = vec![];
     let velocity = &flight.velocity;
@@ -71,7 +71,7 @@ fn version() -> Vec<u8> {
     [field("SIM CORE 1.00", 30), field("00080000", 10), field("MOD=SIMULATED", 30)].concat()
 }
 
-/// GPS week, and milliseconds in it.
+/// GPS week, and milliseconds within it.
 fn time_of_week(stamp: Stamp) -> (i16, [u8; 4]) {
     const WEEK_MS: i64 = WEEK_S * 1000;
     let ms = gps_of_unix(stamp).map_or(0, |gps| (gps.0 + 500_000).div_euclid(1_000_000));
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_is_that_of_the_manual() {
+    fn a_frame_matches_the_manual() {
         assert_eq!(frame(0x06, 0x08, &[]), [0xb5, 0x62, 0x06, 0x08, 0, 0, 0x0e, 0x30]);
     }
 }

@@ -1,20 +1,20 @@
-//! PX4 ULog (<https://docs.px4.io/main/en/dev_log/ulog_file_format.html>): the samples in the topics, fields and
-//! units that PX4 has for them.
+//! PX4 ULog (<https://docs.px4.io/main/en/dev_log/ulog_file_format.html>): the samples in the corresponding topics,
+//! fields and units of PX4.
 //!
-//! `timestamp` is when the logger had the message, `timestamp_sample` its own stamp; both count µs since the
-//! autopilot was switched on, [`BEFORE_US`] before the first stamp's second.
+//! `timestamp` is the arrival at the logger, `timestamp_sample` the message's own timestamp; both count µs since the
+//! autopilot was switched on, [`BEFORE_US`] before the second of the first timestamp.
 
 use super::message::{Fields, Message, Value};
 use super::{Logbook, Topic};
 use flight::Stamp;
 use std::collections::BTreeMap;
 
-/// From switching on to the second of the first stamp, µs.
+/// Time from switching on to the second of the first timestamp, µs.
 const BEFORE_US: i64 = 10_000_000;
 /// Samples between two sync messages.
 const SYNC_EVERY: usize = 500;
 const SYNC: [u8; 8] = [0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12];
-/// What the parameters say, ms.
+/// Value of the delay parameter, ms.
 const GPS_DELAY_MS: f32 = 110.0;
 
 pub(super) fn write(log: &Logbook) -> Vec<u8> {
@@ -39,7 +39,7 @@ pub(super) fn write(log: &Logbook) -> Vec<u8> {
     file.bytes
 }
 
-/// µs since 1970 at which the autopilot's clock stood at zero.
+/// Zero of the autopilot's clock, µs since 1970.
 fn zero_us(log: &Logbook) -> i64 {
     let stamps = log.messages.iter().flat_map(|m| [Some(m.logged), stamp_of(&m.fields)]).flatten();
     stamps.min().map_or(0, |first| micros(first).div_euclid(1_000_000) * 1_000_000 - BEFORE_US)
@@ -56,14 +56,14 @@ fn stamp_of(fields: &Fields) -> Option<Stamp> {
     }
 }
 
-/// Where the samples of a topic go in PX4.
+/// PX4 topic for the samples of a logbook topic.
 struct Outlet {
-    /// Definition and end of the name of the topic that the logbook calls it.
+    /// Definition and last part of the name of the topic in the logbook.
     source: (&'static str, &'static str),
     topic: &'static str,
-    /// Fields behind `timestamp` and `timestamp_sample`.
+    /// Fields after `timestamp` and `timestamp_sample`.
     fields: &'static str,
-    /// Their bytes, without the padding at the end.
+    /// Their bytes, without the trailing padding.
     values: fn(&Fields) -> Vec<u8>,
 }
 
@@ -155,7 +155,7 @@ const OUTLETS: &[Outlet] = &[
 ];
 
 impl Outlet {
-    /// `None` for what PX4 has no topic for.
+    /// `None` for data without a PX4 topic.
     fn of(topic: &Topic) -> Option<&'static Outlet> {
         let name = topic.definition.ros1_name();
         OUTLETS.iter().find(|o| {
@@ -203,12 +203,12 @@ fn floats(values: &[f64]) -> Vec<u8> {
     values.iter().flat_map(|v| (*v as f32).to_le_bytes()).collect()
 }
 
-/// Forward, right, down of a vector that is written forward, left, up.
+/// Forward, right, down of a vector written as forward, left, up.
 fn frd(fields: &Fields, name: &'static str) -> [f64; 3] {
     [number(fields, &[name, "x"]), -number(fields, &[name, "y"]), -number(fields, &[name, "z"])]
 }
 
-/// North, east, down of a twist that is written east, north, up.
+/// North, east, down of a twist written as east, north, up.
 fn ned(fields: &Fields) -> [f64; 3] {
     let [x, y, z] = ["x", "y", "z"].map(|axis| number(fields, &["twist", "linear", axis]));
     [y, x, -z]
@@ -223,7 +223,7 @@ fn fix(fields: &Fields) -> Vec<u8> {
     let mut bytes = doubles(&[latitude, longitude, height, height]);
     bytes.extend(stamp_of(fields).map_or(0, micros).to_le_bytes());
     bytes.extend(floats(&[variance.sqrt()]));
-    // A fix in three dimensions, of twelve satellites.
+    // A 3D fix with twelve satellites.
     bytes.extend([3, 12]);
     bytes
 }
@@ -281,7 +281,7 @@ impl Writer {
         self.entry(b'P', "int32_t SYS_AUTOSTART", &4001_i32.to_le_bytes());
     }
 
-    /// Numbers by topic.
+    /// Message numbers by topic.
     fn subscriptions<'o>(&mut self, outlets: impl Iterator<Item = &'o Outlet>) -> BTreeMap<&'static str, u16> {
         let mut numbers = BTreeMap::new();
         for (number, outlet) in (0_u16..).zip(outlets) {
@@ -291,7 +291,7 @@ impl Writer {
         numbers
     }
 
-    /// What is no topic of PX4 and has words becomes a logged text.
+    /// Data without a PX4 topic that has text becomes a logged message.
     fn text(&mut self, at_us: i64, message: &Message) {
         if let Some(Value::Text(text)) = value(&message.fields, &["data"]) {
             self.message(b'L', &[b"6", &at_us.to_le_bytes()[..], text.as_bytes()].concat());

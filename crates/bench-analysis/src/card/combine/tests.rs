@@ -9,7 +9,7 @@ fn named(records: Vec<BenchRecord>) -> Vec<(String, BenchRecord)> {
     records.into_iter().enumerate().map(|(i, r)| (format!("swing-{:02}", i + 1), r)).collect()
 }
 
-/// One record for each delay, in ms, of `position.gps`, each ± 2 ms.
+/// One record for each delay of `position.gps` in ms, each ± 2 ms.
 fn runs(delays_ms: &[f64]) -> Vec<(String, BenchRecord)> {
     let of = |(i, ms): (usize, &f64)| {
         record(&format!("2010-10-{:02}", 20 + i), vec![channel("position.gps", ms * 1e-3, 0.002)])
@@ -17,7 +17,7 @@ fn runs(delays_ms: &[f64]) -> Vec<(String, BenchRecord)> {
     named(delays_ms.iter().enumerate().map(of).collect())
 }
 
-fn told(combined: &Combined) -> Vec<(&str, &str)> {
+fn reported(combined: &Combined) -> Vec<(&str, &str)> {
     combined.notices.iter().map(|n| (n.code.as_str(), n.place.as_str())).collect()
 }
 
@@ -37,7 +37,7 @@ fn a_card_of_one_record_is_that_record() {
 }
 
 #[test]
-fn records_that_differ_by_more_than_they_claim_widen_the_uncertainty() {
+fn records_that_differ_by_more_than_stated_widen_the_uncertainty() {
     let combined = combine(&runs(&[390.0, 400.0, 410.0]), &TERMS).unwrap();
     let position = &combined.card.channels[0];
     assert!((position.delay_s - 0.4).abs() < 1e-9);
@@ -50,29 +50,29 @@ fn records_that_differ_by_more_than_they_claim_widen_the_uncertainty() {
 }
 
 #[test]
-fn what_all_records_share_is_not_averaged_away() {
+fn errors_common_to_all_records_are_not_averaged_away() {
     let mut all = runs(&[400.0; 5]);
     for (_, record) in &mut all {
         let delay = record.findings.as_mut().unwrap().channels[0].delay.as_mut().unwrap();
         delay.stamps_s = 0.0016;
     }
     let combined = combine(&all, &TERMS).unwrap();
-    // 2 ms of which 1.6 ms are shared: √(2² − 1.6²) = 1.2 ms are each record's own.
+    // Of the 2 ms, 1.6 ms are shared: √(2² − 1.6²) = 1.2 ms are each record's own.
     let expected = (0.0012f64.powi(2) / 5.0 + 0.0016f64.powi(2)).sqrt();
     assert!((combined.card.channels[0].delay_standard_uncertainty_s - expected).abs() < 1e-12);
 }
 
 #[test]
-fn a_record_that_is_off_is_left_out_and_named() {
+fn an_outlying_record_is_excluded_and_named() {
     let combined = combine(&runs(&[400.0, 401.0, 799.0, 399.0, 400.5]), &TERMS).unwrap();
     let position = &combined.card.channels[0];
     assert_eq!((position.outliers.as_slice(), position.records), (["swing-03".to_owned()].as_slice(), 4));
     assert!((position.delay_s - 0.4).abs() < 0.001);
-    assert_eq!(told(&combined), [("left-off-card", "swing-03")]);
+    assert_eq!(reported(&combined), [("left-off-card", "swing-03")]);
 }
 
 #[test]
-fn a_record_of_another_sensor_is_refused_with_the_part_that_differs() {
+fn a_record_of_another_sensor_is_rejected_with_the_differing_part() {
     let mut all = runs(&[400.0, 400.0]);
     all[1].1.sensor.serial = Some("00500999".into());
     let error = combine(&all, &TERMS).unwrap_err();
@@ -83,7 +83,7 @@ fn a_record_of_another_sensor_is_refused_with_the_part_that_differs() {
 }
 
 #[test]
-fn sensors_are_compared_with_all_records_before_not_only_the_first() {
+fn a_sensor_is_compared_with_all_previous_records() {
     let mut all = runs(&[400.0; 3]);
     all[0].1.sensor.serial = None;
     all[2].1.sensor.serial = Some("other".into());
@@ -91,7 +91,7 @@ fn sensors_are_compared_with_all_records_before_not_only_the_first() {
 }
 
 #[test]
-fn a_channel_that_a_record_lacks_is_told_with_the_record_and_the_reason() {
+fn a_missing_channel_is_reported_with_its_record_and_reason() {
     let mut all = runs(&[400.0, 400.0]);
     let mut silent = channel("velocity.ins", 0.0, 0.001);
     silent.quantity = Quantity::VelocityNed;
@@ -100,14 +100,14 @@ fn a_channel_that_a_record_lacks_is_told_with_the_record_and_the_reason() {
     silent.reason = "the swing does not move it".into();
     all[1].1.findings.as_mut().unwrap().channels.push(silent);
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!(told(&combined), [("left-off-card", "swing-02")]);
+    assert_eq!(reported(&combined), [("left-off-card", "swing-02")]);
     assert_eq!(combined.notices.iter().next().unwrap().text, "velocity.ins: the swing does not move it");
     let records: Vec<(&str, u64)> = combined.card.channels.iter().map(|c| (c.name.as_str(), c.records)).collect();
     assert_eq!(records, [("position.gps", 2), ("velocity.ins", 1)]);
 }
 
 #[test]
-fn channels_that_a_record_lacks_for_one_reason_are_told_once() {
+fn channels_missing_for_one_reason_are_reported_once() {
     let mut all = runs(&[400.0, 400.0]);
     for name in ["position.ins", "position.ekf"] {
         all[0].1.findings.as_mut().unwrap().channels.push(channel(name, 0.1, 0.001));
@@ -124,7 +124,7 @@ fn an_absolute_and_a_relative_delay_are_not_averaged() {
     relative.basis = TimeBasis::Anchor { channel: "angular-rate.imu".into() };
     let combined = combine(&all, &TERMS).unwrap();
     assert_eq!(combined.card.channels[0].delay_s, 0.4);
-    assert_eq!(told(&combined), [("not-comparable", "swing-02")]);
+    assert_eq!(reported(&combined), [("not-comparable", "swing-02")]);
     assert!(
         combined.card.method.contains("swing-02: position.gps: measured stamps, relative to angular-rate.imu: not")
     );
@@ -133,7 +133,7 @@ fn an_absolute_and_a_relative_delay_are_not_averaged() {
 }
 
 #[test]
-fn the_model_is_that_of_most_records_or_said_to_differ() {
+fn the_model_is_that_of_most_records_or_reported_to_differ() {
     let with = |models: &[(&str, &[f64])]| {
         let mut all = runs(&vec![400.0; models.len()]);
         for ((_, record), (name, lags)) in all.iter_mut().zip(models) {
@@ -151,7 +151,7 @@ fn the_model_is_that_of_most_records_or_said_to_differ() {
 
 #[test]
 fn several_records_near_zero_are_judged_by_their_mean() {
-    // Alone, ±4 ms decides nothing within a margin of 5 ms; sixteen that agree do: 4/√16 = 1 ms.
+    // A single ±4 ms is inconclusive for a margin of 5 ms; sixteen that agree are not: 4/√16 = 1 ms.
     let mut all = runs(&[0.0; 16]);
     for (_, record) in &mut all {
         let channel = &mut record.findings.as_mut().unwrap().channels[0];
@@ -164,12 +164,12 @@ fn several_records_near_zero_are_judged_by_their_mean() {
 }
 
 #[test]
-fn a_record_that_failed_is_told_and_a_card_without_any_number_is_refused() {
+fn a_failed_record_is_reported_and_a_card_without_numbers_rejected() {
     let mut all = runs(&[400.0, 400.0]);
     all[0].1.outcome = BenchOutcome::Failed { reason: "cut off".into() };
     all[0].1.findings = None;
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!(told(&combined), [("left-off-card", "swing-01")]);
+    assert_eq!(reported(&combined), [("left-off-card", "swing-01")]);
     assert_eq!(combined.card.records.len(), 1);
     let error = combine(&all[..1], &TERMS).unwrap_err();
     assert!(error.to_string().contains("nothing was measured of Xsens MTi-G 00500123"), "{error}");
@@ -177,18 +177,18 @@ fn a_record_that_failed_is_told_and_a_card_without_any_number_is_refused() {
 }
 
 #[test]
-fn a_card_without_a_day_has_no_validity_and_says_so() {
+fn a_card_without_a_day_has_no_validity_and_reports_it() {
     let mut all = runs(&[400.0]);
     all[0].1.date = None;
     let combined = combine(&all, &TERMS).unwrap();
-    assert_eq!((combined.card.valid_until, told_codes(&combined.notices)), (None, vec!["card-conditions"]));
+    assert_eq!((combined.card.valid_until, codes_of(&combined.notices)), (None, vec!["card-conditions"]));
 }
 
-fn told_codes(notices: &Notices) -> Vec<&str> {
+fn codes_of(notices: &Notices) -> Vec<&str> {
     notices.iter().map(|n| n.code.as_str()).collect()
 }
 
-/// Sign, lever arm, azimuth or mount: what is wrong with the rig is wrong with every channel that was measured with it.
+/// Sign, lever arm, azimuth or mount: an error in the rig file affects every channel measured with it.
 #[test]
 fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
     let check = |name: &str, of_rig: bool, agrees: Option<bool>| record::MountCheck {
@@ -213,7 +213,7 @@ fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
     let position = &combined.card.channels[0];
     let arm = "swing-02: lever arm z of imu: 1.2010 ± 0.0040 m by the data, 1.3000 m by the rig file";
     assert_eq!(position.contradicted, [arm, "swing-03: the other way round"]);
-    assert_eq!(told(&combined), [("rig-contradicted", "swing-02"), ("rig-contradicted", "swing-03")]);
+    assert_eq!(reported(&combined), [("rig-contradicted", "swing-02"), ("rig-contradicted", "swing-03")]);
     assert_eq!(parse_card(&card_text(&combined.card), Path::new("c")).unwrap(), combined.card);
     assert!(combine(&runs(&[400.0]), &TERMS).unwrap().card.channels[0].contradicted.is_empty());
 }
@@ -235,12 +235,12 @@ fn an_encoder_whose_angle_scatters_marks_the_channels() {
     let combined = combine(&all, &TERMS).unwrap();
     let why = "1.70 counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or stamps jitter";
     assert_eq!(combined.card.channels[0].contradicted, [format!("swing-02: encoder residual: {why}")]);
-    assert_eq!(told(&combined), [("rig-contradicted", "swing-02")]);
+    assert_eq!(reported(&combined), [("rig-contradicted", "swing-02")]);
 }
 
-/// Two records of 400 and two of 600 ms gave "400.1 ± 0.5 ms" of two records: the other two were called outliers.
+/// Two records at 400 and two at 600 ms gave "400.1 ± 0.5 ms" from two records: the other two were called outliers.
 #[test]
-fn records_without_a_clear_majority_make_no_common_delay() {
+fn records_without_a_clear_majority_have_no_common_delay() {
     let mut all = runs(&[400.0, 400.1, 600.0, 600.1]);
     for (_, record) in &mut all {
         record.findings.as_mut().unwrap().channels.push(channel("velocity.gps", 0.1, 0.002));
@@ -259,18 +259,18 @@ fn records_without_a_clear_majority_make_no_common_delay() {
     assert_eq!(five.card.channels[0].outliers, ["swing-05"]);
 }
 
-/// Too few, or too scattered, for outliers: the mean of 470 ± 290 ms had no word of doubt.
+/// Too few or too scattered for outliers: the mean of 470 ± 290 ms was reported without doubt.
 #[test]
-fn a_delay_that_differs_from_record_to_record_is_in_doubt() {
+fn a_delay_that_varies_between_records_is_in_doubt() {
     let what = |last: &str| format!("the delay differs from record to record, from 398.0 to {last} ms");
     for (delays, last) in
         [(&[398.0, 402.0, 600.0][..], "600.0"), (&[398.0, 600.0][..], "600.0"), (&[402.0, 398.0, 430.0][..], "430.0")]
     {
         let combined = combine(&runs(delays), &TERMS).unwrap();
         assert_eq!(combined.card.channels[0].contradicted, [what(last)]);
-        assert_eq!(told(&combined), [("flight-delay-changes", "")]);
+        assert_eq!(reported(&combined), [("flight-delay-changes", "")]);
     }
-    // Within 20 ms the uncertainty of the card holds the spread.
+    // Within 20 ms the uncertainty of the card covers the spread.
     let close = combine(&runs(&[398.0, 402.0, 415.0]), &TERMS).unwrap();
     assert!(close.card.channels[0].contradicted.is_empty());
 }
@@ -291,5 +291,5 @@ fn a_delay_that_changes_puts_its_channel_in_doubt() {
     let combined = combine(&all, &TERMS).unwrap();
     let said = "swing-02: the delay changes over the record, from 350.0 to 450.0 ms in windows";
     assert_eq!(combined.card.channels[0].contradicted, [said]);
-    assert_eq!(told(&combined), [("flight-delay-changes", "swing-02")]);
+    assert_eq!(reported(&combined), [("flight-delay-changes", "swing-02")]);
 }

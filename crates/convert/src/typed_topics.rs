@@ -1,6 +1,7 @@
-//! The rows of a log whose messages mean nothing outside of it, as messages of ROS 2.
+//! Rewrites rows as ROS 2 messages, for logs whose own messages mean nothing outside the log.
 //!
-//! What they were stands beside them ([`OriginalTopic`], [`OriginalLog`]), so that the output is read as the log is.
+//! The original topics are recorded with them ([`OriginalTopic`], [`OriginalLog`]), so that the output is read as the
+//! log is.
 
 use crate::error::ConvertError;
 use crate::export::ROWS_AT_ONCE;
@@ -10,7 +11,7 @@ use crate::row_time::{LogTime, LogTimes};
 use flight::{Clock, Notices, TopicHealth};
 use ingest::{Column, Extra, IngestError, Log, OriginalLog, OriginalTopic, Places, ReadContext, Table, TopicInfo};
 
-/// A table on its way.
+/// A table being written.
 struct Topic<'t> {
     table: &'t Table,
     messages: MessageType<'t>,
@@ -18,8 +19,8 @@ struct Topic<'t> {
     original: OriginalTopic,
 }
 
-/// Writes what the log stated, its topics without a message, and the rows of all tables in the order of `log_times`, those of
-/// one table in the order of the log.
+/// Writes the log's statements, its topics without messages, and the rows of all tables in the order of `log_times`.
+/// Rows of one table keep the order of the log.
 pub(crate) fn write(
     log: &Log,
     times: &LogTimes,
@@ -44,7 +45,7 @@ pub(crate) fn write(
         }
         let Some(topic) = topics.get(number as usize) else { continue };
         topic.messages.payload(row as usize, &mut payload);
-        // The stamp as the log has it, also where its clock began anew.
+        // The timestamp as logged, also where its clock restarted.
         let stamp = topic.table.logged_ns.as_ref().and_then(|stamps| stamps.get(row as usize).copied());
         let sequence = u32::try_from(topic.table.origin_of(row as usize)).ok();
         recording.write(&Entry { logged_ns, published_ns: stamp, sequence, payload: &payload, ..topic.entry() })?;
@@ -52,12 +53,12 @@ pub(crate) fn write(
     Ok(())
 }
 
-/// Decimals of a table as they were written.
+/// The decimals of a table as originally written.
 fn written<'l>(log: &'l Log, table: &Table) -> Vec<&'l Column> {
     log.written.iter().filter(|(topic, _)| *topic == table.topic).map(|(_, column)| column).collect()
 }
 
-/// Table, row and time of all rows by time; a table's own rows stay in their order, whatever their times.
+/// Table, row and time of all rows by time; the rows of one table keep their order, whatever their times.
 fn in_order(times: &[LogTime]) -> impl Iterator<Item = (u32, u32, i64)> + use<> {
     // The latest time so far, table, row, time.
     let mut order: Vec<(i64, u32, u32, i64)> = vec![];
@@ -79,7 +80,7 @@ impl<'t> Topic<'t> {
         Topic { table, info: messages.topic(), original: OriginalTopic { type_name, encoding, clock }, messages }
     }
 
-    /// A message that is still empty.
+    /// An entry without payload.
     fn entry(&self) -> Entry<'_> {
         Entry {
             topic: &self.info,
@@ -95,7 +96,7 @@ impl<'t> Topic<'t> {
     }
 }
 
-/// A topic without a message.
+/// Registers a topic without messages.
 fn announce(topic: &TopicHealth, recording: &mut Recording) -> Result<(), ConvertError> {
     let TopicHealth { name, type_name, encoding, .. } = topic.clone();
     let info = TopicInfo { name, type_name, encoding };
