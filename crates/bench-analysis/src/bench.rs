@@ -21,7 +21,8 @@ use flight::with_minus;
 use flight::{Clock, Code, Flight, Notices, Quantity, Stamp};
 use jiff::civil::Date;
 use record::{
-    BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, RigGeometry, RigPart, TimeBasis,
+    BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, GateCheck, ReferenceFinding, RigGeometry, RigPart,
+    TimeBasis,
 };
 use signal::{DelayFit, DelaySettings, Gain, Measurement, Sign, fit_delay};
 
@@ -98,21 +99,12 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let references = References::of(sensor, &motion, rig, &around, &alignment);
     notices.extend(references.notices.clone());
     if references.channels.is_empty() {
-        let held: Vec<&str> = input.sensor.channels.keys().map(String::as_str).collect();
-        return Err(BenchRefusal::NoChannel(held.join(", ")));
+        return Err(no_channel(input.sensor));
     }
     let arm = accelerometer_arm(sensor, rig);
     let Gate { mut quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
     let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
-    if let Some(check) = gap_check(&motion, hidden_samples(&channels)) {
-        notices.push(
-            Code::SamplesLeftOut.at(flight::Severity::Info),
-            encoder_name,
-            motion.gaps().len() as u64,
-            check.text.clone(),
-        );
-        quality.checks.push(check);
-    }
+    quality.checks.extend(gaps_checked(&motion, &channels, &mut notices));
     report_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
     let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);
@@ -132,6 +124,19 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     };
     let magnetic = MagneticEvidence { swings, around };
     Ok(Bench { findings, magnetic, date: day.map(|d| d.to_string()), notices })
+}
+
+fn no_channel(sensor: &Flight) -> BenchRefusal {
+    let held: Vec<&str> = sensor.channels.keys().map(String::as_str).collect();
+    BenchRefusal::NoChannel(held.join(", "))
+}
+
+/// The gate's check of the encoder's gaps, which are also reported as a notice.
+fn gaps_checked(motion: &Motion, channels: &[ChannelDynamics], notices: &mut Notices) -> Option<GateCheck> {
+    let check = gap_check(motion, hidden_samples(channels))?;
+    let (code, gaps) = (Code::SamplesLeftOut.at(flight::Severity::Info), motion.gaps().len() as u64);
+    notices.push(code, &motion.encoder().channel, gaps, check.text.clone());
+    Some(check)
 }
 
 fn smoothed(channel: &str, series: EncoderSeries) -> Result<Motion, BenchRefusal> {

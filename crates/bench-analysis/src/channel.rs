@@ -49,10 +49,7 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     let settings = bench.settings();
     let fit = match fit_delay(&measurements, &settings) {
         Ok(fit) => fit,
-        Err(error) => {
-            found.reason = error.to_string();
-            return found;
-        }
+        Err(error) => return ChannelDynamics { reason: error.to_string(), ..found },
     };
     let reference_std = updates.reference_std(channel);
     found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));

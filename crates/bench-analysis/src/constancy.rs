@@ -47,29 +47,23 @@ pub(crate) fn constancy(
         let text = format!("fewer than two windows of {WINDOW_S} s with enough motion");
         return Constancy { finding: Finding::CannotTell(text), change_s: None };
     };
-    let own_p = if (CERTAIN_P..DOUBTFUL_P).contains(&constant_p) {
-        each_alone(measurements, fit, settings, &apart)
-    } else {
-        None
-    };
+    let is_doubtful = (CERTAIN_P..DOUBTFUL_P).contains(&constant_p);
+    let own_p = is_doubtful.then(|| each_alone(measurements, fit, settings, &apart)).flatten();
     let constant_p = own_p.filter(|p| *p < CERTAIN_P).unwrap_or(constant_p);
     let by_the_lag = constant_p < REPORTED_P && !changes_behind_lag(measurements, settings, model, &apart);
     let changes = constant_p < CERTAIN_P && !by_the_lag;
     let least = windows.iter().map(|w| w.delay_s).fold(f64::INFINITY, f64::min);
     let most = windows.iter().map(|w| w.delay_s).fold(f64::NEG_INFINITY, f64::max);
     let found = match constant_p {
-        p if p >= REPORTED_P => "No change over the record".to_owned(),
-        _ if by_the_lag => "The delay that fits best changes with the motion, as the lag makes it".to_owned(),
-        _ => format!("The delay changes over the record, between {} and {} ms", millis(least), millis(most)),
+        p if p >= REPORTED_P => "No change over the record",
+        _ if by_the_lag => "The delay that fits best changes with the motion, as the lag makes it",
+        _ => &format!("The delay changes over the record, between {} and {} ms", millis(least), millis(most)),
     };
     let text = format!("{found} (χ² = {chi2:.1}, {} windows, {}).", apart.len(), probability(constant_p));
     let finding = Finding::Found(Stationarity {
         window_s: WINDOW_S,
         t_s: windows.iter().map(|w| w.middle_s).collect(),
-        delay_s: windows
-            .iter()
-            .map(|w| Estimate { value: w.delay_s, standard_uncertainty: Some(w.standard_uncertainty_s) })
-            .collect(),
+        delay_s: windows.iter().map(estimate_of).collect(),
         constant_p,
         changes,
         slope: slope(&apart),
@@ -77,6 +71,10 @@ pub(crate) fn constancy(
     });
     let farthest_s = (most - fit.delay_s).max(fit.delay_s - least);
     Constancy { finding, change_s: changes.then_some(farthest_s / HALF_95) }
+}
+
+fn estimate_of(window: &SegmentDelay) -> Estimate {
+    Estimate { value: window.delay_s, standard_uncertainty: Some(window.standard_uncertainty_s) }
 }
 
 /// Probability that separately fitted windows have one delay; `None` with fewer than two such windows.

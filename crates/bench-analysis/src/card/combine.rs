@@ -72,10 +72,7 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     report_gates(&usable, &mut notices);
     let channels: Vec<CardChannel> = several.iter().filter_map(|s| s.card(&mut notices)).collect();
     if channels.is_empty() {
-        let disagree: Vec<&str> = left_out.iter().filter(|l| l.record.is_empty()).map(|l| l.why.as_str()).collect();
-        let why =
-            if disagree.is_empty() { "nothing was measured".to_owned() } else { disagree.join("; ") + ". No channel" };
-        return Err(error(first_name, format!("{why} of {}: no card", sensor_name(&sensor))));
+        return Err(error(first_name, format!("{} of {}: no card", why_empty(&left_out), sensor_name(&sensor))));
     }
     let [measured_on, valid_from, valid_until] = validity(&days_of_means(&several, &usable), terms, &mut notices);
     let card = SensorCard {
@@ -93,6 +90,12 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
         records: usable.iter().map(|(_, r)| source(r)).collect(),
     };
     Ok(Combined { card, notices })
+}
+
+/// Why no channel is on the card.
+fn why_empty(left_out: &[LeftOut<'_>]) -> String {
+    let disagree: Vec<&str> = left_out.iter().filter(|l| l.record.is_empty()).map(|l| l.why.as_str()).collect();
+    if disagree.is_empty() { "nothing was measured".to_owned() } else { disagree.join("; ") + ". No channel" }
 }
 
 /// Days of the records used in the means: other records do not make the card newer.
@@ -311,40 +314,9 @@ impl<'a> Several<'a> {
                 Err(why) => left_out.push(LeftOut { code: Code::LeftOffCard, record, channel: name, why }),
             }
         }
-        let runs = comparable(name, runs, left_out);
-        let delays: Vec<Reading> = runs.iter().map(Run::random_delay).collect();
-        let (mut kept, mut left) = (vec![], vec![]);
-        for (run, is_outlier) in runs.into_iter().zip(outliers(&delays)) {
-            if is_outlier { left.push(run) } else { kept.push(run) }
-        }
-        if !left.is_empty() && MAJORITY[1] * kept.len() <= MAJORITY[0] * (kept.len() + left.len()) {
-            left_out.push(LeftOut {
-                code: Code::NotComparable,
-                record: "",
-                channel: name,
-                why: disagreement(kept.into_iter().chain(left).collect()),
-            });
-            return None;
-        }
-        for run in &left {
-            let delay_s = run.delay.delay.seconds();
-            let why = format!("{delay_s:.4} s is an outlier among the records and is not in the mean");
-            left_out.push(LeftOut { code: Code::LeftOffCard, record: run.record, channel: name, why });
-        }
-        let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();
-        let in_mean = records.iter().filter(|(record, _)| kept.iter().any(|run| run.record == record));
-        let doubts = |found: &BenchRecord| {
-            let own = channels(found).iter().find(|c| c.name == name).and_then(ChannelDynamics::doubt);
-            found.doubts().into_iter().chain(own)
-        };
-        let differs = difference(&kept);
-        if let Some(what) = &differs {
-            let why = format!("{what}. One number does not describe it: find what differs between the records");
-            left_out.push(LeftOut { code: Code::FlightDelayChanges, record: "", channel: name, why });
-        }
-        let of_records = in_mean.flat_map(|(record, found)| doubts(found).map(move |what| format!("{record}: {what}")));
-        let contradicted = of_records.chain(differs).collect();
-        (!kept.is_empty()).then_some(Several { name, runs: kept, outliers, contradicted })
+        let (runs, outliers) = without_outliers(name, comparable(name, runs, left_out), left_out)?;
+        let contradicted = doubts(name, records, &runs, left_out);
+        (!runs.is_empty()).then_some(Several { name, runs, outliers, contradicted })
     }
 
     fn card(&self, notices: &mut Notices) -> Option<CardChannel> {
@@ -479,6 +451,50 @@ fn disagreement(mut runs: Vec<Run<'_>>) -> String {
         group(&runs[..split]),
         group(&runs[split..])
     )
+}
+
+/// The runs that belong together, and the records of the others. `None` if no clear majority agrees.
+fn without_outliers<'a>(
+    name: &'a str,
+    runs: Vec<Run<'a>>,
+    left_out: &mut Vec<LeftOut<'a>>,
+) -> Option<(Vec<Run<'a>>, Vec<String>)> {
+    let delays: Vec<Reading> = runs.iter().map(Run::random_delay).collect();
+    let (mut kept, mut left) = (vec![], vec![]);
+    for (run, is_outlier) in runs.into_iter().zip(outliers(&delays)) {
+        if is_outlier { left.push(run) } else { kept.push(run) }
+    }
+    if !left.is_empty() && MAJORITY[1] * kept.len() <= MAJORITY[0] * (kept.len() + left.len()) {
+        let why = disagreement(kept.into_iter().chain(left).collect());
+        left_out.push(LeftOut { code: Code::NotComparable, record: "", channel: name, why });
+        return None;
+    }
+    for run in &left {
+        let delay_s = run.delay.delay.seconds();
+        let why = format!("{delay_s:.4} s is an outlier among the records and is not in the mean");
+        left_out.push(LeftOut { code: Code::LeftOffCard, record: run.record, channel: name, why });
+    }
+    Some((kept, left.into_iter().map(|run| run.record.to_owned()).collect()))
+}
+
+/// What puts the mean of these runs in doubt, each with the name of its record.
+fn doubts<'a>(
+    name: &'a str,
+    records: &[&'a (String, BenchRecord)],
+    runs: &[Run<'a>],
+    left_out: &mut Vec<LeftOut<'a>>,
+) -> Vec<String> {
+    let of_record = |(record, found): &&'a (String, BenchRecord)| {
+        let own = channels(found).iter().find(|c| c.name == name).and_then(ChannelDynamics::doubt);
+        found.doubts().into_iter().chain(own).map(move |what| format!("{record}: {what}"))
+    };
+    let differs = difference(runs);
+    if let Some(what) = &differs {
+        let why = format!("{what}. One number does not describe it: find what differs between the records");
+        left_out.push(LeftOut { code: Code::FlightDelayChanges, record: "", channel: name, why });
+    }
+    let in_mean = records.iter().filter(|(record, _)| runs.iter().any(|run| run.record == record));
+    in_mean.flat_map(of_record).chain(differs).collect()
 }
 
 /// A channel of a record, or why it is missing.
