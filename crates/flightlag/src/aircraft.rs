@@ -232,7 +232,7 @@ mod tests {
                 "are of 2 receivers",
             ),
             // Relative to a reference no autopilot parameter is known.
-            (vec![group_in_seconds("a", 0.25, "reference")], "the delay is known against a reference alone"),
+            (vec![group_in_seconds("a", 0.25, "reference")], "the delay is known only relative to a reference"),
             (vec![group_in_seconds("a", 0.25, "imu")], "these logs name no autopilot (ArduPilot or PX4)"),
             (vec![], "no flight was measured"),
         ] {

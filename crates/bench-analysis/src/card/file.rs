@@ -381,7 +381,7 @@ mod tests {
 
     /// Replacements in the example, the line of the resulting error, and its text.
     const NONSENSE: [(&str, &str, &str, &str); 18] = [
-        ("card_version = 1", "card_version = 2", "card_version", "only layout"),
+        ("card_version = 1", "card_version = 2", "card_version", "only version"),
         ("delay_s = 0.4\n", "delay_s = nan\n", "delay_s", "finite"),
         ("delay_s = 0.4\n", "delay_s = 400.0\n", "delay_s", "in seconds"),
         ("delay_s = 0.4\n", "delay_s = -0.4\n", "verdict", "positive is late"),
