@@ -273,12 +273,12 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::RecordSplit,
         "crates/compensation-replay/tests/it/flight_delay.rs",
-        "a_clock_that_jumps_by_an_hour_leaves_the_delay",
+        "a_clock_jump_of_an_hour_does_not_change_the_delay",
     ),
     (
         Code::SamplesLeftOut,
         "crates/compensation-replay/tests/it/flight_delay.rs",
-        "more_samples_are_taken_where_a_first_look_does_not_know_enough",
+        "more_samples_are_used_if_the_first_look_is_too_uncertain",
     ),
     (
         Code::FlightDelayChanges,
@@ -293,7 +293,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::NoOutput,
         "crates/compensation-replay/tests/it/edges.rs",
-        "what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end",
+        "noncausal_compensators_are_marked_and_stop_where_the_fixes_end",
     ),
     (
         Code::PositionReset,
@@ -303,7 +303,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::VelocityContradictsPosition,
         "crates/compensation-replay/tests/it/edges.rs",
-        "swapped_axes_are_suspected_aloud",
+        "swapped_axes_are_reported",
     ),
     (
         Code::StampsCoarserThanDelay,
@@ -313,12 +313,12 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::KalmanNoiseFitted,
         "crates/compensation-replay/tests/it/edges.rs",
-        "what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end",
+        "noncausal_compensators_are_marked_and_stop_where_the_fixes_end",
     ),
     (
         Code::OnboardNotCompared,
         "crates/compensation-replay/tests/it/scores.rs",
-        "an_onboard_position_that_is_none_is_not_compared_and_the_reason_is_given",
+        "an_onboard_channel_of_another_kind_is_rejected_with_the_reason",
     ),
     (
         Code::LeftOffCard,
