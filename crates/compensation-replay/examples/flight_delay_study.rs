@@ -1,6 +1,5 @@
-//! Accuracy of the delay from a flight: many simulated circuits with known delay, one line of figures per kind of
-//! receiver. `cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- [trials] [part of a
-//! case's name]`
+//! Accuracy of the delay from a flight: many simulated circuits with known delay, a line of figures per receiver kind.
+//! `cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- [trials] [part of a case's name]`
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example's output is its print")]
 
 use compensation_replay::{FlightDelaySettings, measure_delays};

@@ -1,8 +1,9 @@
 //! Effect on a delay of an antenna that is not at the point where velocity is measured.
 //!
 //! The receiver's position is that of its antenna: `p = x + l·h`, where `l` is how far the antenna is ahead of the
-//! point whose velocity is integrated, and `h` is the horizontal direction of the nose. The fit `p(t) = c + d·t + ∫v(t
-//! − δ)` takes the part of `l·h` that looks like `−v` for a delay. To first order, for least squares with weights w,
+//! point whose velocity is integrated, and `h` is the horizontal direction of the nose. The fit
+//! `p(t) = c + d·t + ∫v(t − δ)` takes the part of `l·h` that looks like `−v` for a delay. To first order, for least
+//! squares with weights w,
 //!
 //! `shift = −l · Σ w (Ph)·(Pv) / Σ w (Pv)·(Pv)`,
 //!

@@ -5,9 +5,9 @@
 ///
 /// `y_k = [(Td − h) y_{k−1} + Td h (v_k + v_{k−1})] / (Td + h)` (design note 5.4).
 ///
-/// Adds the displacement during Td to the late position. Compared with the exact form the error is `2 |sin(x/2 −
-/// atan(x/2))|` of the amplitude, `x = 2π f Td`: 1 % at f·Td = 0.08. Above f·Td = 0.68 it is worse than no
-/// compensation.
+/// Adds the displacement during Td to the late position. Compared with the exact form the error is
+/// `2 |sin(x/2 − atan(x/2))|` of the amplitude, `x = 2π f Td`: 1 % at f·Td = 0.08. Above f·Td = 0.68 it is worse
+/// than no compensation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PadeTustin {
     delay_s: f64,

@@ -300,11 +300,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/compensation-replay/tests/it/edges.rs",
         "one_reset_of_the_position_is_marked_and_passed_on",
     ),
-    (
-        Code::VelocityContradictsPosition,
-        "crates/compensation-replay/tests/it/edges.rs",
-        "swapped_axes_are_reported",
-    ),
+    (Code::VelocityContradictsPosition, "crates/compensation-replay/tests/it/edges.rs", "swapped_axes_are_reported"),
     (
         Code::StampsCoarserThanDelay,
         "crates/compensation-replay/tests/it/edges.rs",
@@ -320,11 +316,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/compensation-replay/tests/it/scores.rs",
         "an_onboard_channel_of_another_kind_is_rejected_with_the_reason",
     ),
-    (
-        Code::LeftOffCard,
-        "crates/bench-analysis/src/card/combine/tests.rs",
-        "an_outlying_record_is_excluded_and_named",
-    ),
+    (Code::LeftOffCard, "crates/bench-analysis/src/card/combine/tests.rs", "an_outlying_record_is_excluded_and_named"),
     (
         Code::NotComparable,
         "crates/bench-analysis/src/card/combine/tests.rs",
@@ -342,11 +334,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/campaign/src/delay/tests.rs",
         "a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told",
     ),
-    (
-        Code::ClockTie,
-        "crates/bench-analysis/tests/it/clocks.rs",
-        "a_channel_on_its_own_clock_is_skipped_and_named",
-    ),
+    (Code::ClockTie, "crates/bench-analysis/tests/it/clocks.rs", "a_channel_on_its_own_clock_is_skipped_and_named"),
     (
         Code::NoReference,
         "crates/bench-analysis/tests/it/references.rs",

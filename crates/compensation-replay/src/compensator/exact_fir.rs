@@ -5,8 +5,8 @@ use crate::compensator::velocity_integral::VelocityIntegral;
 use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY, check};
 use record::StartRule;
 
-/// `x_est(t) = x_m(t) + ∫_{t−Td}^{t} v dτ` with the newest position for `x_m` (design note 5.1). This is `G(s) = (1 −
-/// e^{−s Td})/s` itself, for a velocity that is linear between its samples and held after the newest one.
+/// `x_est(t) = x_m(t) + ∫_{t−Td}^{t} v dτ` with the newest position for `x_m` (design note 5.1). This is
+/// `G(s) = (1 − e^{−s Td})/s` itself, for a velocity that is linear between its samples and held after the newest one.
 ///
 /// Like the filters it ignores the age of a held position; [`StreamingAsync`](crate::StreamingAsync) accounts for it.
 #[derive(Debug, Clone)]

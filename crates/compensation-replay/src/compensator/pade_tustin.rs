@@ -1,12 +1,12 @@
-//! The paper's compensator behind the common trait.
+//! The paper's compensator as an implementation of the common trait.
 
 use crate::compensator::StateValue;
 use crate::compensator::filtered::VelocityFilter;
 use crate::pade::PadeTustin;
 use record::StartRule;
 
-/// [`PadeTustin`] behind the trait, bit for bit. Over a gap it applies the trapezoidal rule with the long step, as the
-/// paper's formula would.
+/// [`PadeTustin`] as a [`VelocityFilter`], bit for bit. Over a gap it applies the trapezoidal rule with the long step,
+/// as the paper's formula would.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PaperFilter {
     delay_s: f64,
