@@ -82,7 +82,7 @@ impl Drawing<'_> {
             curve(format!("raw − {}", e.title), rows, &difference, |r| e.shown(rows, r), window)
         };
         let mut predicted = rows.predicted(self.input, self.settings, axis);
-        predicted.iter_mut().for_each(|way| *way = -*way);
+        predicted.iter_mut().for_each(|displacement| *displacement = -*displacement);
         let name = "−v · (Td + age of the fix), v at half that time".to_owned();
         let predicted = curve(name, rows, &predicted, |r| rows.has_output(r), window);
         self.estimates[1..].iter().map(of).chain([predicted]).collect()

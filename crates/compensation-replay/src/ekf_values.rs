@@ -19,7 +19,7 @@ use record::{
 use std::collections::BTreeMap;
 
 /// White noise below this fraction of the wander's step between samples cannot be distinguished from zero.
-const LEAST_SEEN: f64 = 0.05;
+const LEAST_OBSERVABLE: f64 = 0.05;
 
 /// Facts about a channel in addition to its pairs.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -83,7 +83,7 @@ fn white(channel: &mut EkfChannel, measured: &MeasuredDelay, unit: &str) {
     let Some(std) = pooled(measured, |noise| Some(noise.white_std)) else { return };
     // Step of the wander in one sample: white noise far below it is the edge of the fit's search and not observable.
     let step = pooled(measured, walk_density).zip(channel.rate_hz).map_or(0.0, |(walk, hz)| walk.value / hz.sqrt());
-    if std.value < LEAST_SEEN * step {
+    if std.value < LEAST_OBSERVABLE * step {
         let text = "no white noise was found: it is below what the wander does in one sample";
         channel.remarks.push(format!("{text} ({step:.2e} {unit})"));
         return;

@@ -267,7 +267,7 @@ fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Res
     let (name, channel) = flight.first_of(wanted).ok_or_else(|| Refusal::NoChannel {
         what,
         wanted: some_of(wanted),
-        held: held_instead(flight, what),
+        held: available_instead(flight, what),
     })?;
     if is(what, channel.quantity) {
         Ok((name, channel))
@@ -297,7 +297,7 @@ fn is(what: &str, quantity: Quantity) -> bool {
 }
 
 /// Channels of this kind, else the first three of other kinds.
-fn held_instead(flight: &Flight, what: &str) -> String {
+fn available_instead(flight: &Flight, what: &str) -> String {
     let of_kind: Vec<&str> =
         flight.channels.iter().filter(|(_, c)| is(what, c.quantity)).map(|(name, _)| name.as_str()).collect();
     if !of_kind.is_empty() {

@@ -97,7 +97,8 @@ fn judged(
     let resets = score::resets(input, &innovations, notices);
     let compensators = score::compensators(input, settings, rows, estimates, &innovations);
     let predicted_rms_m = score::predicted(input, rows, settings);
-    let played = score::Played { input, settings, segments, rows, tracks: estimates, way_m: predicted_rms_m.value };
+    let played =
+        score::Played { input, settings, segments, rows, tracks: estimates, travelled_m: predicted_rms_m.value };
     let (scores, onboard) = match extent {
         Extent::Whole => (Some(score::scores(&played, innovations)), score::onboard(flight, &played, notices)),
         Extent::Sketch => (None, None),

@@ -47,9 +47,9 @@ pub(crate) fn innovations(input: &Input, settings: &Settings, segments: &[Range<
         let step = step_to(input, j);
         out.fix.push(j as u32);
         for k in AXES {
-            let way = flown[k][s].flown(from, to);
-            out.exact[k].push(step[k] - way);
-            out.flown[k].push(way);
+            let displacement = flown[k][s].flown(from, to);
+            out.exact[k].push(step[k] - displacement);
+            out.flown[k].push(displacement);
         }
     }
     out
@@ -142,8 +142,8 @@ fn rms(squares: impl Iterator<Item = f64> + Clone) -> Option<Estimate> {
 
 /// Raw − compensated predicted from velocity, m.
 pub(crate) fn predicted(input: &Input, rows: &Rows, settings: &Settings) -> Estimate {
-    let way = AXES.map(|k| rows.predicted(input, settings, k));
-    let squares = rows.valid().map(|row| AXES.map(|k| way[k][row].powi(2)).iter().sum());
+    let displacement = AXES.map(|k| rows.predicted(input, settings, k));
+    let squares = rows.valid().map(|row| AXES.map(|k| displacement[k][row].powi(2)).iter().sum());
     with_delay_uncertainty(rms(squares), rows, settings)
 }
 

@@ -27,8 +27,8 @@ pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Opti
     let gap_s = gap(&fresh().map(|row| rows.t[row]).collect::<Vec<_>>())?;
     // The distance flown since the fix is not a lead.
     let ahead = |row: usize, of: [f64; 2]| {
-        let way = along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]])?;
-        Some(way - speed(rows, row) * rows.age_s(input, row))
+        let displacement = along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]])?;
+        Some(displacement - speed(rows, row) * rows.age_s(input, row))
     };
     let given = fresh().filter(|&row| exact.shown(rows, row));
     let compensated: Points =
@@ -117,10 +117,10 @@ fn gap(times: &[f64]) -> Option<f64> {
 }
 
 /// Component of a displacement along the velocity of a row, m; `None` at standstill.
-fn along(rows: &Rows, row: usize, way: [f64; 2]) -> Option<f64> {
+fn along(rows: &Rows, row: usize, displacement: [f64; 2]) -> Option<f64> {
     let velocity = AXES.map(|k| rows.velocity[k][row]);
     let speed = velocity[0].hypot(velocity[1]);
-    (speed > 0.1).then(|| (way[0] * velocity[0] + way[1] * velocity[1]) / speed)
+    (speed > 0.1).then(|| (displacement[0] * velocity[0] + displacement[1] * velocity[1]) / speed)
 }
 
 /// Ranges of points without a gap between them.

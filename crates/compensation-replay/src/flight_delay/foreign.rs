@@ -27,7 +27,7 @@ const UNITS: [(f64, &str, &str); 7] = [
 
 /// The second channel with other axes and another scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Way {
+struct AxesMatch {
     swapped: bool,
     signs: [f64; 2],
     /// The second channel over the first.
@@ -57,7 +57,7 @@ impl Compared<'_> {
     pub(crate) fn refusal(&self, share: Option<f64>, names: &Names) -> Option<String> {
         let Names { first, second } = names;
         let share = share.filter(|share| *share > MOST_UNEXPLAINED)?;
-        let check = self.way().and_then(|way| way.words(names));
+        let check = self.best_match().and_then(|found| found.words(names));
         Some(format!(
             "{first} does not move as {second} says: {:.0} % of its displacement is left over at the best delay. {}",
             100.0 * share,
@@ -66,11 +66,11 @@ impl Compared<'_> {
     }
 
     /// The best scale and axes, at any delay: for channels that do not belong together the best delay is arbitrary.
-    fn way(&self) -> Option<Way> {
+    fn best_match(&self) -> Option<AxesMatch> {
         let base_s = 5.0_f64.min(self.longest_s() / 5.0);
         let tried = (0..=TRIED).map(|i| SEARCHED_S.0 + (SEARCHED_S.1 - SEARCHED_S.0) * f64::from(i) / f64::from(TRIED));
-        let ways = tried.chain([self.delay_s]).filter_map(|delay_s| way_of(&self.steps(base_s, delay_s)));
-        ways.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
+        let matches = tried.chain([self.delay_s]).filter_map(|delay_s| match_of(&self.steps(base_s, delay_s)));
+        matches.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
     }
 
     fn longest_s(&self) -> f64 {
@@ -102,7 +102,7 @@ impl Compared<'_> {
     }
 }
 
-impl Way {
+impl AxesMatch {
     /// What would make the pair match; `None` if this does not, or changes nothing.
     fn words(&self, Names { first, second }: &Names) -> Option<String> {
         let (factor, verb, wrong) = match self.ratio >= 1.0 {
@@ -141,19 +141,19 @@ fn unexplained_of(steps: &[Step]) -> Option<f64> {
     (steps.len() >= LEAST_STEPS && moved2 > 0.0).then(|| (missed2 / moved2).sqrt())
 }
 
-fn way_of(steps: &[Step]) -> Option<Way> {
+fn match_of(steps: &[Step]) -> Option<AxesMatch> {
     let moved2: f64 = steps.iter().map(|(moved, _)| squared(*moved)).sum();
     let predicted2: f64 = steps.iter().map(|(_, predicted)| squared(*predicted)).sum();
     if steps.len() < LEAST_STEPS || moved2 == 0.0 || predicted2 == 0.0 {
         return None;
     }
-    let way = |swapped: bool, signs: [f64; 2]| {
+    let matched = |swapped: bool, signs: [f64; 2]| {
         let cross = |(moved, predicted): &Step| {
             let predicted = if swapped { [predicted[1], predicted[0]] } else { *predicted };
             signs[0] * moved[0] * predicted[0] + signs[1] * moved[1] * predicted[1]
         };
         let agreed = steps.iter().map(cross).sum::<f64>().max(0.0) / (moved2 * predicted2).sqrt();
-        Way {
+        AxesMatch {
             swapped,
             signs,
             ratio: (predicted2 / moved2).sqrt(),
@@ -161,8 +161,8 @@ fn way_of(steps: &[Step]) -> Option<Way> {
         }
     };
     let signs = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
-    let ways = [false, true].into_iter().flat_map(|swapped| signs.map(|signs| way(swapped, signs)));
-    ways.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
+    let matches = [false, true].into_iter().flat_map(|swapped| signs.map(|signs| matched(swapped, signs)));
+    matches.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
 }
 
 #[cfg(test)]
@@ -175,7 +175,7 @@ mod tests {
         let steps: Vec<Step> = (0..60).map(|k| (moved(k), predicted(moved(k)))).collect();
         let refused = unexplained_of(&steps).unwrap() > MOST_UNEXPLAINED;
         refused.then(|| {
-            way_of(&steps).unwrap().words(&Names { first: "position", second: "velocity" }).unwrap_or_default()
+            match_of(&steps).unwrap().words(&Names { first: "position", second: "velocity" }).unwrap_or_default()
         })
     }
 

@@ -109,7 +109,7 @@ fn channel(quantity: Quantity, time_s: &[f64], components: Vec<Vec<f64>>) -> Cha
 }
 
 /// Small noise without a generator: phases that do not repeat.
-fn hiss(row: usize, scale: f64) -> f64 {
+fn pseudo_noise(row: usize, scale: f64) -> f64 {
     let row = row as f64;
     scale * ((row * 12.9898).sin() * 43_758.545).sin()
 }
@@ -124,7 +124,9 @@ fn measured(flown: &Path, arm_m: f64) -> f64 {
             let of = |row: &usize| {
                 let then = row - late;
                 let speed = flown.velocity[0][then].hypot(flown.velocity[1][then]);
-                flown.place[axis][then] + arm_m * flown.velocity[axis][then] / speed + hiss(3 * row + axis, 0.05)
+                flown.place[axis][then]
+                    + arm_m * flown.velocity[axis][then] / speed
+                    + pseudo_noise(3 * row + axis, 0.05)
             };
             rows.iter().map(of).collect()
         })

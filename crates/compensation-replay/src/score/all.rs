@@ -28,7 +28,7 @@ pub(crate) struct Played<'a> {
     /// Raw first.
     pub(crate) tracks: &'a [Positions],
     /// Predicted displacement, 2-D rms, m.
-    pub(crate) way_m: f64,
+    pub(crate) travelled_m: f64,
 }
 
 type Fit = Result<TrackFit, String>;
@@ -81,8 +81,8 @@ pub(crate) fn scores(played: &Played, innovations: Innovations) -> ReplayScores 
     ReplayScores {
         compensators: scored.map(|(k, correlation)| tests.score(k, &ground, correlation)).collect(),
         predicted_axes_rms_m: AXES.map(|k| {
-            let way = rows.predicted(input, settings, k);
-            mean_over(rows, |r| way[r].powi(2)).sqrt()
+            let displacement = rows.predicted(input, settings, k);
+            mean_over(rows, |r| displacement[r].powi(2)).sqrt()
         }),
         straight_legs: tests.legs.finding(),
         opposite_passes: tests.passes.finding(),
@@ -126,14 +126,14 @@ impl<'a> Tests<'a> {
     }
 
     fn ground<'b>(&'b self, late: &'b Late) -> Ground<'b> {
-        let Played { input, settings, rows, way_m, .. } = *self.played;
+        let Played { input, settings, rows, travelled_m, .. } = *self.played;
         let td = settings.delay.seconds();
         Ground {
             speed_mps: mean_over(rows, |r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum()).sqrt(),
             delay_s: td,
             delay_u_s: settings.delay_uncertainty_s,
             age_s: (rows.mean_age_s(input), mean_over(rows, |r| rows.age_s(input, r).powi(2))),
-            way_m,
+            travelled_m,
             raw_fit: self.fits[0].as_ref().map_err(String::as_str),
             motion: self.motion.as_ref().map_err(String::as_str),
             left_s: late.position_s.map(|e| Estimate { value: e.value - td, ..e }),

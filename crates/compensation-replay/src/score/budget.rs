@@ -50,7 +50,7 @@ pub(crate) struct Ground<'a> {
     /// Age of the fix over the rows: mean, and mean of its square.
     pub(crate) age_s: (f64, f64),
     /// Displacement during delay and age predicted from velocity.
-    pub(crate) way_m: f64,
+    pub(crate) travelled_m: f64,
     /// Raw against the integral of velocity.
     pub(crate) raw_fit: Result<&'a TrackFit, &'a str>,
     pub(crate) motion: Result<&'a Motion, &'a str>,
@@ -105,7 +105,7 @@ impl Ground<'_> {
     }
 
     /// Residual delay, if this flight shows it.
-    fn seen_s(&self) -> Option<Estimate> {
+    fn residual_delay_s(&self) -> Option<Estimate> {
         self.left_s.filter(|r| r.standard_uncertainty.is_some_and(|u| r.value.abs() > 2.0 * u))
     }
 
@@ -114,16 +114,18 @@ impl Ground<'_> {
     fn not_removed(&self) -> BudgetTerm {
         let name = "delay, not removed";
         let set_s = self.delay_s + self.age_s.0;
-        match self.seen_s().filter(|_| set_s > 0.0) {
+        match self.residual_delay_s().filter(|_| set_s > 0.0) {
             Some(seen) => term(
                 name,
-                Finding::Found(self.way_m * ((set_s + seen.value) / set_s).abs()),
+                Finding::Found(self.travelled_m * ((set_s + seen.value) / set_s).abs()),
                 "distance flown in Td and the age of the fix, from velocity, in proportion to the lateness of the position, \
                  which differs from the delay set by more than two standard uncertainties",
             ),
-            None => {
-                term(name, Finding::Found(self.way_m), "distance flown in Td and the age of the fix, from velocity")
-            }
+            None => term(
+                name,
+                Finding::Found(self.travelled_m),
+                "distance flown in Td and the age of the fix, from velocity",
+            ),
         }
     }
 
@@ -131,7 +133,7 @@ impl Ground<'_> {
     fn mismatch(&self) -> BudgetTerm {
         let name = "delay set wrongly, U·δTd";
         let own_u = self.left_s.and_then(|r| r.standard_uncertainty);
-        match (self.seen_s(), self.delay_u_s, own_u) {
+        match (self.residual_delay_s(), self.delay_u_s, own_u) {
             (Some(seen), _, _) => term(
                 name,
                 Finding::Found(self.speed_mps * seen.value.abs()),

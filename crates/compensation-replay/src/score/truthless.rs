@@ -19,8 +19,8 @@ pub(crate) fn lead(updates: &Updates, raw: &Positions, track: &Positions) -> Fin
     let rows: Vec<[f64; 2]> = (0..updates.rows.len())
         .filter(|&i| updates.has_own_output(track, i))
         .map(|i| {
-            let way = updates.way(i, updates.moved_on_s(track, i));
-            [dot(minus(updates.at(track, i), updates.at(raw, i)), way), dot(way, way)]
+            let travelled = updates.travelled(i, updates.extrapolated_s(track, i));
+            [dot(minus(updates.at(track, i), updates.at(raw, i)), travelled), dot(travelled, travelled)]
         })
         .collect();
     found(jackknife(&rows, |[dw, ww]| given * dw / ww), "no valid fix in motion")
@@ -248,9 +248,9 @@ impl Legs {
         }
         let fixes = || self.runs.iter().cloned().flatten().filter(|&i| updates.has_own_output(track, i));
         let moved = |i: usize| minus(updates.at(track, i), updates.at(raw, i));
-        let ways = fixes().map(|i| (moved(i), updates.way(i, updates.moved_on_s(track, i))));
+        let travelled = fixes().map(|i| (moved(i), updates.travelled(i, updates.extrapolated_s(track, i))));
         let (excess, across): (Vec<f64>, Vec<f64>) =
-            ways.map(|(d, w)| (dot(d, w) / length(w) - length(w), to_the_right(w, d) / length(w))).unzip();
+            travelled.map(|(d, w)| (dot(d, w) / length(w) - length(w), to_the_right(w, d) / length(w))).unzip();
         let noise: Vec<[f64; 2]> = self
             .runs
             .iter()

@@ -59,7 +59,7 @@ impl<'a> Updates<'a> {
 
     /// Time over which a track extrapolates its raw position, s: the given delay, plus the age of the fix if the
     /// compensator knows it.
-    pub(crate) fn moved_on_s(&self, track: &Positions, i: usize) -> f64 {
+    pub(crate) fn extrapolated_s(&self, track: &Positions, i: usize) -> f64 {
         let age = if knows_age(track) { self.all.age_s(self.input, self.rows[i]) } else { 0.0 };
         track.delay.seconds() + age
     }
@@ -74,7 +74,7 @@ impl<'a> Updates<'a> {
 
     /// Displacement from velocity in the last `over_s` seconds before a row, m: Simpson's rule over three velocities,
     /// independent of any integral that a compensator uses.
-    pub(crate) fn way(&self, i: usize, over_s: f64) -> [f64; 2] {
+    pub(crate) fn travelled(&self, i: usize, over_s: f64) -> [f64; 2] {
         let t = self.t(i);
         let middle = both_at(&self.input.velocity, t - 0.5 * over_s);
         let first = both_at(&self.input.velocity, t - over_s);

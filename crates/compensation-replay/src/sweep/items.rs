@@ -106,7 +106,7 @@ pub(super) struct Miss {
 /// Integral of velocity up to an instant, m, and the velocity there, m/s.
 #[derive(Debug, Clone, Copy, Default)]
 struct Flown {
-    way: [f64; 2],
+    displacement: [f64; 2],
     velocity: [f64; 2],
 }
 
@@ -137,7 +137,7 @@ impl Sweeper {
             .zip(flown)
             .enumerate()
             .map(|(i, (&row, flown))| {
-                AXES.map(|k| self.input.position.axes[k][rows.fix(row)] + flown.way[k] - reference.axes[k][i])
+                AXES.map(|k| self.input.position.axes[k][rows.fix(row)] + flown.displacement[k] - reference.axes[k][i])
             })
             .collect();
         let group = |row: usize| (rows.fix(row), rows.segment(row));
@@ -188,7 +188,7 @@ impl Sweeper {
             let (since, step) = (instant - t[at], t[at + 1] - t[at]);
             let slope = AXES.map(|k| (v[k][at + 1] - v[k][at]) / step);
             let velocity = AXES.map(|k| v[k][at] + slope[k] * since);
-            Flown { way: AXES.map(|k| self.flown[k][at] + 0.5 * since * (v[k][at] + velocity[k])), velocity }
+            Flown { displacement: AXES.map(|k| self.flown[k][at] + 0.5 * since * (v[k][at] + velocity[k])), velocity }
         })
     }
 
@@ -205,7 +205,7 @@ impl Sweeper {
             let from = if items.against_reference { Flown::default() } else { before };
             Miss {
                 rows: rows.len() as f64,
-                error: AXES.map(|k| item.mean[k] - (now.way[k] - from.way[k])),
+                error: AXES.map(|k| item.mean[k] - (now.displacement[k] - from.displacement[k])),
                 rate: AXES.map(|k| now.velocity[k] - from.velocity[k]),
             }
         })
