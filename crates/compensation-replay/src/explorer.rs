@@ -26,7 +26,7 @@ struct Column<'a> {
     value: Box<dyn Fn(usize) -> Option<i64> + 'a>,
 }
 
-/// A smaller number of rows has about as many extremes.
+/// Least bucket size: smaller buckets would keep about as many rows.
 const FEWEST: usize = 16;
 
 /// Time, raw, the paper's compensator, the exact form and the reference, if there is one.
@@ -84,8 +84,8 @@ fn is_counted(estimate: &Positions, rows: &Rows, row: usize) -> bool {
     estimate.shown(rows, row) && (estimate.is_raw() || rows.state[row] == RowState::Valid)
 }
 
-/// From every `bucket` rows the first and those with the least or greatest value of a column, plus neighbouring rows
-/// without a value, so that gaps remain.
+/// From every `bucket` rows the ends, the rows with the least or greatest value of a column, and one without a value,
+/// so that gaps remain.
 fn extremes(columns: &[Column<'_>], rows: usize, bucket: usize) -> Vec<usize> {
     if bucket <= 1 {
         return (0..rows).collect();

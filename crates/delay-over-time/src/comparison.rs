@@ -160,8 +160,8 @@ impl Workspace {
         (1.0 / self.weights[half] + 1.0 / (self.total - self.weights[half])).sqrt()
     }
 
-    /// Where a step is detectable nearly as well as at the best place: first and last window after the step. Also its
-    /// standard uncertainty at the worst of these places with any one window left out.
+    /// First and last window that may begin the part after a step for it to be detectable nearly as well as at the best
+    /// place. Also its standard uncertainty at the worst of these places with any one window left out.
     pub(crate) fn detectable_step(&self) -> Option<(f64, [usize; 2])> {
         let n = self.weight.len();
         let heaviest = |from: usize, to: usize| self.weight[from..to].iter().copied().fold(0.0, f64::max);
