@@ -1,4 +1,4 @@
-//! How late the position of one flight is: from all measured delays to the answer.
+//! Lateness of the position of one flight: from all measured delays to the answer.
 
 mod alarms;
 
@@ -22,18 +22,18 @@ use record::{
     ReferenceClock, ReferenceFile,
 };
 
-/// Codes of notices of a log that are alarms of its flight: columns bound by guess, and stated units that are not known.
+/// Notices of a log that are alarms of its flight: columns bound by guess, and unknown stated units.
 const ASSUMED: [Code; 2] = [Code::BoundByGuess, Code::UnitUnknown];
-/// A delay whose 90 % interval lies within this is none, s.
+/// A delay whose 90 % interval is within this counts as on time, s.
 const ON_TIME_S: f64 = 0.020;
 
-/// A measurement of a log that could not be used.
+/// The measurement of an unusable log.
 pub(crate) fn failed(key: &str, reason: String) -> MeasuredFlight {
     let words = format!("the log could not be used: {reason}");
     measured_with(FlightLateness { failed: Some(reason), words, ..unknown(key) }, None, None, Notices::new())
 }
 
-/// A measurement of a log that goes with a flight and is none.
+/// The measurement of a log that accompanies a flight and is not a flight.
 pub(crate) fn companion(key: &str, what: String) -> MeasuredFlight {
     let alarm = DelayAlarm::of(Alarm::Companion, what.clone());
     measured_with(FlightLateness { words: what, alarms: vec![alarm], ..unknown(key) }, None, None, Notices::new())
@@ -87,7 +87,7 @@ pub(crate) fn measure(
     measured_with(lateness, Some(delays), network, notices)
 }
 
-/// The group of the flight by its receiver, and what tells it from a copy.
+/// The group of the flight by its receiver, and the fingerprint that identifies copies.
 fn grouped(
     position: &str,
     flight: &Flight,
@@ -103,7 +103,7 @@ fn unusable(base: FlightLateness, reason: String) -> FlightLateness {
     FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
 }
 
-/// What was assumed of a table is said with the answer.
+/// Alarms for assumptions about a table.
 fn assumed(flight: &Flight) -> impl Iterator<Item = DelayAlarm> {
     let notices = flight.notices.iter().filter(|n| ASSUMED.iter().any(|assumed| n.code == *assumed));
     notices.map(|n| DelayAlarm {
@@ -116,7 +116,7 @@ fn assumed(flight: &Flight) -> impl Iterator<Item = DelayAlarm> {
     })
 }
 
-/// An alarm where a reference file was asked for and cannot be used.
+/// An alarm if a requested reference file is unusable.
 fn unused_reference(reference: &ReferenceFile) -> Option<DelayAlarm> {
     let text = reference.words.clone();
     let alarm = DelayAlarm::of(Alarm::ReferenceNotUsed, text);
@@ -167,8 +167,8 @@ pub(crate) fn unknown(key: &str) -> FlightLateness {
     }
 }
 
-/// One lateness for each channel from the measured pairs. A reference file whose clock is that of the log is on time; one
-/// with a clock of its own has a lateness as any channel.
+/// One lateness per channel from the measured pairs. A reference file on the log's clock is on time; one with its own
+/// clock has a lateness like any channel.
 fn network_of(
     delays: &FlightDelays,
     velocity: Option<&str>,
@@ -211,7 +211,7 @@ pub(crate) fn compensated_pair<'a>(delays: &'a FlightDelays, position: &str, vel
         .find(|p| p.kind == DelayPairKind::PositionAgainstVelocity && p.first == position && p.second == velocity)
 }
 
-/// What the flight says of its position.
+/// The flight's answer about its position.
 fn answered(
     base: FlightLateness,
     delays: &FlightDelays,
@@ -331,8 +331,8 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
     text
 }
 
-/// How late the position is against a reference in the log. It is no datum, so that it can judge what was found without it. A
-/// reference file has a line of its own, and its clock may not be that of the log.
+/// Lateness of the position against a reference in the log. That reference is not a datum, so that it can check the
+/// answer independently. A reference file has its own line, and its clock may differ from that of the log.
 fn checked_by_reference(out: &FlightLateness, delays: &FlightDelays) -> Option<String> {
     let relative = out.lateness.as_ref()?.relative_to.is_some() && !out.kind.varies() && out.reference_file.is_none();
     against_reference(out.position.as_deref().filter(|_| relative)?, delays)
@@ -345,8 +345,8 @@ fn against_reference(position: &str, delays: &FlightDelays) -> Option<String> {
     Some(format!(". Against {}, kept as a check, the delay of {position} is {} ms", pair.second, in_ms(&found)))
 }
 
-/// Other positions that are measured and not of a filter, and whose lateness is another one: what is removed from one receiver
-/// is wrong for the next.
+/// Other measured positions, not of a filter, with a different lateness: the delay of one receiver is wrong for
+/// another.
 fn other_receivers(out: &FlightLateness, network: &DelayNetwork) -> Vec<OtherReceiver> {
     let Some(own) = out.lateness.as_ref().filter(|_| !out.kind.varies()) else { return vec![] };
     let is_other = |channel: &&ChannelLateness| {
@@ -370,13 +370,13 @@ fn receivers_in_words(out: &FlightLateness) -> String {
     out.other_receivers.iter().map(one).collect()
 }
 
-/// What to fly so that the next log tells what this one does not.
+/// What to fly so that the next log shows what this one does not.
 fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayOverTime>) -> Option<String> {
     if out.lateness.is_some() && out.kind != DelayKind::NotTested {
         return None;
     }
     over_time.and_then(|o| o.what_to_fly.clone()).or_else(|| match pair.map(|p| &p.delay) {
-        // Of a coarse clock or too few fixes no turns tell more.
+        // With a coarse clock or too few fixes, turns do not help.
         Some(Finding::CannotTell(why)) if why.contains("turns") || why.contains("circles") => {
             Some("Fly a minute of turns.".to_owned())
         }
@@ -384,10 +384,10 @@ fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayO
     })
 }
 
-/// How a note begins that says what the log has.
+/// Start of a note about the value in the log.
 const IN_LOG: &str = "it is ";
 
-/// Settings that remove this delay; those of the autopilot that wrote the log.
+/// Settings of the autopilot that wrote the log which remove this delay.
 fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> DelayAdvice {
     let mut set = vec![];
     if lateness_s.value <= 0.0 {
@@ -416,7 +416,7 @@ fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> De
     let all = autopilot_advice(delay, lateness_s.standard_uncertainty, MeasuredAgainst::Inertial);
     if let Some(p) = all.parameters.iter().find(|p| p.name == wanted) {
         let now = stated(wanted).map(|c| match c.value_s {
-            // ArduPilot's 0 is the delay of the receiver's driver.
+            // In ArduPilot, 0 means the default delay of the receiver's driver.
             0.0 if is_ardupilot => format!("{IN_LOG}0 in this log, which means automatic"),
             value_s => format!("{IN_LOG}{:.0} ms in this log", 1e3 * value_s),
         });
@@ -425,7 +425,7 @@ fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> De
     DelayAdvice { set, fly: None }
 }
 
-/// The setting of an autopilot's parameter; `now` says what the log has.
+/// The setting of an autopilot parameter; `now` states its value in the log.
 fn parameter_setting(p: &AutopilotParameter, now: Option<String>) -> DelaySetting {
     let note = match p.fit {
         ParameterFit::OutOfRange => Some(format!("{} takes {} to {} ms", p.name, p.range_ms[0], p.range_ms[1])),
@@ -441,7 +441,7 @@ fn parameter_setting(p: &AutopilotParameter, now: Option<String>) -> DelaySettin
     }
 }
 
-/// The settings of some flights with their common delay. What their logs have is said where it is the same in all.
+/// The settings for some flights with a common delay. States the values in their logs if these are equal.
 pub(crate) fn advice_for(lateness_s: &Estimate, flights: &[&FlightLateness]) -> DelayAdvice {
     let Some(like) = flights.iter().find(|l| !l.advice.set.is_empty()) else { return DelayAdvice::default() };
     let delay = Delay::from_seconds(lateness_s.value).unwrap_or(Delay::ZERO);
@@ -466,7 +466,7 @@ fn speed_rms(velocity: Option<&flight::Channel>) -> Option<f64> {
     (!rows.is_empty()).then(|| (sum / rows.len() as f64).sqrt()).filter(|v| v.is_finite())
 }
 
-/// What an effect is judged by: the flight's own lateness, else what is known of its group, else the velocity alone.
+/// What an effect is judged by: the flight's own lateness, else that of its group, else the velocity alone.
 pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<KnownLateness> {
     let channel = lateness.lateness.as_ref();
     let undecided = lateness.verdict == Some(NetworkVerdict::Undecided);
@@ -483,8 +483,8 @@ pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<Kn
     Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity), jitter_s })
 }
 
-/// How late the velocity is, s: [`known`] less how much later the position is. `None` where all that is known is against
-/// that velocity.
+/// Lateness of the velocity, s: [`known`] minus the difference between position and velocity. `None` if the lateness is
+/// only known against that velocity.
 pub(crate) fn velocity_lateness_s(lateness: &FlightLateness, decision: &Decision) -> Option<Estimate> {
     let position = known(lateness, decision).filter(|known| known.judged_by == JudgedBy::Lateness)?.lateness_s;
     let apart = lateness.position_minus_velocity_s?;

@@ -1,8 +1,8 @@
-//! The bench: records of a swing in, a sensor card and pages out.
+//! The bench: turns records of a swing into a sensor card and pages.
 //!
-//! [`bench_run`] reads every log once, finds out by what binds which log holds the encoder and which the sensor, lets
-//! `bench_analysis` measure each record, and combines them into one card. It is quick enough to be done anew each
-//! time, so that nothing of an earlier run is used.
+//! [`bench_run`] reads every log once, detects by the bound channels which log holds the encoder and which the sensor,
+//! lets `bench_analysis` measure each record, and combines them into one card. It is fast enough to start from scratch
+//! each time, and reuses nothing from an earlier run.
 
 mod logs;
 mod output;
@@ -31,38 +31,38 @@ use report::{IndexedCard, cards_site};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
+/// Raised by hand when reading, binding or measuring a bench record gives different results.
 pub const BENCH_ANALYSIS_VERSION: u32 = 14;
 
-/// What is asked for.
+/// The request of the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchOrder {
-    /// Logs, and folders of logs: encoder and sensor in one, or in two that lie together.
+    /// Logs, and folders of logs: encoder and sensor in one log, or in two in the same folder.
     pub records: Vec<PathBuf>,
     /// Log of the encoder, if `records` is one log without it.
     pub encoder: Option<PathBuf>,
-    /// Rig file for all records; without it, the one beside each record.
+    /// Rig file for all records; default: the one next to each record.
     pub rig: Option<PathBuf>,
     /// Output folder.
     pub out: PathBuf,
-    /// Name of the channel map that every log is read with.
+    /// Name of the channel map forced on every log.
     pub forced_map: Option<String>,
     /// Folder with further channel maps.
     pub maps_folder: Option<PathBuf>,
-    /// The report of other records may be replaced.
+    /// Whether the report of other records may be replaced.
     pub replace: bool,
-    /// Where the card is written besides.
+    /// Additional destination of the card.
     pub card: Option<PathBuf>,
-    /// Command that makes the report again, with names instead of paths, for the pages.
+    /// Command that reproduces the report, with names instead of paths, for the pages.
     pub command: String,
 }
 
-/// What became of one record.
+/// The result of one record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchRow {
-    /// The name people know.
+    /// Display name.
     pub name: String,
-    /// What came of it.
+    /// Its outcome.
     pub outcome: BenchOutcome,
     /// Bytes or messages were lost.
     pub lossy: bool,
@@ -77,17 +77,18 @@ pub struct BenchVerdict {
     pub card: Option<SensorCard>,
     /// Its file, below the output folder.
     pub card_file: Option<PathBuf>,
-    /// Records hold a position that is not on the card.
+    /// Whether records hold a position that is not on the card.
     pub lacks_position: bool,
-    /// What must be said of the records behind the card.
+    /// Notices about the records that the card is based on.
     pub notices: Notices,
     /// The page to open.
     pub page: PathBuf,
 }
 
 impl BenchVerdict {
-    /// 0 if every record was read whole and measured, 3 if some failed or lost data, if records disagree, if a position of
-    /// theirs could not be measured, or if something puts a channel of the card in doubt: data that contradict the rig file, a slipping encoder, a changing delay.
+    /// 0 if every record was read completely and measured. 3 if some failed or lost data, if records disagree, if one
+    /// of their positions could not be measured, or if a channel of the card is in doubt: data that contradict the rig
+    /// file, a slipping encoder, a changing delay.
     #[must_use]
     pub fn exit(&self) -> Exit {
         let whole = |row: &BenchRow| row.outcome == BenchOutcome::Measured && !row.lossy;
@@ -112,20 +113,20 @@ struct Measured {
     name: String,
     slug: String,
     record: BenchRecord,
-    /// What its magnetometer shows, if the record was measured.
+    /// Evidence from its magnetometer, if the record was measured.
     magnetic: Option<MagneticEvidence>,
 }
 
 /// Measures records of one sensor and writes card and pages. The bytes do not depend on the number of threads.
 ///
 /// # Errors
-/// See [`CampaignError`]: no log where one should be, a wrong rig file, records of different sensors, an output that
-/// cannot be written. A record that cannot be read or measured is none: it is a row of the table.
+/// See [`CampaignError`]: a missing log, a wrong rig file, records of different sensors, an output that cannot be
+/// written. A record that cannot be read or measured is not an error: it is a row of the table.
 pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
     source::leaving_no_empty_folder(&order.out, || run_here(order, desk))
 }
 
-/// Writes `index.html` into `folder`, a page above the reports of several sensors, each in a folder of its own below it.
+/// Writes `index.html` into `folder`: a page over the reports of several sensors, each in its own folder below it.
 ///
 /// # Errors
 /// The page cannot be written.
@@ -177,7 +178,7 @@ fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Campaig
     let verdict = carded(order, measured, valid_days, &store)?;
     output::write_run(&store, desk, clock, &verdict)?;
     reports::list(&store, &summary_of(&verdict), desk)?;
-    desk.tell(Event::Carded {
+    desk.send(Event::Carded {
         sensor: rigs.first().map(|rig| bench_analysis::sensor_name(&rig.sensor)).unwrap_or_default(),
         card: verdict.card_file.as_ref().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned())),
         report: verdict.page.clone(),
@@ -189,12 +190,12 @@ fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Campaig
     Ok(verdict)
 }
 
-/// Channels named on the page over all reports; the card's own page has all.
+/// Maximum number of channels on the page over all reports; the card's own page has all.
 const MOST_CHANNELS: usize = 4;
 
 fn summary_of(verdict: &BenchVerdict) -> Summary {
     let channel = |channel: &CardChannel| {
-        // Rounded here, so that what is below zero by a hair is not shown as minus zero.
+        // Rounded here, so that a tiny negative value is not shown as minus zero.
         let tenths = |ms: f64| (10.0 * ms).round() / 10.0 + 0.0;
         let delay_ms = tenths(1e3 * channel.delay_s);
         let expanded_ms = tenths(2e3 * channel.delay_standard_uncertainty_s);
@@ -210,7 +211,7 @@ fn summary_of(verdict: &BenchVerdict) -> Summary {
     Summary { size: verdict.rows.len() as u64, answers }
 }
 
-/// A card is of one sensor; that the rig files are of two is known before anything is measured.
+/// Rejects rig files of two sensors before anything is measured: a card is for one sensor.
 fn one_sensor(swings: &[Swing], rigs: &[Rig]) -> Result<(), CampaignError> {
     for (i, (swing, rig)) in swings.iter().zip(rigs).enumerate() {
         let before = swings.iter().zip(rigs).take(i);
@@ -226,12 +227,12 @@ fn one_sensor(swings: &[Swing], rigs: &[Rig]) -> Result<(), CampaignError> {
 
 fn measure(swings: &[Swing], rigs: &[Rig], logs: &[ReadLog], desk: &Desk<'_>) -> Result<Vec<Measured>, CampaignError> {
     let slugs = crate::slug::slugs(swings.iter().map(|s| s.name.as_str()));
-    desk.tell(Event::Measuring { records: swings.len() });
+    desk.send(Event::Measuring { records: swings.len() });
     let work: Vec<(&Swing, &Rig)> = swings.iter().zip(rigs).collect();
     let one = |(): &mut (), (swing, rig): &(&Swing, &Rig)| {
         let (record, magnetic) = caught(|| study::record_of(swing, rig, logs))
             .unwrap_or_else(|panic| (study::defect(swing, rig, logs, &panic), None));
-        desk.tell(Event::Measured {
+        desk.send(Event::Measured {
             record: swing.name.clone(),
             outcome: study::outcome_name(&record.outcome),
             reason: study::outcome_reason(&record.outcome),
@@ -245,7 +246,7 @@ fn measure(swings: &[Swing], rigs: &[Rig], logs: &[ReadLog], desk: &Desk<'_>) ->
     Ok(measured.into_iter().flatten().collect())
 }
 
-/// Combines the records, and writes everything.
+/// Combines the records, and writes all outputs.
 fn carded(
     order: &BenchOrder,
     measured: Vec<Measured>,
@@ -279,7 +280,7 @@ fn carded(
     Ok(BenchVerdict { rows: measured.iter().map(row).collect(), card, card_file, lacks_position, notices, page })
 }
 
-/// Whether records hold a position that is not on the card: it is what a bench is for.
+/// Whether records hold a position that is not on the card: positions are the purpose of a bench.
 fn lacks_position(records: &[(String, BenchRecord)], card: Option<&SensorCard>) -> bool {
     let held = records.iter().flat_map(|(_, r)| &r.findings).flat_map(|f| &f.channels);
     let mut positions =

@@ -1,4 +1,4 @@
-//! A simulated flight whose delay comes from a sensor card.
+//! A simulated flight with a delay from a sensor card.
 
 use crate::config::Pipeline;
 use crate::event::Event;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-/// A folder with a flight of 2026-05-04, its position 0.4 s late at 5 Hz, and a pipeline beside a card.
+/// A folder with a flight of 2026-05-04, its position 0.4 s late at 5 Hz, and a pipeline next to a card.
 struct Case {
     folder: tempfile::TempDir,
 }
@@ -43,7 +43,7 @@ impl Case {
         std::fs::write(self.path("m.card.toml"), card_text(&card)).unwrap();
     }
 
-    /// Runs the campaign; gives its record and that of the flight, and why it was read, if it was.
+    /// Runs the campaign; returns its record, that of the flight, and why it was read, if it was.
     fn run(&self) -> (CampaignRecord, FlightRecord, Vec<Why>) {
         let why = Mutex::new(vec![]);
         let listener = |event: &Event| {
@@ -72,7 +72,7 @@ fn codes(record: &FlightRecord) -> Vec<&str> {
 }
 
 #[test]
-fn a_flight_is_compensated_by_the_delay_of_its_card_and_the_record_names_it() {
+fn a_flight_is_compensated_by_its_cards_delay_and_the_record_names_it() {
     let case = Case::new(|_| {});
     let (campaign, flight, _) = case.run();
     assert_eq!(flight.outcome, Outcome::Compensated);
@@ -83,14 +83,14 @@ fn a_flight_is_compensated_by_the_delay_of_its_card_and_the_record_names_it() {
     assert_eq!(card.blake3, blake3::hash(&std::fs::read(case.path("m.card.toml")).unwrap()).to_hex().to_string());
     assert_eq!((card.channel.as_str(), codes(&flight)), ("position.gps", vec![]));
     assert!(campaign.flights[0].attention.is_empty(), "{:?}", campaign.flights[0].attention);
-    // The simulated truth: with the card's delay the error all but goes.
+    // The simulated truth: with the card's delay the error almost vanishes.
     let row = &campaign.flights[0];
     let (raw, exact) = (row.raw_error_rms_m.unwrap().value, row.exact_error_rms_m.unwrap().value);
     assert!(exact < 0.05 * raw, "{exact} against {raw}");
 }
 
 #[test]
-fn a_card_with_another_content_makes_the_result_anew_and_says_so() {
+fn a_card_with_new_content_remakes_the_result_and_reports_it() {
     let case = Case::new(|_| {});
     case.run();
     assert_eq!(case.run().2, [], "nothing changed");
@@ -101,7 +101,7 @@ fn a_card_with_another_content_makes_the_result_anew_and_says_so() {
 }
 
 #[test]
-fn an_expired_card_is_used_and_its_flight_wants_attention() {
+fn an_expired_card_is_used_and_its_flight_needs_attention() {
     let case = Case::new(|card| card.valid_until = Some("2026-05-03".into()));
     let (campaign, flight, _) = case.run();
     assert_eq!((flight.outcome.clone(), codes(&flight)), (Outcome::Compensated, vec!["card-mismatch"]));
@@ -111,7 +111,7 @@ fn an_expired_card_is_used_and_its_flight_wants_attention() {
 }
 
 #[test]
-fn a_card_that_does_not_know_the_position_of_a_flight_leaves_it_uncompensated_with_the_reason() {
+fn a_flight_whose_position_is_not_on_the_card_stays_uncompensated() {
     let case = Case::new(|card| card.channels[0].name = "position.ins".into());
     let (_, flight, _) = case.run();
     let Outcome::Uncompensated { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
@@ -123,7 +123,7 @@ fn a_card_that_does_not_know_the_position_of_a_flight_leaves_it_uncompensated_wi
 }
 
 #[test]
-fn shards_of_a_cluster_need_the_manifest_and_no_card() {
+fn shards_of_a_cluster_need_the_manifest_but_no_card() {
     let case = Case::new(|_| {});
     let quiet = |_: &Event| {};
     let desk = Desk { threads: 1, cancel: &AtomicBool::new(false), events: &quiet };

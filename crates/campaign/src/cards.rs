@@ -1,4 +1,4 @@
-//! Sensor cards as files, and which of them a pipeline means.
+//! Sensor card files, and their selection by a pipeline.
 
 use bench_analysis::{identity_conflict, parse_card, sensor_name};
 use record::{SensorCard, SensorIdentity};
@@ -7,10 +7,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How the name of a sensor card ends.
+/// Suffix of the file name of a sensor card.
 pub(crate) const CARD_ENDING: &str = ".card.toml";
 
-/// A card and its content, in a manifest: a cluster's nodes need not see the file.
+/// A card and its content, in a manifest: a cluster's nodes do not need the file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct CardFile {
     file: String,
@@ -22,13 +22,13 @@ pub(crate) struct CardFile {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Pin {
-    /// Name of the card, without its folder.
+    /// File name of the card, without its folder.
     pub(crate) file: String,
     /// BLAKE3 of its content.
     pub(crate) blake3: String,
 }
 
-/// Whether two lists name the same cards; order does not count.
+/// Whether two lists name the same cards, in any order.
 pub(crate) fn same_pins(a: &[Pin], b: &[Pin]) -> bool {
     let sorted = |pins: &[Pin]| {
         let mut pins = pins.to_vec();
@@ -38,7 +38,7 @@ pub(crate) fn same_pins(a: &[Pin], b: &[Pin]) -> bool {
     sorted(a) == sorted(b)
 }
 
-/// A card that delays are taken from.
+/// A card that provides delays.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct UsedCard {
     file: CardFile,
@@ -53,12 +53,12 @@ impl UsedCard {
         Ok(UsedCard { blake3: blake3::hash(file.text.as_bytes()).to_hex().to_string(), card, file })
     }
 
-    /// Name without its folder.
+    /// File name without its folder.
     pub(crate) fn name(&self) -> &str {
         &self.file.file
     }
 
-    /// What it says.
+    /// Its content.
     pub(crate) fn card(&self) -> &SensorCard {
         &self.card
     }
@@ -78,23 +78,23 @@ impl UsedCard {
         Pin { file: self.file.file.clone(), blake3: self.blake3.clone() }
     }
 
-    /// What `sensor` and the card's disagree about: first that of `sensor`, then the card's.
+    /// Where `sensor` and the card's sensor differ: first the value of `sensor`, then the card's.
     pub(crate) fn conflict(&self, sensor: &SensorIdentity) -> Option<String> {
         identity_conflict(sensor, &self.card.sensor)
     }
 }
 
-/// Where cards lie.
+/// Source of cards.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Shelf<'a> {
-    /// In files.
+    /// Files.
     Disk,
-    /// In a manifest.
+    /// A manifest.
     Manifest(&'a [CardFile]),
 }
 
 impl Shelf<'_> {
-    /// The card of this path.
+    /// The card at this path.
     pub(crate) fn card(&self, path: &Path) -> Result<UsedCard, String> {
         match self {
             Shelf::Disk => read(path),
@@ -133,7 +133,7 @@ fn read_folder(folder: &Path) -> Result<Vec<UsedCard>, String> {
     paths.iter().map(|p| read(p)).collect()
 }
 
-/// The cards of one sensor; all must be of the same one.
+/// Selects the cards of a sensor; all must be for the same one.
 pub(crate) fn chosen(all: Vec<UsedCard>, sensor: &SensorIdentity) -> Result<Vec<UsedCard>, String> {
     let of = |card: &UsedCard| format!("{} ({})", card.name(), sensor_name(&card.card.sensor));
     let held = all.iter().map(of).collect::<Vec<_>>().join(", ");

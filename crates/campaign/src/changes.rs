@@ -1,7 +1,7 @@
-//! What changed since the run before: `since-last-run.json` and its page.
+//! What changed since the previous run: `since-last-run.json` and its page.
 //!
-//! Besides `run.json` these are the only outputs that depend on what the folder held before. A run that changes nothing
-//! leaves them as they are.
+//! Apart from `run.json`, only these outputs depend on the previous content of the folder. A run that changes nothing
+//! does not change them.
 
 use record::{
     CampaignChanges, CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, FlightRow, MadeWith, MovedDelay,
@@ -9,11 +9,11 @@ use record::{
 };
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A delay has moved if it did by more than this many standard uncertainties.
+/// A delay has moved if its change exceeds this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
 
-/// Compares a campaign with the one before, which is given with its rows but for those of the flights `same`: these rows are
-/// those of `now`. `causes` says why a flight has another result.
+/// Compares a campaign with the previous one, which comes with its rows except those of the flights `same`, whose rows
+/// are unchanged in `now`. `causes` gives the reasons why the result of a flight changed.
 pub(crate) fn changes(
     before: Option<(&CampaignRecord, Vec<&FlightRow>)>,
     now: &CampaignRecord,
@@ -45,7 +45,7 @@ pub(crate) fn changes(
     let groups = now.groups.iter().filter_map(|group| {
         let is_same = |g: &&record::GroupLateness| g.group.key == group.group.key && g.against == group.against;
         let one = |groups: &[record::GroupLateness]| groups.iter().filter(is_same).count() == 1;
-        // The parts of a group that is not one have no names of their own.
+        // The parts of a split group have no names of their own.
         let was = before.groups.iter().find(is_same).filter(|_| one(&before.groups) && one(&now.groups))?;
         moved(&group.group.name, was.lateness_s?, group.lateness_s?)
     });
@@ -65,7 +65,7 @@ fn compare(was: &FlightRow, row: &FlightRow, causes: &dyn Fn(&str) -> Vec<String
     changes.moved.extend(late(was).zip(late(row)).and_then(|(was, is)| moved(&row.flight, was, is)));
     let (had, has) = (troubles(was), troubles(row));
     let only = |of: &[&str], not: &[&str]| of.iter().filter(|t| !not.contains(t)).map(|t| (*t).to_owned()).collect();
-    // A flight that has another trouble now has not recovered.
+    // A flight with a different problem now has not recovered.
     let recovered = if has.is_empty() { only(&had, &has) } else { vec![] };
     let both: [Vec<String>; 2] = [only(&has, &had), recovered];
     for (troubles, list) in both.into_iter().zip([&mut changes.failing, &mut changes.recovered]) {
@@ -75,7 +75,7 @@ fn compare(was: &FlightRow, row: &FlightRow, causes: &dyn Fn(&str) -> Vec<String
     }
 }
 
-/// What a lateness is counted from: those from different zeros are not compared.
+/// The datum of a lateness: values with different datums are not compared.
 fn datum(row: &FlightRow) -> record::NetworkDatum {
     row.lateness.as_ref().map_or(record::NetworkDatum::None, |l| l.datum)
 }
@@ -86,7 +86,7 @@ fn moved(name: &str, before_s: Estimate, now_s: Estimate) -> Option<MovedDelay> 
     (u > 0.0 && sigmas > MOVED_SIGMAS).then(|| MovedDelay { name: name.to_owned(), before_s, now_s, sigmas })
 }
 
-/// Everything that makes a flight one to look at.
+/// The problems of a flight.
 fn troubles(row: &FlightRow) -> Vec<&'static str> {
     let outcome = match row.outcome {
         Outcome::Failed { .. } => Some("failed"),

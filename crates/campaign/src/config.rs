@@ -1,7 +1,7 @@
-//! The pipeline file: as the user wrote it, then as it is meant.
+//! The pipeline file: as the user wrote it, then resolved (defaults filled in).
 //!
-//! [`Pipeline::read`] turns a TOML file into settings whose every value is given and checked.
-//! What is meant, not what is written, names the results: a comment or a default spelled out
+//! [`Pipeline::read`] turns a TOML file into complete, checked settings.
+//! The resolved settings, not the text, name the results: a comment or a default spelled out
 //! changes nothing.
 
 use crate::answer;
@@ -28,33 +28,33 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
-/// The pipeline that is used when none is given: `pipelines/default.toml`, compiled in.
+/// The default pipeline: `pipelines/default.toml`, compiled in.
 pub const DEFAULT_PIPELINE: &str = pipelines::DEFAULT_PIPELINE;
 
 /// The pipeline of the simulated campaign: `pipelines/demo.toml`, compiled in.
 pub const DEMO_PIPELINE: &str = pipelines::DEMO_PIPELINE;
 
-/// Longest delay that is taken for one, s, as far as one is searched; a larger number is a delay in milliseconds.
+/// Longest delay accepted and searched for, s; a larger number is a delay in milliseconds.
 const LONGEST_DELAY_S: f64 = 30.0;
 
-/// Delays that are searched, s.
+/// Default search range of delays, s.
 const DEFAULT_SEARCH_S: [f64; 2] = [-2.5, 13.0];
-/// Widest range that is searched, s.
+/// Widest search range, s.
 const LONGEST_SEARCH_S: f64 = 60.0;
 
-/// A delay for what is read before the delay is known, s: gaps of velocity are bridged as for the paper's receiver.
+/// Provisional delay until the delay is known, s: velocity gaps are bridged as for the paper's receiver.
 const PROVISIONAL_S: f64 = 0.4;
 
-/// What is said of a number whose source the pipeline does not state.
+/// Source of a number for which the pipeline states none.
 const NO_SOURCE: &str = "set in the pipeline, which states no source";
 
-/// A pipeline file is wrong, and where.
+/// An error in a pipeline file, with its place.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
 pub struct PipelineError {
     /// The file.
     pub file: PathBuf,
-    /// Line, from 1, where there is one.
+    /// Line, from 1, if known.
     pub line: Option<usize>,
     /// What is wrong, and what would be right.
     pub what: String,
@@ -69,19 +69,19 @@ struct Written {
     /// Version of this file's layout: 1.
     #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     schema: Spanned<u32>,
-    /// Name of this kind of campaign, for the pages.
+    /// Title of the campaign on its pages.
     #[serde(default = "default_title")]
     title: String,
-    /// The delay that is removed. Without it: what the flights themselves tell (`from = "network"`).
+    /// The delay to remove. Default: the one measured from the flights themselves (`from = "network"`).
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenDelay>"))]
     delay: Option<Spanned<WrittenDelay>>,
     /// How delays are measured.
     #[serde(default)]
     measure: WrittenMeasure,
-    /// The sensor of these flights, to find its card by.
+    /// The sensor of these flights, used to find its card.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenSensor>"))]
     sensor: Option<Spanned<WrittenSensor>>,
-    /// Which channels of a flight are used: the first of each list that the flight holds.
+    /// Which channels of a flight are used: the first of each list that the flight has.
     #[serde(default)]
     channels: WrittenChannels,
     /// A second file of each flight, with a reference or a velocity.
@@ -93,7 +93,7 @@ struct Written {
     /// Where channel maps come from.
     #[serde(default)]
     maps: WrittenMaps,
-    /// What flights are judged by.
+    /// Criteria that flights are judged by.
     criteria: Option<WrittenCriteria>,
 }
 
@@ -101,7 +101,7 @@ struct Written {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenCriteria {
-    /// Criteria file, relative to this file; as `--criteria`, which overrules it.
+    /// Criteria file, relative to this file; `--criteria` overrides it.
     #[cfg_attr(feature = "schema", schemars(with = "PathBuf"))]
     file: Spanned<PathBuf>,
 }
@@ -110,11 +110,11 @@ struct WrittenCriteria {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenReference {
-    /// The second file, relative to the folder of the flight's log. `{stem}` stands for the log's name without its ending,
-    /// `*` for anything: `{stem}.pos`, `{stem}_*.csv`.
+    /// The second file, relative to the folder of the flight's log. `{stem}` is the log's file name without its
+    /// extension, `*` matches anything: `{stem}.pos`, `{stem}_*.csv`.
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     file: Spanned<String>,
-    /// How its clock relates to that of the log: `auto` (two files that count UTC or GPS time share a clock; of others the
+    /// How its clock relates to that of the log: `auto` (two files with UTC or GPS time share a clock; for others the
     /// offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "WrittenClock"))]
@@ -136,14 +136,14 @@ enum WrittenClock {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenMeasure {
-    /// Delays that are searched, first and last, s; wider when the best lies at the edge. Default: -2.5 and 13.
+    /// Search range of delays, first and last, s; widened when the best delay lies at the edge. Default: -2.5 and 13.
     #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 2]>"))]
     search_s: Option<Spanned<[f64; 2]>>,
-    /// Antenna ahead of the point where velocity is taken, m; negative is behind. It shifts the delay by about
-    /// -1/speed for each metre. Default: what the log's parameters say, else unknown.
+    /// Distance of the antenna ahead of the point where velocity is measured, m; negative is aft. It shifts the delay
+    /// by about -1/speed per metre. Default: from the log's parameters, else unknown.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -100.0, max = 100.0)))]
     antenna_ahead_m: Option<Spanned<f64>>,
-    /// Standard uncertainty of the antenna's place, m; it widens the delay's. Default: 0.
+    /// Standard uncertainty of the antenna position, m; it increases that of the delay. Default: 0.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0, max = 100.0)))]
     antenna_uncertainty_m: Option<Spanned<f64>>,
 }
@@ -152,27 +152,27 @@ struct WrittenMeasure {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenDelay {
-    /// Which delay is removed. Default: fixed with `position_s`, card with `card` or `cards`, else network. Where a flight
-    /// has no delay of its own, the card is used if one is given, then `position_s`; else nothing is removed.
+    /// Which delay is removed. Default: fixed with `position_s`, card with `card` or `cards`, else network. Fallback
+    /// for a flight without a delay of its own: the card if one is given, then `position_s`, else nothing is removed.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenFrom>"))]
     from: Option<Spanned<WrittenFrom>>,
     /// How late position is against velocity, s; positive means late.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 30.0)))]
     position_s: Option<Spanned<f64>>,
-    /// With `position_s`: its standard uncertainty (k = 1), s; leave out if it is not known.
+    /// With `position_s`: its standard uncertainty (k = 1), s; omit if unknown.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>"))]
     standard_uncertainty_s: Option<Spanned<f64>>,
-    /// With `position_s`: where the number comes from, in words; it is printed on every page.
+    /// With `position_s`: source of the number, as text; printed on every page.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     source: Option<Spanned<String>>,
     /// Sensor card of `flightlag bench` that holds the delay, relative to this file.
     #[cfg_attr(feature = "schema", schemars(with = "Option<PathBuf>"))]
     card: Option<Spanned<PathBuf>>,
-    /// Folder of sensor cards (`*.card.toml`), relative to this file: that of `[sensor]` is looked for, and each
-    /// flight takes the one that is valid on its day.
+    /// Folder of sensor cards (`*.card.toml`), relative to this file: cards of `[sensor]` are used, and each flight
+    /// takes the card that is valid on its day.
     #[cfg_attr(feature = "schema", schemars(with = "Option<PathBuf>"))]
     cards: Option<Spanned<PathBuf>>,
-    /// Cards that must be found, each with this content and no other.
+    /// Cards that must be found, each with exactly this content.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<Pin>>"))]
     pin: Option<Spanned<Vec<Pin>>>,
 }
@@ -188,10 +188,10 @@ enum WrittenFrom {
     Fixed,
     /// The sensor card.
     Card,
-    /// What each flight shows itself: its position against the integral of its velocity, whose own lateness it ignores.
+    /// Each flight's own measurement: position against the integral of velocity. Ignores the lateness of the velocity.
     #[serde(alias = "pair")]
     Flight,
-    /// The optimum of each flight's delay sweep: the least error against its reference, if it has one.
+    /// The optimum of each flight's delay sweep: the smallest error against its reference, if it has one.
     Sweep,
 }
 
@@ -207,7 +207,7 @@ impl From<WrittenFrom> for DelaySource {
     }
 }
 
-/// Which sensor; what is left out is not compared.
+/// Identity of the sensor; omitted fields are not compared.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -220,7 +220,7 @@ struct WrittenSensor {
     firmware: Option<String>,
     /// Baud rate of its link.
     baud: Option<u32>,
-    /// Whatever else changes its latency.
+    /// Anything else that changes its delay.
     configuration: Option<String>,
 }
 
@@ -291,21 +291,22 @@ struct WrittenReplay {
     /// Velocity gaps up to this long are bridged, s. Default: two delays, and at least 2.5 velocity intervals.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0, max = 600.0)))]
     bridge_s: Option<Spanned<f64>>,
-    /// A flight whose ground speed stays below this is not replayed, m/s. Default: 0.5.
+    /// Flights whose ground speed stays below this are not replayed, m/s. Default: 0.5.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0)))]
     min_speed_mps: Option<Spanned<f64>>,
     /// Length of the zoom on the hardest manoeuvre, s. Default: 20.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>"))]
     zoom_s: Option<Spanned<f64>>,
-    /// Rows at this rate instead of one for each velocity sample, Hz.
+    /// Output rate, Hz. Default: one row per velocity sample.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>"))]
     output_rate_hz: Option<Spanned<f64>>,
-    /// Of a record with more samples of a channel, neighbouring samples are averaged; 500000 take some 100 MB. Default: 500000.
+    /// Maximum samples per channel; above it, neighbouring samples are averaged. 500000 take about 100 MB. Default:
+    /// 500000.
     #[cfg_attr(feature = "schema", schemars(with = "Option<u64>", range(min = 1000)))]
     most_samples: Option<Spanned<f64>>,
-    /// Compensators beside those that always run (raw, pade-1-1-tustin, the same told of the age of held fixes,
-    /// exact-async): pade-M-N-tustin, pade-M-N-foh, pade-M-N-zoh, exact-fir, kalman, and for a bound the offline-shift
-    /// and rts-smoother, which are not causal. All are in the tables and the track, the first two in the figures.
+    /// Compensators in addition to those that always run (raw, pade-1-1-tustin, the same corrected for the age of held
+    /// fixes, exact-async): pade-M-N-tustin, pade-M-N-foh, pade-M-N-zoh, exact-fir, kalman, and as bounds the
+    /// non-causal offline-shift and rts-smoother. All are in the tables and the track, the first two in the figures.
     /// Default: none.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     compensators: Option<Vec<Spanned<String>>>,
@@ -316,7 +317,7 @@ struct WrittenReplay {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 enum WrittenStart {
-    /// The first velocity has always been flown.
+    /// The first velocity is assumed for all earlier times.
     Warm,
     /// State zero.
     Cold,
@@ -340,7 +341,7 @@ impl From<WrittenStart> for StartRule {
 struct WrittenMaps {
     /// Folder with further channel maps, relative to this file.
     folder: Option<PathBuf>,
-    /// Name of the map for every flight; leave out to let the log decide.
+    /// Name of the map for every flight; omit to select it by the content of each log.
     force: Option<String>,
 }
 
@@ -348,25 +349,25 @@ fn default_title() -> String {
     "Flight campaign".to_owned()
 }
 
-/// A pipeline as it is meant, in the layout of the file: every value given.
+/// A resolved pipeline (defaults filled in), in the layout of the file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct Meant {
+struct Resolved {
     schema: u32,
     title: String,
-    delay: MeantDelay,
-    measure: MeantMeasure,
+    delay: ResolvedDelay,
+    measure: ResolvedMeasure,
     #[serde(skip_serializing_if = "Option::is_none")]
     sensor: Option<SensorIdentity>,
-    channels: MeantChannels,
+    channels: ResolvedChannels,
     #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<ReferenceRule>,
-    replay: MeantReplay,
-    maps: MeantMaps,
+    replay: ResolvedReplay,
+    maps: ResolvedMaps,
 }
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-struct MeantDelay {
-    /// Not given where it goes without saying.
+struct ResolvedDelay {
+    /// `None` where it is implied.
     #[serde(skip_serializing_if = "Option::is_none")]
     from: Option<DelaySource>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -375,7 +376,7 @@ struct MeantDelay {
     standard_uncertainty_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     source: Option<String>,
-    /// Name without its folder: where a card lies is no part of the meaning, what is in it is.
+    /// File name without the folder: the content of a card is part of the settings, its location is not.
     #[serde(skip_serializing_if = "Option::is_none")]
     card: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -385,7 +386,7 @@ struct MeantDelay {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantMeasure {
+struct ResolvedMeasure {
     search_s: [f64; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
     antenna_ahead_m: Option<f64>,
@@ -393,27 +394,27 @@ struct MeantMeasure {
     antenna_uncertainty_m: Option<f64>,
 }
 
-/// What a measurement depends on: the parts of [`Meant`] that matter before a delay is removed.
+/// What a measurement depends on: the parts of [`Resolved`] that matter before a delay is removed.
 #[derive(Debug, Serialize)]
 struct MeasurePart<'a> {
-    measure: &'a MeantMeasure,
-    channels: &'a MeantChannels,
+    measure: &'a ResolvedMeasure,
+    channels: &'a ResolvedChannels,
     #[serde(skip_serializing_if = "Option::is_none")]
     clock: Option<ClockRule>,
-    maps: &'a MeantMaps,
+    maps: &'a ResolvedMaps,
     pin: &'a [Pin],
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantChannels {
+struct ResolvedChannels {
     position: Vec<String>,
     velocity: Vec<String>,
     reference: Vec<String>,
     onboard: Vec<String>,
 }
 
-impl MeantChannels {
-    /// The channels of a second file: the first reference, and the last velocity.
+impl ResolvedChannels {
+    /// Adds the channels of a second file: the first reference, and the last velocity.
     fn with_reference_file(&mut self) {
         if self.reference.iter().all(|name| name != REFERENCE_POSITION) {
             self.reference.insert(0, REFERENCE_POSITION.to_owned());
@@ -425,7 +426,7 @@ impl MeantChannels {
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantReplay {
+struct ResolvedReplay {
     start: StartRule,
     #[serde(skip_serializing_if = "Option::is_none")]
     bridge_s: Option<f64>,
@@ -434,7 +435,7 @@ struct MeantReplay {
     #[serde(skip_serializing_if = "Option::is_none")]
     output_rate_hz: Option<f64>,
     most_samples: usize,
-    /// Without those that run anyway: to name them changes nothing.
+    /// Without those that always run: naming them changes nothing.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_name")]
     compensators: Vec<CompensatorKind>,
 }
@@ -444,7 +445,7 @@ fn by_name<S: Serializer>(kinds: &[CompensatorKind], serializer: S) -> Result<S:
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct MeantMaps {
+struct ResolvedMaps {
     #[serde(skip_serializing_if = "Option::is_none")]
     force: Option<String>,
 }
@@ -452,7 +453,7 @@ struct MeantMaps {
 /// Settings of a campaign, checked and complete.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pipeline {
-    meant: Meant,
+    resolved: Resolved,
     delay: DelayRule,
     maps_folder: Option<PathBuf>,
     criteria: Option<Criteria>,
@@ -465,14 +466,14 @@ impl Pipeline {
     /// Reads a pipeline file.
     ///
     /// # Errors
-    /// The file cannot be read, is no TOML, has an unknown key, or a value makes no sense; with file and line.
+    /// The file cannot be read, is not TOML, has an unknown key, or a value makes no sense; with file and line.
     pub fn read(path: &Path) -> Result<Pipeline, PipelineError> {
         let unreadable = |e: std::io::Error| fault(path, None, format!("cannot be read: {e}"));
         let text = std::fs::read_to_string(path).map_err(unreadable)?;
         Pipeline::parse(&text, path)
     }
 
-    /// The pipeline that is used when none is given.
+    /// The default pipeline.
     ///
     /// # Errors
     /// Never in a tested build: the text is compiled in, and a test reads it.
@@ -480,8 +481,7 @@ impl Pipeline {
         Pipeline::parse(DEFAULT_PIPELINE, Path::new("default.toml"))
     }
 
-    /// Reads a pipeline from `text`; `path` is for errors and for paths relative to the file. Sensor cards are
-    /// read along with it.
+    /// Reads a pipeline from `text`, and its sensor cards; `path` is for errors and for paths relative to the file.
     ///
     /// # Errors
     /// As [`Pipeline::read`].
@@ -489,21 +489,21 @@ impl Pipeline {
         Pipeline::parse_with(text, path, Shelf::Disk)
     }
 
-    /// A pipeline as a manifest holds it: its cards come from there, not from files.
+    /// A pipeline from a manifest, which also holds its cards: no files are read.
     pub(crate) fn of_manifest(text: &str, cards: &[CardFile]) -> Result<Pipeline, PipelineError> {
         Pipeline::parse_with(text, Path::new("manifest"), Shelf::Manifest(cards))
     }
 
     fn parse_with(text: &str, path: &Path, shelf: Shelf<'_>) -> Result<Pipeline, PipelineError> {
         let file = SettingsFile::new(text, path);
-        let meant = file.read().and_then(|written| Checker { file: &file, path, shelf }.meaning_of(written));
-        file.finish(meant).map_err(|e| fault(path, e.line, e.what))
+        let resolved = file.read().and_then(|written| Checker { file: &file, path, shelf }.resolve(written));
+        file.finish(resolved).map_err(|e| fault(path, e.line, e.what))
     }
 
     /// The same pipeline with another map forced on every flight.
     #[must_use]
     pub fn with_forced_map(mut self, name: Option<String>) -> Pipeline {
-        self.meant.maps.force = name.or(self.meant.maps.force);
+        self.resolved.maps.force = name.or(self.resolved.maps.force);
         self
     }
 
@@ -521,13 +521,13 @@ impl Pipeline {
         self
     }
 
-    /// What flights are judged by. Not part of the meaning: another limit changes no result.
+    /// Criteria that flights are judged by. Not part of the settings' hash: another limit changes no result.
     #[must_use]
     pub fn criteria(&self) -> Option<&Criteria> {
         self.criteria.as_ref()
     }
 
-    /// Folder with further channel maps. Not part of the meaning: the content of the maps is.
+    /// Folder with further channel maps. The content of the maps is part of a result's key, the folder is not.
     #[must_use]
     pub fn maps_folder(&self) -> Option<&Path> {
         self.maps_folder.as_deref()
@@ -539,49 +539,49 @@ impl Pipeline {
         &self.file_name
     }
 
-    /// Name of the map that every flight is read with.
+    /// Name of the map forced on every flight.
     #[must_use]
     pub fn forced_map(&self) -> Option<&str> {
-        self.meant.maps.force.as_deref()
+        self.resolved.maps.force.as_deref()
     }
 
-    /// The settings for a record: title, hash and text of what is meant.
+    /// The settings for a record: title, hash and text of the resolved pipeline.
     #[must_use]
     pub fn as_used(&self) -> PipelineUse {
-        let toml = toml::to_string(&self.meant).unwrap_or_else(|e| format!("# cannot be written: {e}\n"));
+        let toml = toml::to_string(&self.resolved).unwrap_or_else(|e| format!("# cannot be written: {e}\n"));
         PipelineUse {
-            title: self.meant.title.clone(),
+            title: self.resolved.title.clone(),
             blake3: blake3::hash(toml.as_bytes()).to_hex().to_string(),
             toml,
         }
     }
 
-    /// The sensor cards that delays are taken from.
+    /// The sensor cards that provide delays.
     pub(crate) fn card_files(&self) -> Vec<CardFile> {
         self.delay.cards.iter().map(UsedCard::file).collect()
     }
 
-    /// Names of all channels that are asked for.
+    /// Names of all channels in the settings.
     pub(crate) fn channel_names(&self) -> impl Iterator<Item = &str> {
-        let MeantChannels { position, velocity, reference, onboard } = &self.meant.channels;
+        let ResolvedChannels { position, velocity, reference, onboard } = &self.resolved.channels;
         position.iter().chain(velocity).chain(reference).chain(onboard).map(String::as_str)
     }
 
-    /// Line of the list in which the file names a channel; `None` for a default.
+    /// Line of the list that names a channel in the file; `None` for a default.
     pub(crate) fn line_of_channel(&self, name: &str) -> Option<usize> {
         self.channel_lines.iter().find(|(known, _)| known == name).map(|(_, line)| *line)
     }
 
-    /// Hash of the settings that a result depends on: all but the title.
+    /// Hash of the settings that a result depends on: all except the title.
     pub(crate) fn replay_blake3(&self) -> String {
-        let untitled = Meant { title: String::new(), ..self.meant.clone() };
+        let untitled = Resolved { title: String::new(), ..self.resolved.clone() };
         blake3::hash(toml::to_string(&untitled).unwrap_or_default().as_bytes()).to_hex().to_string()
     }
 
     /// Hash of the settings that a measurement depends on.
     pub(crate) fn measure_blake3(&self) -> String {
-        let Meant { measure, channels, maps, delay, reference, .. } = &self.meant;
-        // Which file it is shows in the content of the flight.
+        let Resolved { measure, channels, maps, delay, reference, .. } = &self.resolved;
+        // The file itself is part of the flight's content.
         let clock = reference.as_ref().map(|rule| rule.clock);
         let part = MeasurePart { measure, channels, clock, maps, pin: &delay.pin };
         blake3::hash(toml::to_string(&part).unwrap_or_default().as_bytes()).to_hex().to_string()
@@ -589,50 +589,50 @@ impl Pipeline {
 
     /// How delays are measured.
     pub(crate) fn measure_settings(&self) -> FlightDelaySettings {
-        let MeantMeasure { search_s: [from, to], .. } = self.meant.measure;
+        let ResolvedMeasure { search_s: [from, to], .. } = self.resolved.measure;
         FlightDelaySettings { search_s: (from, to), ..FlightDelaySettings::default() }
     }
 
-    /// Where the antenna is.
+    /// Position of the antenna.
     pub(crate) fn antenna(&self) -> Antenna {
-        let MeantMeasure { antenna_ahead_m, antenna_uncertainty_m, .. } = self.meant.measure;
+        let ResolvedMeasure { antenna_ahead_m, antenna_uncertainty_m, .. } = self.resolved.measure;
         Antenna { ahead_m: antenna_ahead_m, uncertainty_m: antenna_uncertainty_m }
     }
 
     /// Names of the position and of the velocity, best first.
     pub(crate) fn position_and_velocity(&self) -> (&[String], &[String]) {
-        (&self.meant.channels.position, &self.meant.channels.velocity)
+        (&self.resolved.channels.position, &self.resolved.channels.velocity)
     }
 
     /// Names of the reference, best first.
     pub(crate) fn reference(&self) -> &[String] {
-        &self.meant.channels.reference
+        &self.resolved.channels.reference
     }
 
     /// The same pipeline with a second file for each flight: a path, or a pattern relative to the flight's folder.
     ///
     /// # Errors
-    /// The rule for the clock of a second file, where there is none.
+    /// A clock rule is given, but no second file.
     pub fn with_reference(mut self, file: Option<String>, clock: Option<ClockRule>) -> Result<Pipeline, CampaignError> {
-        let known = self.meant.reference.take();
+        let known = self.resolved.reference.take();
         if clock.is_some() && file.is_none() && known.is_none() {
             let what = "--reference-clock needs a reference file: add --reference FILE";
             return Err(CampaignError::Asked(what.to_owned()));
         }
         let clock = clock.or(known.as_ref().map(|rule| rule.clock)).unwrap_or_default();
-        self.meant.reference = file.or(known.map(|rule| rule.file)).map(|file| ReferenceRule { file, clock });
-        if self.meant.reference.is_some() {
-            self.meant.channels.with_reference_file();
+        self.resolved.reference = file.or(known.map(|rule| rule.file)).map(|file| ReferenceRule { file, clock });
+        if self.resolved.reference.is_some() {
+            self.resolved.channels.with_reference_file();
         }
         Ok(self)
     }
 
     /// Where the second file of each flight is.
     pub(crate) fn reference_file(&self) -> Option<&ReferenceRule> {
-        self.meant.reference.as_ref()
+        self.resolved.reference.as_ref()
     }
 
-    /// What is asked for.
+    /// The requested source of the delay.
     pub(crate) fn asked(&self) -> DelaySource {
         self.delay.from
     }
@@ -643,19 +643,19 @@ impl Pipeline {
         Some(Estimate { value: fixed.delay.seconds(), standard_uncertainty: fixed.standard_uncertainty_s })
     }
 
-    /// What the sensor card says of a flight; `None` if the pipeline names none or the flight lacks a channel.
+    /// The sensor card's delay for a flight; `None` if the pipeline names no card or the flight lacks a channel.
     pub(crate) fn card_delay(&self, flight: &Flight, binding: &Binding) -> Option<Finding<CardDelay>> {
         let (position, velocity) = self.position_and_velocity();
         let [position, velocity] = pick_pair(flight, position, velocity).ok()?;
         self.delay.card_delay(&Case { flight, binding, position, velocity })
     }
 
-    /// The settings of the replay of one flight, with the delay that was decided on. Notices say what is doubtful about it.
+    /// The replay settings of one flight, with the decided delay. Notices report doubts about it.
     ///
     /// # Errors
-    /// Why nothing is removed from this flight, in words.
+    /// Why nothing is removed from this flight.
     pub(crate) fn settings_for(&self, case: &FlightCase<'_>) -> Result<(Settings, Decided), String> {
-        let MeantChannels { position, velocity, .. } = &self.meant.channels;
+        let ResolvedChannels { position, velocity, .. } = &self.resolved.channels;
         let [position, velocity] = pick_pair(case.flight, position, velocity).map_err(|refusal| refusal.to_string())?;
         let measured = measured_pair(case.delays, position.0, velocity.0);
         let best = || match Sweeper::of(case.flight, &self.provisional()) {
@@ -676,7 +676,7 @@ impl Pipeline {
             velocity_lateness_s: answer::velocity_lateness_s(case.lateness, case.decision),
             ..self.settings(decided.found.delay)
         };
-        // Motion that shows a delay is enough to remove one.
+        // Motion sufficient to measure a delay is sufficient to remove one.
         let settings = match case.lateness.position_minus_velocity_s.is_some() {
             true => Settings { min_speed_mps: 0.0, ..settings },
             false => settings,
@@ -684,7 +684,7 @@ impl Pipeline {
         Ok((settings, decided))
     }
 
-    /// The settings that would remove the difference between position and velocity, where the position is later.
+    /// The settings that would remove the difference between position and velocity, if the position is later.
     pub(crate) fn trial_settings(&self, case: &FlightCase<'_>) -> Result<Settings, String> {
         let difference = case.lateness.position_minus_velocity_s.filter(|d| d.value > 0.0);
         let delay = difference.and_then(|d| Delay::from_seconds(d.value)).unwrap_or(Delay::ZERO);
@@ -695,16 +695,16 @@ impl Pipeline {
         })
     }
 
-    /// Settings for what does not depend on the delay.
+    /// Settings for steps that do not depend on the delay.
     pub(crate) fn provisional(&self) -> Settings {
         self.settings(Delay::from_seconds(PROVISIONAL_S).unwrap_or(Delay::ZERO))
     }
 
-    /// The settings with this delay, of which nothing is said.
+    /// The settings with this delay, without notices.
     fn settings(&self, delay: Delay) -> Settings {
-        let MeantChannels { position, velocity, reference, onboard } = self.meant.channels.clone();
-        let MeantReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz, most_samples, compensators } =
-            self.meant.replay.clone();
+        let ResolvedChannels { position, velocity, reference, onboard } = self.resolved.channels.clone();
+        let ResolvedReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz, most_samples, compensators } =
+            self.resolved.replay.clone();
         Settings {
             delay,
             delay_uncertainty_s: None,
@@ -728,11 +728,11 @@ impl Pipeline {
     }
 }
 
-/// A flight and what was bound in it.
+/// A flight and its bound channels.
 pub(crate) struct FlightCase<'a> {
     pub(crate) flight: &'a Flight,
     pub(crate) binding: &'a Binding,
-    /// What it says of delays.
+    /// Its measured delays.
     pub(crate) delays: &'a FlightDelays,
     /// How late its position is.
     pub(crate) lateness: &'a FlightLateness,
@@ -747,7 +747,7 @@ pub(crate) fn pipeline_schema() -> String {
     serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
 }
 
-/// Which settings differ between two pipelines as they are meant, as `delay.position_s: was 0.4, is 0.35`.
+/// The settings that differ between two resolved pipelines, as `delay.position_s: was 0.4, is 0.35`.
 #[must_use]
 pub(crate) fn differences(was: &str, is: &str) -> Vec<String> {
     let flat = |text: &str| toml::from_str::<toml::Table>(text).map(|t| flatten(&t)).unwrap_or_default();
@@ -773,7 +773,7 @@ fn flatten(table: &toml::Table) -> std::collections::BTreeMap<String, String> {
     flat
 }
 
-/// Knows the file, so that every complaint has its line.
+/// Checks a pipeline. Holds the file, so that every complaint has its line.
 struct Checker<'a> {
     file: &'a SettingsFile<'a>,
     path: &'a Path,
@@ -781,7 +781,7 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn meaning_of(&self, written: Written) -> Result<Pipeline, Refused> {
+    fn resolve(&self, written: Written) -> Result<Pipeline, Refused> {
         self.known_layout(&written.schema)?;
         let sensor = written.sensor.map(|s| self.sensor(s)).transpose();
         let written_delay = written.delay.unwrap_or_else(|| Spanned::new(0..0, WrittenDelay::default()));
@@ -801,7 +801,7 @@ impl Checker<'_> {
         }
         let (rule, delay) = delay?;
         searched?;
-        let mut meant = Meant {
+        let mut resolved = Resolved {
             schema: 1,
             title: written.title,
             delay,
@@ -810,14 +810,14 @@ impl Checker<'_> {
             channels: channels?,
             reference: reference?,
             replay: replay?,
-            maps: MeantMaps { force: written.maps.force },
+            maps: ResolvedMaps { force: written.maps.force },
         };
-        if meant.reference.is_some() {
-            meant.channels.with_reference_file();
+        if resolved.reference.is_some() {
+            resolved.channels.with_reference_file();
         }
-        let maps_folder = written.maps.folder.map(|f| self.beside(&f));
+        let maps_folder = written.maps.folder.map(|f| self.next_to_file(&f));
         let file_name = self.file_name();
-        Ok(Pipeline { meant, delay: rule, maps_folder, criteria: criteria?, file_name, channel_lines })
+        Ok(Pipeline { resolved, delay: rule, maps_folder, criteria: criteria?, file_name, channel_lines })
     }
 
     fn known_layout(&self, schema: &Spanned<u32>) -> Result<(), Refused> {
@@ -831,12 +831,12 @@ impl Checker<'_> {
         self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// A stated delay that no flight could be tested for is a slip of the pen.
+    /// Rejects a stated delay outside the search range: no flight could confirm it, so it is a typo.
     fn is_searched(
         &self,
         written: &Spanned<WrittenDelay>,
         rule: &DelayRule,
-        measure: &MeantMeasure,
+        measure: &ResolvedMeasure,
     ) -> Result<(), Refused> {
         let (Some(fixed), [from, to]) = (&rule.fixed, measure.search_s) else { return Ok(()) };
         let seconds = fixed.delay.seconds();
@@ -863,8 +863,8 @@ impl Checker<'_> {
         all.flat_map(of_list).collect()
     }
 
-    /// Complains about channels of a wrong file that no shipped map binds, if one of nearly the same name is bound: maps of the
-    /// user are not looked at before the file is right.
+    /// Complains about channels that no shipped map binds, if a map binds one of nearly the same name. Only for a file
+    /// with other errors, because the user's maps are not read before the file is correct.
     fn likely_typos(&self, channels: &[(String, usize)]) {
         let Ok(maps) = ingest::MapLibrary::shipped() else { return };
         let known: BTreeSet<&str> = maps.channel_names().collect();
@@ -877,11 +877,11 @@ impl Checker<'_> {
     }
 
     fn criteria(&self, file: &Spanned<PathBuf>) -> Result<Criteria, Refused> {
-        Criteria::read(&self.beside(file.get_ref())).map_err(|e| self.fault(file, format!("criteria.file: {e}")))
+        Criteria::read(&self.next_to_file(file.get_ref())).map_err(|e| self.fault(file, format!("criteria.file: {e}")))
     }
 
     /// A path relative to the pipeline file.
-    fn beside(&self, path: &Path) -> PathBuf {
+    fn next_to_file(&self, path: &Path) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(path)
     }
 
@@ -893,12 +893,12 @@ impl Checker<'_> {
         Ok(Spanned::new(span, written.into_inner().into()))
     }
 
-    /// What is removed, and what stands in.
+    /// The delay to remove, and its fallbacks.
     fn delay(
         &self,
         written: &Spanned<WrittenDelay>,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(DelayRule, MeantDelay), Refused> {
+    ) -> Result<(DelayRule, ResolvedDelay), Refused> {
         let delay = written.get_ref();
         let with_card = delay.card.is_some() || delay.cards.is_some();
         let from = self.asked(written, with_card);
@@ -910,22 +910,22 @@ impl Checker<'_> {
         };
         let fixed = delay.position_s.as_ref().map(|seconds| self.stated(seconds, written)).transpose();
         let (from, (cards, of_cards), fixed) = (from?, cards?, fixed?);
-        let goes_without_saying = match from {
+        let is_implied = match from {
             DelaySource::Fixed => !with_card,
             DelaySource::Card => fixed.is_none(),
             _ => from == DelaySource::Network && fixed.is_none() && !with_card,
         };
-        let meant = MeantDelay {
-            from: Some(from).filter(|_| !goes_without_saying),
+        let resolved = ResolvedDelay {
+            from: Some(from).filter(|_| !is_implied),
             position_s: fixed.as_ref().map(|f| plain_zero(f.delay.seconds())),
             standard_uncertainty_s: fixed.as_ref().and_then(|f| f.standard_uncertainty_s),
             source: fixed.as_ref().map(|f| f.source.clone()),
             ..of_cards
         };
-        Ok((DelayRule { from, fixed, cards }, meant))
+        Ok((DelayRule { from, fixed, cards }, resolved))
     }
 
-    /// Which delay is asked for, said or understood; what that needs must be given.
+    /// The requested source of the delay, explicit or implied. Checks that its inputs are given.
     fn asked(&self, written: &Spanned<WrittenDelay>, with_card: bool) -> Result<DelaySource, Refused> {
         let delay = written.get_ref();
         let with_number = delay.position_s.is_some();
@@ -949,12 +949,12 @@ impl Checker<'_> {
         }
     }
 
-    /// What goes with a card or a number must not stand without it.
+    /// Rejects keys that require a card or a number when there is none.
     fn without_card(
         &self,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
+    ) -> Result<(Vec<UsedCard>, ResolvedDelay), Refused> {
         if let Some(sensor) = sensor {
             return Err(self.fault(sensor, "[sensor] selects a card: it needs delay.card or delay.cards"));
         }
@@ -964,10 +964,10 @@ impl Checker<'_> {
         if delay.position_s.is_none() {
             self.no_words_without_number(delay, "goes with position_s: leave it out")?;
         }
-        Ok((vec![], MeantDelay::default()))
+        Ok((vec![], ResolvedDelay::default()))
     }
 
-    /// A number that the pipeline states, with where it comes from.
+    /// The delay that the pipeline states, with its source.
     fn stated(&self, position_s: &Spanned<f64>, written: &Spanned<WrittenDelay>) -> Result<FixedDelay, Refused> {
         let WrittenDelay { standard_uncertainty_s, source, .. } = written.get_ref();
         let seconds = *position_s.get_ref();
@@ -989,7 +989,7 @@ impl Checker<'_> {
         Ok(FixedDelay { delay: delay?, standard_uncertainty_s: standard_uncertainty_s?, source: source? })
     }
 
-    /// Words about a number that is not there would leave open what holds.
+    /// Rejects text about a number without the number: the meaning would be ambiguous.
     fn no_words_without_number(&self, delay: &WrittenDelay, what: &str) -> Result<(), Refused> {
         if let Some(given) = &delay.standard_uncertainty_s {
             return Err(self.fault(given, format!("delay.standard_uncertainty_s {what}")));
@@ -1000,7 +1000,7 @@ impl Checker<'_> {
         }
     }
 
-    fn no_number_beside_card(&self, delay: &WrittenDelay) -> Result<(), Refused> {
+    fn no_number_with_card(&self, delay: &WrittenDelay) -> Result<(), Refused> {
         match &delay.position_s {
             Some(_) => Ok(()),
             None => self.no_words_without_number(delay, "comes from the sensor card: leave it out"),
@@ -1012,16 +1012,16 @@ impl Checker<'_> {
         card: &Spanned<PathBuf>,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
-        self.no_number_beside_card(delay)?;
-        let found = self.shelf.card(&self.beside(card.get_ref()));
+    ) -> Result<(Vec<UsedCard>, ResolvedDelay), Refused> {
+        self.no_number_with_card(delay)?;
+        let found = self.shelf.card(&self.next_to_file(card.get_ref()));
         let found = found.map_err(|what| self.fault(card, format!("delay.card: {what}")))?;
         if let Some((sensor, conflict)) = sensor.and_then(|s| Some((s, found.conflict(s.get_ref())?))) {
             let what = format!("[sensor] is not that of {}, first here, then there: {conflict}", found.name());
             return Err(self.fault(sensor, what));
         }
-        let meant = MeantDelay { card: Some(found.name().to_owned()), ..MeantDelay::default() };
-        self.pinned(vec![found], delay, meant)
+        let resolved = ResolvedDelay { card: Some(found.name().to_owned()), ..ResolvedDelay::default() };
+        self.pinned(vec![found], delay, resolved)
     }
 
     fn of_folder(
@@ -1029,49 +1029,49 @@ impl Checker<'_> {
         folder: &Spanned<PathBuf>,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
-        self.no_number_beside_card(delay)?;
+    ) -> Result<(Vec<UsedCard>, ResolvedDelay), Refused> {
+        self.no_number_with_card(delay)?;
         let Some(sensor) = sensor else {
             return Err(
                 self.fault(folder, "delay.cards needs [sensor]: with a model at least, to know which card to take")
             );
         };
-        let path = self.beside(folder.get_ref());
+        let path = self.next_to_file(folder.get_ref());
         let at_folder = |what: String| self.fault(folder, format!("delay.cards: {what}"));
         let all = self.shelf.cards(&path).map_err(at_folder)?;
         let found = chosen(all, sensor.get_ref()).map_err(|what| self.fault(sensor, format!("[sensor]: {what}")))?;
         let name = path.file_name().map_or_else(|| "cards".to_owned(), |n| n.to_string_lossy().into_owned());
-        let meant = MeantDelay { cards: Some(name), ..MeantDelay::default() };
-        self.pinned(found, delay, meant)
+        let resolved = ResolvedDelay { cards: Some(name), ..ResolvedDelay::default() };
+        self.pinned(found, delay, resolved)
     }
 
-    /// The cards that were found are what is meant, whatever the file says; if it says so, they must be these.
+    /// The cards that were found become part of the resolved settings. If the file pins cards, they must match.
     fn pinned(
         &self,
         cards: Vec<UsedCard>,
         delay: &WrittenDelay,
-        meant: MeantDelay,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
+        resolved: ResolvedDelay,
+    ) -> Result<(Vec<UsedCard>, ResolvedDelay), Refused> {
         let pin: Vec<Pin> = cards.iter().map(UsedCard::pin).collect();
         match &delay.pin {
             Some(stated) if !crate::cards::same_pins(stated.get_ref(), &pin) => {
                 let found: Vec<String> = pin.iter().map(|p| format!("{} with {}", p.file, p.blake3)).collect();
                 Err(self.fault(stated, format!("delay.pin names other cards than were found: {}", found.join(", "))))
             }
-            _ => Ok((cards, MeantDelay { pin, ..meant })),
+            _ => Ok((cards, ResolvedDelay { pin, ..resolved })),
         }
     }
 
-    fn channels(&self, written: WrittenChannels) -> Result<MeantChannels, Refused> {
+    fn channels(&self, written: WrittenChannels) -> Result<ResolvedChannels, Refused> {
         let (position, velocity) = (DEFAULT_POSITIONS, DEFAULT_VELOCITIES);
         let position = self.names(written.position, "position", &position);
         let velocity = self.names(written.velocity, "velocity", &velocity);
         let reference = self.names(written.reference, "position", &["position.truth"]);
         let onboard = self.names(written.onboard, "position", &["position.compensated"]);
-        Ok(MeantChannels { position: position?, velocity: velocity?, reference: reference?, onboard: onboard? })
+        Ok(ResolvedChannels { position: position?, velocity: velocity?, reference: reference?, onboard: onboard? })
     }
 
-    /// The channel names of a list; every one must hold `quantity`.
+    /// The channel names of a list; each channel must hold `quantity`.
     fn names(
         &self,
         written: Option<Spanned<Vec<String>>>,
@@ -1098,11 +1098,11 @@ impl Checker<'_> {
         Ok(ReferenceRule { file: written.file.into_inner(), clock: written.clock })
     }
 
-    fn measure(&self, written: &WrittenMeasure) -> Result<MeantMeasure, Refused> {
+    fn measure(&self, written: &WrittenMeasure) -> Result<ResolvedMeasure, Refused> {
         let search_s = self.search_s(written.search_s.as_ref());
         let ahead_m = self.optional(&written.antenna_ahead_m, "measure.antenna_ahead_m", -100.0, 100.0);
         let uncertainty_m = self.optional(&written.antenna_uncertainty_m, "measure.antenna_uncertainty_m", 0.0, 100.0);
-        Ok(MeantMeasure { search_s: search_s?, antenna_ahead_m: ahead_m?, antenna_uncertainty_m: uncertainty_m? })
+        Ok(ResolvedMeasure { search_s: search_s?, antenna_ahead_m: ahead_m?, antenna_uncertainty_m: uncertainty_m? })
     }
 
     fn search_s(&self, written: Option<&Spanned<[f64; 2]>>) -> Result<[f64; 2], Refused> {
@@ -1120,14 +1120,14 @@ impl Checker<'_> {
         Err(self.fault(given, what))
     }
 
-    fn replay(&self, written: &WrittenReplay) -> Result<MeantReplay, Refused> {
+    fn replay(&self, written: &WrittenReplay) -> Result<ResolvedReplay, Refused> {
         let bridge_s = self.optional(&written.bridge_s, "replay.bridge_s", 0.0, 600.0);
         let min_speed_mps = self.optional(&written.min_speed_mps, "replay.min_speed_mps", 0.0, 1000.0);
         let zoom_s = self.optional(&written.zoom_s, "replay.zoom_s", 1.0, 3600.0);
         let output_rate_hz = self.optional(&written.output_rate_hz, "replay.output_rate_hz", 1.0, 10_000.0);
         let most_samples = self.optional(&written.most_samples, "replay.most_samples", 1000.0, 1e9);
         let compensators = self.compensators(written.compensators.as_deref().unwrap_or_default());
-        Ok(MeantReplay {
+        Ok(ResolvedReplay {
             start: written.start.unwrap_or(WrittenStart::Warm).into(),
             bridge_s: bridge_s?,
             min_speed_mps: min_speed_mps?.unwrap_or(0.5),
@@ -1142,7 +1142,7 @@ impl Checker<'_> {
         value.as_ref().map(|v| self.within(v, key, low, high)).transpose()
     }
 
-    /// What runs beside the compensators that always do; a name that is unknown or comes twice is refused with its line.
+    /// The additional compensators. An unknown or repeated name is rejected with its line.
     fn compensators(&self, written: &[Spanned<String>]) -> Result<Vec<CompensatorKind>, Refused> {
         let mut all: Vec<CompensatorKind> = vec![];
         let mut right = Ok(());
@@ -1173,7 +1173,7 @@ fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> PipelineE
     PipelineError { file: path.to_owned(), line, what: what.into() }
 }
 
-/// Minus zero is zero, and shall not name another result.
+/// Turns minus zero into zero, which must not name another result.
 fn plain_zero(v: f64) -> f64 {
     if v == 0.0 { 0.0 } else { v }
 }
@@ -1190,7 +1190,7 @@ mod tests {
     const SMALL: &str = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"bench\"\n";
 
     #[test]
-    fn every_shipped_pipeline_is_right_and_names_its_source() {
+    fn every_shipped_pipeline_is_valid_and_names_its_source() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines");
         let files = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
         let is_pipeline = |p: &PathBuf| {
@@ -1215,7 +1215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_that_no_flight_could_show_is_refused_with_its_line() {
+    fn a_delay_outside_the_search_range_is_rejected_with_its_line() {
         let error = parse(&SMALL.replace("0.4", "20")).unwrap_err();
         assert_eq!(error.line, Some(3));
         assert!(error.what.contains("outside of measure.search_s = [-2.5, 13] s"), "{error}");
@@ -1225,7 +1225,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_with_slips_are_told_with_the_other_errors_of_the_file() {
+    fn mistyped_channels_are_reported_with_the_other_errors_of_the_file() {
         let text = format!(
             "{SMALL}[channels]\nposition = [\"position.gsp\"]\nvelocity = [\"velocity.gspp\"]\n[replay]\ncompensators = [\"exact-fri\"]\n"
         );
@@ -1241,7 +1241,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_refused_with_file_line_and_the_key_that_was_meant_or_those_that_are_known() {
+    fn an_unknown_key_is_rejected_with_its_line_and_likely_or_known_keys() {
         let error = parse("schema = 1\n[delay]\nposition_s = 0.4\nsource = \"bench\"\npositon_s = 1\n").unwrap_err();
         let text = error.to_string();
         assert!(text.starts_with("settings/p.toml:5: unknown key `positon_s`"), "{text}");
@@ -1251,7 +1251,7 @@ mod tests {
     }
 
     #[test]
-    fn all_typos_of_a_file_are_told_at_once_each_with_the_nearest_key() {
+    fn all_typos_of_a_file_are_reported_at_once_with_the_nearest_keys() {
         let error = parse(&format!("titel = \"x\"\n{SMALL}[replay]\nzom_s = 3\n")).unwrap_err();
         let text = error.to_string();
         assert!(text.starts_with("settings/p.toml:1: unknown key `titel`: did you mean `title`?"), "{text}");
@@ -1259,7 +1259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_in_milliseconds_or_of_a_position_that_is_not_late_is_refused_with_its_line() {
+    fn a_delay_in_milliseconds_or_not_positive_is_rejected_with_its_line() {
         for delay in ["400", "0", "-0.5", "nan", "inf"] {
             let error = parse(&SMALL.replace("0.4", delay)).unwrap_err();
             assert_eq!(error.line, Some(3));
@@ -1276,7 +1276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_makes_no_sense_is_refused_with_its_line() {
+    fn an_implausible_value_is_rejected_with_its_line() {
         for (line, number) in [
             ("[replay]\nbridge_s = -1.0", 6),
             ("[replay]\nzoom_s = nan", 6),
@@ -1292,7 +1292,7 @@ mod tests {
     }
 
     #[test]
-    fn one_run_reports_all_that_is_wrong_with_a_pipeline() {
+    fn one_run_reports_every_error_of_a_pipeline() {
         let text = "schema = 1\n[delay]\nposition_s = 400\nsource = \" \"\n[measure]\nsearch_s = [4, 2]\nantenna_ahead_m = \"3 m\"\n\
                     [channels]\nvelocity = [\"position.gps\"]\n[replay]\nzom_s = 0.1\ncompensators = [\"pad\"]\nstart = \"hot\"\n";
         let error = parse(text).unwrap_err().to_string();
@@ -1315,7 +1315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_default_spelled_out_or_a_comment_means_the_same() {
+    fn a_default_spelled_out_or_a_comment_changes_nothing() {
         let spelled = format!(
             "# a comment\n{SMALL}[replay]\nzoom_s = 20\nstart = \"warm\"\n[channels]\nreference = [\"position.truth\"]\n"
         );
@@ -1323,21 +1323,22 @@ mod tests {
     }
 
     #[test]
-    fn the_shipped_pipeline_says_the_defaults_that_it_claims() {
-        let shipped = Pipeline::shipped_default().unwrap().meant.channels;
-        assert_eq!(shipped, parse(SMALL).unwrap().meant.channels);
+    fn the_shipped_pipeline_states_the_actual_defaults() {
+        let shipped = Pipeline::shipped_default().unwrap().resolved.channels;
+        assert_eq!(shipped, parse(SMALL).unwrap().resolved.channels);
     }
 
     #[test]
-    fn the_default_takes_what_receivers_have_and_the_better_channel_where_there_are_two() {
-        let meant = Pipeline::shipped_default().unwrap().meant.channels;
+    fn the_default_binds_receiver_channels_and_prefers_the_better_one() {
+        let resolved = Pipeline::shipped_default().unwrap().resolved.channels;
         let pair = |names: &[(&str, &str)]| {
             let simulated = simulate::simulate(&simulate::LikeCase::A.settings(1)).unwrap().to_flight().unwrap();
             let mut flight = Flight::default();
             for (name, source) in names {
                 flight.channels.insert((*name).to_owned(), simulated.channels[*source].clone());
             }
-            let picked = pick_pair(&flight, &meant.position, &meant.velocity).map(|pair| pair.map(|p| p.0.to_owned()));
+            let picked =
+                pick_pair(&flight, &resolved.position, &resolved.velocity).map(|pair| pair.map(|p| p.0.to_owned()));
             picked.map_err(|refusal| refusal.to_string())
         };
         let (p, v) = ("position.gps", "velocity.gps");
@@ -1358,19 +1359,19 @@ mod tests {
         }
         let both = pair(&[("position.posllh", p), (p, p), ("velocity.velned", v), ("velocity.vtg", v), (v, v)]);
         assert_eq!(both, Ok([p, v].map(str::to_owned)));
-        // Columns of no named source, beside those of the receiver, are of something faster.
+        // Columns without a named source, next to those of the receiver, come from something faster.
         let plain = pair(&[(p, p), ("velocity.truth", v), (v, v), ("velocity.plain", v)]);
         assert_eq!(plain, Ok([p, "velocity.plain"].map(str::to_owned)));
     }
 
     #[test]
-    fn what_is_meant_is_itself_a_pipeline_with_the_same_meaning() {
-        let meant = parse(SMALL).unwrap().with_forced_map(Some("mavros".into())).as_used();
-        assert_eq!(parse(&meant.toml).unwrap().as_used(), meant);
+    fn a_resolved_pipeline_resolves_to_itself() {
+        let resolved = parse(SMALL).unwrap().with_forced_map(Some("mavros".into())).as_used();
+        assert_eq!(parse(&resolved.toml).unwrap().as_used(), resolved);
     }
 
     #[test]
-    fn an_unknown_compensator_is_refused_with_its_own_line_and_the_known_names() {
+    fn an_unknown_compensator_is_rejected_with_its_line_and_the_known_names() {
         let list = |name: &str| {
             format!(
                 "{SMALL}[replay]\ncompensators = [\n  \"pade-1-1-tustin\",\n  \"pade-2-2-foh\",\n  \"{name}\",\n]\n"
@@ -1389,7 +1390,7 @@ mod tests {
     }
 
     #[test]
-    fn compensators_beside_those_that_always_run_are_part_of_the_meaning_and_the_latter_are_not() {
+    fn only_additional_compensators_are_part_of_the_resolved_pipeline() {
         let with = |list: &str| parse(&format!("{SMALL}[replay]\ncompensators = {list}\n")).unwrap();
         assert_eq!(with("[\"exact-async\", \"pade-1-1\"]").as_used(), parse(SMALL).unwrap().as_used());
         let pipeline = with("[\"pade-2-2\", \"exact-async\", \"kalman\"]");
@@ -1399,7 +1400,7 @@ mod tests {
         assert_ne!(used.blake3, parse(SMALL).unwrap().as_used().blake3);
     }
 
-    /// What this pipeline does with a single flight.
+    /// Settings and decision of this pipeline for a single flight.
     fn settings_of(pipeline: &Pipeline, flight: &Flight, binding: &Binding) -> (Settings, Decided) {
         let measured = crate::answer::measure("k", flight, &flight::LogHealth::default(), binding, None, pipeline);
         let decided = crate::decide::over(&[("a", &measured.lateness)], pipeline);
@@ -1409,7 +1410,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pipeline_with_a_better_compensator_scores_better_on_a_flight_whose_truth_is_known() {
+    fn a_better_compensator_scores_better_on_a_flight_with_known_truth() {
         let simulated = simulate::simulate(&simulate::LikeCase::A.settings(1)).unwrap();
         let flight = simulated.to_flight().unwrap();
         let binding = Binding { map: String::new(), why: String::new(), others: vec![], channels: vec![] };
@@ -1426,14 +1427,14 @@ mod tests {
     }
 
     #[test]
-    fn a_changed_setting_is_named_with_what_it_was() {
+    fn a_changed_setting_is_reported_with_its_old_value() {
         let was = parse(SMALL).unwrap().as_used().toml;
         let is = parse(&SMALL.replace("0.4", "0.35")).unwrap().as_used().toml;
         let changed = differences(&was, &is);
         assert_eq!(changed, ["delay.position_s: was 0.4, is 0.35"]);
     }
 
-    /// A folder with cards of two sensors, the pipeline's path in it, and the texts of the cards.
+    /// A folder with cards of two sensors, and the path of the pipeline in it.
     fn cards() -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("shelf")).unwrap();
@@ -1446,7 +1447,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_is_given_in_one_way_and_no_other() {
+    fn a_delay_is_given_in_exactly_one_way() {
         let (_folder, path) = cards();
         for (delay, says) in [
             ("position_s = 0.4\nsource = \"s\"\ncard = \"shelf/a.card.toml\"", "no more"),
@@ -1461,7 +1462,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pipeline_says_where_the_delay_comes_from_and_what_stands_in() {
+    fn the_pipeline_states_the_source_of_the_delay_and_its_fallbacks() {
         let (_folder, path) = cards();
         let number = "position_s = 0.4\nsource = \"s\"\n";
         let card = "card = \"shelf/a.card.toml\"\n";
@@ -1483,7 +1484,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_of_the_delay_that_is_not_given_or_not_known_is_refused() {
+    fn a_missing_or_unknown_source_of_the_delay_is_rejected() {
         let (_folder, path) = cards();
         for (delay, says) in [
             ("from = \"fixed\"\ncard = \"shelf/a.card.toml\"", "needs `position_s`"),
@@ -1497,18 +1498,18 @@ mod tests {
     }
 
     #[test]
-    fn a_source_that_goes_without_saying_means_the_same_said_and_another_does_not() {
+    fn stating_the_implied_source_changes_nothing_and_another_source_does() {
         let said = SMALL.replace("[delay]\n", "[delay]\nfrom = \"fixed\"\n");
         assert_eq!(parse(&said).unwrap().as_used(), parse(SMALL).unwrap().as_used());
         let flight = parse(&said.replace("fixed", "flight")).unwrap().as_used();
         assert_ne!(flight.blake3, parse(SMALL).unwrap().as_used().blake3);
-        assert_eq!(parse(&flight.toml).unwrap().as_used(), flight, "what is meant is itself a pipeline");
+        assert_eq!(parse(&flight.toml).unwrap().as_used(), flight, "a resolved pipeline resolves to itself");
     }
 
-    /// Simulated circuits of a minute that are 0.25 s late under a pipeline that states 0.4 s: the flight's own delay is
-    /// within four of its standard uncertainties of the truth, and so is the optimum against the truth.
+    /// Simulated one-minute circuits with a delay of 0.25 s under a pipeline that states 0.4 s: the flight's own delay
+    /// is within four of its standard uncertainties of the truth, and so is the optimum against the truth.
     #[test]
-    fn a_pipeline_that_asks_for_the_flights_delay_finds_the_truth_whatever_number_it_states() {
+    fn the_flights_own_delay_matches_the_truth_whatever_the_pipeline_states() {
         for (from, seed) in [("flight", 1), ("flight", 2), ("sweep", 3), ("sweep", 4)] {
             let usual = simulate::LikeCase::D.settings(seed);
             let position = simulate::SensorSettings { delay_s: 0.25, ..usual.position.clone() };
@@ -1524,7 +1525,7 @@ mod tests {
     }
 
     #[test]
-    fn a_card_that_is_not_there_or_wrong_is_an_error_of_the_pipeline_with_its_line() {
+    fn a_missing_or_invalid_card_is_a_pipeline_error_with_its_line() {
         let (folder, path) = cards();
         std::fs::write(folder.path().join("bad.card.toml"), "card_version = 1\ncolour = 3\n").unwrap();
         for (card, says) in [("none.card.toml", "No such file"), ("bad.card.toml", "bad.card.toml:2: unknown key")] {
@@ -1536,7 +1537,7 @@ mod tests {
     }
 
     #[test]
-    fn the_card_of_another_sensor_is_refused_with_what_differs() {
+    fn the_card_of_another_sensor_is_rejected_with_the_differences() {
         let (_folder, path) = cards();
         let text = "schema = 1\n[delay]\ncard = \"shelf/a.card.toml\"\n[sensor]\nmodel = \"M\"\nserial = \"2\"\n";
         let error = Pipeline::parse(text, &path).unwrap_err();
@@ -1546,7 +1547,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_of_cards_is_searched_by_sensor_and_never_guessed() {
+    fn a_folder_of_cards_is_searched_by_sensor_without_guessing() {
         let (_folder, path) = cards();
         let with = |sensor: &str| {
             let text = format!("schema = 1\n[delay]\ncards = \"shelf\"\n[sensor]\nmodel = \"M\"\n{sensor}\n");
@@ -1561,7 +1562,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_in_a_card_is_meant_and_where_it_lies_is_not() {
+    fn the_content_of_a_card_counts_and_its_location_does_not() {
         let (folder, path) = cards();
         let of = |card: &str| {
             Pipeline::parse(&format!("schema = 1\n[delay]\ncard = \"{card}\"\n"), &path).unwrap().as_used()
@@ -1576,28 +1577,32 @@ mod tests {
     }
 
     #[test]
-    fn a_manifest_needs_no_card_file_and_a_pin_refuses_another_content() {
+    fn a_manifest_needs_no_card_file_and_a_pin_rejects_other_content() {
         let (folder, path) = cards();
         let text = "schema = 1\n[delay]\ncards = \"shelf\"\n[sensor]\nmodel = \"M\"\nserial = \"1\"\n";
         let pipeline = Pipeline::parse(text, &path).unwrap();
-        let (meant, files) = (pipeline.as_used(), pipeline.card_files());
-        assert_eq!(Pipeline::of_manifest(&meant.toml, &files).unwrap().as_used(), meant);
-        assert_eq!(Pipeline::parse(&meant.toml, &path).unwrap().as_used(), meant, "what is meant is itself a pipeline");
+        let (resolved, files) = (pipeline.as_used(), pipeline.card_files());
+        assert_eq!(Pipeline::of_manifest(&resolved.toml, &files).unwrap().as_used(), resolved);
+        assert_eq!(
+            Pipeline::parse(&resolved.toml, &path).unwrap().as_used(),
+            resolved,
+            "a resolved pipeline resolves to itself"
+        );
         std::fs::write(folder.path().join("shelf/a.card.toml"), example_card("1", "2026-01-02")).unwrap();
-        let error = Pipeline::parse(&meant.toml, &path).unwrap_err();
+        let error = Pipeline::parse(&resolved.toml, &path).unwrap_err();
         assert!(error.what.contains("names other cards than were found: a.card.toml with"), "{error}");
-        assert!(Pipeline::of_manifest(&meant.toml, &[]).is_err());
+        assert!(Pipeline::of_manifest(&resolved.toml, &[]).is_err());
     }
 
     #[test]
-    fn a_sensor_beside_a_plain_number_is_refused() {
+    fn a_sensor_with_a_plain_number_is_rejected() {
         let error = parse(&format!("{SMALL}[sensor]\nmodel = \"M\"\n")).unwrap_err();
         assert_eq!(error.line, Some(5), "{error}");
         assert!(error.what.contains("[sensor] selects a card"), "{error}");
     }
 
     #[test]
-    fn maps_are_found_beside_the_pipeline_file() {
+    fn maps_are_found_next_to_the_pipeline_file() {
         let pipeline = parse(&format!("{SMALL}[maps]\nfolder = \"maps\"\n")).unwrap();
         assert_eq!(pipeline.maps_folder(), Some(Path::new("settings/maps")));
     }

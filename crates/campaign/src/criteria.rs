@@ -1,7 +1,7 @@
-//! What flights are judged by: the criteria file, as the user wrote it, then as it is meant, and the verdicts.
+//! Criteria for flights: the criteria file as written, then resolved (defaults filled in), and the verdicts.
 //!
-//! Criteria are no part of a result's key. They are judged from the record whenever pages are made, so that another
-//! limit recomputes no flight and rewrites the pages that show it.
+//! Criteria are not part of a result's key. They are judged from the record whenever pages are made, so that another
+//! limit recomputes no flight and only rewrites the pages that show it.
 
 mod applies;
 mod file;
@@ -44,7 +44,7 @@ pub struct Criteria {
     criteria: Vec<Criterion>,
 }
 
-/// A criterion as it is meant.
+/// A resolved criterion.
 #[derive(Debug, Clone, PartialEq)]
 struct Criterion {
     entry: &'static MetricEntry,
@@ -52,12 +52,12 @@ struct Criterion {
     unit: CriterionUnit,
     rule: DecisionRule,
     applies_to: AppliesTo,
-    written: MeantCriterion,
+    written: ResolvedCriterion,
 }
 
 /// The same in the layout of the file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-struct MeantCriterion {
+struct ResolvedCriterion {
     id: String,
     title: String,
     metric: String,
@@ -81,17 +81,17 @@ struct MeantCriterion {
 }
 
 #[derive(Serialize)]
-struct MeantFile<'a> {
+struct ResolvedFile<'a> {
     schema: u32,
     title: &'a str,
-    criterion: Vec<&'a MeantCriterion>,
+    criterion: Vec<&'a ResolvedCriterion>,
 }
 
 impl Criteria {
     /// Reads a criteria file.
     ///
     /// # Errors
-    /// The file cannot be read, is no TOML, has an unknown key, or a value makes no sense; with file and line.
+    /// The file cannot be read, is not TOML, has an unknown key, or a value makes no sense; with file and line.
     pub fn read(path: &Path) -> Result<Criteria, CriteriaError> {
         read::from_disk(path)
     }
@@ -104,12 +104,12 @@ impl Criteria {
         read::parse(text, path)
     }
 
-    /// The criteria for a record: title, hash and text of what is meant.
+    /// The criteria for a record: title, hash and text of the resolved criteria.
     #[must_use]
     pub fn as_used(&self) -> CriteriaUse {
         let criterion = self.criteria.iter().map(|c| &c.written).collect();
-        let meant = MeantFile { schema: 1, title: &self.title, criterion };
-        let toml = toml::to_string(&meant).unwrap_or_else(|e| format!("# cannot be written: {e}\n"));
+        let resolved = ResolvedFile { schema: 1, title: &self.title, criterion };
+        let toml = toml::to_string(&resolved).unwrap_or_else(|e| format!("# cannot be written: {e}\n"));
         CriteriaUse {
             title: self.title.clone(),
             file: self.file_name.clone(),
@@ -118,24 +118,24 @@ impl Criteria {
         }
     }
 
-    /// Criteria as a manifest holds them.
+    /// Criteria from a manifest.
     pub(crate) fn of_use(used: &CriteriaUse) -> Result<Criteria, CriteriaError> {
         Criteria::parse(&used.toml, Path::new(&used.file))
     }
 
-    /// How many there are.
+    /// Number of criteria.
     #[must_use]
     pub fn count(&self) -> usize {
         self.criteria.len()
     }
 
-    /// What they say of a flight.
+    /// Judges a flight.
     pub(crate) fn judge(&self, flight: &str, record: &FlightRecord) -> FlightCriteria {
         let findings = self.criteria.iter().map(|c| c.judge(flight, record)).collect();
         FlightCriteria { criteria: self.as_used(), findings }
     }
 
-    /// What they say of all flights.
+    /// Summary over all flights.
     pub(crate) fn summary(&self, rows: &[FlightRow]) -> CampaignCriteria {
         let judged: Vec<(&str, &RowVerdicts)> =
             rows.iter().filter_map(|row| Some((row.flight.as_str(), row.criteria.as_ref()?))).collect();
@@ -161,7 +161,7 @@ fn rate_of_tally(tally: &VerdictTally) -> Option<PassRate> {
 
 impl Criterion {
     fn judge(&self, flight: &str, record: &FlightRecord) -> CriterionFinding {
-        let MeantCriterion { id, title, metric, compensator, channel, against, rationale, .. } = &self.written;
+        let ResolvedCriterion { id, title, metric, compensator, channel, against, rationale, .. } = &self.written;
         let subject = Subject {
             record,
             compensator: compensator.as_deref(),
@@ -197,9 +197,9 @@ impl Criterion {
         }
     }
 
-    /// What is measured, with the compensator or channel that it is measured of.
+    /// The measured quantity, with its compensator or channel.
     fn quantity(&self) -> String {
-        let MeantCriterion { compensator, channel, against, .. } = &self.written;
+        let ResolvedCriterion { compensator, channel, against, .. } = &self.written;
         let named: Vec<&str> = [compensator, channel, against].into_iter().flatten().map(String::as_str).collect();
         match named.is_empty() {
             true => self.entry.symbol.to_owned(),
@@ -225,7 +225,7 @@ impl Criterion {
         }
     }
 
-    /// As the file gives it: `≤ 150 ms`.
+    /// The limit as in the file: `≤ 150 ms`.
     fn limit_text(&self) -> String {
         let bare = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         match (&self.written.at_most, &self.written.at_least, &self.written.between) {

@@ -1,7 +1,7 @@
-//! What is removed from each flight, decided over all flights of its group, and what the groups say.
+//! Decides the delay to remove from each flight, over all flights of its group, and summarises the groups.
 //!
-//! The table is that of the delay network ([`delay_network::decide`]). What enters the key of a result is rounded, and free
-//! of the number of flights: one more flight must not redo ten thousand.
+//! The decision table is that of the delay network ([`delay_network::decide`]). Values in the key of a result are
+//! rounded, and independent of the number of flights: one more flight must not redo ten thousand.
 
 use crate::config::Pipeline;
 use crate::manifest::Planned;
@@ -12,7 +12,7 @@ use record::{
 };
 use std::collections::BTreeMap;
 
-/// What is removed from each flight; `None` for a flight without a measurement.
+/// The decision for each flight; `None` for a flight without a measurement.
 pub(crate) fn decide(
     flights: &[Planned],
     lateness: &[Option<FlightLateness>],
@@ -25,12 +25,12 @@ pub(crate) fn decide(
     flights.iter().map(|flight| by_name.remove(flight.flight.as_str())).collect()
 }
 
-/// Decisions and groups of flights, and which flight is the same as another.
+/// Decisions and groups of flights, and duplicates.
 #[derive(Debug, Default)]
 pub(crate) struct Decided<'a> {
     pub(crate) decisions: BTreeMap<&'a str, Decision>,
     pub(crate) groups: Vec<GroupLateness>,
-    /// The flight that counts in place of this one.
+    /// The flight that replaces each duplicate.
     pub(crate) duplicate_of: BTreeMap<&'a str, &'a str>,
 }
 
@@ -52,7 +52,8 @@ pub(crate) fn over<'a>(measured: &[(&'a str, &'a FlightLateness)], pipeline: &Pi
     out
 }
 
-/// The same samples under another name or in another container, whole or in part: the one with the most fixes counts.
+/// Flights with the same samples under another name or in another container, whole or in part: the one with the most
+/// fixes counts.
 fn duplicates<'a>(measured: &[(&'a str, &FlightLateness)]) -> BTreeMap<&'a str, &'a str> {
     let prints: Vec<(&str, Option<FlightContent>)> = measured.iter().map(|(f, l)| (*f, l.content.clone())).collect();
     let names: BTreeMap<&str, &'a str> = measured.iter().map(|(flight, _)| (*flight, *flight)).collect();
@@ -103,7 +104,7 @@ fn sources_of(flight: &str, lateness: &FlightLateness, pipeline: &Pipeline) -> F
     }
 }
 
-/// What was decided, in a form that one more flight leaves alone.
+/// The decision in a form that one more flight does not change.
 fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLateness) -> Decision {
     let used = match removed.source {
         RemovedFrom::OthersFlights => Some(DelaySource::OthersFlights),
@@ -135,7 +136,7 @@ fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLate
     decision
 }
 
-/// Words without the number of flights, which stands in the campaign's table.
+/// Text without the number of flights, which is in the campaign's table.
 fn others_words(removed: &RemovedDelay) -> String {
     match removed.row {
         1 => "the mean of the other flights of its group; what is left in this flight is a test of it".to_owned(),
@@ -144,7 +145,7 @@ fn others_words(removed: &RemovedDelay) -> String {
     }
 }
 
-/// Only a late position can be compensated, and one delay only where the delay is one.
+/// Only a late position can be compensated, and only a constant delay with one number.
 fn refuse_what_is_not_late(decision: &mut Decision, lateness: &FlightLateness) {
     let forced = matches!(decision.asked, DelaySource::Fixed | DelaySource::Card);
     if !forced && lateness.kind.varies() {
@@ -168,7 +169,7 @@ fn rounded_up(u: f64) -> f64 {
         return u;
     }
     let power = u.log10().floor() as i32;
-    // Negative powers divide, so that 0.02 is the float that 0.02 is written as.
+    // Negative powers divide, so that 0.02 is exactly the float literal 0.02.
     let scaled = |step: f64| if power < 0 { step / 10_f64.powi(-power) } else { step * 10_f64.powi(power) };
     [1.0, 2.0, 5.0, 10.0].into_iter().map(scaled).find(|step| *step >= u * (1.0 - 1e-12)).unwrap_or(u)
 }
@@ -194,7 +195,7 @@ fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> V
     if pools.is_empty() {
         return relative_groups(members, &empty);
     }
-    // The first pool is over all flights; those after it are the parts of a group that is not one.
+    // The first pool is over all flights; further ones are the parts of a split group.
     let of = |(k, pool): (usize, &DelayPool)| pooled(members, pool, empty.clone(), k > 0);
     pools.iter().enumerate().map(of).collect()
 }
@@ -223,7 +224,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     if let Some(split) = &pool.split {
         words += &format!("; {}", split.words);
     }
-    // The mean of two receivers is a setting for neither; each of them follows as a group of its own.
+    // The mean of two receivers suits neither; each follows as its own group.
     let advice = match described {
         Some(mean) if pool.split.is_none() => crate::answer::advice_for(&mean.mean_s, &own),
         _ => DelayAdvice::default(),
@@ -245,7 +246,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     }
 }
 
-/// The same group with the flights of a pool alone.
+/// The same group with only the flights of a pool.
 fn part_of(group: GroupLateness, pool: &DelayPool) -> GroupLateness {
     let members: Vec<String> = pool.members.iter().map(|m| m.flight.clone()).collect();
     GroupLateness { flights: members.len() as u64, members, ..group }
@@ -256,18 +257,18 @@ fn of_all(flights: u32, members: &[(&str, &FlightLateness)]) -> String {
     format!("{flights} of {}", crate::answer::counted(members.len(), "flight"))
 }
 
-/// `190 to 260`, the least and the greatest of some seconds in ms.
+/// `190 to 260`: minimum and maximum of some values, s, in ms.
 fn range_ms(seconds: impl Iterator<Item = f64>) -> String {
     let ms = seconds.map(|s| 1e3 * s);
     let (low, high) = ms.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ms| (low.min(ms), high.max(ms)));
     format!("{low:.0} to {high:.0}")
 }
 
-/// Probability below which flights are said to differ.
+/// Probability below which flights count as different.
 const DIFFER_P: f64 = 0.01;
 
-/// The mean of a pool with half the half width of its 95 % interval as standard uncertainty, if that is the larger one: few
-/// flights have wide tails, and ± U must not be narrower than the interval beside it.
+/// The mean of a pool. Its standard uncertainty is at least half the half-width of its 95 % interval: few flights have
+/// wide tails, and ± U must not be narrower than the interval next to it.
 fn as_wide_as(mean_s: &Estimate, half_width_95_s: f64) -> Estimate {
     let wide_s = 0.5 * half_width_95_s;
     Estimate { value: mean_s.value, standard_uncertainty: Some(mean_s.standard_uncertainty.unwrap_or(0.0).max(wide_s)) }
@@ -281,20 +282,21 @@ fn differ(outliers: &[String]) -> String {
     format!("; {flights} from the others: {}", outliers.join(", "))
 }
 
-/// A group without a datum: one for each velocity that positions are told against, for such numbers have no common mean.
+/// A group without a datum: one group per velocity that positions are compared with, because such numbers have no
+/// common mean.
 fn relative_groups(members: &[(&str, &FlightLateness)], empty: &GroupLateness) -> Vec<GroupLateness> {
-    let tells = |l: &FlightLateness| l.lateness_s().is_some();
+    let is_known = |l: &FlightLateness| l.lateness_s().is_some();
     let mut velocities: Vec<&str> = vec![];
-    for (_, lateness) in members.iter().filter(|(_, l)| tells(l)) {
+    for (_, lateness) in members.iter().filter(|(_, l)| is_known(l)) {
         if !velocities.contains(&lateness.against.as_str()) {
             velocities.push(&lateness.against);
         }
     }
     let [first, _, ..] = velocities[..] else { return vec![relative_group(members, empty.clone())] };
     let of_velocity = |velocity: &str| {
-        let own = |(_, l): &&(&str, &FlightLateness)| match tells(l) {
+        let own = |(_, l): &&(&str, &FlightLateness)| match is_known(l) {
             true => l.against == velocity,
-            // A flight that tells nothing is counted once.
+            // A flight without a measurement is counted once.
             false => velocity == first,
         };
         let own: Vec<(&str, &FlightLateness)> = members.iter().filter(own).copied().collect();
@@ -309,12 +311,12 @@ fn relative_groups(members: &[(&str, &FlightLateness)], empty: &GroupLateness) -
     velocities.into_iter().map(of_velocity).collect()
 }
 
-/// A group without a datum: how far position and velocity are apart, weighted over its flights.
+/// A group without a datum: difference between position and velocity, weighted over its flights.
 fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> GroupLateness {
     let flights: Vec<delay_network::FlightLateness> = members
         .iter()
         .filter(|(_, l)| matches!(l.datum, NetworkDatum::None | NetworkDatum::Refused))
-        .filter_map(|(flight, l)| told_apart(flight, l))
+        .filter_map(|(flight, l)| difference(flight, l))
         .collect();
     let Some(pool) = delay_network::pool(&flights, 0.0) else { return empty };
     let velocity = empty.against.strip_prefix("relative to ").unwrap_or(&empty.against);
@@ -342,8 +344,8 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
     }
 }
 
-/// How far position and velocity of a flight are apart, where it tells that with an uncertainty.
-fn told_apart(flight: &str, lateness: &FlightLateness) -> Option<delay_network::FlightLateness> {
+/// Difference between position and velocity of a flight, if known with an uncertainty.
+fn difference(flight: &str, lateness: &FlightLateness) -> Option<delay_network::FlightLateness> {
     let apart = lateness.lateness_s()?;
     Some(delay_network::FlightLateness {
         flight: flight.to_owned(),
@@ -353,7 +355,7 @@ fn told_apart(flight: &str, lateness: &FlightLateness) -> Option<delay_network::
     })
 }
 
-/// `203.4 ± 16.2`, expanded uncertainty with k = 2.
+/// `203.4 ± 16.2`: expanded uncertainty with k = 2.
 pub(crate) fn in_ms(e: &Estimate) -> String {
     match e.standard_uncertainty {
         Some(u) => crate::delay::milliseconds(e.value, u),

@@ -1,5 +1,5 @@
-//! The delay of one flight: which of a stated number, a sensor card, the flight's own delay and the optimum of its sweep
-//! is removed, and why.
+//! The delay of one flight: which of a stated number, a sensor card, the flight's own delay and the optimum of its
+//! sweep is removed, and why.
 
 mod card;
 mod over_flights;
@@ -13,10 +13,10 @@ use record::{
     FlightDelays, FlightLateness, MeasuredDelay, SweepMethod, SweepOptimum,
 };
 
-/// Where delays come from.
+/// Sources of delays.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct DelayRule {
-    /// What is asked for.
+    /// The requested source.
     pub(crate) from: DelaySource,
     /// The number that the pipeline states for all flights.
     pub(crate) fixed: Option<FixedDelay>,
@@ -24,23 +24,23 @@ pub(crate) struct DelayRule {
     pub(crate) cards: Vec<UsedCard>,
 }
 
-/// A delay that somebody states.
+/// A stated delay.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FixedDelay {
     pub(crate) delay: Delay,
     /// Its standard uncertainty, s, if known.
     pub(crate) standard_uncertainty_s: Option<f64>,
-    /// Where it comes from, in words.
+    /// Its source, as text.
     pub(crate) source: String,
 }
 
-/// A flight whose delay is wanted: what is replayed, and what is known of it.
+/// A flight whose delay is needed: the replayed channels, and what is known about them.
 pub(crate) struct Case<'a> {
     pub(crate) flight: &'a Flight,
     pub(crate) binding: &'a Binding,
-    /// Name and channel of the position that is replayed.
+    /// Name and channel of the replayed position.
     pub(crate) position: (&'a str, &'a Channel),
-    /// And of the velocity.
+    /// Name and channel of the replayed velocity.
     pub(crate) velocity: (&'a str, &'a Channel),
 }
 
@@ -60,29 +60,29 @@ impl FoundDelay {
     }
 }
 
-/// What was decided for a flight.
+/// The decision for a flight.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Decided {
-    /// The delay that is removed. Its notices also say what contradicts it.
+    /// The delay to remove. Its notices include contradictions.
     pub(crate) found: FoundDelay,
     pub(crate) choice: DelayChoice,
-    /// The optimum of the sweep, if it was asked for.
+    /// The optimum of the sweep, if requested.
     pub(crate) optimum: Option<Finding<SweepOptimum>>,
 }
 
-/// A source and the delay it has for the flight, or why it has none.
+/// A source and its delay for the flight, or why it has none.
 type Candidate = (DelaySource, Result<FoundDelay, String>);
 
-/// What is known of a flight when its delay is removed.
+/// What is known about a flight when its delay is removed.
 pub(crate) struct Known<'a> {
     pub(crate) decision: &'a Decision,
     pub(crate) lateness: &'a FlightLateness,
-    /// What the flight says of the pair that is replayed.
+    /// The flight's own delay of the replayed pair.
     pub(crate) measured: &'a Finding<MeasuredDelay>,
 }
 
 impl DelayRule {
-    /// What the card of this flight says; `None` if the pipeline names none.
+    /// The delay from this flight's card; `None` if the pipeline names no card.
     pub(crate) fn card_delay(&self, case: &Case<'_>) -> Option<Finding<CardDelay>> {
         (!self.cards.is_empty()).then(|| match card::delay_of(&self.cards, case) {
             Ok(FoundDelay { delay, standard_uncertainty_s, source, card: Some(card), notices }) => {
@@ -94,8 +94,8 @@ impl DelayRule {
         })
     }
 
-    /// The delay that is removed from a flight, or why there is none. `best` is the optimum of its sweep, called only if
-    /// that is asked for.
+    /// The delay to remove from a flight, or why there is none. `best` finds the optimum of its sweep, and is called
+    /// only if requested.
     pub(crate) fn chosen(
         &self,
         case: &Case<'_>,
@@ -130,7 +130,7 @@ impl DelayRule {
         Ok(Decided { found, choice, optimum })
     }
 
-    /// What each source says of the flight; the sweep is the first if it was asked for.
+    /// The delay of each source for the flight; the sweep comes first if requested.
     fn candidates(
         &self,
         case: &Case<'_>,
@@ -168,7 +168,7 @@ fn decided(decision: &Decision) -> Result<FoundDelay, String> {
     })
 }
 
-/// The lateness that the flight's own network gives, where it has a datum.
+/// The lateness from the flight's own network, if it has a datum.
 fn of_network(lateness: &FlightLateness) -> Result<FoundDelay, String> {
     let channel = lateness.lateness.as_ref().filter(|c| c.relative_to.is_none());
     let found = channel.map(|c| c.lateness_s).ok_or_else(|| lateness.words.clone())?;
@@ -213,7 +213,7 @@ fn listed((source, delay): Candidate) -> DelayCandidate {
     }
 }
 
-/// What a flight says of the pair that is replayed.
+/// A flight's own delay of the replayed pair.
 pub(crate) fn measured_pair(delays: &FlightDelays, position: &str, velocity: &str) -> Finding<MeasuredDelay> {
     let is_pair = |kind, first: &str, second: &str| {
         kind == DelayPairKind::PositionAgainstVelocity && first == position && second == velocity
@@ -260,7 +260,7 @@ fn of_sweep(case: &Case<'_>, optimum: &Finding<SweepOptimum>) -> Result<FoundDel
     late(case, optimum.delay_s, source)
 }
 
-/// Only what is late can be compensated.
+/// Rejects a delay that is not positive: only a late position can be compensated.
 fn late(case: &Case<'_>, delay_s: Estimate, source: String) -> Result<FoundDelay, String> {
     let nothing = || {
         format!("{} is not later than {} ({} ms): nothing to remove", case.position.0, case.velocity.0, shown(&delay_s))
@@ -282,7 +282,7 @@ fn shown(delay_s: &Estimate) -> String {
     }
 }
 
-/// `400.0 ± 2.1`, the expanded uncertainty with k = 2: as many digits as it bears.
+/// `400.0 ± 2.1`: expanded uncertainty with k = 2, with as many digits as it justifies.
 pub(crate) fn milliseconds(seconds: f64, standard_uncertainty_s: f64) -> String {
     let (value, uncertainty) = (seconds * 1e3, 2.0 * standard_uncertainty_s * 1e3);
     let digits = match uncertainty {

@@ -1,4 +1,4 @@
-//! `flightlag delay`: how late the positions of some logs are. Reads, measures, decides; writes nothing.
+//! `flightlag delay`: lateness of the positions of some logs. Reads, measures, decides; writes nothing.
 
 use crate::answer;
 use crate::config::Pipeline;
@@ -28,22 +28,22 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-/// Logs are kept in memory between measuring and judging up to this size; larger ones are read again where a reference
-/// judges them, bytes.
+/// Logs up to this size stay in memory between measuring and judging, bytes. Larger ones are read again if a reference
+/// judges them.
 const KEPT_BYTES: u64 = 64 << 20;
 
-/// What is asked for.
+/// The request of the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayOrder {
     /// Logs and folders of logs.
     pub paths: Vec<PathBuf>,
     /// Settings.
     pub pipeline: Pipeline,
-    /// Whether values for the design of a filter are wanted.
+    /// Whether to include values for the design of a filter.
     pub filter_values: bool,
 }
 
-/// How late the positions of some flights are.
+/// Lateness of the positions of some flights.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayReport {
@@ -53,20 +53,20 @@ pub struct DelayReport {
     pub flights: Vec<DelayLine>,
     /// One entry for each group of flights that may share a delay, the largest first.
     pub groups: Vec<GroupLine>,
-    /// Values for the design of a filter by the folder name of each measured flight, if they were asked for.
+    /// Values for the design of a filter by the folder name of each measured flight, if requested.
     #[serde(skip)]
     pub filter_values: BTreeMap<String, EkfValues>,
 }
 
-/// How late the position is in one group of flights.
+/// Lateness of the position in one group of flights.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GroupLine {
     /// Receiver, firmware, rate, map and log kind.
     pub group: String,
-    /// Flights, duplicates counted once.
+    /// Number of flights, duplicates counted once.
     pub flights: u64,
-    /// Flights in the mean.
+    /// Number of flights in the mean.
     pub pooled: u64,
     /// Mean lateness, s.
     pub lateness_s: Option<f64>,
@@ -74,13 +74,13 @@ pub struct GroupLine {
     pub lateness_u_s: Option<f64>,
     /// Lower end of its 95 % interval, s.
     pub lateness_low_s: Option<f64>,
-    /// Upper end, s.
+    /// Upper end of that interval, s.
     pub lateness_high_s: Option<f64>,
-    /// What the lateness is counted from.
+    /// Datum of the lateness.
     pub datum: String,
     /// Spread between flights beyond their own uncertainties, s.
     pub between_s: Option<f64>,
-    /// In a sentence.
+    /// Summary as a sentence.
     pub words: String,
     /// Flights that differ from the others.
     pub outliers: Vec<String>,
@@ -110,9 +110,9 @@ impl GroupLine {
 }
 
 impl DelayReport {
-    /// 4 if a flight is harmed by the delay that the pipeline states, else 3 if some failed, are damaged, have a delay that
-    /// changes or a reference file that cannot be used, else 0; 1 if the only log cannot be used, and 2 if that is so because
-    /// a channel map of the user does not fit it.
+    /// 4 if a flight is harmed by the delay that the pipeline states; else 3 if some failed, are damaged, have a
+    /// changing delay or an unusable reference file; else 0. If the only log is unusable: 2 if the cause is a channel
+    /// map of the user that does not fit it, else 1.
     #[must_use]
     pub fn exit(&self) -> Exit {
         let any = |of: &dyn Fn(&DelayLine) -> bool| self.flights.iter().any(of);
@@ -159,8 +159,8 @@ struct Measured {
 /// Measures the flights of `order`.
 ///
 /// # Errors
-/// A path that is not there, a folder without a flight, a wrong map, or the user stopped. A log that cannot be read is a line
-/// of the report.
+/// A missing path, a folder without a flight, a wrong map, or the user stopped. An unreadable log is a line of the
+/// report instead.
 pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, CampaignError> {
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
@@ -171,7 +171,7 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
     let sizes: Vec<u64> = units.iter().map(|(_, unit)| size_of(unit)).collect();
     let bytes = sizes.iter().sum();
     let stage = Some(crate::manifest::Stage::Measure);
-    desk.tell(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
+    desk.send(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
     let reader = Reader { library: &library, places: &places, order, desk, keep: bytes <= KEPT_BYTES };
     let workers = Workers::start(desk.threads)?;
     let measured = reader.measure_all(&units, &sizes, &workers)?;
@@ -187,14 +187,14 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
     Ok(DelayReport { schema: 1, flights, groups, filter_values: by_folder(&units, &measured) })
 }
 
-/// Values for the design of a filter by the folder name of each flight that has some.
+/// Values for the design of a filter by flight folder name, for flights that have some.
 fn by_folder(units: &[(String, FlightFiles)], measured: &[Measured]) -> BTreeMap<String, EkfValues> {
     let folders = slugs(units.iter().map(|(name, _)| name.as_str()));
     let values = units.iter().zip(measured).filter_map(|((name, _), m)| Some((name, m.filter_values.clone()?)));
     values.filter_map(|(name, v)| Some((folders.get(name)?.clone(), v))).collect()
 }
 
-/// Bytes of the files of a flight.
+/// Total size of the files of a flight, bytes.
 fn size_of(unit: &FlightFiles) -> u64 {
     unit.all().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum()
 }
@@ -224,7 +224,7 @@ fn units_of(
         units.extend(found.units.into_iter().map(|unit| (name(&unit), unit)));
     }
     units.sort_by(|a, b| a.0.cmp(&b.0));
-    // A flight may be given by its folder and by its file, under two names.
+    // The user may give a flight twice, by its folder and by its file.
     let mut known = BTreeSet::new();
     units.retain(|(_, unit)| known.insert(unit.files.clone()));
     let (names, units): (Vec<String>, Vec<FlightUnit>) = units.into_iter().unzip();
@@ -258,22 +258,22 @@ impl Measured {
 }
 
 impl Measured {
-    /// A vehicle at rest is not replayed, whatever is decided.
+    /// A vehicle at rest is not replayed, whatever the decision.
     fn may_be_replayed(&self, decision: &Decision) -> bool {
         let forced = decision.asked == DelaySource::Fixed;
         self.lateness.lateness.is_some() || forced || self.lateness.speed_rms_mps.is_some_and(|v| v > AT_REST_MPS)
     }
 }
 
-/// Slower than this, rms, a vehicle is at rest, m/s.
+/// Below this rms speed a vehicle is at rest, m/s.
 const AT_REST_MPS: f64 = 0.3;
 
 impl Reader<'_> {
     fn load(&self, files: &FlightFiles) -> Result<(Loaded, Option<ReferenceLog>), String> {
-        let on_bytes = |bytes| self.desk.tell(Event::Read { bytes });
+        let on_bytes = |bytes| self.desk.send(Event::Read { bytes });
         let context = ReadContext { limits: Limits::default(), cancel: self.desk.cancel, on_bytes: &on_bytes };
         let paths: Vec<PathBuf> = files.all().cloned().collect();
-        // Each place has the files below it; of a folder all are there already.
+        // Each place provides the files below it; those of a folder are local already.
         let here = self.places.iter().map(|logs| logs.bring(&paths, self.desk.cancel));
         let _here: Vec<Vec<Brought<'_>>> = here.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
         let loaded = self.library.load(&files.unit, self.order.pipeline.forced_map(), &context);
@@ -306,7 +306,7 @@ impl Reader<'_> {
         let measured = caught(|| self.measured(files))
             .unwrap_or_else(|panic| Measured::failed(&format!("a defect in flightlag, please report it: {panic}")));
         let lateness = &measured.lateness;
-        self.desk.tell(Event::DelayMeasured {
+        self.desk.send(Event::DelayMeasured {
             flight: name.to_owned(),
             kind: lateness.kind,
             lateness_s: lateness.lateness_s(),
@@ -334,7 +334,7 @@ impl Reader<'_> {
         Measured { lateness: measured.lateness, damaged, minor_loss, tail_cut, has_reference, kept, filter_values }
     }
 
-    /// What a log says of its delays, with the values for the design of a filter if they are wanted.
+    /// The delays of a log, with the values for the design of a filter if requested.
     fn answer(&self, loaded: &Loaded, joined: Option<ReferenceFile>) -> (MeasuredFlight, Option<EkfValues>) {
         let Loaded { flight, health, binding, companion } = loaded;
         match (companion, binding) {
@@ -348,7 +348,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The line of a flight, with what the removal does.
+    /// The line of a flight, with the effect of the removal.
     fn line(&self, (name, unit): &(String, FlightFiles), measured: &Measured, decided: &Decided<'_>) -> DelayLine {
         let decision = decided.decisions.get(name.as_str());
         let effect = decision.and_then(|decision| self.effect(unit, measured, decision));
@@ -367,7 +367,7 @@ impl Reader<'_> {
         })
     }
 
-    /// What the removal does: against the reference where the log has one, else by the lateness.
+    /// The effect of the removal: against the reference if the log has one, else by the lateness.
     fn effect(&self, files: &FlightFiles, measured: &Measured, decision: &Decision) -> Option<Effect> {
         measured.lateness.velocity.as_ref()?;
         let read;
@@ -391,7 +391,7 @@ impl Reader<'_> {
     }
 }
 
-/// An alarm where a channel map of the user does not fit.
+/// An alarm if a channel map of the user does not fit.
 fn wrong_map(notices: &Notices) -> Option<DelayAlarm> {
     let notice = notices.iter().find(|notice| notice.code == Code::MapLacks)?;
     Some(DelayAlarm { gravity: Gravity::Red, code: notice.code.clone(), text: notice.text.clone() })

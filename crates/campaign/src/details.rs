@@ -1,22 +1,22 @@
-//! The long lists of a record, apart from it where it would be longer than 64 kB.
+//! The long lists of a record, moved to a separate file if the record would be longer than 64 kB.
 //!
-//! They are the lists of topics, channels, pairs and scores: of a log with hundreds of topics or dozens of pairs, they are nearly
-//! all of the record. `details.json.gz` holds an object: the JSON pointer (RFC 6901) of each list and the list. In the record the list
-//! is empty, and `details` names it.
+//! They are the lists of topics, channels, pairs and scores. For a log with hundreds of topics or dozens of pairs, they
+//! are nearly all of the record. `details.json.gz` holds an object: the JSON pointer (RFC 6901) of each list and the
+//! list. In the record the list is empty, and `details` names it.
 
 use serde_json::{Map, Value, json};
 
 /// Bytes of JSON above which a record is shortened.
 pub(crate) const MOST: usize = 64_000;
 
-/// The lists that may go, in the order in which they do.
+/// The lists that may be moved, in this order.
 const PLACES: [&str; 5] =
     ["/log/topics", "/binding/channels", "/delays/pairs", "/network/used_pairs", "/replay/scores/compensators"];
 
 /// Field of the record that names the lists.
 const FIELD: &str = "details";
 
-/// Takes lists out of a record until its JSON is short enough, as far as that goes; `None` if it is, or has none of them.
+/// Moves lists out of a record until its JSON is short enough, if possible; `None` if it already is, or has no lists.
 pub(crate) fn take(record: &mut Value) -> Option<Vec<u8>> {
     let mut lists = Map::new();
     for place in PLACES {
@@ -30,7 +30,7 @@ pub(crate) fn take(record: &mut Value) -> Option<Vec<u8>> {
     (!lists.is_empty()).then(|| Value::Object(lists).to_string().into_bytes())
 }
 
-/// Puts the lists back; `None` if they are not those that the record names.
+/// Restores the lists; `None` if they are not those that the record names.
 pub(crate) fn put_back(record: &mut Value, details: &[u8]) -> Option<()> {
     let Value::Object(lists) = serde_json::from_slice(details).ok()? else { return None };
     let named = record.as_object_mut()?.remove(FIELD)?;
@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_go_in_their_order_until_the_record_is_short_and_come_back_as_they_were() {
+    fn lists_are_moved_in_order_until_the_record_is_short_and_restored() {
         for (topics, pairs, gone) in
             [(3_000, 9, vec!["/log/topics"]), (3_000, 3_000, vec!["/delays/pairs", "/log/topics"])]
         {
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_record_and_a_long_one_without_such_lists_are_left_as_they_are() {
+    fn a_short_record_and_a_long_one_without_such_lists_are_unchanged() {
         let mut without = record(0, 0);
         without["notices"] = "x".repeat(MOST).into();
         for mut whole in [record(10, 10), without] {
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn details_of_another_record_are_refused() {
+    fn details_of_another_record_are_rejected() {
         let (mut one, mut other) = (record(3_000, 1), record(3_000, 3_000));
         let of_other = take(&mut other).unwrap();
         assert!(put_back(&mut one.clone(), &of_other).is_none(), "it names none");

@@ -1,4 +1,4 @@
-//! The few things that the store asks of the system to put a file in its place. Tests put a recorder between the two.
+//! The system calls that the store uses to put a file in place. Tests insert a recorder.
 
 use std::error::Error;
 use std::fmt;
@@ -8,25 +8,25 @@ use std::path::Path;
 
 /// Creates, syncs and renames.
 pub(crate) trait Disk: fmt::Debug + Send + Sync {
-    /// Creates a file that is not there yet.
+    /// Creates a file that does not exist yet.
     fn create(&self, path: &Path) -> io::Result<File>;
     /// Waits until the content of a file is on the disk.
     fn sync(&self, file: &File, path: &Path) -> io::Result<()>;
-    /// Gives a file its final name; an earlier file of that name is replaced in one step.
+    /// Gives a file its final name, atomically replacing an earlier file of that name.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
     /// Waits until the names in a folder are on the disk.
     fn sync_folder(&self, path: &Path) -> io::Result<()>;
 }
 
-/// Whether an error of the system may be over later: a disk that is full or away. A file that must not be written is no
-/// such thing. A library that writes may have put the error of the system into one of its own.
+/// Whether a system error may be temporary: a full or unavailable disk, but not a missing permission. Examines wrapped
+/// errors too, because libraries wrap system errors in their own.
 #[must_use]
 pub fn may_heal(error: &io::Error) -> bool {
     let mut chain = std::iter::successors(Some(error as &(dyn Error + 'static)), |e| inside(*e));
     chain.any(|e| e.downcast_ref::<io::Error>().is_some_and(is_passing))
 }
 
-/// The error that an error was made of.
+/// The error inside an error.
 fn inside<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'static)> {
     match error.downcast_ref::<io::Error>() {
         Some(error) => error.get_ref().map(|inner| inner as &(dyn Error + 'static)),
@@ -63,7 +63,7 @@ fn is_input_output_error(_error: &io::Error) -> bool {
     false
 }
 
-/// What a store writes with that is opened now. Tests put a disk in its place on which something goes wrong.
+/// The disk of a newly opened store. Tests replace it with a faulty one.
 #[cfg(not(test))]
 pub(crate) fn disk() -> Box<dyn Disk> {
     Box::new(System)
@@ -71,7 +71,7 @@ pub(crate) fn disk() -> Box<dyn Disk> {
 #[cfg(test)]
 pub(crate) use crate::engine_tests::faults::disk;
 
-/// The system itself.
+/// The operating system.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct System;
 
@@ -90,7 +90,7 @@ impl Disk for System {
 
     #[cfg(unix)]
     fn sync_folder(&self, path: &Path) -> io::Result<()> {
-        // Some network file systems cannot sync a folder. They write its names at once.
+        // Some network file systems cannot sync a folder. They write its names immediately.
         let unsupported = |e: &io::Error| matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported);
         match File::open(path)?.sync_all() {
             Err(e) if !unsupported(&e) => Err(e),
@@ -98,7 +98,7 @@ impl Disk for System {
         }
     }
 
-    /// Other systems cannot open a folder; they keep the order of names by themselves.
+    /// Other systems cannot open a folder; they keep the order of names themselves.
     #[cfg(not(unix))]
     fn sync_folder(&self, _path: &Path) -> io::Result<()> {
         Ok(())

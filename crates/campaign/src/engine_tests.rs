@@ -1,9 +1,9 @@
-//! The engine with a study that is quick and can be made to misbehave.
+//! The engine with a fast study that can be made to fail.
 
 mod cluster;
 pub(crate) mod faults;
+mod reported;
 mod store;
-mod told;
 
 use crate::config::Pipeline;
 use crate::event::Event;
@@ -24,12 +24,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 
-/// A table whose one value is `text`.
+/// A table with `text` as its only value.
 fn table(text: &str) -> String {
     format!("time,word\n0,{text}\n1,{text}\n")
 }
 
-/// Does what the first word in the log says.
+/// A study scripted by the first word of the log.
 struct Scripted {
     stop_at: Option<&'static str>,
 }
@@ -73,7 +73,7 @@ impl Study for Scripted {
     }
 }
 
-/// A measurement of a position that is late by so much, ± 8 ms.
+/// A measurement of a position that is `lateness_s` ± 8 ms late.
 fn late(key: &str, lateness_s: f64) -> MeasuredFlight {
     let mut measured = crate::answer::failed(key, String::new());
     let channel = serde_json::json!({
@@ -110,7 +110,7 @@ struct Ran {
 }
 
 impl Ran {
-    /// Flights whose log was read in any stage, with the reason.
+    /// Flights whose log was read in any stage, with the reasons.
     fn started(&self) -> BTreeMap<String, Vec<Why>> {
         [Stage::Measure, Stage::Replay].into_iter().flat_map(|stage| self.started_to(stage)).collect()
     }
@@ -157,7 +157,7 @@ impl Bench {
         self.folder.path().join("report")
     }
 
-    /// Writes a log and waits until its times can be trusted.
+    /// Writes a log and waits until its timestamps are reliable.
     fn log(&self, name: &str, text: &str) {
         fs::write(self.flights().join(name), table(text)).unwrap();
         std::thread::sleep(Duration::from_millis(60));
@@ -190,7 +190,7 @@ impl Bench {
         }
     }
 
-    /// Every output but what depends on the hour and on this machine.
+    /// Every output except those that depend on the time and on this machine.
     fn tree(&self, out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut tree = BTreeMap::new();
         let mut open = vec![out.to_owned()];
@@ -211,7 +211,7 @@ impl Bench {
         tree
     }
 
-    /// Changes what the last run wrote down for the next.
+    /// Edits the state that the last run wrote for the next.
     fn edit_state(&self, edit: impl FnOnce(&mut serde_json::Value)) {
         let store = crate::store::Store::open(&self.out()).unwrap();
         let mut state: serde_json::Value = store.read_sealed(".flightlag/state.json").unwrap();
@@ -228,12 +228,13 @@ impl Bench {
     }
 }
 
-/// The outputs that say when and after what a run was: the bytes of all others depend on logs, pipeline and build alone.
+/// The outputs that say when and after what a run was: the bytes of all others depend on logs, pipeline and build
+/// alone.
 fn depends_on_earlier_runs(path: &Path) -> bool {
     ["run.json", "since-last-run.json", "since-last-run.html"].iter().any(|name| path == Path::new(name))
 }
 
-/// A group of flights after two runs, between which one log was written anew, one came and one went.
+/// A group of flights after two runs, between which one log was rewritten, one added and one removed.
 fn changed_group() -> Bench {
     let bench = group();
     bench.run();
@@ -251,7 +252,7 @@ fn causes(changes: &CampaignChanges, flight: &str) -> Option<String> {
 }
 
 #[test]
-fn what_changed_since_the_run_before_is_said_with_its_cause() {
+fn changes_since_the_previous_run_are_reported_with_their_cause() {
     let mut bench = changed_group();
     let then = bench.changes();
     assert_eq!((&then.new, &then.gone), (&vec!["h.csv".to_owned()], &vec!["g.csv".to_owned()]));
@@ -270,7 +271,7 @@ fn what_changed_since_the_run_before_is_said_with_its_cause() {
 }
 
 #[test]
-fn a_run_that_changes_nothing_leaves_what_the_last_one_said_of_changes() {
+fn a_run_that_changes_nothing_keeps_the_last_report_of_changes() {
     let bench = changed_group();
     let then = bench.changes();
     let page = || fs::read(bench.out().join("since-last-run.html")).unwrap();
@@ -279,14 +280,14 @@ fn a_run_that_changes_nothing_leaves_what_the_last_one_said_of_changes() {
     fs::remove_file(bench.out().join("flights/b.csv/index.html")).unwrap();
     bench.run();
     assert!(page() == before && bench.changes() == then);
-    // Nor does the loss of the folder's notes, which leaves no cause to find.
+    // Nor does the loss of the folder's state, which leaves no cause to find.
     fs::remove_file(bench.out().join(".flightlag/state.json")).unwrap();
     bench.run();
     assert_eq!(bench.changes(), then);
 }
 
 #[test]
-fn a_flight_that_begins_or_ceases_to_fail_is_among_the_changes() {
+fn a_flight_that_starts_or_stops_failing_is_among_the_changes() {
     let bench = Bench::five();
     bench.run();
     bench.log("b.csv", "bad");
@@ -316,7 +317,7 @@ fn a_second_run_with_nothing_changed_opens_no_log_and_writes_nothing() {
 }
 
 #[test]
-fn one_changed_log_reruns_that_flight_and_says_why() {
+fn one_changed_log_reruns_that_flight_and_reports_why() {
     let bench = Bench::five();
     bench.run();
     bench.log("c.csv", "THREE");
@@ -339,7 +340,7 @@ fn a_log_that_was_only_touched_is_hashed_and_not_read_again() {
 }
 
 #[test]
-fn verify_hashes_every_log_and_still_reuses_what_is_right() {
+fn verify_hashes_every_log_and_still_reuses_valid_results() {
     let bench = Bench::five();
     bench.run();
     let again = bench.run_into(&bench.out(), 2, true);
@@ -347,7 +348,7 @@ fn verify_hashes_every_log_and_still_reuses_what_is_right() {
 }
 
 #[test]
-fn a_changed_setting_reruns_all_and_says_which_setting() {
+fn a_changed_setting_reruns_all_and_is_reported() {
     let mut bench = Bench::five();
     bench.run();
     bench.pipeline = bench.pipeline.replace("0.4", "0.35");
@@ -360,7 +361,7 @@ fn a_changed_setting_reruns_all_and_says_which_setting() {
 }
 
 #[test]
-fn a_changed_number_to_remove_replays_and_measures_nothing() {
+fn a_changed_delay_to_remove_replays_without_measuring() {
     let mut bench = Bench::five();
     bench.run();
     bench.pipeline = bench.pipeline.replace("0.4", "0.35");
@@ -371,7 +372,7 @@ fn a_changed_number_to_remove_replays_and_measures_nothing() {
     assert_eq!((again.started_to(Stage::Measure).len(), again.started_to(Stage::Replay).len()), (5, 5));
 }
 
-/// A group of flights that tell their lateness.
+/// A group of flights with known lateness.
 fn group() -> Bench {
     let names = ["a.csv", "b.csv", "c.csv", "d.csv", "e.csv", "f.csv", "g.csv"];
     let texts = ["late 0.2001", "late 0.2012", "late 0.1998", "late 0.2003", "late 0.1995", "late 0.2006", "late 0.2"];
@@ -382,7 +383,7 @@ fn group() -> Bench {
 }
 
 #[test]
-fn one_more_flight_of_a_group_replays_that_flight_alone() {
+fn one_more_flight_of_a_group_replays_only_that_flight() {
     let bench = group();
     assert_eq!(bench.run().started_to(Stage::Replay).len(), 7);
     let removed = |b: &Bench| {
@@ -398,7 +399,7 @@ fn one_more_flight_of_a_group_replays_that_flight_alone() {
 }
 
 #[test]
-fn a_group_that_moves_replays_its_flights_and_says_why() {
+fn a_group_whose_mean_moves_replays_its_flights_and_reports_why() {
     let bench = group();
     bench.run();
     for name in ["b.csv", "c.csv", "d.csv", "e.csv", "f.csv", "g.csv"] {
@@ -411,7 +412,7 @@ fn a_group_that_moves_replays_its_flights_and_says_why() {
 }
 
 #[test]
-fn the_stages_take_shards_and_give_the_bytes_of_one_machine() {
+fn shards_of_both_stages_give_the_same_bytes_as_one_machine() {
     let bench = group();
     bench.run();
     let alone = bench.tree(&bench.out());
@@ -460,7 +461,7 @@ fn the_number_of_threads_changes_no_byte() {
 }
 
 #[test]
-fn a_bad_log_and_a_panic_are_rows_of_the_table_and_stop_nobody() {
+fn a_corrupt_log_and_a_panic_are_rows_and_do_not_stop_the_others() {
     let bench = Bench::five();
     bench.log("x.csv", "bad log");
     bench.log("y.csv", "panic please");
@@ -475,7 +476,7 @@ fn a_bad_log_and_a_panic_are_rows_of_the_table_and_stop_nobody() {
 }
 
 #[test]
-fn trouble_is_tried_again_and_a_lasting_failure_is_not() {
+fn trouble_is_retried_and_a_lasting_failure_is_not() {
     let bench = Bench::new(&[("a.csv", "one"), ("b.csv", "busy"), ("c.csv", "bad")]);
     let first = bench.run();
     assert_eq!(first.verdict().troubled, 1);
@@ -487,7 +488,7 @@ fn trouble_is_tried_again_and_a_lasting_failure_is_not() {
 }
 
 #[test]
-fn a_log_that_cannot_be_opened_is_a_row_with_its_reason() {
+fn an_unreadable_log_is_a_row_with_its_reason() {
     let bench = Bench::five();
     std::os::unix::fs::symlink("nowhere", bench.flights().join("z.csv")).unwrap();
     let ran = bench.run();
@@ -499,14 +500,14 @@ fn a_log_that_cannot_be_opened_is_a_row_with_its_reason() {
 }
 
 #[test]
-fn flights_with_the_same_content_share_a_result_and_have_their_own_pages() {
+fn flights_with_the_same_content_share_a_result_but_not_pages() {
     let bench = Bench::five();
     fs::create_dir(bench.flights().join("day2")).unwrap();
     let twin = bench.flights().join("twin.csv");
     fs::write(&twin, table("x")).unwrap();
     let ran = bench.run();
     assert_eq!(ran.started().len(), 6);
-    // Names count: the same bytes under another name are another result.
+    // File names count: the same bytes under another name are another result.
     fs::copy(bench.flights().join("a.csv"), &twin).unwrap();
     std::thread::sleep(Duration::from_millis(60));
     let again = bench.run();
@@ -514,7 +515,7 @@ fn flights_with_the_same_content_share_a_result_and_have_their_own_pages() {
 }
 
 #[test]
-fn a_result_that_was_lost_or_damaged_is_made_again() {
+fn a_lost_or_damaged_result_is_made_again() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
@@ -530,7 +531,7 @@ fn a_result_that_was_lost_or_damaged_is_made_again() {
     let mut bytes = fs::read(&garbled).unwrap();
     bytes[20] ^= 1;
     fs::write(garbled, bytes).unwrap();
-    // The same size and no state: only reading it can tell.
+    // The same size and no state: only reading it shows the change.
     fs::remove_file(bench.out().join(".flightlag/state.json")).unwrap();
     let again = bench.run();
     assert_eq!(again.verdict().exit(), Exit::Well);
@@ -538,7 +539,7 @@ fn a_result_that_was_lost_or_damaged_is_made_again() {
 }
 
 #[test]
-fn a_lost_page_is_made_again_without_a_log() {
+fn a_lost_page_is_made_again_without_reading_a_log() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
@@ -550,7 +551,7 @@ fn a_lost_page_is_made_again_without_a_log() {
 }
 
 #[test]
-fn a_flight_that_is_gone_leaves_the_table_and_its_page_goes() {
+fn a_removed_flight_disappears_from_the_table_with_its_page() {
     let bench = Bench::five();
     bench.run();
     fs::remove_file(bench.flights().join("c.csv")).unwrap();
@@ -562,7 +563,7 @@ fn a_flight_that_is_gone_leaves_the_table_and_its_page_goes() {
 }
 
 #[test]
-fn a_run_that_was_stopped_goes_on_and_ends_with_the_same_bytes() {
+fn a_stopped_run_continues_and_ends_with_the_same_bytes() {
     let whole = Bench::five();
     whole.run();
     let mut bench = Bench::five();
@@ -578,7 +579,7 @@ fn a_run_that_was_stopped_goes_on_and_ends_with_the_same_bytes() {
 }
 
 #[test]
-fn a_page_of_an_abandoned_reduce_is_not_taken_for_the_old_one() {
+fn a_page_of_an_aborted_reduction_is_not_taken_for_the_old_one() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
@@ -591,7 +592,7 @@ fn a_page_of_an_abandoned_reduce_is_not_taken_for_the_old_one() {
         bench.tree(&bench.out()).get(Path::new("flights/c.csv/index.html")),
         tree.get(Path::new("flights/c.csv/index.html"))
     );
-    // As if a reduce had been killed after it withdrew its claims and wrote one newer page.
+    // As if a reduction had been killed after it removed its entries and wrote one newer page.
     bench.edit_state(|claims| {
         claims["pages"].as_object_mut().unwrap().remove("c.csv");
         claims["whole"] = serde_json::Value::Null;
@@ -605,7 +606,7 @@ fn a_page_of_an_abandoned_reduce_is_not_taken_for_the_old_one() {
 }
 
 #[test]
-fn an_output_folder_that_is_not_ours_or_holds_the_flights_is_refused_untouched() {
+fn a_foreign_output_folder_or_one_with_the_flights_is_left_untouched() {
     let bench = Bench::five();
     let foreign = bench.folder.path().join("home");
     fs::create_dir(&foreign).unwrap();
@@ -618,7 +619,7 @@ fn an_output_folder_that_is_not_ours_or_holds_the_flights_is_refused_untouched()
 }
 
 #[test]
-fn a_run_that_was_killed_at_its_very_start_can_be_started_again() {
+fn a_run_killed_at_its_very_start_can_be_restarted() {
     let bench = Bench::five();
     fs::create_dir(bench.out()).unwrap();
     fs::write(bench.out().join(".probe.gone-host.7.0-1.flightlag-tmp"), "").unwrap();
@@ -626,7 +627,7 @@ fn a_run_that_was_killed_at_its_very_start_can_be_started_again() {
 }
 
 #[test]
-fn a_log_of_the_future_is_read_and_does_not_confuse_the_memory() {
+fn a_log_with_a_future_timestamp_is_read_and_not_remembered_wrongly() {
     let bench = Bench::five();
     let ahead = SystemTime::now() + Duration::from_secs(3600);
     let file = fs::File::options().write(true).open(bench.flights().join("a.csv")).unwrap();

@@ -1,4 +1,4 @@
-//! What ends a campaign. A bad flight does not: it is a row of the table.
+//! Errors that end a campaign. A corrupt flight does not: it is a row of the table.
 
 use crate::s3::is_in_bucket;
 use std::io::ErrorKind;
@@ -22,7 +22,7 @@ pub enum CampaignError {
     /// The folder of flights, or a channel map, cannot be used.
     #[error(transparent)]
     Ingest(#[from] ingest::IngestError),
-    /// Nothing in the folder is a log that we know.
+    /// Nothing in the folder is a known log.
     #[error("{}: no flight found: {what}", path.display())]
     NoFlights {
         /// The folder.
@@ -33,7 +33,7 @@ pub enum CampaignError {
     /// An output could not be written.
     #[error(transparent)]
     Store(#[from] crate::store::StoreError),
-    /// Another process works on the same output folder.
+    /// Another process uses the same output folder.
     #[error("{}: another flightlag is at work on this folder ({owner})", out.display())]
     Busy {
         /// The output folder.
@@ -46,7 +46,7 @@ pub enum CampaignError {
     Table {
         /// Its path below the output folder.
         path: String,
-        /// What the table library says.
+        /// Error of the table library.
         what: String,
     },
     /// The manifest cannot be read, or was made by another version.
@@ -57,13 +57,13 @@ pub enum CampaignError {
         /// What is wrong.
         what: String,
     },
-    /// All logs are younger than the time that the order waits for.
+    /// All logs were modified more recently than the settling time of the order.
     #[error("all logs ({}) are {}", .0.len(), crate::plan::STILL_WRITTEN)]
     AllStillWritten(Vec<String>),
-    /// Something is not there yet or has changed; the same command may work later.
+    /// Something is not available yet or has changed; the same command may work later.
     #[error("{0}")]
     TryAgain(String),
-    /// What was planned is no longer as it was planned. Waiting does not help; another plan does.
+    /// The inputs have changed since the plan. Waiting does not help; a new plan does.
     #[error("{0}: plan again")]
     Outdated(String),
     /// The user stopped.
@@ -74,7 +74,7 @@ pub enum CampaignError {
 /// How a command ended, for the shell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exit {
-    /// All well.
+    /// Success.
     Well = 0,
     /// Failed.
     Failed = 1,
@@ -82,17 +82,17 @@ pub enum Exit {
     Wrong = 2,
     /// Finished, but some flights failed or lost data.
     Incomplete = 3,
-    /// Finished, and a criterion is not met. It outweighs [`Exit::Incomplete`]: a failed criterion must not hide behind
-    /// a damaged log.
+    /// Finished, but a criterion is not met. It outweighs [`Exit::Incomplete`]: a damaged log must not hide a failed
+    /// criterion.
     CriterionFailed = 4,
-    /// Not now: try again.
+    /// Temporary failure: try again later.
     TryAgain = 75,
     /// Stopped by the user.
     Stopped = 130,
 }
 
 impl CampaignError {
-    /// The exit code that this error stands for.
+    /// The exit code of this error.
     #[must_use]
     pub fn exit(&self) -> Exit {
         match self {
@@ -102,7 +102,7 @@ impl CampaignError {
             | CampaignError::Asked(_) => Exit::Wrong,
             CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
             CampaignError::Store(error) if crate::disk::may_heal(&error.source) => Exit::TryAgain,
-            // No address of a bucket, or one that this build does not know.
+            // An invalid bucket address, or a build without S3 support.
             CampaignError::Store(error)
                 if error.source.kind() == ErrorKind::InvalidInput && is_in_bucket(&error.path) =>
             {

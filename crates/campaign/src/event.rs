@@ -1,4 +1,4 @@
-//! What happens while a campaign runs. The engine prints nothing: listeners do.
+//! Events of a running campaign. The engine prints nothing; listeners do.
 
 use crate::line::DelayLine;
 use crate::manifest::{Stage, Why};
@@ -13,41 +13,41 @@ use std::path::PathBuf;
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
-    /// The folder of flights was looked through.
+    /// The folder of flights was searched.
     Found {
         /// Flights in it.
         flights: usize,
-        /// Files that are no logs.
+        /// Files that are not logs.
         ignored: usize,
         /// Bytes of all logs.
         bytes: u64,
     },
-    /// Files whose content is not known from an earlier run are read through once.
+    /// Files with unknown content are read once to hash them.
     Hashing {
         /// How many.
         files: usize,
         /// Their bytes.
         bytes: u64,
     },
-    /// So many more bytes were hashed.
+    /// More bytes were hashed.
     Hashed {
         /// Bytes.
         bytes: u64,
     },
-    /// It is known what is left to do. A campaign that has to measure tells it twice: once for each stage.
+    /// The remaining work is known. A campaign that has to measure sends this event twice: once for each stage.
     Planned {
-        /// Stage whose work is to be done; `None` if there is none.
+        /// Stage with work to do; `None` if there is none.
         stage: Option<Stage>,
-        /// Flights in all.
+        /// Flights in total.
         flights: usize,
-        /// Results that are there already.
+        /// Existing results.
         reused: usize,
         /// Results to make; flights with the same content share one.
         to_run: usize,
         /// Bytes of the logs to read.
         bytes: u64,
     },
-    /// A flight whose result is there already.
+    /// A flight whose result already exists.
     Reused {
         /// Its name.
         flight: String,
@@ -56,14 +56,14 @@ pub enum Event {
     Started {
         /// Its flight.
         flight: String,
-        /// What for.
+        /// Its stage.
         stage: Stage,
-        /// Why it is read: every reason.
+        /// All reasons for reading it.
         why: Vec<Why>,
         /// Its size.
         bytes: u64,
     },
-    /// So many more bytes of logs were read.
+    /// More bytes of logs were read.
     Read {
         /// Bytes.
         bytes: u64,
@@ -72,11 +72,11 @@ pub enum Event {
     DelayMeasured {
         /// Its name.
         flight: String,
-        /// What kind of delay it is.
+        /// Kind of the delay.
         kind: DelayKind,
-        /// How late the position is, s, if that is known.
+        /// Lateness of the position, s, if known.
         lateness_s: Option<Estimate>,
-        /// The same in words.
+        /// The same as text.
         words: String,
     },
     /// A flight has a result.
@@ -89,11 +89,11 @@ pub enum Event {
         reason: Option<String>,
         /// Bytes or messages were lost.
         lossy: bool,
-        /// How late the position is, s, if that is known.
+        /// Lateness of the position, s, if known.
         lateness_s: Option<Estimate>,
         /// Delay that was removed, s.
         removed_s: Option<f64>,
-        /// Whether what was removed helped.
+        /// Whether the removal helped.
         effect: Option<EffectVerdict>,
     },
     /// A flight has no lasting result: the next run tries again.
@@ -103,28 +103,28 @@ pub enum Event {
         /// What went wrong.
         reason: String,
     },
-    /// Something that a person should know, and that stops nothing.
+    /// A remark for the user, which does not stop the run.
     Remark {
         /// A sentence.
         text: String,
     },
-    /// Table, records and pages are as they should be.
+    /// Table, records and pages are up to date.
     Reduced {
         /// Flight pages that were made.
         pages: usize,
-        /// Flight pages that stood already.
+        /// Flight pages that were already up to date.
         kept: usize,
     },
-    /// Same logs, same settings, same results: nothing was read and nothing written.
+    /// Same logs, same settings, same results: nothing was read or written.
     NothingChanged,
-    /// Logs of a bench were found, and are read.
+    /// Bench logs were found, and are being read.
     Logs {
         /// How many.
         logs: usize,
         /// Their bytes.
         bytes: u64,
     },
-    /// Records of a bench are measured.
+    /// Bench records are being measured.
     Measuring {
         /// How many.
         records: usize,
@@ -148,16 +148,16 @@ pub enum Event {
         card: Option<String>,
         /// The report's page.
         report: PathBuf,
-        /// Records in all.
+        /// Records in total.
         records: usize,
-        /// Those that were measured.
+        /// Measured records.
         measured: usize,
-        /// What is on the card.
+        /// Channels on the card.
         channels: Vec<record::CardChannel>,
-        /// What must be said of the records behind it.
+        /// Notices about the records that it is based on.
         notices: flight::Notices,
     },
-    /// What is known of a flight in the end, whenever it was found: one for each, in the order of the table.
+    /// The final result of a flight, whenever it was made: one event per flight, in the order of the table.
     Flight {
         /// `compensated`, `uncompensated`, `not-measurable`, `pending` or `failed`.
         outcome: &'static str,
@@ -169,7 +169,7 @@ pub enum Event {
         #[serde(flatten)]
         line: Box<DelayLine>,
     },
-    /// A night begins with one of its campaigns: the events that follow are of it.
+    /// A night starts one of its campaigns: the following events belong to it.
     Campaign {
         /// Its name.
         name: String,
@@ -188,27 +188,27 @@ pub enum Event {
         folder: PathBuf,
         /// The new file of the history.
         history: PathBuf,
-        /// The five lines.
+        /// The five summary lines.
         summary: Vec<String>,
-        /// What went wrong, by campaign where it is of one.
+        /// Errors, with the campaign where there is one.
         errors: Vec<String>,
     },
-    /// The end.
+    /// The end of a campaign.
     Done {
         /// The report's page.
         report: PathBuf,
-        /// Whether everything stood already.
+        /// Whether everything was already up to date.
         nothing_changed: bool,
         /// Counts over all flights.
         #[serde(flatten)]
         totals: CampaignTotals,
-        /// Flights by their gravest verdict; `None` where no criteria were given.
+        /// Flights by their worst verdict; `None` without criteria.
         #[serde(skip_serializing_if = "Option::is_none")]
         verdicts: Option<VerdictTally>,
     },
 }
 
-/// Somebody who wants to know.
+/// Receiver of events.
 pub trait EventSink: Sync {
     /// Takes one event; called from many threads.
     fn event(&self, event: &Event);

@@ -1,7 +1,7 @@
-//! The logs of a campaign, where readers can open them: in their folder, or as local copies of the objects of a bucket.
+//! The logs of a campaign as local files: in their folder, or as local copies of the objects of a bucket.
 //!
-//! Readers open local files only. So the logs of a bucket have a local folder with their names and sizes, in which a log is whole
-//! while somebody reads it ([`Logs::bring`]).
+//! Readers only open local files. So the logs of a bucket have a local folder with their names and sizes, in which a
+//! log has its content while it is being read ([`Logs::bring`]).
 
 #[cfg(feature = "s3")]
 mod cache;
@@ -17,12 +17,12 @@ use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
 
-/// Where copies of logs that lie in a bucket are kept on this machine.
+/// Where copies of logs from buckets are kept on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogCache {
-    /// Folder; that of the system for such things if it is `None`.
+    /// Folder; `None` for the cache folder of the system.
     pub folder: Option<PathBuf>,
-    /// Copies that nobody reads are removed, the least recently used first, until the rest has at most this size, bytes.
+    /// Maximum size, bytes. Copies not being read are removed, the least recently used first, until the rest fits.
     pub most_bytes: u64,
 }
 
@@ -34,22 +34,23 @@ impl Default for LogCache {
 
 static CACHE: OnceLock<LogCache> = OnceLock::new();
 
-/// Says where copies of logs are kept, once, before any are read. It is a property of the machine and changes no result.
+/// Sets where copies of logs are kept. Call once, before any are read. A property of the machine that affects no
+/// result.
 pub fn keep_logs_in(cache: LogCache) {
-    // Said twice, the first counts: logs may be there already.
+    // If called twice, the first counts: logs may exist already.
     let _ = CACHE.set(cache);
 }
 
 /// The logs below a folder or an address.
 pub(crate) enum Logs {
-    /// Readers open them where they are.
+    /// A local folder: readers open the logs in place.
     Folder(PathBuf),
     #[cfg(feature = "s3")]
     Bucket(Box<view::View>),
 }
 
 impl Logs {
-    /// The logs below a path. Of a bucket, all objects are listed.
+    /// The logs below a path. For a bucket, lists all objects.
     pub(crate) fn below(path: &Path) -> Result<Logs, CampaignError> {
         match s3::is_in_bucket(path) {
             false => Ok(Logs::Folder(path.to_owned())),
@@ -60,7 +61,7 @@ impl Logs {
         }
     }
 
-    /// Logs whose names a plan knows.
+    /// Logs with names from a plan.
     pub(crate) fn planned(path: &Path) -> Result<Logs, CampaignError> {
         match s3::is_in_bucket(path) {
             #[cfg(feature = "s3")]
@@ -69,7 +70,7 @@ impl Logs {
         }
     }
 
-    /// The local folder or file to look through.
+    /// The local folder or file to search.
     pub(crate) fn root(&self) -> &Path {
         match self {
             Logs::Folder(root) => root,
@@ -78,7 +79,7 @@ impl Logs {
         }
     }
 
-    /// Gets what is needed to recognise each log: the beginning of its content.
+    /// Fetches what is needed to recognise each log: the start of its content.
     pub(crate) fn fetch_heads(&self, threads: usize, cancel: &AtomicBool) -> Result<(), CampaignError> {
         match self {
             Logs::Folder(_) => {
@@ -90,7 +91,7 @@ impl Logs {
         }
     }
 
-    /// Gives back the room of what [`Logs::fetch_heads`] got.
+    /// Frees the disk space of [`Logs::fetch_heads`].
     pub(crate) fn drop_heads(&self) {
         #[cfg(feature = "s3")]
         if let Logs::Bucket(view) = self {
@@ -98,7 +99,7 @@ impl Logs {
         }
     }
 
-    /// Names, sizes and tags of all objects, as text; `None` of a folder.
+    /// Names, sizes and tags of all objects, as text; `None` for a folder.
     pub(crate) fn listing(&self) -> Option<String> {
         match self {
             Logs::Folder(_) => None,
@@ -107,7 +108,7 @@ impl Logs {
         }
     }
 
-    /// A log as it was when it was looked at last; of a file, as it is now.
+    /// Metadata of a log from the last listing; for a local file, the current metadata.
     pub(crate) fn stamp(&self, local: &Path) -> io::Result<FileStamp> {
         match self {
             #[cfg(feature = "s3")]
@@ -116,7 +117,7 @@ impl Logs {
         }
     }
 
-    /// A log as it is now.
+    /// Current metadata of a log.
     pub(crate) fn stamp_now(&self, local: &Path) -> io::Result<FileStamp> {
         match self {
             #[cfg(feature = "s3")]
@@ -125,7 +126,7 @@ impl Logs {
         }
     }
 
-    /// When a log was written, if that is known.
+    /// Modification time of a log, if known.
     pub(crate) fn modified(&self, local: &Path) -> Option<SystemTime> {
         match self {
             #[cfg(feature = "s3")]
@@ -134,7 +135,7 @@ impl Logs {
         }
     }
 
-    /// How people and plans call a local file.
+    /// The displayed name of a local file, which plans also use.
     pub(crate) fn shown(&self, local: &Path) -> PathBuf {
         match self {
             Logs::Folder(_) => local.to_owned(),
@@ -143,7 +144,7 @@ impl Logs {
         }
     }
 
-    /// The local file of what is called so.
+    /// The local file of a displayed name.
     pub(crate) fn local(&self, shown: &Path) -> PathBuf {
         match self {
             Logs::Folder(_) => shown.to_owned(),
@@ -152,26 +153,26 @@ impl Logs {
         }
     }
 
-    /// A text for people in which a local file may be named.
-    pub(crate) fn told(&self, text: String) -> String {
+    /// Replaces local file names in a text by displayed names.
+    pub(crate) fn with_shown_names(&self, text: String) -> String {
         match self {
             Logs::Folder(_) => text,
             #[cfg(feature = "s3")]
-            Logs::Bucket(view) => view.told(&text),
+            Logs::Bucket(view) => view.with_shown_names(&text),
         }
     }
 
-    /// Whether a log that cannot be had now may be had later.
+    /// Whether an unavailable log may become available later.
     pub(crate) fn may_heal(&self, error: &io::Error) -> bool {
         match self {
-            // It may not be mounted here.
+            // The folder may not be mounted here.
             Logs::Folder(_) => error.kind() != io::ErrorKind::PermissionDenied,
             #[cfg(feature = "s3")]
             Logs::Bucket(_) => crate::disk::may_heal(error),
         }
     }
 
-    /// Makes local files whole, until what is returned goes.
+    /// Fetches the content of local files, and keeps it until the returned values are dropped.
     pub(crate) fn bring(&self, files: &[PathBuf], cancel: &AtomicBool) -> io::Result<Vec<Brought<'_>>> {
         match self {
             Logs::Folder(_) => {
@@ -187,6 +188,6 @@ impl Logs {
 #[cfg(feature = "s3")]
 pub(crate) use view::Brought;
 
-/// A log that is whole; those of a folder always are.
+/// A log with its content; those of a folder always have it.
 #[cfg(not(feature = "s3"))]
 pub(crate) struct Brought<'a>(std::marker::PhantomData<&'a ()>);

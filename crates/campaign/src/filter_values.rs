@@ -1,4 +1,4 @@
-//! Values for the design of a filter, of one measured flight.
+//! Values for the design of a filter from one measured flight.
 
 use crate::rate::rate_of;
 use compensation_replay::{EkfChannelFacts, ekf_values};
@@ -6,16 +6,16 @@ use flight::Binding;
 use record::{ChannelLateness, EkfValues, MeasuredFlight, NetworkDatum, NetworkVerdict};
 use std::collections::BTreeMap;
 
-/// Noise, wander and delay of each channel that was compared: the rates are those of the log, the latenesses those of the
-/// network. `None` for a flight whose delays were not measured.
+/// Noise, wander and delay of each compared channel. Rates come from the log, latenesses from the network. `None` for a
+/// flight without measured delays.
 pub(crate) fn of(measured: &MeasuredFlight, binding: &Binding) -> Option<EkfValues> {
     let delays = measured.delays.as_ref()?;
-    // Where pairs contradict each other and nobody can say which is wrong, no one number is right.
+    // If pairs contradict each other and the wrong one is unknown, no single number is right.
     let decided = measured.network.iter().filter(|n| n.verdict != NetworkVerdict::Undecided);
     let channels = decided.flat_map(|n| &n.channels);
-    // The zero of a network has no lateness of its own.
-    let told = channels.filter(|c| c.relative_to.as_ref() != Some(&c.channel));
-    let lateness: BTreeMap<&str, &ChannelLateness> = told.map(|c| (c.channel.as_str(), c)).collect();
+    // The zero of a network has no lateness.
+    let known = channels.filter(|c| c.relative_to.as_ref() != Some(&c.channel));
+    let lateness: BTreeMap<&str, &ChannelLateness> = known.map(|c| (c.channel.as_str(), c)).collect();
     let facts = |name: &str| EkfChannelFacts {
         rate_hz: rate_of(&binding.channels, name),
         lateness_s: lateness.get(name).map(|c| (c.lateness_s, against(c))),
@@ -24,7 +24,7 @@ pub(crate) fn of(measured: &MeasuredFlight, binding: &Binding) -> Option<EkfValu
     Some(ekf_values(delays, &names.map(|name| (name.to_owned(), facts(name))).collect()))
 }
 
-/// What the lateness of a channel is counted from, such as `the IMU`.
+/// Datum of the lateness of a channel, such as `the IMU`.
 fn against(channel: &ChannelLateness) -> String {
     match (&channel.relative_to, channel.datum) {
         (Some(zero), _) => zero.clone(),

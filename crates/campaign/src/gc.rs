@@ -1,4 +1,4 @@
-//! Removes results that no report refers to: those of earlier settings, earlier logs and earlier versions.
+//! Removes results that no report refers to: from earlier settings, logs and versions.
 
 use crate::error::CampaignError;
 use crate::lock::{LOCK, OutputLock};
@@ -6,30 +6,29 @@ use crate::manifest::Manifest;
 use crate::plan::{BENCH_MARK, Desk, refuse_other_kind};
 use crate::reduce::previous_record;
 use crate::state::State;
-use crate::store::{Store, look_into};
+use crate::store::{Store, read_unopened};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// What was removed, or would be.
+/// Removed results, or with a dry run, removable ones.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Garbage {
     /// Results and measurements that no report refers to.
     pub results: usize,
-    /// Size of their files.
+    /// Total size of their files.
     pub bytes: u64,
     /// Results and measurements that stay.
     pub kept: usize,
 }
 
-/// Removes every result in the output folder `out` that neither its report nor a plan of the last days refers to. With
-/// `dry_run` it only counts them: then the folder may be read-only, and a run that is at work on it is not waited for.
+/// Removes every result in the output folder `out` that neither its report nor a recent plan refers to. With `dry_run`
+/// only counts them: then the folder may be read-only, and it does not wait for a run that uses the folder.
 ///
 /// # Errors
-/// The folder holds no report, its record is not as it was written, another process is at work on it, or a file cannot be
-/// removed.
+/// The folder holds no report, its record was changed, another process uses it, or a file cannot be removed.
 pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
     let refused = |what: &str| CampaignError::Asked(format!("{}: {what}", out.display()));
-    if look_into(out, LOCK)?.is_none() {
+    if read_unopened(out, LOCK)?.is_none() {
         return Err(refused("is not an output folder of a campaign"));
     }
     refuse_other_kind(out, BENCH_MARK, "a bench")?;
@@ -59,7 +58,7 @@ fn sweep(store: &Store, used: &BTreeSet<String>, dry_run: bool, desk: &Desk<'_>)
         garbage.results += 1;
         garbage.bytes += files.iter().filter_map(|name| store.size(name)).sum::<u64>();
         if !dry_run {
-            // Without the list of its files, what is left of a result is not taken for one.
+            // Without the list of its files, the rest of a result does not count as one.
             crate::results::remove(store, &key)?;
             files.iter().try_for_each(|name| store.remove(name))?;
             store.remove_empty_folder(&crate::results::folder(&key));
@@ -71,7 +70,7 @@ fn sweep(store: &Store, used: &BTreeSet<String>, dry_run: bool, desk: &Desk<'_>)
 /// Files of every result, by its key.
 fn by_key(store: &Store) -> Result<BTreeMap<String, Vec<String>>, CampaignError> {
     let mut results: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for name in store.list_surely("by-key")? {
+    for name in store.try_list("by-key")? {
         if let [_, _, key, _] = name.split('/').collect::<Vec<_>>().as_slice() {
             results.entry((*key).to_owned()).or_default().push(name.clone());
         }

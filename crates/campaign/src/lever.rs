@@ -1,4 +1,4 @@
-//! The lever arm of the antenna, taken out of the delays of positions against velocities.
+//! Corrects the delays of positions against velocities for the lever arm of the antenna.
 
 use compensation_replay::{AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity};
 use delay_network::{Lineage, lineage_from_name};
@@ -7,20 +7,20 @@ use record::{DelayPairKind, Finding, FlightDelays, MeasuredDelay};
 
 use crate::group::receiver_number;
 
-/// Most velocities that are looked at.
+/// Maximum number of velocities examined.
 const MOST_ROWS: usize = 20_000;
 
-/// Where a pipeline says that the antenna is.
+/// Position of the antenna according to the pipeline.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Antenna {
-    /// Ahead of the point where velocity is taken, m.
+    /// Distance ahead of the point where velocity is measured, m.
     pub(crate) ahead_m: Option<f64>,
     /// Its standard uncertainty, m.
     pub(crate) uncertainty_m: Option<f64>,
 }
 
-/// Takes the lever arm out of every pair of a receiver's position and a velocity that is not of the antenna. Where nobody
-/// says how long it is, the pair says what each decimetre would do.
+/// Removes the effect of the lever arm from every pair of a receiver's position and a velocity that is not of the
+/// antenna. If the length is unknown, the pair states the effect of each decimetre.
 pub(crate) fn take_out(delays: &mut FlightDelays, flight: &Flight, about: &About, antenna: Antenna) {
     for pair in delays.pairs.iter_mut().filter(|p| p.kind == DelayPairKind::PositionAgainstVelocity) {
         let measured = lineage_from_name(&pair.first) == Lineage::Measured;
@@ -37,10 +37,10 @@ pub(crate) fn take_out(delays: &mut FlightDelays, flight: &Flight, about: &About
     }
 }
 
-/// The pipeline's arm before that of the log's parameters.
+/// The arm from the pipeline, else from the log's parameters.
 fn arm_of(antenna: Antenna, stated: Option<AntennaArm>) -> Option<AntennaArm> {
     let uncertainty_m = antenna.uncertainty_m.unwrap_or(0.0);
-    // A standard uncertainty as the half width of a rectangle that has it.
+    // Half-width of the rectangular distribution with this standard uncertainty.
     let tolerance_m = uncertainty_m * 3_f64.sqrt();
     match (antenna.ahead_m, stated) {
         (Some(forward_m), _) => {

@@ -1,14 +1,14 @@
-//! Many flights, many cores: what is to be done, what is there already, and why.
+//! Analysis of many flights on many cores: which results exist, which to make, and why.
 //!
-//! [`run`] plans, makes the results that are missing, and reduces them to tables and pages. The
-//! same three steps can be taken by a cluster: [`plan_shards`], [`task`] for each shard,
-//! [`reduce`], with [`status`] for those who wait.
+//! [`run`] plans, makes the missing results, and reduces them to tables and pages. A cluster can
+//! do the same three steps: [`plan_shards`], [`task`] for each shard, [`reduce`]; [`status`]
+//! shows the progress.
 //!
-//! A result is named by what it depends on: content and names of the log's files, the settings
-//! as they are meant, the channel maps, and the versions of analysis and records. So a result that
-//! is there is right, whoever made it and when; nothing is ever marked as done elsewhere.
-//! Time of day, host and durations are in `run.json` alone, and what this machine remembers to
-//! save time in `.flightlag/`; every other byte follows from logs, settings and build.
+//! A result is named by what it depends on: content and names of the log's files, the resolved
+//! settings, the channel maps, and the versions of analysis and records. So an existing result
+//! is correct, whoever made it and when; no other file marks it as done.
+//! Time of day, host and durations are only in `run.json`. State of this machine that saves
+//! time is in `.flightlag/`. All other bytes follow from logs, settings and build.
 //!
 //! ```
 //! use campaign::Pipeline;
@@ -97,6 +97,6 @@ pub use status::{Status, Trouble, status};
 pub use store::StoreError;
 pub use task::{TaskReport, quiet_caught_panics, task};
 
-/// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
-/// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
+/// Raised by hand when reading, binding or replaying a flight gives different results: earlier results are then made
+/// again. The build's own hash is not part of a result's key, because most code changes affect no number.
 pub const ANALYSIS_VERSION: u32 = 34;

@@ -1,4 +1,4 @@
-//! One flight in one line: what `flightlag delay` prints, and the first columns of the campaign's table.
+//! One line per flight: the output of `flightlag delay`, and the first columns of the campaign's table.
 
 use record::{
     Decision, DelayAdvice, DelayAlarm, DelayKind, Effect, EffectVerdict, FlightLateness, FlightRow, Outcome,
@@ -8,7 +8,7 @@ use record::{
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// The answer for one flight. Seconds and metres; a number that is not known is `null`.
+/// The answer for one flight, in seconds and metres. An unknown number is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayLine {
@@ -17,55 +17,56 @@ pub struct DelayLine {
     /// Receiver, firmware, rate, map and log kind.
     pub group: String,
     /// `constant`, `on-time`, `early`, `not-tested`, `steps`, `switches`, `drifts`, `queues`, `builds-up`, `wanders` or
-    /// `cannot-tell`, each against the datum beside it. With `+jitters`, `+late-fixes`, `+bursts` where seen.
+    /// `cannot-tell`, each relative to `datum`. With `+jitters`, `+late-fixes`, `+bursts` if detected.
     pub kind: String,
-    /// How late the position is, s; positive is late. Where the datum is `relative to CHANNEL`: how much later it is than that
-    /// channel.
+    /// Lateness of the position, s; positive is late. If the datum is `relative to CHANNEL`: how much later it is than
+    /// that channel.
     pub lateness_s: Option<f64>,
     /// Its standard uncertainty (k = 1), s.
     pub lateness_u_s: Option<f64>,
     /// Lower end of its 95 % interval, s.
     pub lateness_low_s: Option<f64>,
-    /// Upper end, s.
+    /// Upper end of that interval, s.
     pub lateness_high_s: Option<f64>,
-    /// What the lateness is counted from: `imu`, `reference`, or `relative to CHANNEL`.
+    /// Datum of the lateness: `imu`, `reference`, or `relative to CHANNEL`.
     pub datum: String,
-    /// How much later the position is than the velocity that compensates it, s.
+    /// Lateness of the position against the velocity that compensates it, s.
     pub position_minus_velocity_s: Option<f64>,
     /// Its standard uncertainty, s.
     pub position_minus_velocity_u_s: Option<f64>,
     /// The velocity that compensates it.
     pub velocity: Option<String>,
-    /// Delay that is removed, s.
+    /// Removed delay, s.
     pub removed_s: Option<f64>,
-    /// Where it comes from; `none` if nothing is removed.
+    /// Source of the removed delay; `none` if nothing is removed.
     pub removed_from: String,
-    /// `helped`, `no-change`, `harmed` or `cannot-tell`; empty if nothing could be compared.
+    /// Effect of the removal: `helped`, `no-change`, `harmed` or `cannot-tell`; empty if nothing could be compared.
     pub effect: String,
-    /// Error of the position before, 2-D rms, m.
+    /// Error of the position before compensation, 2-D rms, m.
     pub error_raw_m: Option<f64>,
     /// Its standard uncertainty, m.
     pub error_raw_u_m: Option<f64>,
-    /// Error after, 2-D rms, m.
+    /// Error after compensation, 2-D rms, m.
     pub error_compensated_m: Option<f64>,
     /// Its standard uncertainty, m.
     pub error_compensated_u_m: Option<f64>,
-    /// What a reader must know, the gravest first.
+    /// Alarms, the most severe first.
     pub alarms: Vec<LineAlarm>,
-    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `minor-loss` (less than 0.1 % of the log was lost, and that
-    /// touches no result), `damaged`, `failed`, `companion` (no flight, but goes with one), or `pending` without a result yet.
+    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `minor-loss` (less than 0.1 % of the log was
+    /// lost, without effect on results), `damaged`, `failed`, `companion` (not a flight, but accompanies one), or
+    /// `pending` without a result yet.
     pub data: String,
-    /// How late, in a sentence.
+    /// The lateness as a sentence.
     pub words: String,
-    /// Whether it helped, in a sentence.
+    /// The effect as a sentence.
     pub effect_words: String,
     /// Settings that remove the delay.
     pub set: Vec<LineSetting>,
-    /// What to fly to know more.
+    /// What to fly for a better answer.
     pub fly: Option<String>,
-    /// The flight with the same samples that counts in place of this one.
+    /// The flight with the same samples that counts instead of this one.
     pub duplicate_of: Option<String>,
-    /// The second file of the flight and how its clock relates to that of the log, in a sentence; `null` without one.
+    /// The second file of the flight and how its clock relates to that of the log, as a sentence; `null` without one.
     pub reference_file: Option<String>,
 }
 
@@ -75,9 +76,9 @@ pub struct DelayLine {
 pub struct LineAlarm {
     /// `red`, `amber` or `grey`.
     pub gravity: String,
-    /// Short stable name.
+    /// Short, stable name.
     pub code: String,
-    /// A sentence.
+    /// Text of the alarm, a sentence.
     pub text: String,
 }
 
@@ -91,11 +92,11 @@ pub struct LineSetting {
     pub value: f64,
     /// `s` or `ms`.
     pub unit: String,
-    /// What to beware of.
+    /// Caveats.
     pub note: String,
 }
 
-/// What a line is made from.
+/// Inputs of a line.
 #[derive(Default)]
 pub(crate) struct LineParts<'a> {
     pub(crate) flight: &'a str,
@@ -113,7 +114,7 @@ pub(crate) struct LineParts<'a> {
 }
 
 impl LineParts<'_> {
-    /// How whole the data is, as tables name it.
+    /// Integrity of the data, as named in tables.
     fn data_name(&self) -> &'static str {
         let is_companion = |l: &FlightLateness| l.alarms.iter().any(|a| a.code == flight::Alarm::Companion);
         match self.failed {
@@ -167,7 +168,7 @@ impl DelayLine {
         }
     }
 
-    /// The line of a row of the campaign's table.
+    /// The line for a row of the campaign's table.
     #[must_use]
     pub fn of_row(row: &FlightRow) -> DelayLine {
         let mut line = DelayLine::of(&LineParts {
@@ -194,13 +195,13 @@ impl DelayLine {
         line
     }
 
-    /// Whether a reference file was asked for and could not be used.
+    /// Whether a requested reference file was unusable.
     #[must_use]
     pub fn lacks_reference(&self) -> bool {
         self.alarms.iter().any(|alarm| alarm.code == flight::Alarm::ReferenceNotUsed)
     }
 
-    /// Whether the delay was seen to change.
+    /// Whether a change of the delay was detected.
     #[must_use]
     pub fn varies(&self) -> bool {
         let changes = [DelayKind::Steps, DelayKind::Switches, DelayKind::Drifts, DelayKind::Queues];
@@ -221,7 +222,7 @@ impl LineSetting {
     }
 }
 
-/// A verdict as tables name it.
+/// Name of a verdict in tables.
 pub(crate) fn effect_name(verdict: EffectVerdict) -> &'static str {
     match verdict {
         EffectVerdict::Helped => "helped",

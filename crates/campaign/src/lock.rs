@@ -17,51 +17,51 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The lock's file; it also marks the folder as one of ours.
+/// The lock's file; it also marks the folder as an output folder of flightlag.
 pub(crate) const LOCK: &str = ".flightlag/lock";
 
-/// The owner counts on at this interval.
+/// The owner increments its heartbeat at this interval.
 const HEARTBEAT: Duration = Duration::from_secs(5);
-/// An owner of another host or container that does not count on for so long has ended.
+/// An owner on another host or container without a new heartbeat for this long counts as ended.
 const SILENCE: Duration = Duration::from_secs(16);
-/// How long two runs that start at once on a file system without locks wait for one another's name.
+/// How long two runs that start at once on a file system without locks wait to see each other's name.
 const SETTLE: Duration = Duration::from_secs(1);
 /// Attempts to take a lock while others remove its file.
 const ATTEMPTS: u32 = 5;
 const LOOK: Duration = Duration::from_millis(100);
-/// Size of the text in the lock's file, so that a shorter text leaves nothing of a longer one.
+/// Fixed size of the text in the lock's file, so that a shorter text overwrites a longer one completely.
 const WIDTH: usize = 240;
 
-/// Held while a run or a reduce is at work.
+/// Held during a run or a reduction.
 ///
-/// The system lets go of the file's lock when the process ends, however it ends. Some network file systems have no such locks,
-/// or keep them from other hosts. So the owner also writes its name, and counts. A second run on the same host and container
-/// sees whether the owner's process runs. Elsewhere it waits until the owner counts on, or is silent for too long. No clock
-/// is compared with that of another host.
+/// The system releases the file lock when the process ends, however it ends. Some network file systems have no such
+/// locks, or do not show them to other hosts. So the owner also writes its name and a heartbeat count. A second run on
+/// the same host and container checks whether the owner's process is running. Elsewhere it waits for the next
+/// heartbeat, or for too long a silence. Clocks of different hosts are never compared.
 #[derive(Debug)]
 pub(crate) struct OutputLock {
     stop: Option<Sender<()>>,
     heart: Option<JoinHandle<()>>,
 }
 
-/// What the lock's file says.
+/// Content of the lock's file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Owner {
-    /// For people.
+    /// Owner, for display.
     owner: String,
     host: String,
-    /// Start of the system and namespace of process numbers.
+    /// Boot and namespace of process numbers.
     system: String,
     process: u32,
     process_start: u64,
-    /// Counts on while the owner is at work.
+    /// Incremented while the owner is running.
     heartbeat: u64,
-    /// The owner let go.
+    /// Whether the owner has released the lock.
     released: bool,
 }
 
 impl OutputLock {
-    /// Takes the lock, or says who has it.
+    /// Takes the lock, or reports its owner.
     pub(crate) fn take(store: &Store, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
         #[cfg(feature = "s3")]
         if let Some(storage) = store.bucket() {
@@ -74,7 +74,7 @@ impl OutputLock {
         for _ in 1..ATTEMPTS {
             match OutputLock::try_take(store, desk, silence) {
                 Ok(Some(lock)) => return Ok(lock),
-                // A run that failed removed its new folder at this moment.
+                // A failed run removed its new folder at this moment.
                 Ok(None) => {}
                 Err(CampaignError::Store(error)) if error.source.kind() == ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
@@ -83,7 +83,7 @@ impl OutputLock {
         OutputLock::try_take(store, desk, silence)?.ok_or_else(|| busy(store, None))
     }
 
-    /// `None` if the lock's file was removed while it was taken.
+    /// Takes the lock; `None` if its file was removed meanwhile.
     fn try_take(store: &Store, desk: &Desk<'_>, silence: Duration) -> Result<Option<OutputLock>, CampaignError> {
         let path = store.path(LOCK)?;
         let failed = |doing| move |source| StoreError { path: path.clone(), doing, source };
@@ -114,7 +114,7 @@ impl OutputLock {
         Ok(Some(OutputLock::with_heart(move |stopped| beat(file, mine, stopped))))
     }
 
-    /// The lock is held while `beat` is at work, which ends when it is told to.
+    /// A lock with `beat` in a thread, which ends at the signal of its receiver.
     fn with_heart(beat: impl FnOnce(&Receiver<()>) + Send + 'static) -> OutputLock {
         let (stop, stopped) = channel();
         let heart = std::thread::spawn(move || beat(&stopped));
@@ -138,13 +138,13 @@ fn busy(store: &Store, owner: Option<Owner>) -> CampaignError {
     }
 }
 
-/// Does `work` on a local output folder while nobody else may take its lock. Does nothing if somebody has it.
+/// Does `work` on a local output folder while holding its lock. Does nothing if another process holds it.
 pub(crate) fn while_unused(out: &Path, work: impl FnOnce()) {
     let path = out.join(LOCK);
     let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
-    // Without a folder for the lock nobody has taken it.
+    // Without a folder for the lock, it is not taken.
     let Ok(mut file) = open else { return work() };
-    // Somebody may have removed this file, and another one may hold the lock of the next.
+    // Another process may have removed this file, and a third may hold the lock of a new one.
     let unused = file.try_lock().is_ok()
         && is_still_at(&file, &path)
         && read(&mut file).is_none_or(|owner| owner.released || owner.has_ended() == Some(true));
@@ -153,11 +153,11 @@ pub(crate) fn while_unused(out: &Path, work: impl FnOnce()) {
     }
 }
 
-/// Counts on until the lock is let go.
+/// Writes heartbeats until the lock is released.
 fn beat(mut file: File, mut owner: Owner, stopped: &Receiver<()>) {
     while stopped.recv_timeout(HEARTBEAT) == Err(RecvTimeoutError::Timeout) {
         owner.heartbeat += 1;
-        // A disk that is full or away for a moment is no reason to stop counting.
+        // A disk that is temporarily full or unavailable is no reason to stop.
         let _ = write(&mut file, &owner);
     }
     owner.released = true;
@@ -177,7 +177,7 @@ impl Owner {
     }
 }
 
-/// The owner, if one is at work although the file could be locked.
+/// The owner, if one is running although the file could be locked.
 fn owner_at_work(file: &mut File, silence: Duration, desk: &Desk<'_>) -> Result<Option<Owner>, CampaignError> {
     let Some(owner) = read(file).filter(|owner| !owner.released) else { return Ok(None) };
     match owner.has_ended() {
@@ -186,7 +186,7 @@ fn owner_at_work(file: &mut File, silence: Duration, desk: &Desk<'_>) -> Result<
         None => {}
     }
     let text = format!("{} did not let go of this folder; waiting whether it is still at work", owner.owner);
-    desk.tell(Event::Remark { text });
+    desk.send(Event::Remark { text });
     let since = Instant::now();
     while since.elapsed() < silence {
         desk.stopped()?;
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_run_is_refused_with_the_owner_and_may_start_when_the_first_has_ended() {
+    fn a_second_run_is_rejected_until_the_first_has_ended() {
         let (_folder, store) = store();
         let first = take(&store).unwrap();
         let refusal = take(&store).unwrap_err();
@@ -244,9 +244,9 @@ mod tests {
         take(&store).unwrap();
     }
 
-    /// Runs that fail remove the lock with their new folder; others take it at the same moment. Two never hold it at once.
+    /// Failed runs remove the lock with their new folder while others take it. Two never hold it at once.
     #[test]
-    fn a_lock_whose_file_is_removed_meanwhile_is_held_by_one_at_a_time() {
+    fn a_lock_whose_file_is_removed_is_still_held_by_one_at_a_time() {
         let (folder, store) = store();
         let out = folder.path();
         let (held, taken) = (AtomicU32::new(0), AtomicU32::new(0));
@@ -269,7 +269,7 @@ mod tests {
         assert!(taken.into_inner() > 0);
     }
 
-    /// The file that an owner without a lock of the system leaves.
+    /// The file of an owner without a system lock.
     fn owned_by(store: &Store, owner: &Owner) -> File {
         let path = store.path(LOCK).unwrap();
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn an_owner_of_another_host_that_counts_on_keeps_the_folder_although_no_lock_shows() {
+    fn an_owner_on_another_host_with_heartbeats_keeps_the_folder() {
         let (_folder, store) = store();
         let mut file = owned_by(&store, &other_host());
         let counting = std::thread::spawn(move || {
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn an_owner_of_another_host_that_is_silent_or_lets_go_loses_the_folder() {
+    fn an_owner_on_another_host_that_is_silent_or_released_loses_the_folder() {
         let (_folder, store) = store();
         drop(owned_by(&store, &other_host()));
         drop(take(&store).unwrap());
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn an_owner_of_this_host_counts_if_its_process_runs_and_not_if_its_number_is_used_again() {
+    fn an_owner_on_this_host_counts_only_while_its_process_runs() {
         let (_folder, store) = store();
         drop(owned_by(&store, &Owner::this()));
         assert!(take(&store).is_err(), "it runs, and some file system hid its lock");

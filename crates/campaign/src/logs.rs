@@ -1,4 +1,4 @@
-//! The logs as this crate sees them: flights in a folder, and the maps that they are read with.
+//! The logs of this crate: flights in a folder, and the channel maps to read them with.
 
 use crate::config::Pipeline;
 use crate::error::CampaignError;
@@ -16,18 +16,18 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// Names told of a channel that no map binds.
+/// Maximum number of names suggested for a channel that no map binds.
 const NEAREST: usize = 5;
 
-/// The channel maps of a campaign with the definitions of messages beside them, and the hash of what they mean.
+/// The channel maps of a campaign with the message definitions next to them, and the hash of their rules.
 pub(crate) struct Library {
     maps: MapLibrary,
     blake3: String,
 }
 
 impl Library {
-    /// The shipped maps and those of a folder. With a forced map, that one alone decides: a change of
-    /// the others then changes no result.
+    /// The shipped maps and those of a folder. A forced map alone decides: a change of the others then
+    /// changes no result.
     pub(crate) fn open(folder: Option<&Path>, forced: Option<&str>) -> Result<Library, CampaignError> {
         let shipped = MapLibrary::shipped()?;
         let maps = folder.map_or(Ok(shipped.clone()), |f| shipped.with_folder(f)).map_err(as_asked)?;
@@ -40,8 +40,8 @@ impl Library {
         Ok(Library { blake3: hasher.finalize().to_hex().to_string(), maps })
     }
 
-    /// That every channel which the pipeline names is one that some map binds: a misspelt name would else pass
-    /// for one that no flight holds, and the next in the list be taken.
+    /// Checks that some map binds every channel of the pipeline. Otherwise a misspelt name would count as a channel
+    /// that no flight has, and the next in the list would be used.
     pub(crate) fn check(&self, pipeline: &Pipeline) -> Result<(), CampaignError> {
         let known: BTreeSet<&str> = self.maps.channel_names().collect();
         let of_reference_file = |name: &str| [REFERENCE_POSITION, REFERENCE_VELOCITY].contains(&name);
@@ -63,7 +63,7 @@ impl Library {
         }
     }
 
-    /// Hash of what the maps mean.
+    /// Hash of the rules of the maps.
     pub(crate) fn blake3(&self) -> &str {
         &self.blake3
     }
@@ -73,7 +73,7 @@ impl Library {
         discover(path, &self.maps)
     }
 
-    /// Reads one flight. Losses that touch no result are warnings in it.
+    /// Reads one flight. Losses that affect no result become warnings.
     pub(crate) fn load(
         &self,
         unit: &FlightUnit,
@@ -88,7 +88,7 @@ impl Library {
     }
 }
 
-/// A map as it is meant: its debug text shows every rule, and neither comments nor the file's place.
+/// Hashes the rules of a map: its debug text shows every rule, but neither comments nor the file's location.
 fn hash_map(hasher: &mut blake3::Hasher, map: &ingest::ChannelMap) {
     hash_text(hasher, &format!("{map:?}"));
 }
@@ -98,7 +98,7 @@ fn hash_text(hasher: &mut blake3::Hasher, text: &str) {
     hasher.update(text.as_bytes());
 }
 
-/// A map or a folder of maps that is not there was asked for wrongly.
+/// Turns the error of a missing map or folder of maps into an error of the request.
 fn as_asked(error: IngestError) -> CampaignError {
     match error {
         IngestError::Io { file, source, .. } => CampaignError::Asked(format!("{file}: {source}")),
@@ -107,14 +107,14 @@ fn as_asked(error: IngestError) -> CampaignError {
     }
 }
 
-/// What a folder holds.
+/// Content of a folder.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Found {
     pub(crate) units: Vec<FlightUnit>,
-    /// Files that are no logs, sorted by path.
+    /// Files that are not logs, sorted by path.
     pub(crate) ignored: Vec<IgnoredInput>,
-    /// Files and folders that could not be looked at: they may be logs, so that they are
-    /// rows of the table and not passed over.
+    /// Unreadable files and folders: they may be logs, and so are rows of the table
+    /// instead of being skipped.
     pub(crate) unreadable: Vec<IgnoredInput>,
 }
 
@@ -135,7 +135,7 @@ fn look(logs: &Logs, library: &Library, desk: &Desk<'_>) -> Result<Found, Campai
     Ok(Found { units: found.units, ignored: inputs(found.ignored), unreadable: inputs(found.unreadable) })
 }
 
-/// The last look at a folder, which need not be repeated while nothing in it has changed:
+/// The last search of a folder. It is reused while nothing in the folder has changed, because
 /// recognising a log means opening it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct LastLook {
@@ -146,7 +146,7 @@ struct LastLook {
 
 const LAST_LOOK: &str = ".flightlag/found.json";
 
-/// Looks for flights; opens no file if `fresh` is false and nothing has changed since the last look.
+/// Searches for flights; opens no file if `fresh` is false and nothing has changed since the last search.
 pub(crate) fn find(
     logs: &Logs,
     library: &Library,
@@ -171,7 +171,7 @@ fn find_by(
         return Ok(last.found.with_files(|file| logs.local(file)));
     }
     let found = look()?;
-    // What could not be read this time may be readable next time, with no change of its times.
+    // An unreadable file may be readable next time without new timestamps.
     match listing.filter(|_| found.unreadable.is_empty() && found.units.iter().all(is_text)) {
         Some(of) => {
             let found = found.clone().with_files(|file| logs.shown(file));
@@ -182,13 +182,13 @@ fn find_by(
     Ok(found)
 }
 
-/// Whether the paths of a flight are text. Others cannot be written down, so that the next run looks again.
+/// Whether the paths of a flight are valid text. Others cannot be saved, so that the next run searches again.
 fn is_text(unit: &FlightUnit) -> bool {
     unit.files.iter().all(|path| path.to_str().is_some())
 }
 
-/// Hash of the names, sizes and times of everything below `root`. `None` if something could not
-/// be looked at, or is so new that it could change again without a change of its times.
+/// Hash of the names, sizes and timestamps of everything below `root`. `None` if something is
+/// unreadable, or so new that it could change again without a new timestamp.
 fn listing_hash(root: &Path) -> Option<String> {
     let mut hasher = blake3::Hasher::new();
     let mut open = vec![(root.to_owned(), 0)];
@@ -214,7 +214,7 @@ fn listing_hash(root: &Path) -> Option<String> {
     Some(hasher.finalize().to_hex().to_string())
 }
 
-/// A tree that is deeper than this, or wider than that, is looked at anew each time: links may lead in circles.
+/// A deeper tree, or one with more than [`MOST_OPEN`] pending entries, is searched each time: links may form cycles.
 const DEEPEST: usize = 20;
 const MOST_OPEN: usize = 1_000_000;
 
@@ -224,7 +224,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn a_log_that_could_not_be_read_once_is_looked_at_again() {
+    fn an_unreadable_log_is_examined_again() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().join("flights");
         std::fs::create_dir(&root).unwrap();

@@ -1,19 +1,19 @@
-//! Which losses of a log touch what is found in it.
+//! Which losses of a log affect its results.
 //!
-//! A loss is red and ends with exit code 3, unless it is minor: then it is amber, counted and named, and the exit code is 0. It is
-//! minor if less than a thousandth of the log is lost, and what is lost is of topics that no channel is bound from, or leaves
-//! no hole in any channel that is bound that the analysis does not bridge.
+//! A loss is red and gives exit code 3, unless it is minor: then it is amber, counted and named, and the exit code is
+//! 0. A loss is minor under two conditions. Less than a thousandth of the log is lost. And the loss is in topics that
+//! no channel is bound from, or the analysis bridges every hole in bound channels.
 
 use flight::{Alarm, Binding, ByteLedger, ChannelHealth, Code, LogHealth, Notice, Notices, Severity};
 use record::DelayAlarm;
 use std::collections::BTreeSet;
 
-/// A step between timestamps that is longer than so many usual ones is a hole: one row is missing.
+/// A step between timestamps longer than this many usual steps is a hole: one row is missing.
 const HOLE: f64 = 1.5;
-/// A hole up to this length is bridged in every channel that is compared, s: it changes no result.
+/// A hole up to this length is bridged in every compared channel and changes no result, s.
 const BRIDGED_S: f64 = 0.5;
 
-/// Makes warnings of the losses of a log, if all of them are minor, and says why.
+/// Turns the losses of a log into warnings, if all of them are minor, and gives the reason.
 pub(crate) fn weigh(notices: &mut Notices, health: &LogHealth, binding: &Binding) {
     let losses = || notices.iter().filter(|notice| notice.severity == Severity::Loss);
     if losses().next().is_none() || !is_small(health) {
@@ -43,8 +43,8 @@ fn is_small(health: &LogHealth) -> bool {
     small(health.bytes.damaged, health.bytes.size) && small(health.undecodable, health.messages)
 }
 
-/// The topic that a loss is of, if the notice names one and no channel is bound from it. A table of text is a topic with the
-/// name of its file.
+/// The topic of a loss, if the notice names one and no channel is bound from it. A text table is a topic with the name
+/// of its file.
 fn unused_topic<'n>(loss: &'n Notice, health: &LogHealth, binding: &Binding) -> Option<&'n str> {
     let place = &loss.place;
     let file = || place.split(", ").next().map(|file| file.strip_suffix(".csv").unwrap_or(file));
@@ -54,12 +54,12 @@ fn unused_topic<'n>(loss: &'n Notice, health: &LogHealth, binding: &Binding) -> 
     (is_topic && !is_used).then_some(topic)
 }
 
-/// The alarm of a log of which more was lost than a minor loss.
+/// The alarm of a log with more than minor losses.
 pub(crate) fn alarm(notices: &Notices, health: &LogHealth) -> Option<DelayAlarm> {
     damage(notices, health).map(|text| DelayAlarm::of(Alarm::LogDamaged, text))
 }
 
-/// How much of a log was lost and where, if that is no minor loss.
+/// How much of a log was lost and where, if the loss is not minor.
 pub(crate) fn damage(notices: &Notices, health: &LogHealth) -> Option<String> {
     let losses = || notices.iter().filter(|notice| notice.severity == Severity::Loss);
     let first = losses().next()?;
@@ -92,7 +92,7 @@ mod tests {
 
     const WHOLE: u64 = 1_000_000;
 
-    /// Notices after weighing losses of a log with the topics `gps`, which a channel is bound from, and `camera`.
+    /// Notices after weighing the losses of a log with the topics `gps`, bound to a channel, and `camera`.
     fn weighed(losses: &[(Code, &str)], damaged: u64, longest_step_s: f64) -> Notices {
         let topic = |name: &str| {
             json!({ "name": name, "type_name": "", "encoding": "csv", "messages": 100, "payload_bytes": 0, "stamps": [],
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_bytes_are_minor_where_no_bound_channel_has_a_hole() {
+    fn a_few_lost_bytes_are_minor_if_no_bound_channel_has_a_hole() {
         let bytes = [(Code::Damaged, "a.bin, bytes 10 to 20")];
         assert!(is_minor(&bytes, 999, 0.5), "two rows are missing, which every comparison bridges");
         assert!(!is_minor(&bytes, 999, 0.51), "more rows are missing");
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_in_a_topic_that_nothing_uses_is_minor_and_named() {
+    fn a_loss_in_an_unused_topic_is_minor_and_named() {
         let (camera, gps) = ((Code::Undecodable, "topic camera"), (Code::Undecodable, "topic gps"));
         assert!(is_minor(&[camera], 0, 9.0));
         assert!(is_minor(
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_that_is_not_minor_is_a_red_alarm_with_its_place() {
+    fn a_major_loss_is_a_red_alarm_with_its_place() {
         let mut notices = Notices::new();
         assert_eq!(alarm(&notices, &LogHealth::default()), None);
         notices.push(Code::Undecodable, "topic gps", 3, "messages that cannot be decoded");

@@ -1,11 +1,11 @@
-//! What is to be done: every flight with its keys, and the shard that does its work.
+//! The work of a campaign: every flight with its keys, and the shard that does its work.
 //!
-//! A campaign has two stages. *Measure* finds how late each flight's channels are; *replay* removes a delay that may come
-//! from all flights of a group, and so needs all measurements first. A manifest deals the work of one stage: plan, run its
-//! tasks, plan again, until a plan has no shards left.
+//! A campaign has two stages. *Measure* finds how late each flight's channels are. *Replay* removes a delay that may
+//! come from all flights of a group, and so needs all measurements first. A manifest assigns the work of one stage:
+//! plan, run its tasks, plan again, until a plan has no shards left.
 //!
-//! A manifest is written once and changed by nobody. Shard number in, exit code out is all that
-//! an engine (a job array, a loop in a shell) has to know.
+//! A manifest is written once and never changed. An engine (a job array, a shell loop) only
+//! passes a shard number and reads an exit code.
 
 use crate::ANALYSIS_VERSION;
 use crate::cards::CardFile;
@@ -14,7 +14,7 @@ use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::reference::FoundReference;
 use crate::s3;
-use crate::store::{Keep, Store, look_into};
+use crate::store::{Keep, Store, read_unopened};
 use crate::test_cards::TestCardFiles;
 use ingest::{FlightUnit, LogKind};
 use record::{CriteriaUse, Decision, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
@@ -28,15 +28,15 @@ use std::time::Duration;
 
 const MANIFEST_VERSION: u32 = 6;
 
-/// Where plans are kept, below the output folder.
+/// Folder of plans, below the output folder.
 pub(crate) const PLANS: &str = ".flightlag/plans";
-/// The tasks of a plan have ended after this time at the latest.
+/// The tasks of a plan end within this time.
 const PLAN_LIFE: Duration = Duration::from_secs(14 * 24 * 3600);
 
 /// Version of this flightlag.
 pub(crate) const FLIGHTLAG_VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// A campaign as it is planned.
+/// The plan of a campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     manifest_version: u32,
@@ -49,26 +49,26 @@ pub struct Manifest {
     pub(crate) root: PathBuf,
     /// Output folder, absolute.
     pub(crate) out: PathBuf,
-    /// The name that the output folder got when it was first written to.
+    /// The identifier that the output folder got at its first write.
     pub(crate) out_id: String,
     pub(crate) pipeline: PipelineUse,
     /// Hash of the settings that a measurement depends on.
     pub(crate) measure_blake3: String,
     /// Hash of the settings that a result depends on.
     pub(crate) replay_blake3: String,
-    /// What flights are judged by; no part of a result's key.
+    /// Criteria that flights are judged by; not part of a result's key.
     pub(crate) criteria: Option<CriteriaUse>,
-    /// What was to be flown; no part of a result's key either.
+    /// The planned test cards; not part of a result's key either.
     #[serde(default)]
     pub(crate) test_cards: TestCardFiles,
-    /// Sensor cards that delays are taken from; their hashes are part of the pipeline.
+    /// Sensor cards that provide delays; their hashes are part of the pipeline.
     pub(crate) cards: Vec<CardFile>,
     pub(crate) maps_folder: Option<PathBuf>,
     /// Content of all channel maps.
     pub(crate) maps_blake3: String,
-    /// Command that makes this campaign again, with names instead of paths.
+    /// Command that reproduces this campaign, with names instead of paths.
     pub(crate) command: String,
-    /// How many shards there are; none if every result is there already.
+    /// Number of shards; 0 if every result exists.
     pub(crate) shards: u32,
     /// Sorted by name.
     pub(crate) flights: Vec<Planned>,
@@ -76,35 +76,35 @@ pub struct Manifest {
     pub(crate) ignored: Vec<IgnoredInput>,
 }
 
-/// A flight as it is planned.
+/// The plan of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Planned {
     /// Path below the folder of flights.
     pub(crate) flight: String,
-    /// Format; `None` if that could not be found out.
+    /// Format; `None` if it was not detected.
     pub(crate) kind: Option<LogKind>,
     /// Its files, sorted.
     pub(crate) files: Vec<PlannedFile>,
-    /// Its reference file, and whether that is there; `None` without a rule.
+    /// Its reference file, and whether it exists; `None` without a rule.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) reference: Option<PlannedReference>,
-    /// Hash of the names and contents of its files; `None` if one cannot be read.
+    /// Hash of the names and contents of its files; `None` if one is unreadable.
     pub(crate) content: Option<String>,
-    /// Name of the measurement of its delays; `None` as above.
+    /// Key of the measurement of its delays; `None` as above.
     pub(crate) measure_key: Option<String>,
-    /// What is removed from its position; `None` until every flight is measured.
+    /// The delay to remove from its position; `None` until every flight is measured.
     pub(crate) decision: Option<Decision>,
-    /// Name of its result; `None` until it is decided what is removed.
+    /// Key of its result; `None` until the delay is decided.
     pub(crate) key: Option<String>,
-    /// Why a file cannot be read.
+    /// Why a file is unreadable.
     pub(crate) trouble: Option<String>,
-    /// The stage whose work is to be done; `None` if its result is there, or cannot be made.
+    /// The stage with work to do; `None` if its result exists, or cannot be made.
     pub(crate) stage: Option<Stage>,
-    /// Why that work has to be done; empty if there is none.
+    /// Why that work is necessary; empty if there is none.
     pub(crate) why: Vec<Why>,
-    /// Which shard does it; `None` if there is no work, or another flight with the same key has it done.
+    /// The shard that does it; `None` if there is no work, or a flight with the same key has it.
     pub(crate) shard: Option<u32>,
-    /// Whether its log is still being written, so that it counts with its content of the last run.
+    /// Whether its log is still being written, so that its content of the last run is used.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) is_kept: bool,
 }
@@ -116,7 +116,7 @@ pub(crate) struct Planned {
 pub enum Stage {
     /// How late each channel of a flight is.
     Measure,
-    /// What compensation does with the delay that is removed.
+    /// What compensation achieves with the removed delay.
     Replay,
 }
 
@@ -132,15 +132,15 @@ impl fmt::Display for Stage {
 /// A file of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PlannedFile {
-    /// Absolute.
+    /// Absolute path.
     pub(crate) path: PathBuf,
-    /// How the file system described it when its content was hashed.
+    /// Metadata from the file system when its content was hashed.
     pub(crate) stamp: FileStamp,
-    /// Its content.
+    /// BLAKE3 of its content.
     pub(crate) blake3: String,
 }
 
-/// The reference file of a flight as it is planned.
+/// The reference file in the plan of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum PlannedReference {
@@ -165,7 +165,7 @@ impl PlannedReference {
         }
     }
 
-    /// As it is read.
+    /// The form in which it is read.
     pub(crate) fn found(&self) -> FoundReference {
         match self {
             PlannedReference::Files { kind, files } => {
@@ -179,46 +179,46 @@ impl PlannedReference {
     }
 }
 
-/// Why a log is read.
+/// Why a log must be read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "why", rename_all = "kebab-case")]
 pub enum Why {
-    /// No run on this output folder has seen the flight.
+    /// The flight is new to this output folder.
     NewFlight,
-    /// A file of it has another content or name.
+    /// The content or name of one of its files changed.
     LogChanged,
-    /// The pipeline means something else.
+    /// The resolved pipeline changed.
     SettingsChanged {
         /// As `delay.position_s: was 0.4, is 0.35`.
         settings: Vec<String>,
     },
-    /// A channel map is new, gone or has another content.
+    /// A channel map was added, removed or changed.
     MapsChanged,
-    /// This flightlag analyses differently.
+    /// The analysis version changed.
     AnalysisChanged {
         /// Version before.
         was: u32,
         /// Version now.
         is: u32,
     },
-    /// This flightlag writes other records.
+    /// The record version changed.
     RecordsChanged {
         /// Version before.
         was: u32,
         /// Version now.
         is: u32,
     },
-    /// Another delay is removed: the measurements of the flight or of its group have changed.
+    /// The delay to remove changed, because measurements of the flight or of its group did.
     DelayChanged {
         /// Delay and source before.
         was: String,
         /// Delay and source now.
         is: String,
     },
-    /// It was made before, but is not whole any more.
+    /// The result was made before, but is now incomplete.
     ResultMissing,
-    /// An earlier attempt ended in something that may be over.
+    /// An earlier attempt ended in trouble that may have passed.
     EarlierTrouble,
 }
 
@@ -239,7 +239,7 @@ impl fmt::Display for Why {
 }
 
 impl Planned {
-    /// A flight of which nothing is known but its name.
+    /// A flight of which only the name is known.
     pub(crate) fn unread(flight: String) -> Planned {
         Planned {
             flight,
@@ -258,7 +258,7 @@ impl Planned {
         }
     }
 
-    /// Name of what its stage makes.
+    /// Key of the output of its stage.
     pub(crate) fn work_key(&self) -> Option<&str> {
         match self.stage? {
             Stage::Measure => self.measure_key.as_deref(),
@@ -266,7 +266,7 @@ impl Planned {
         }
     }
 
-    /// Size of all its files.
+    /// Total size of its files.
     pub(crate) fn bytes(&self) -> u64 {
         self.all_files().map(|f| f.stamp.bytes).sum()
     }
@@ -284,13 +284,13 @@ impl Planned {
         self
     }
 
-    /// Its files as a record names them.
+    /// Its files in the form of a record.
     pub(crate) fn inputs(&self) -> Vec<InputFile> {
         let input = |f: &PlannedFile| InputFile { name: f.name(), bytes: f.stamp.bytes, blake3: f.blake3.clone() };
         self.all_files().map(input).collect()
     }
 
-    /// The flight as ingest knows it; `None` if its format could not be found out.
+    /// The flight in the form of ingest; `None` if its format was not detected.
     pub(crate) fn unit(&self) -> Option<FlightUnit> {
         let files = self.files.iter().map(|f| f.path.clone()).collect();
         self.kind.map(|kind| FlightUnit { id: self.flight.clone(), files, kind })
@@ -305,20 +305,20 @@ impl PlannedFile {
 }
 
 impl Manifest {
-    /// Name of the measurement of a flight with this content.
+    /// Key of the measurement of a flight with this content.
     pub(crate) fn measure_key(&self, content: &str) -> String {
         let (analysis, records) = (ANALYSIS_VERSION.to_string(), RECORD_VERSION.to_string());
         hash_of_parts(&["flightlag measure", content, &self.measure_blake3, &self.maps_blake3, &analysis, &records])
     }
 
-    /// Name of the result of a flight: what was measured, the settings, and what is removed.
+    /// Key of the result of a flight: measurement, settings, and removed delay.
     pub(crate) fn result_key(&self, measure_key: &str, decision: &Decision) -> String {
         let decided = serde_json::to_string(decision).unwrap_or_default();
         hash_of_parts(&["flightlag result", measure_key, &self.replay_blake3, &decided])
     }
 }
 
-/// Hash of the names and contents of a flight's files, and of its reference if there is a rule for one.
+/// Hash of the names and contents of a flight's files, and of its reference if a rule asks for one.
 pub(crate) fn content_hash(files: &[PlannedFile], reference: Option<&PlannedReference>) -> String {
     let hash = |files: &[PlannedFile]| {
         let mut parts: Vec<(String, &str)> = files.iter().map(|f| (f.name(), f.blake3.as_str())).collect();
@@ -334,7 +334,7 @@ pub(crate) fn content_hash(files: &[PlannedFile], reference: Option<&PlannedRefe
     }
 }
 
-/// BLAKE3 of texts, each with its length, so that no two lists look alike.
+/// BLAKE3 of texts, each with its length, so that different lists have different hashes.
 pub(crate) fn hash_of_parts(parts: &[&str]) -> String {
     let mut hasher = blake3::Hasher::new();
     for part in parts {
@@ -345,7 +345,7 @@ pub(crate) fn hash_of_parts(parts: &[&str]) -> String {
 }
 
 impl Manifest {
-    /// A manifest of this flightlag; shards are not given out yet.
+    /// A manifest of this flightlag version; shards are not assigned yet.
     #[expect(clippy::too_many_arguments, reason = "the fields by name, in one place")]
     pub(crate) fn new(
         name: String,
@@ -382,7 +382,7 @@ impl Manifest {
         }
     }
 
-    /// What pages are made from besides results: file name and meaning of the criteria.
+    /// Inputs of pages other than results: file name and resolved text of the criteria.
     pub(crate) fn criteria_parts(&self) -> [&str; 2] {
         self.criteria.as_ref().map_or(["", ""], |c| [c.file.as_str(), c.blake3.as_str()])
     }
@@ -393,19 +393,19 @@ impl Manifest {
         &self.out
     }
 
-    /// How many shards have work; zero if every result is there already.
+    /// Number of shards with work; zero if every result exists.
     #[must_use]
     pub fn shards(&self) -> u32 {
         self.shards
     }
 
-    /// How many flights there are.
+    /// Number of flights.
     #[must_use]
     pub fn flight_count(&self) -> usize {
         self.flights.len()
     }
 
-    /// How many flights have work to be done.
+    /// Number of flights with work to do.
     #[must_use]
     pub fn stale_count(&self) -> usize {
         self.flights.iter().filter(|f| f.shard.is_some()).count()
@@ -416,12 +416,12 @@ impl Manifest {
         largest_first(self.flights.iter().filter(|f| f.shard == Some(shard)))
     }
 
-    /// Every flight with work of a stage, largest first: the last to finish is then a small one.
+    /// Every flight with work of a stage, largest first, so that the last to finish is a small one.
     pub(crate) fn stale(&self, stage: Stage) -> Vec<&Planned> {
         largest_first(self.flights.iter().filter(|f| f.shard.is_some() && f.stage == Some(stage)))
     }
 
-    /// Gives every result that is to be made to one of at most `max_shards` shards of like size.
+    /// Assigns every result to make to one of at most `max_shards` shards of roughly equal size.
     pub(crate) fn deal(&mut self, max_shards: u32) {
         self.flights.iter_mut().for_each(|flight| flight.shard = None);
         let first_of_key = self.first_of_each_key();
@@ -433,7 +433,7 @@ impl Manifest {
         for i in order {
             let lightest = (0..load.len()).min_by_key(|&s| load.get(s).copied()).unwrap_or_default();
             if let (Some(flight), Some(sum)) = (flights.get_mut(i), load.get_mut(lightest)) {
-                // One byte at least, so that empty files are dealt round too.
+                // At least one byte, so that empty files are distributed too.
                 *sum += flight.bytes().max(1);
                 flight.shard = u32::try_from(lightest).ok();
             }
@@ -441,13 +441,13 @@ impl Manifest {
         self.shards = shards;
     }
 
-    /// The stage whose work is dealt; `None` if nothing is left to do.
+    /// The stage whose work is assigned; `None` if nothing is left to do.
     #[must_use]
     pub fn stage(&self) -> Option<Stage> {
         self.flights.iter().filter_map(|f| f.stage).min()
     }
 
-    /// Flights with work by key: flights with the same content share a result, and it is made once.
+    /// Flights with work by key: flights with the same content share a result, which is made once.
     fn first_of_each_key(&self) -> BTreeMap<&str, usize> {
         let mut first = BTreeMap::new();
         for (i, flight) in self.flights.iter().enumerate() {
@@ -458,11 +458,10 @@ impl Manifest {
         first
     }
 
-    /// Writes the manifest into its output folder, under a name made from its content: no other plan has that name. Returns
-    /// the path.
+    /// Writes the manifest to its output folder, under a unique name made from its content. Returns the path.
     ///
     /// # Errors
-    /// The file cannot be written, or a path is no text.
+    /// The file cannot be written, or a path is not valid text.
     pub fn keep(&self) -> Result<PathBuf, CampaignError> {
         let text = self.text(&self.out)?;
         let hash: String = blake3::hash(&text).to_hex().chars().take(16).collect();
@@ -480,16 +479,16 @@ impl Manifest {
         Ok(text)
     }
 
-    /// Writes the manifest whole. One of another plan is not written over: its tasks may still wait in a queue.
+    /// Writes the manifest atomically. Does not overwrite that of another plan: its tasks may still be queued.
     ///
     /// # Errors
-    /// The file cannot be written, holds something else, or a path is no text.
+    /// The file cannot be written, has other content, or a path is not valid text.
     pub fn write(&self, path: &Path) -> Result<(), CampaignError> {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
         let text = self.text(path)?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is not a name of a file".into()))?;
-        match look_into(folder, name)? {
+        match read_unopened(folder, name)? {
             Some(there) if there == text => return Ok(()),
             Some(_) => {
                 return Err(CampaignError::Asked(format!("{}: is there already; name another file", path.display())));
@@ -506,7 +505,7 @@ impl Manifest {
         plans.filter(|name| is_old(&name)).try_for_each(|name| Ok(store.remove(&name)?))
     }
 
-    /// The plans of the last days: their tasks may still be at work.
+    /// The plans of the last days: their tasks may still be running.
     pub(crate) fn recent(store: &Store) -> Vec<Manifest> {
         let is_recent = |name: &&String| store.age(name).is_none_or(|age| age < PLAN_LIFE);
         store
@@ -517,16 +516,16 @@ impl Manifest {
             .collect()
     }
 
-    /// Keys of the results and measurements that it names.
+    /// Keys of its results and measurements.
     pub(crate) fn keys(&self) -> impl Iterator<Item = &str> {
         self.flights.iter().flat_map(|f| [&f.measure_key, &f.key]).flatten().map(String::as_str)
     }
 
-    /// Reads a manifest that this version of flightlag made.
+    /// Reads a manifest of this version of flightlag.
     ///
     /// # Errors
-    /// It cannot be read, is no manifest, or another version made it. If its folder is not there either, or the disk is away,
-    /// trying again may help: the folder may not be mounted on this node.
+    /// It cannot be read, is not a manifest, or another version made it. If its folder is missing too, or the disk is
+    /// unavailable, trying again may help: the folder may not be mounted on this node.
     pub fn read(path: &Path) -> Result<Manifest, CampaignError> {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
         let bytes = read_file(path).map_err(|e| {
@@ -612,7 +611,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn shards_carry_like_loads_and_every_result_is_made_once() {
+    fn shards_have_similar_loads_and_every_result_is_made_once() {
         let folder = tempfile::tempdir().unwrap();
         let sizes = [900, 500, 400, 300, 200, 100];
         let mut flights: Vec<Planned> =
@@ -629,13 +628,13 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_name_cannot_be_mistaken_for_a_content() {
+    fn a_name_cannot_be_mistaken_for_content() {
         assert_ne!(hash_of_parts(&["ab", "c"]), hash_of_parts(&["a", "bc"]));
         assert_ne!(hash_of_parts(&["a", ""]), hash_of_parts(&["a"]));
     }
 
     #[test]
-    fn a_manifest_comes_back_as_it_was_written_and_one_of_another_version_is_refused() {
+    fn a_manifest_is_read_back_and_one_of_another_version_is_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let mut written = manifest(vec![planned("f1", "k1", 5, folder.path())]);
         let path = folder.path().join("m.json");

@@ -1,4 +1,4 @@
-//! Remembers what is in a file by its path, size and times, so that a second run reads no log.
+//! Remembers the content hash of a file by its path, size and timestamps, so that a second run reads no log.
 
 use crate::error::CampaignError;
 use crate::store::Store;
@@ -12,17 +12,17 @@ use std::time::{Duration, SystemTime};
 const MEMORY: &str = ".flightlag/inputs.json";
 const MEMORY_VERSION: u32 = 2;
 
-/// A file as the file system describes it. If any of it differs, the content may differ.
+/// Metadata of a file. If any field differs, the content may differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "(u64, i64, i64, u64)", into = "(u64, i64, i64, u64)")]
 pub(crate) struct FileStamp {
     pub(crate) bytes: u64,
     /// Last modification, ns since 1970.
     modified_ns: i64,
-    /// Last change of the file's entry, ns since 1970; zero where the system has none. Copies
-    /// that keep the modification time do not keep this.
+    /// Last change of the inode, ns since 1970; zero on systems without it. Copies
+    /// that preserve the modification time do not preserve this.
     changed_ns: i64,
-    /// Number of the file in its file system; zero where the system has none.
+    /// Inode number; zero on systems without it.
     number: u64,
 }
 
@@ -39,19 +39,19 @@ impl From<FileStamp> for (u64, i64, i64, u64) {
 }
 
 impl FileStamp {
-    /// Asks the file system.
+    /// Reads the metadata from the file system.
     pub(crate) fn of(path: &Path) -> std::io::Result<FileStamp> {
         std::fs::metadata(path).map(|found| FileStamp::from_metadata(&found))
     }
 
-    /// An object of a bucket: its size, and the tag that the server gives each content. There are no times in it: who writes the
-    /// same bytes again changes nothing, and nobody can change the bytes and keep the tag.
+    /// Metadata of an object in a bucket: its size, and the tag that the server assigns to each content. Contains no
+    /// timestamps: rewriting the same bytes changes nothing, and the bytes cannot change without a new tag.
     #[cfg(feature = "s3")]
     pub(crate) fn of_object(bytes: u64, tag: &str) -> FileStamp {
         let hash = blake3::hash(tag.trim_matches('"').as_bytes());
         let mut parts = hash.as_bytes().chunks_exact(8).map(|part| part.try_into().map_or(0, u64::from_le_bytes));
         let number = parts.next().unwrap_or_default();
-        // Never a time, so that it is never too fresh.
+        // Negative, so never a timestamp that is too fresh.
         let changed_ns = i64::try_from(parts.next().unwrap_or_default() >> 1).map_or(-1, |n| -1 - n);
         FileStamp { bytes, modified_ns: i64::MIN, changed_ns, number }
     }
@@ -62,11 +62,12 @@ impl FileStamp {
         FileStamp { bytes: found.len(), modified_ns, changed_ns, number }
     }
 
-    /// Whether the file could be written once more without a change of its times: then the times
-    /// prove nothing, and the content is read again next time.
+    /// Whether the file could be written again without new timestamps: then they prove nothing, and
+    /// the content is read again next time.
     pub(crate) fn is_too_fresh(&self, now: SystemTime) -> bool {
         let latest = self.modified_ns.max(self.changed_ns);
-        // Times without fractions of a millisecond come from a file system that counts whole seconds or two.
+        // Timestamps without fractions of a millisecond come from a file system with a resolution of one or two
+        // seconds.
         let tick = if latest % 1_000_000 == 0 { Duration::from_secs(2) } else { Duration::from_millis(50) };
         latest.saturating_add_unsigned(tick.as_nanos() as u64) > nanos(now)
     }
@@ -83,15 +84,15 @@ fn entry_change(_found: &Metadata) -> (i64, u64) {
     (0, 0)
 }
 
-/// Whether the file at a path is still the one that was opened there. On systems without file numbers the answer is yes if a file
-/// is there.
+/// Whether the file at a path is still the one that was opened there. On systems without inode numbers, whether any
+/// file is there.
 pub(crate) fn is_still_at(file: &File, path: &Path) -> bool {
     let number = |found: std::io::Result<Metadata>| found.map(|found| entry_change(&found).1).ok();
     let opened = number(file.metadata());
     opened.is_some() && opened == number(std::fs::metadata(path))
 }
 
-/// Nanoseconds since 1970, saturated in the year 2262.
+/// Nanoseconds since 1970, saturating in the year 2262.
 fn nanos(time: SystemTime) -> i64 {
     let whole = |span: Duration| i64::try_from(span.as_nanos()).unwrap_or(i64::MAX);
     match time.duration_since(SystemTime::UNIX_EPOCH) {
@@ -115,8 +116,8 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// What earlier runs on this output learnt of the folder `root`. A memory that cannot be
-    /// read, or is of another folder, is empty: it only saves time.
+    /// Hashes from earlier runs on this output for the folder `root`. Empty if unreadable or for
+    /// another folder: it only saves time.
     pub(crate) fn recall(store: &Store, root: &Path) -> Memory {
         let root = root.to_string_lossy().into_owned();
         let memory: Option<Memory> = store.read_sealed(MEMORY);
@@ -124,19 +125,19 @@ impl Memory {
         fits.unwrap_or(Memory { version: MEMORY_VERSION, root, files: BTreeMap::new() })
     }
 
-    /// The hash of a file that has not changed.
+    /// The hash of an unchanged file.
     pub(crate) fn hash_of(&self, path: &str, stamp: &FileStamp) -> Option<&str> {
         self.files.get(path).filter(|k| k.stamp == *stamp).map(|k| k.blake3.as_str())
     }
 
-    /// The hash that a file had when it was read last.
+    /// The hash of a file when it was last read.
     pub(crate) fn latest_hash_of(&self, path: &str) -> Option<&str> {
         self.files.get(path).map(|known| known.blake3.as_str())
     }
 
-    /// Learns the hash of a file whose stamp was taken before it was read.
+    /// Adds the hash of a file whose metadata was taken before reading.
     pub(crate) fn learn(&mut self, path: &str, stamp: &FileStamp, blake3: &str) {
-        // A path with bytes that are no text cannot be told from another one.
+        // A path with bytes that are not text cannot be distinguished from another one.
         if path.contains(char::REPLACEMENT_CHARACTER) || stamp.is_too_fresh(SystemTime::now()) {
             self.files.remove(path);
             return;
@@ -149,13 +150,13 @@ impl Memory {
         self.files.retain(|path, _| exists(path));
     }
 
-    /// Writes it down.
+    /// Saves the memory.
     pub(crate) fn save(&self, store: &Store) -> Result<(), CampaignError> {
         Ok(store.write_sealed(MEMORY, self)?)
     }
 }
 
-/// BLAKE3 of a file, read through `buffer`. `None` if `advance` says that the user wants to stop.
+/// BLAKE3 of a file, read through `buffer`. `None` if `advance` reports that the user wants to stop.
 pub(crate) fn hash_file(
     path: &Path,
     buffer: &mut [u8],
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_known_until_it_is_written_again_even_with_its_size_and_time_kept() {
+    fn a_file_is_known_until_rewritten_even_with_the_same_size_and_time() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let path = old_file(folder.path(), "one");
@@ -209,7 +210,7 @@ mod tests {
 
     #[test]
     #[cfg(feature = "s3")]
-    fn an_object_is_known_by_its_size_and_tag_however_the_tag_is_quoted() {
+    fn an_object_is_known_by_its_size_and_tag_with_any_quoting() {
         let stamp = FileStamp::of_object(7, "\"d41d8cd98f00b204e9800998ecf8427e\"");
         assert_eq!(stamp, FileStamp::of_object(7, "d41d8cd98f00b204e9800998ecf8427e"));
         assert_ne!(stamp, FileStamp::of_object(7, "d41d8cd98f00b204e9800998ecf8427f"));
@@ -220,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_written_at_this_moment_is_not_trusted_next_time() {
+    fn a_file_written_at_this_moment_is_not_trusted_next_time() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let path = folder.path().join("b.csv");
@@ -238,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hash_is_that_of_the_content_whatever_the_buffer() {
+    fn the_hash_does_not_depend_on_the_buffer() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("c.bin");
         let content: Vec<u8> = (0..100_000u32).map(|i| (i * 7919 % 251) as u8).collect();

@@ -1,12 +1,12 @@
-//! What is said of a log without a position.
+//! The message about a log without a position.
 
 use compensation_replay::some_of;
 use flight::{Binding, ChannelHealth, Flight};
 
-/// Channels that are named.
+/// Maximum number of channels named.
 const NAMED: usize = 12;
 
-/// Why there is no position to measure: a receiver that never had a fix, or none in the log; and what the log gives instead.
+/// Why there is no position to measure: a receiver without a fix, or no receiver; and what the log has instead.
 pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String]) -> String {
     let empty = |c: &&ChannelHealth| wanted.contains(&c.name) && c.used == 0;
     let held = held(flight);
@@ -38,7 +38,7 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
     }
 }
 
-/// A channel with the quality of the fix that is 0 throughout, and its number of rows.
+/// A channel with the fix quality that is 0 throughout, and its number of rows.
 fn never_fixed(flight: &Flight) -> Option<(&str, usize)> {
     let (name, channel) = flight.channels.iter().find(|(name, _)| name.starts_with("fix."))?;
     let values = channel.series.components().first()?;
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_without_a_fix_is_told_from_no_receiver() {
+    fn a_receiver_without_a_fix_is_distinguished_from_no_receiver() {
         let gps = serde_json::json!([{
             "name": "position.gps", "quantity": "position-geodetic", "absent": [], "rows": 310, "used": 0,
             "source": { "topic": "GPS", "type_name": "", "fields": ["Lat", "Lng"] },
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_whose_fix_is_0_throughout_is_named() {
+    fn a_receiver_whose_fix_is_0_throughout_is_reported() {
         let channel = |values: Vec<f64>| {
             let stamps = (0..values.len() as i64).map(flight::Stamp).collect();
             let timeline = flight::Timeline::new(flight::StampKind::Measured, flight::Clock::Elapsed, stamps).unwrap();

@@ -1,4 +1,4 @@
-//! Finds the flights, learns their contents, and decides which results are to be made.
+//! Finds the flights, hashes their contents, and decides which results to make.
 
 use crate::config::Pipeline;
 use crate::criteria::Criteria;
@@ -16,7 +16,7 @@ use crate::results;
 use crate::s3;
 use crate::source;
 use crate::state::State;
-use crate::store::{Check, Store, first_names, is_temporary, look_into};
+use crate::store::{Check, Store, first_names, is_temporary, read_unopened};
 use crate::test_cards::TestCardFiles;
 use crate::work::Workers;
 use ingest::FlightUnit;
@@ -27,12 +27,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 
-/// Size of the piece in which files are hashed, bytes.
+/// Size of the buffer for hashing files, bytes.
 const PIECE: usize = 1 << 20;
-/// Reasons told of a folder without a flight.
+/// Maximum number of reasons reported for a folder without a flight.
 const MOST_REASONS: usize = 3;
 
-/// What is asked for.
+/// The request of the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Order {
     /// Folder of the flights.
@@ -41,13 +41,13 @@ pub struct Order {
     pub out: PathBuf,
     /// Settings.
     pub pipeline: Pipeline,
-    /// Hash every file anew, whatever its size and times say.
+    /// Hash every file again, regardless of its size and timestamps.
     pub verify: bool,
-    /// The report of other logs may be replaced.
+    /// Whether the report of other logs may be replaced.
     pub replace: bool,
-    /// Command that makes the campaign again, with names instead of paths, for the pages.
+    /// Command that reproduces the campaign, with names instead of paths, for the pages.
     pub command: String,
-    /// Logs that were written to less than this ago are left out: they are still being written.
+    /// Logs modified less than this ago are skipped: they are still being written.
     pub settle: Option<Duration>,
 }
 
@@ -58,24 +58,24 @@ impl Order {
     }
 }
 
-/// Begin of the reason why a log is left out that is still being written.
+/// Start of the reason for skipping a log that is still being written.
 pub const STILL_WRITTEN: &str = "still being written: left for the next run";
 
-/// Why a folder without a file holds no flight.
+/// Why a folder without files is not a flight.
 pub const EMPTY_FOLDER: &str = "the folder is empty";
 
-/// How it is to be done, and who is told. Nothing of it changes a result.
+/// The run context: how to execute, and where to report. Does not affect any result.
 pub struct Desk<'a> {
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
     /// Set when the user wants to stop.
     pub cancel: &'a AtomicBool,
-    /// Is told what happens.
+    /// Receiver of events.
     pub events: &'a dyn EventSink,
 }
 
 impl Desk<'_> {
-    pub(crate) fn tell(&self, event: Event) {
+    pub(crate) fn send(&self, event: Event) {
         self.events.event(&event);
     }
 
@@ -84,7 +84,7 @@ impl Desk<'_> {
     }
 }
 
-/// The plan of a campaign: which results are there, which are to be made, and why.
+/// The plan of a campaign: which results exist, which to make, and why.
 pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State) -> Result<Manifest, CampaignError> {
     let (root, out) = folders(order)?;
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
@@ -106,7 +106,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     manifest.test_cards = test_cards.map_err(|error| planner.as_shown(error))?;
     let cases = planner.with_references(units)?;
     let mut contents = Contents::look_at(&planner, &cases, &kept);
-    desk.tell(contents.found(cases.len() + unreadable.len(), manifest.ignored.len()));
+    desk.send(contents.found(cases.len() + unreadable.len(), manifest.ignored.len()));
     contents.learn(&planner)?;
     manifest.flights = cases.into_iter().map(|case| contents.planned(case)).collect();
     manifest.flights.extend(unreadable.into_iter().map(unreadable_flight));
@@ -120,7 +120,7 @@ struct Planner<'a> {
     order: &'a Order,
     desk: &'a Desk<'a>,
     store: &'a Store,
-    /// What the last run left.
+    /// State of the last run.
     state: &'a State,
     /// The folder of the flights, absolute.
     root: PathBuf,
@@ -158,17 +158,17 @@ impl Planner<'_> {
         Ok(cases)
     }
 
-    /// An error in which a local file may be named that stands for an object.
+    /// Replaces the local file in an error by the name of the object, where it is a copy of one.
     fn as_shown(&self, error: CampaignError) -> CampaignError {
         match error {
-            CampaignError::Asked(text) => CampaignError::Asked(self.logs.told(text)),
+            CampaignError::Asked(text) => CampaignError::Asked(self.logs.with_shown_names(text)),
             other => other,
         }
     }
 
-    /// Takes flights whose files were written to less than `settle` ago off the list of flights, and says so. A flight that has
-    /// a result stays with it, unread: the files of such flights are returned. A time that is later than now by more than that
-    /// is a wrong clock, not a recent write.
+    /// Removes flights whose files were modified less than `settle` ago from the list, and reports them. A flight with
+    /// a result keeps it, unread: the files of such flights are returned. A modification time later than now by more
+    /// than `settle` is a wrong clock, not a recent write.
     fn leave_unsettled(&self, found: &mut Found, settle: Duration) -> Result<BTreeSet<PathBuf>, CampaignError> {
         let now = SystemTime::now();
         let is_fresh = |file: &PathBuf| {
@@ -186,7 +186,7 @@ impl Planner<'_> {
         let reason = format!("{STILL_WRITTEN} (written to less than {minutes} min before this one)");
         self.ignore(&left, &reason, found);
         self.ignore(&kept, &format!("{reason}; its result of the last run stays"), found);
-        // A copy that has just begun looks like no log.
+        // A file that is just being copied is not recognised as a log yet.
         for input in found.ignored.iter_mut().filter(|input| self.state.has_flight(&input.path)) {
             if !input.reason.starts_with(STILL_WRITTEN) && is_fresh(&self.logs.root().join(&input.path)) {
                 input.reason = format!("{STILL_WRITTEN} (now: {})", input.reason);
@@ -201,16 +201,16 @@ impl Planner<'_> {
         Ok(files)
     }
 
-    /// Whether the last run left a result of a flight, and the contents of its files.
+    /// Whether the last run has a result of a flight, and the contents of its files.
     fn has_result(&self, unit: &FlightUnit, memory: &Memory) -> bool {
         let is_remembered = |file: &PathBuf| memory.latest_hash_of(&name_below(self.logs.root(), file)).is_some();
         self.state.has_flight(&unit.id) && unit.files.iter().all(is_remembered)
     }
 
-    /// Lists flights as ignored, and says so.
+    /// Lists flights as ignored, and reports them.
     fn ignore(&self, units: &[FlightUnit], reason: &str, found: &mut Found) {
         for unit in units {
-            self.desk.tell(Event::Remark { text: format!("{}: {reason}", unit.id) });
+            self.desk.send(Event::Remark { text: format!("{}: {reason}", unit.id) });
             found.ignored.push(IgnoredInput { path: unit.id.clone(), reason: reason.to_owned() });
         }
     }
@@ -220,13 +220,13 @@ fn no_logs(ignored: &[IgnoredInput]) -> String {
     why_no_logs(ignored.iter().map(|file| (file.path.as_str(), file.reason.as_str())))
 }
 
-/// Of files with the reason why each is no log: the most frequent reasons, each with an example.
+/// The most frequent reasons why files are not logs, each with an example.
 pub(crate) fn why_no_logs<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -> String {
     let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     files.for_each(|(path, reason)| reasons.entry(reason).or_default().push(path));
     let mut reasons: Vec<_> = reasons.into_iter().collect();
     reasons.sort_by_key(|(_, files)| std::cmp::Reverse(files.len()));
-    let told = |(reason, files): &(&str, Vec<&str>)| match files.as_slice() {
+    let worded = |(reason, files): &(&str, Vec<&str>)| match files.as_slice() {
         [one] => format!("{one}: {reason}"),
         [first, rest @ ..] => format!("{first} and {} more: {reason}", rest.len()),
         [] => String::new(),
@@ -234,23 +234,23 @@ pub(crate) fn why_no_logs<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -
     match reasons.len() {
         0 => EMPTY_FOLDER.to_owned(),
         n if n > MOST_REASONS => {
-            let listed: Vec<String> = reasons.iter().take(MOST_REASONS).map(told).collect();
+            let listed: Vec<String> = reasons.iter().take(MOST_REASONS).map(worded).collect();
             format!("{}; and files with {} other reasons", listed.join("; "), n - MOST_REASONS)
         }
-        _ => reasons.iter().map(told).collect::<Vec<_>>().join("; "),
+        _ => reasons.iter().map(worded).collect::<Vec<_>>().join("; "),
     }
 }
 
-/// What becomes of flights whose last attempt ended in trouble.
+/// Whether to retry flights whose last attempt ended in trouble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Retry {
-    /// They are tried again.
+    /// Retry them.
     Troubled,
-    /// They were tried a moment ago.
+    /// Do not: they were just tried.
     Nobody,
 }
 
-/// Finds the work that is left: measurements first; once every flight is measured that can be, what is removed and replayed.
+/// Finds the remaining work: first measurements; once all usable flights are measured, decisions and replays.
 pub(crate) fn judge(
     manifest: &mut Manifest,
     pipeline: &Pipeline,
@@ -291,7 +291,7 @@ pub(crate) fn judge(
     Ok(())
 }
 
-/// Gives a flight the key of its result, and the reasons why it has to be made if it is not there.
+/// Sets the key of a flight's result, and if the result is missing, why it must be made.
 fn judge_replay(
     manifest: &mut Manifest,
     i: usize,
@@ -301,7 +301,7 @@ fn judge_replay(
 ) -> Result<(), CampaignError> {
     let measured = manifest.flights[i].measure_key.clone().filter(|_| manifest.flights[i].stage.is_none());
     let (Some(decision), Some(measured)) = (decision, measured) else { return Ok(()) };
-    // A log that is still being written cannot be replayed: what was removed last stays, whatever other flights say.
+    // A log that is still being written cannot be replayed: its last decision stays, whatever other flights show.
     let flight = &manifest.flights[i];
     if let Some((decision, key)) = state.latest_of(&flight.flight).filter(|_| flight.is_kept)
         && state.has_result(store, &key)?
@@ -324,7 +324,7 @@ fn judge_replay(
     Ok(())
 }
 
-/// The absolute path without links that a folder has, or will have once it is made.
+/// The absolute path without links that a folder has, or will have once it is created.
 fn to_be(path: &Path) -> std::io::Result<PathBuf> {
     let path = std::path::absolute(path)?;
     let exists = path.ancestors().find(|a| a.exists()).unwrap_or(&path);
@@ -341,25 +341,25 @@ fn folders(order: &Order) -> Result<(PathBuf, PathBuf), CampaignError> {
     Ok((whole(&order.flights)?, whole(&order.out)?))
 }
 
-/// Refuses an output folder that holds something and was not made by us; before anything is written.
+/// Rejects a non-empty output folder that flightlag did not create, before anything is written.
 pub(crate) fn check_output(order: &Order) -> Result<(), CampaignError> {
     check_out(&order.flights, &order.out)?;
     source::check(&order.out, std::slice::from_ref(&order.flights), order.replace)?;
     refuse_other_kind(&order.out, BENCH_MARK, "a bench")
 }
 
-/// The mark of a folder that holds the report of a bench.
+/// Marks a folder with a bench report.
 pub(crate) const BENCH_MARK: &str = ".flightlag/bench.json";
 
-/// A report that is not of this kind would be written over, page by page.
+/// Rejects a folder with a report of another kind, which would be overwritten page by page.
 pub(crate) fn refuse_other_kind(out: &Path, mark: &str, kind: &str) -> Result<(), CampaignError> {
-    match look_into(out, mark)?.is_some() {
+    match read_unopened(out, mark)?.is_some() {
         true => Err(CampaignError::Asked(format!("{}: holds the report of {kind}; give another --out", out.display()))),
         false => Ok(()),
     }
 }
 
-/// Refuses an output folder that holds the input, lies in it, or holds something that we did not write.
+/// Rejects an output folder that contains the input, is inside it, or contains foreign files.
 pub(crate) fn check_out(input: &Path, out_folder: &Path) -> Result<(), CampaignError> {
     let whole = |path: &Path, to_be: &dyn Fn(&Path) -> std::io::Result<PathBuf>| match s3::is_in_bucket(path) {
         true => Ok(path.to_owned()),
@@ -370,9 +370,9 @@ pub(crate) fn check_out(input: &Path, out_folder: &Path) -> Result<(), CampaignE
         let what = "logs and the output folder must not hold one another";
         return Err(CampaignError::Asked(format!("{} and {}: {what}", input.display(), out_folder.display())));
     }
-    // A run that was killed at its very start leaves no more than these.
+    // A run killed at its very start leaves at most these.
     let foreign = |name: &OsStr| name != ".flightlag" && !is_temporary(name);
-    if look_into(out_folder, LOCK)?.is_some() || !first_names(out_folder)?.iter().any(|name| foreign(name)) {
+    if read_unopened(out_folder, LOCK)?.is_some() || !first_names(out_folder)?.iter().any(|name| foreign(name)) {
         return Ok(());
     }
     let what = "this folder holds something that flightlag did not write; give an empty or new folder for --out";
@@ -383,23 +383,23 @@ fn absolute(path: &Path) -> Result<PathBuf, CampaignError> {
     path.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", path.display())))
 }
 
-/// What could not be looked at is a flight that failed, until somebody can look at it.
+/// An unreadable input counts as a failed flight until it can be read.
 fn unreadable_flight(input: IgnoredInput) -> Planned {
     let trouble = Some(format!("{}: {}", input.path, input.reason));
     Planned { trouble, ..Planned::unread(input.path) }
 }
 
-/// The path below the folder of flights; the file's name if that folder is a file itself.
+/// The path below the folder of flights; the file name if that "folder" is a file.
 fn name_below(root: &Path, path: &Path) -> String {
     let below = path.strip_prefix(root).ok().filter(|p| !p.as_os_str().is_empty());
     let name = below.map(Path::as_os_str).or(path.file_name()).unwrap_or_default();
     name.to_string_lossy().into_owned()
 }
 
-/// A file and what is known of it.
+/// A file and what is known about it.
 struct Looked {
     path: PathBuf,
-    /// Below the folder of flights.
+    /// Path below the folder of flights.
     name: String,
     stamp: Result<FileStamp, String>,
     blake3: Option<String>,
@@ -410,11 +410,11 @@ struct Contents<'a> {
     logs: &'a Logs,
     files: BTreeMap<PathBuf, Looked>,
     memory: Remembered,
-    /// Files that are still being written, and count with the content that they had.
+    /// Files that are still being written, which count with their earlier content.
     kept: &'a BTreeSet<PathBuf>,
 }
 
-/// The memory, and whether it has learnt anything.
+/// The memory, and whether it has changed.
 struct Remembered {
     before: Memory,
     now: Memory,
@@ -451,23 +451,23 @@ impl<'a> Contents<'a> {
         Event::Found { flights, ignored, bytes: self.files.values().map(Looked::bytes).sum() }
     }
 
-    /// Learns all contents that are not known. What was hashed before the user stopped need not be hashed again.
+    /// Hashes all unknown contents. Hashes made before the user stopped are kept.
     fn learn(&mut self, planner: &Planner<'_>) -> Result<(), CampaignError> {
         self.read_unknown(planner.desk)?;
         self.memory.save_if_changed(planner.store)?;
         planner.desk.stopped()
     }
 
-    /// Hashes every file whose content is not known.
+    /// Hashes every file with unknown content.
     fn read_unknown(&mut self, desk: &Desk<'_>) -> Result<(), CampaignError> {
         let unknown: Vec<&Looked> = self.files.values().filter(|f| f.stamp.is_ok() && f.blake3.is_none()).collect();
         if unknown.is_empty() {
             return Ok(());
         }
         let bytes = unknown.iter().map(|f| f.bytes()).sum();
-        desk.tell(Event::Hashing { files: unknown.len(), bytes });
+        desk.send(Event::Hashing { files: unknown.len(), bytes });
         let advance = |bytes| {
-            desk.tell(Event::Hashed { bytes });
+            desk.send(Event::Hashed { bytes });
             !desk.cancel.load(Ordering::Relaxed)
         };
         let hash = |piece: &mut Vec<u8>, file: &&Looked| {

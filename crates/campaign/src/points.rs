@@ -1,12 +1,13 @@
-//! The points of figures, apart from the record that they belong to.
+//! The points of figures, stored separately from their record.
 //!
-//! Most of a record would be lists of numbers that only figures need. They are taken out of its JSON, which keeps empty lists in
-//! their place, and are written as few bytes into a file of their own. Times are kept to 0.1 ms,
-//! lengths to 1 mm, delays to 1 µs: no figure shows more.
+//! Most of a record would be lists of numbers that only figures need. They are moved out of its JSON, which keeps empty
+//! lists in their place, into a compact file. Times are rounded to 0.1 ms, lengths to 1 mm, delays to 1 µs: no figure
+//! shows more.
 //!
-//! The file begins with [`MAGIC`]. A raw deflate stream (RFC 1951) follows. Inflated, it holds one list after another: the length
-//! of its JSON pointer and the pointer, how many values it has, how often differences were taken, and the values as zigzag of
-//! these differences. All numbers are variable-length: seven bits a byte, the lowest first, and the eighth bit where more follow.
+//! The file starts with [`MAGIC`]. A raw deflate stream (RFC 1951) follows. Inflated, it holds the lists in sequence.
+//! Each has the length of its JSON pointer, the pointer, the number of values, the order of differencing, and the
+//! values as zigzag-coded differences. All numbers are variable-length: seven bits per byte, lowest first, and the
+//! eighth bit is set if more bytes follow.
 
 use flate2::Compression;
 use flate2::read::DeflateDecoder;
@@ -16,7 +17,7 @@ use std::io::{Read, Write};
 
 const MAGIC: &[u8; 8] = b"flpts\x02\r\n";
 
-/// How many steps one unit of a list has: times are kept to 0.1 ms, lengths to 1 mm, delays to 1 µs.
+/// Steps per unit of a list: times are rounded to 0.1 ms, lengths to 1 mm, delays to 1 µs.
 fn steps_of_one(pointer: &str) -> i64 {
     if pointer.ends_with("/t_s") { 10_000 } else { 1_000 }
 }
@@ -24,7 +25,7 @@ fn steps_of_one(pointer: &str) -> i64 {
 /// Shorter lists stay in the record.
 const LEAST: usize = 16;
 
-/// No list of points that we write inflates to more.
+/// Maximum inflated size of a file of points.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// The parts of a record that hold points.
@@ -39,7 +40,7 @@ const PLACES: [&str; 8] = [
     "/trial/lead",
 ];
 
-/// Takes the points out of a record; `None` if it has none.
+/// Moves the points out of a record; `None` if it has none.
 pub(crate) fn take(record: &mut Value) -> Option<Vec<u8>> {
     let mut lists = vec![];
     for place in PLACES {
@@ -66,9 +67,9 @@ fn collect(part: &mut Value, pointer: &str, lists: &mut Vec<(String, Vec<i64>)>)
     }
 }
 
-/// A list of numbers in steps; `None` if it is short or holds anything else.
+/// A list of numbers in steps; `None` if it is short or contains anything else.
 fn steps(values: &[Value], of_one: i64) -> Option<Vec<i64>> {
-    // 2^53 steps: a double holds them exactly.
+    // About 2^53 steps, which a double represents exactly.
     const LARGEST: f64 = 9.0e15;
     let step = |value: &Value| value.as_f64().map(|x| (x * of_one as f64).round()).filter(|x| x.abs() < LARGEST);
     (values.len() >= LEAST).then(|| values.iter().map(|v| step(v).map(|x| x as i64)).collect())?
@@ -84,7 +85,7 @@ fn packed(lists: &[(String, Vec<i64>)]) -> Vec<u8> {
         push(&mut plain, order);
         differences.iter().for_each(|&d| push(&mut plain, zigzag(d)));
     }
-    // A level higher makes a file a few percent smaller and a campaign a tenth slower.
+    // The next level makes a file a few percent smaller and a campaign a tenth slower.
     let mut encoder = DeflateEncoder::new(MAGIC.to_vec(), Compression::new(3));
     // Writing to memory cannot fail.
     let _ = encoder.write_all(&plain);
@@ -130,7 +131,7 @@ fn push(bytes: &mut Vec<u8>, mut number: u64) {
     bytes.push(number as u8);
 }
 
-/// Puts the points back; `None` if the file is not one of ours or does not fit to the record.
+/// Restores the points; `None` if the file has another format or does not match the record.
 pub(crate) fn put_back(record: &mut Value, points: &[u8]) -> Option<()> {
     let mut plain = vec![];
     let deflated = points.strip_prefix(MAGIC)?;
@@ -138,8 +139,8 @@ pub(crate) fn put_back(record: &mut Value, points: &[u8]) -> Option<()> {
     let mut rest = plain.as_slice();
     while !rest.is_empty() {
         let length = usize::try_from(number(&mut rest)?).ok()?;
-        let (pointer, behind) = rest.split_at_checked(length)?;
-        rest = behind;
+        let (pointer, after) = rest.split_at_checked(length)?;
+        rest = after;
         let pointer = std::str::from_utf8(pointer).ok()?;
         let values = list(&mut rest, steps_of_one(pointer))?;
         let place = record.pointer_mut(pointer)?;
@@ -162,7 +163,7 @@ fn list(rest: &mut &[u8], of_one: i64) -> Option<Vec<Value>> {
     Some(steps.into_iter().map(|step| value(step, of_one)).collect())
 }
 
-/// A whole number stays one: lists of rows hold nothing else.
+/// The value of a step. Whole numbers stay integers: lists of rows hold nothing else.
 fn value(step: i64, of_one: i64) -> Value {
     match step % of_one {
         0 => (step / of_one).into(),
@@ -174,8 +175,8 @@ fn value(step: i64, of_one: i64) -> Value {
 fn number(rest: &mut &[u8]) -> Option<u64> {
     let mut number = 0;
     for shift in (0..64).step_by(7) {
-        let (byte, behind) = rest.split_first()?;
-        *rest = behind;
+        let (byte, after) = rest.split_first()?;
+        *rest = after;
         number |= u64::from(byte & 0x7f).checked_shl(shift)?;
         if byte & 0x80 == 0 {
             return Some(number);
@@ -201,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn points_come_back_to_half_a_millimetre_and_all_else_as_it_was() {
+    fn points_are_restored_to_half_a_millimetre_and_all_else_exactly() {
         let values: Vec<f64> = (0..500).map(|i| 1e4 * f64::from(i).sin() + 1e-5).collect();
         let whole = record(&values);
         let mut lean = whole.clone();
@@ -219,27 +220,27 @@ mod tests {
             back["replay"]["axes"][0]["position_m"][0]["breaks"],
             whole["replay"]["axes"][0]["position_m"][0]["breaks"]
         );
-        // What was put back is taken out as the same bytes.
+        // Restored points are moved out again as the same bytes.
         assert_eq!(take(&mut back).unwrap(), points);
         assert_eq!(back, lean);
     }
 
     #[test]
-    fn a_regular_curve_takes_few_bytes() {
+    fn a_smooth_curve_needs_few_bytes() {
         let values: Vec<f64> = (0..10_000).map(|i| 0.01 * f64::from(i)).collect();
         let mut record = record(&values);
         assert!(take(&mut record).unwrap().len() < 1_000);
     }
 
     #[test]
-    fn a_record_without_points_and_values_that_are_no_numbers_stay() {
+    fn a_record_without_points_and_non_numeric_values_are_unchanged() {
         let mut record = json!({ "replay": { "axes": [{ "t_s": [1, null, 3] }] }, "outcome": "failed" });
         let before = record.clone();
         assert!(take(&mut record).is_none() && record == before);
     }
 
     #[test]
-    fn bytes_that_are_no_points_are_refused() {
+    fn bytes_that_are_not_points_are_rejected() {
         let mut lean = record(&[1.5; 40]);
         let points = take(&mut lean).unwrap();
         assert!(put_back(&mut lean.clone(), b"flpts").is_none());

@@ -1,4 +1,4 @@
-//! Which process wrote something. A process number alone says little: hosts and containers use the same numbers.
+//! Identity of the process that wrote something. A process number is not enough: hosts and containers reuse numbers.
 
 use std::fs;
 use std::path::Path;
@@ -8,10 +8,10 @@ use std::sync::OnceLock;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Process {
     pub(crate) host: String,
-    /// Start of the system and namespace of process numbers, 8 hexadecimal digits; `-` where the system does not say.
+    /// Boot and namespace of process numbers, 8 hexadecimal digits; `-` if the system does not report them.
     pub(crate) system: String,
     pub(crate) pid: u32,
-    /// When it started, ticks since the start of the system.
+    /// Its start time, ticks since boot.
     pub(crate) started: u64,
 }
 
@@ -26,7 +26,7 @@ impl Process {
         })
     }
 
-    /// Whether it ended; `None` if it runs on another host or in another container, where nobody here can see it.
+    /// Whether it has ended; `None` if it runs on another host or in another container, and so is not visible here.
     pub(crate) fn has_ended(&self) -> Option<bool> {
         let this = Process::this();
         let visible = self.system == this.system && self.system != UNKNOWN;
@@ -34,7 +34,7 @@ impl Process {
     }
 }
 
-/// The system does not say when it was started.
+/// Placeholder if the system does not report its boot.
 const UNKNOWN: &str = "-";
 
 fn system() -> String {
@@ -49,8 +49,8 @@ fn system() -> String {
     }
 }
 
-/// Field 22 of `/proc/PID/stat`; `None` if there is no such process, or it has ended and only waits to be taken note of. The
-/// second field is a name in brackets, which may hold anything.
+/// Field 22 of `/proc/PID/stat`; `None` if there is no such process, or it is a zombie. The second field is a name in
+/// parentheses, which may contain anything.
 fn started(stat: &Path) -> Option<u64> {
     let text = fs::read_to_string(stat).ok()?;
     let mut fields = text.rsplit_once(')')?.1.split_whitespace();
@@ -61,7 +61,7 @@ fn started(stat: &Path) -> Option<u64> {
     fields.nth(18)?.parse().ok()
 }
 
-/// Name of this machine, without characters that separate parts of a temporary name.
+/// Name of this machine, without the characters that separate the parts of a temporary name.
 pub(crate) fn host_name() -> String {
     let from_kernel = fs::read_to_string("/proc/sys/kernel/hostname").ok();
     let name = from_kernel.or_else(|| std::env::var("HOSTNAME").ok()).unwrap_or_default();
@@ -74,18 +74,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn this_process_runs_and_one_that_ended_is_known_to_have_ended() {
+    fn this_process_is_running_and_an_ended_one_is_detected() {
         assert_eq!(Process::this().has_ended(), Some(false));
         let mut child = std::process::Command::new("true").spawn().unwrap();
         let ended = Process { pid: child.id(), started: 1, ..Process::this().clone() };
         child.wait().unwrap();
         assert_eq!(ended.has_ended(), Some(true));
-        // The number is in use again, by a process that started at another time.
+        // The number was reused by a process that started at another time.
         assert_eq!(Process { started: 7, ..Process::this().clone() }.has_ended(), Some(true));
     }
 
     #[test]
-    fn a_process_that_was_killed_has_ended_although_its_parent_takes_no_note() {
+    fn a_killed_process_has_ended_although_it_is_still_a_zombie() {
         let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
         let stat = Path::new("/proc").join(child.id().to_string()).join("stat");
         let process = Process { pid: child.id(), started: started(&stat).unwrap(), ..Process::this().clone() };
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_known_of_a_process_of_another_host_or_container() {
+    fn nothing_is_known_about_a_process_of_another_host_or_container() {
         let other = Process { system: "00000000".to_owned(), ..Process::this().clone() };
         assert_eq!(other.has_ended(), None);
         assert_eq!(Process { system: UNKNOWN.to_owned(), ..Process::this().clone() }.has_ended(), None);

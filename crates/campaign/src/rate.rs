@@ -1,8 +1,8 @@
-//! How fast a channel is.
+//! Update rate of a channel.
 
 use flight::ChannelHealth;
 
-/// How often a channel brings news, Hz: its updates where values are held, else its rows.
+/// Rate of new values of a channel, Hz: of its updates if values are held, else of its rows.
 pub(crate) fn rate_of(channels: &[ChannelHealth], name: &str) -> Option<f64> {
     let channel = channels.iter().find(|c| c.name == name)?;
     match &channel.held {

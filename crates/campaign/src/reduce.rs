@@ -1,5 +1,5 @@
-//! All results become one table, one record, and pages. Safe to run again at any time: a page or
-//! a row that was made from the same things stands.
+//! Reduces all results to one table, one record, and pages. Safe to repeat at any time: a page or
+//! a row with unchanged inputs is kept.
 
 use crate::changes::changes;
 use crate::config::Pipeline;
@@ -41,7 +41,7 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// What changed since the run before: besides `run.json` the only output that depends on it.
+/// What changed since the previous run: apart from `run.json`, the only output that depends on that run.
 const CHANGES: &str = "since-last-run.json";
 
 /// How a campaign ended.
@@ -49,23 +49,23 @@ const CHANGES: &str = "since-last-run.json";
 pub struct Verdict {
     /// Counts over all flights.
     pub totals: CampaignTotals,
-    /// What the criteria say; `None` where none were given.
+    /// Results of the criteria; `None` without criteria.
     pub criteria: Option<CampaignCriteria>,
-    /// Flights without a lasting result; they are among the pending and the failed ones.
+    /// Flights without a lasting result, a subset of the pending and failed ones.
     pub troubled: u64,
-    /// How late the position is, by group of flights.
+    /// Lateness of the position, by group of flights.
     pub groups: Vec<GroupLine>,
     /// One line for each flight.
     pub lines: Vec<DelayLine>,
     /// The page to open.
     pub page: PathBuf,
-    /// Whether everything stood already.
+    /// Whether everything was already up to date.
     pub nothing_changed: bool,
 }
 
 impl Verdict {
-    /// 4 if a flight fails a criterion or was harmed, else 3 if some failed, lost data, have a delay that changes or a
-    /// reference file that cannot be used, else 0.
+    /// 4 if a flight fails a criterion or was harmed; else 3 if some failed, lost data, have a changing delay or an
+    /// unusable reference file; else 0.
     #[must_use]
     pub fn exit(&self) -> Exit {
         if self.totals.harmed > 0 || self.criteria.as_ref().is_some_and(|c| c.flights.fail > 0) {
@@ -78,10 +78,10 @@ impl Verdict {
     }
 }
 
-/// Makes table, record and pages from whatever results are there. Flights without one are named.
+/// Makes table, record and pages from the existing results. Names flights without one.
 ///
 /// # Errors
-/// An output cannot be written, another process is at work on the folder, or the user stopped.
+/// An output cannot be written, another process uses the folder, or the user stopped.
 pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
     let store = Store::open_planned(manifest.out(), &manifest.out_id)?;
@@ -107,10 +107,10 @@ fn plan_again(count: usize) -> CampaignError {
     CampaignError::Outdated(format!("{count} results were damaged and have been removed"))
 }
 
-/// Files named of those that have changed.
+/// Maximum number of changed files that are named.
 const MOST_CHANGED: usize = 3;
 
-/// Compares what an earlier run left with what is there, and says which files are made again.
+/// Compares the outputs of an earlier run with the disk, and reports which files are made again.
 pub(crate) fn compare(state: &mut State, store: &Store, check: Check, desk: &Desk<'_>) -> Result<(), CampaignError> {
     let changed = state.compare(store, check, desk)?;
     let more = match changed.len().saturating_sub(MOST_CHANGED) {
@@ -120,19 +120,19 @@ pub(crate) fn compare(state: &mut State, store: &Store, check: Check, desk: &Des
     let names: Vec<&str> = changed.iter().take(MOST_CHANGED).map(String::as_str).collect();
     if !names.is_empty() {
         let text = format!("missing or changed since they were written, and made again: {}{more}", names.join(", "));
-        desk.tell(Event::Remark { text });
+        desk.send(Event::Remark { text });
     }
     Ok(())
 }
 
-/// What a reduction came to.
+/// Outcome of a reduction.
 pub(crate) enum Reduction {
     Finished(Box<Verdict>),
-    /// Results of these flights were there and not whole. They are removed.
+    /// Results of these flights were damaged, and are removed.
     Damaged(Vec<String>),
 }
 
-/// Reduces under a lock that the caller holds.
+/// Reduces while the caller holds the lock.
 pub(crate) fn reduce_locked(
     manifest: &Manifest,
     desk: &Desk<'_>,
@@ -143,8 +143,8 @@ pub(crate) fn reduce_locked(
     let made_from = whole_hash(manifest, &lines);
     let before = previous_record(store);
     let old = before.as_ref().filter(|before| before.blake3 == state.record_blake3);
-    let stands = state.whole.as_ref().is_some_and(|whole| whole.made_from == made_from);
-    if let Some(old) = old.filter(|_| stands) {
+    let up_to_date = state.whole.as_ref().is_some_and(|whole| whole.made_from == made_from);
+    if let Some(old) = old.filter(|_| up_to_date) {
         if state.refreshed {
             state.save(store)?;
         }
@@ -162,19 +162,19 @@ pub(crate) fn reduce_locked(
     reducer.reduce(&lines, made_from, state)
 }
 
-/// Everything stands already.
+/// The verdict if everything is already up to date.
 fn nothing_changed(
     lines: &[Line<'_>],
     record: &CampaignRecord,
     store: &Store,
     desk: &Desk<'_>,
 ) -> Result<Reduction, CampaignError> {
-    desk.tell(Event::NothingChanged);
+    desk.send(Event::NothingChanged);
     let verdict = verdict(store, record, troubled(lines), true);
     if reports::is_unlisted(store) {
         reports::list(store, &summary_of(&verdict), desk)?;
     }
-    tell_end(desk, store, record, &verdict);
+    report_end(desk, store, record, &verdict);
     Ok(Reduction::Finished(Box::new(verdict)))
 }
 
@@ -183,22 +183,22 @@ fn troubled(lines: &[Line<'_>]) -> u64 {
     lines.iter().filter(|line| matches!(line.source, Source::Without(_))).count() as u64
 }
 
-/// A flight and where its result comes from.
+/// A flight and the source of its result.
 struct Line<'a> {
     planned: &'a Planned,
     slug: String,
     /// The flights before and after it, with their folders.
     neighbours: [Option<(&'a str, String)>; 2],
     source: Source,
-    /// Hash of everything that its page is made from.
+    /// Hash of all inputs of its page.
     made_from: String,
 }
 
-/// Where the result of a flight comes from.
+/// Source of the result of a flight.
 enum Source {
     /// A result with this key.
     Result(String),
-    /// There is none; the record says why.
+    /// No result; the record gives the reason.
     Without(Box<FlightRecord>),
 }
 
@@ -248,8 +248,8 @@ fn page_hash(
     };
     let version = REPORT_VERSION.to_string();
     let criteria = manifest.criteria_parts();
-    let beside = neighbours.each_ref().map(|n| n.as_ref().map_or("", |(name, _)| *name));
-    let [before, after] = beside;
+    let names = neighbours.each_ref().map(|n| n.as_ref().map_or("", |(name, _)| *name));
+    let [before, after] = names;
     let cards = manifest.test_cards.hash_of(&planned.flight);
     let (pipeline, build) = (&manifest.pipeline.blake3, &manifest.flightlag_version);
     let parts =
@@ -266,13 +266,13 @@ fn whole_hash(manifest: &Manifest, lines: &[Line<'_>]) -> String {
     hash_of_parts(&parts)
 }
 
-/// The campaign's record that the folder holds, and its hash.
+/// The campaign record in the folder, and its hash.
 pub(crate) struct Previous {
     pub(crate) record: CampaignRecord,
     pub(crate) blake3: String,
 }
 
-/// What the folder holds of an earlier run; `None` if it cannot be read.
+/// Reads the record of an earlier run; `None` if unreadable.
 pub(crate) fn previous_record(store: &Store) -> Option<Previous> {
     let [text, rows] = [RECORD, ROWS].map(|name| store.read(name).ok().flatten());
     let (text, rows) = (text?, rows?);
@@ -288,33 +288,33 @@ struct Reducer<'a> {
     test_cards: TestCards,
     desk: &'a Desk<'a>,
     store: &'a Store,
-    /// What the folder holds of an earlier run, without the rows that may be used again.
+    /// Record of an earlier run, without the rows that may be reused.
     before: Option<CampaignRecord>,
-    /// Rows of that run that may be used again. They are taken, for many thousands would need much memory twice.
+    /// Reusable rows of that run. They are moved out, because many thousands would use much memory twice.
     rows: Mutex<BTreeMap<String, Box<FlightRow>>>,
 }
 
 /// Files of results, by key.
 type Results = BTreeMap<String, Files>;
 
-/// A line that is done.
+/// A finished line.
 struct Reduced {
     row: Box<FlightRow>,
-    /// Whether that is the row of the run before.
+    /// Whether that is the row of the previous run.
     same_row: bool,
-    /// If it was made now.
+    /// The page, if made now.
     page: Option<PageState>,
-    /// Files of the result that the page was made from, if it was made now.
+    /// Files of the result behind the page, if made now.
     files: Option<Files>,
 }
 
-/// How far a reduction is. It is written down from time to time, so that one that is stopped goes on from there.
+/// Progress of a reduction, saved from time to time so that a stopped one continues from there.
 struct Progress<'a> {
     state: &'a mut State,
     saved: Instant,
 }
 
-/// Pages of a reduction are written down as done after this time at the latest.
+/// Finished pages are saved in the state at this interval.
 const SAVE_EVERY: Duration = Duration::from_secs(20);
 
 impl Progress<'_> {
@@ -330,8 +330,8 @@ impl Progress<'_> {
 
 impl Reducer<'_> {
     fn reduce(&self, lines: &[Line<'_>], made_from: String, state: &mut State) -> Result<Reduction, CampaignError> {
-        let standing = self.withdraw(lines, state)?;
-        let reduced = self.each_line(lines, &standing, state)?;
+        let kept_pages = self.withdraw(lines, state)?;
+        let reduced = self.each_line(lines, &kept_pages, state)?;
         let damaged: Vec<String> =
             lines.iter().zip(&reduced).filter(|(_, r)| r.is_none()).map(|(l, _)| l.planned.flight.clone()).collect();
         if !damaged.is_empty() {
@@ -339,12 +339,12 @@ impl Reducer<'_> {
         }
         let reduced: Vec<Reduced> = reduced.into_iter().flatten().collect();
         let pages = reduced.iter().filter(|r| r.page.is_some()).count();
-        self.desk.tell(Event::Reduced { pages, kept: reduced.len() - pages });
+        self.desk.send(Event::Reduced { pages, kept: reduced.len() - pages });
         self.finish(lines, reduced, made_from, state)
     }
 
-    /// From here on, only what stays is claimed to stand: a kill must not leave a claim that is wrong. The pages that stay, by
-    /// the folder's name, and whether the campaign's record has their rows.
+    /// Removes everything from the state that will be replaced, so that a killed run leaves no wrong claim. Returns the
+    /// pages that stay, by folder name, and whether the campaign's record has their rows.
     fn withdraw(&self, lines: &[Line<'_>], state: &mut State) -> Result<BTreeMap<String, bool>, CampaignError> {
         let made_from: BTreeMap<&str, &str> = lines.iter().map(|l| (l.slug.as_str(), l.made_from.as_str())).collect();
         state.pages.retain(|slug, page| made_from.get(slug.as_str()) == Some(&page.made_from.as_str()));
@@ -356,12 +356,12 @@ impl Reducer<'_> {
     fn each_line(
         &self,
         lines: &[Line<'_>],
-        standing: &BTreeMap<String, bool>,
+        kept_pages: &BTreeMap<String, bool>,
         state: &mut State,
     ) -> Result<Vec<Option<Reduced>>, CampaignError> {
         let progress = Mutex::new(Progress { state, saved: Instant::now() });
         let one = |(): &mut (), line: &Line<'_>| {
-            let reduced = match standing.get(&line.slug) {
+            let reduced = match kept_pages.get(&line.slug) {
                 Some(has_row) => self.kept(line, *has_row)?,
                 None => self.made(line)?,
             };
@@ -379,7 +379,7 @@ impl Reducer<'_> {
         answers.into_iter().map(|a| a.unwrap_or(Err(CampaignError::Cancelled))).collect()
     }
 
-    /// A line whose page stands. Its row does too, or is made from the record.
+    /// A line whose page is up to date. Its row is too, or is made from the record.
     fn kept(&self, line: &Line<'_>, has_row: bool) -> Result<Option<Reduced>, CampaignError> {
         let mut rows = self.rows.lock().unwrap_or_else(|e| e.into_inner());
         let row = if has_row { rows.remove(&line.planned.flight) } else { None };
@@ -395,7 +395,7 @@ impl Reducer<'_> {
         Ok(Some(Reduced { row, same_row, page: None, files: None }))
     }
 
-    /// Files of measurement and result of each line: those of this run, else those that are known, else those on the disk.
+    /// Files of measurement and result of each line: from this run, else from the state, else from the disk.
     fn files_of(&self, lines: &[Line<'_>], reduced: &mut [Reduced], mut known: Results) -> Results {
         let mut results = Results::new();
         for (line, done) in lines.iter().zip(reduced) {
@@ -413,8 +413,7 @@ impl Reducer<'_> {
         results
     }
 
-    /// The record of a line as its page shows it, and the files of the result that it is from; `None` if the result turns out
-    /// not to be whole.
+    /// The record of a line for its page, and the files of its result; `None` if the result turns out to be damaged.
     fn record_of(&self, line: &Line<'_>) -> Result<Option<(FlightRecord, Option<ResultFiles>)>, CampaignError> {
         let (record, list) = match &line.source {
             Source::Without(record) => ((**record).clone(), None),
@@ -429,7 +428,7 @@ impl Reducer<'_> {
         Ok(Some((record, list)))
     }
 
-    /// Page and row of a line; `None` if its result turns out not to be whole.
+    /// Page and row of a line; `None` if its result turns out to be damaged.
     fn made(&self, line: &Line<'_>) -> Result<Option<Reduced>, CampaignError> {
         let Some((record, list)) = self.record_of(line)? else { return Ok(None) };
         let Ok(files) = self.write_page(line, &record, list.as_ref())? else { return Ok(None) };
@@ -459,12 +458,12 @@ impl Reducer<'_> {
         };
         let neighbours =
             line.neighbours.each_ref().map(|n| n.as_ref().map(|(name, slug)| (*name, format!("../{slug}/index.html"))));
-        // With settings, verdicts and test cards, where a person looks for it.
-        let beside = list.map(|_| results::beside_page(record));
+        // With settings, verdicts and test cards, next to the page where users look for it.
+        let files_for_page = list.map(|_| results::for_page(record));
         let page = FlightPage {
             name: &line.planned.flight,
             record,
-            has_details: beside.as_ref().is_some_and(|(_, details)| details.is_some()),
+            has_details: files_for_page.as_ref().is_some_and(|(_, details)| details.is_some()),
             explorer: explorer.as_ref(),
             track_href: track.as_deref(),
             index_href: "../../index.html",
@@ -473,7 +472,7 @@ impl Reducer<'_> {
         };
         let site = caught(|| report::flight_site(&page)).map_err(|what| defect(&folder, what))?;
         let mut files = self.write_site(&folder, &site)?;
-        let (short, details) = beside.unzip();
+        let (short, details) = files_for_page.unzip();
         for (base, bytes) in [(results::RECORD, short), (results::DETAILS, details.flatten())] {
             let (Some(bytes), name) = (bytes, format!("{folder}/{base}")) else { continue };
             let kept = self.store.write(&name, &bytes, Keep::Renewable)?;
@@ -483,7 +482,7 @@ impl Reducer<'_> {
         Ok(Ok(files))
     }
 
-    /// Files of an earlier page of the flight that the new one does not have.
+    /// Removes files of an earlier page of the flight that the new one does not have.
     fn remove_other_files(&self, folder: &str, files: &Files) -> Result<(), CampaignError> {
         for name in self.store.list(folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
             self.store.remove(name)?;
@@ -510,13 +509,13 @@ impl Reducer<'_> {
     ) -> Result<Reduction, CampaignError> {
         let (mut rows, mut same) = (Vec::with_capacity(lines.len()), BTreeSet::new());
         state.results = self.files_of(lines, &mut reduced, std::mem::take(&mut state.results));
-        let mut standing = std::mem::take(&mut state.pages);
+        let mut kept_pages = std::mem::take(&mut state.pages);
         for (line, done) in lines.iter().zip(reduced) {
             if done.same_row {
                 same.insert(line.planned.flight.as_str());
             }
             rows.push(*done.row);
-            let page = done.page.or_else(|| standing.remove(&line.slug));
+            let page = done.page.or_else(|| kept_pages.remove(&line.slug));
             state.pages.extend(page.map(|page| (line.slug.clone(), PageState { has_row: true, ..page })));
         }
         let record = self.campaign_record(rows);
@@ -533,11 +532,11 @@ impl Reducer<'_> {
         state.learn(self.manifest);
         state.save(self.store)?;
         reports::list(self.store, &summary_of(&verdict), self.desk)?;
-        tell_end(self.desk, self.store, &record, &verdict);
+        report_end(self.desk, self.store, &record, &verdict);
         Ok(Reduction::Finished(Box::new(verdict)))
     }
 
-    /// Pages of flights that are gone go too; files that we did not write stay.
+    /// Removes pages of flights that are gone; files that flightlag did not write stay.
     fn remove_other_pages(&self, state: &State) -> Result<(), CampaignError> {
         let gone = |name: &&String| {
             let slug = name.strip_prefix("flights/").and_then(|n| n.split('/').next());
@@ -555,12 +554,12 @@ impl Reducer<'_> {
             let text = format!(
                 "removed pages of flights that are no longer in the folder: {pages}; their results stay in by-key"
             );
-            self.desk.tell(Event::Remark { text });
+            self.desk.send(Event::Remark { text });
         }
         Ok(())
     }
 
-    /// Against the run before; what is there already if this run changes nothing.
+    /// Changes since the previous run; the existing ones if this run changes nothing.
     fn changes(
         &self,
         lines: &[Line<'_>],
@@ -577,8 +576,8 @@ impl Reducer<'_> {
         kept.filter(|_| found.is_empty()).unwrap_or(found)
     }
 
-    /// Where the aircraft turned hardest, of the flights whose tracks the campaign's page shows. The error is the flight whose
-    /// result turns out not to be whole.
+    /// Hardest turns of the flights whose tracks are on the campaign's page. The error is the flight whose result turns
+    /// out to be damaged.
     fn excerpts(&self, record: &CampaignRecord) -> Result<Result<Vec<TrackExcerpt>, String>, CampaignError> {
         let mut excerpts = vec![];
         for row in report::excerpt_flights(record) {
@@ -597,7 +596,7 @@ impl Reducer<'_> {
     ) -> Result<(Files, String), CampaignError> {
         let tables = caught(|| table::write_flights(self.store, &record.flights));
         let mut files = tables.map_err(|what| defect("flights.parquet", what))??;
-        // Before the record: a run that is killed in between compares the same two again.
+        // Before the record: after a kill in between, the next run compares the same two again.
         let mut site = caught(|| report::changes_site(changes, &record.flights))
             .map_err(|what| defect("since-last-run.html", what))?;
         let kept = self.store.write(CHANGES, &pretty(changes), Keep::Renewable)?;
@@ -614,7 +613,7 @@ impl Reducer<'_> {
         Ok((files, blake3))
     }
 
-    /// Pages of flights that the table no longer needs, and figures that are no longer drawn.
+    /// Removes pages that the table no longer needs, and figures that are no longer drawn.
     fn remove_other_tables(&self, files: &Files) -> Result<(), CampaignError> {
         for (folder, ending) in [(report::TABLE_FOLDER, ".html"), ("figures", ".svg")] {
             let ours = self.store.list(folder).into_iter().filter(|name| name.ends_with(ending));
@@ -669,7 +668,7 @@ fn hash_of_bytes(parts: &[&[u8]]) -> String {
 }
 
 fn pretty(record: &impl serde::Serialize) -> Vec<u8> {
-    // The record's types have text keys and no way to fail.
+    // The record's types have text keys and cannot fail.
     let mut text = serde_json::to_vec_pretty(record).unwrap_or_default();
     text.push(b'\n');
     text
@@ -679,7 +678,7 @@ fn defect(path: &str, what: String) -> CampaignError {
     CampaignError::Table { path: path.to_owned(), what: format!("a defect in flightlag, please report it: {what}") }
 }
 
-/// Whether a file below `flights/` has a name that only we give.
+/// Whether a file below `flights/` has a name that only flightlag uses.
 fn is_ours(name: &str) -> bool {
     let mut parts = name.split('/').skip(2);
     match (parts.next(), parts.next(), parts.next()) {
@@ -700,7 +699,7 @@ fn verdict(store: &Store, record: &CampaignRecord, troubled: u64, nothing_change
     Verdict { totals, criteria, troubled, groups, lines, page: store.root().join("index.html"), nothing_changed }
 }
 
-/// Groups named on the page over all reports; the campaign's own page has all.
+/// Maximum number of groups on the page over all reports; the campaign's own page has all.
 const MOST_GROUPS: usize = 3;
 
 fn summary_of(verdict: &Verdict) -> Summary {
@@ -716,10 +715,10 @@ fn summary_of(verdict: &Verdict) -> Summary {
     Summary { size: verdict.totals.flights, answers }
 }
 
-/// One event for each flight, then the totals as the last.
-fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
+/// Sends one event for each flight, then the totals.
+fn report_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
     for (row, line) in record.flights.iter().zip(&verdict.lines) {
-        desk.tell(Event::Flight {
+        desk.send(Event::Flight {
             outcome: row.outcome.word(),
             reason: row.outcome.reason().map(str::to_owned),
             page: store.root().join(&row.page),
@@ -727,10 +726,10 @@ fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &V
         });
     }
     let Verdict { totals, criteria, page, nothing_changed, .. } = verdict.clone();
-    desk.tell(Event::Done { report: page, nothing_changed, totals, verdicts: criteria.map(|c| c.flights) });
+    desk.send(Event::Done { report: page, nothing_changed, totals, verdicts: criteria.map(|c| c.flights) });
 }
 
-/// The line of the table that a record gives.
+/// The table row of a record.
 fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
     let (replay, log) = (record.replay.as_ref(), record.log.as_ref());
     let position = replay.map(|r| r.pair.position.clone());
@@ -781,7 +780,7 @@ fn flown_at(record: &FlightRecord) -> Option<String> {
     Some(jiff::Timestamp::from_nanosecond(i128::from(record.began()?.0)).ok()?.to_string())
 }
 
-/// A number of the compensator with this name, if it ran and the number is one.
+/// A number of the compensator with this name, if it ran and the number is finite.
 fn finite(record: &FlightRecord, name: &str, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Option<Estimate> {
     let result = record.replay.as_ref()?.compensators.iter().find(|c| c.name == name)?;
     of(result).filter(|e| e.value.is_finite())
@@ -791,7 +790,7 @@ fn count(record: &FlightRecord, severity: Severity) -> u64 {
     record.notices.iter().filter(|n| n.severity == severity).count() as u64
 }
 
-/// What the sensor card says of the delay of the pair that was replayed, s.
+/// The sensor card's delay of the replayed pair, s.
 fn card_delay(record: &FlightRecord) -> Option<Estimate> {
     let candidates = &record.replay.as_ref()?.choice.as_ref()?.candidates;
     candidates.iter().find(|c| c.source == DelaySource::Card)?.delay_s.found().copied()
@@ -805,10 +804,10 @@ fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
 /// Warnings that make the numbers of a flight doubtful.
 const GRAVE: [Code; 4] =
     [Code::VelocityContradictsPosition, Code::StampsCoarserThanDelay, Code::CardMismatch, Code::CardRelative];
-/// Below this share of time with output, a flight wants a look.
+/// Below this share of time with output, a flight needs attention.
 const FEW_VALID: f64 = 0.95;
 
-/// Why somebody should look at this flight.
+/// Why this flight needs attention.
 fn attention(record: &FlightRecord) -> Vec<String> {
     let harmed = record.effect.as_ref().filter(|e| e.verdict == EffectVerdict::Harmed);
     let alarms = flight_alarms(record.lateness.as_ref(), record.decision.as_ref());
@@ -824,17 +823,17 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     reasons
 }
 
-/// What the log lost.
+/// Losses of the log.
 fn loss_reasons(record: &FlightRecord) -> Vec<String> {
-    let told = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
+    let worded = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
     let mut reasons: Vec<String> = vec![];
-    reasons.extend(record.notices.iter().find(|n| n.code == Code::MinorLoss).map(told));
+    reasons.extend(record.notices.iter().find(|n| n.code == Code::MinorLoss).map(worded));
     let damage = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0 && record.has_loss());
     if let Some(damage) = damage {
         reasons.push(format!("{damage} bytes of the log are damaged"));
     }
     let losses: Vec<&Notice> = record.notices.iter().filter(|n| n.severity == Severity::Loss).collect();
-    reasons.extend(losses.first().map(|first| told(first)));
+    reasons.extend(losses.first().map(|first| worded(first)));
     if losses.len() > 1 {
         let more = losses.len() - 1;
         let notices = if more == 1 { "notice" } else { "notices" };
@@ -876,7 +875,7 @@ fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
         pending: count(&|r| matches!(r.outcome, Outcome::Pending { .. })),
         lossy: count(&|r| r.lossy),
         bytes: rows.iter().map(|r| r.bytes).sum(),
-        // The sum of nothing is minus zero.
+        // The sum of no values would be minus zero.
         duration_s: rows.iter().filter_map(|r| r.duration_s).fold(0.0, |sum, s| sum + s),
     }
 }

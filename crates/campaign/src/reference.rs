@@ -1,4 +1,4 @@
-//! The second file of a flight: where it is, and what it adds to the flight.
+//! The second file of a flight: its location, and the channels that it adds.
 
 use crate::config::Pipeline;
 use crate::error::CampaignError;
@@ -11,31 +11,31 @@ use serde::{Serialize, Serializer};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Two files move alike if the correlation of their velocities is at least this,
+/// Two files show the same motion if the correlation of their velocities is at least this,
 const LEAST_ALIKE: f64 = 0.9;
-/// and larger than with any other axes by this,
+/// exceeds that with any other axes by this,
 const DECIDES: f64 = 0.05;
-/// and one is as fast as the other within this, as a logarithm.
+/// and their speeds agree within this, as a logarithm.
 const SAME_SCALE: f64 = 0.15;
 
-/// Before the places of notices of a reference file.
+/// Prefix of the places in notices of a reference file.
 pub(crate) const OF_REFERENCE_FILE: &str = "reference file";
-/// Before what was bound by the motion of the log.
+/// Introduces what was bound by the motion of the log.
 const AXES_ARE: &str = "; its columns were bound by the motion of the log: ";
 
-/// Stands for the name of the log without its ending.
+/// Placeholder for the name of the log without its extension.
 const STEM: &str = "{stem}";
 
-/// Where the second file of each flight is, and how its clock is treated.
+/// Location of the second file of each flight, and treatment of its clock.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct ReferenceRule {
-    /// Path, relative to the folder of the log; `{stem}` is the log's name without its ending, `*` anything.
+    /// Path, relative to the folder of the log; `{stem}` is the log's name without its extension, `*` matches anything.
     #[serde(serialize_with = "without_place")]
     pub(crate) file: String,
     pub(crate) clock: ClockRule,
 }
 
-/// Where a file lies is no part of the meaning; what is in it is.
+/// Removes the folder: the content of a file is part of the settings, its location is not.
 fn without_place<S: Serializer>(file: &str, serializer: S) -> Result<S::Ok, S::Error> {
     let path = Path::new(file);
     let name = path.file_name().filter(|_| path.is_absolute()).map(|name| name.to_string_lossy());
@@ -53,9 +53,9 @@ pub(crate) struct FlightFiles {
 /// The reference file of a flight.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum FoundReference {
-    /// As it is read.
+    /// The file to read.
     There(FlightUnit),
-    /// There is none.
+    /// It is missing.
     Missing { file: String, reason: String },
 }
 
@@ -70,7 +70,7 @@ impl FlightFiles {
     }
 }
 
-/// Gives every flight its reference file. A file that is the reference of another flight is no flight.
+/// Assigns every flight its reference file. A file that is the reference of another flight is not a flight.
 pub(crate) fn with_references(
     units: Vec<FlightUnit>,
     rule: Option<&ReferenceRule>,
@@ -107,7 +107,7 @@ pub(crate) fn with_references(
     Ok(out)
 }
 
-/// The log of a reference file: one that was found as a flight, or else is looked at now.
+/// The log of a reference file: found as a flight already, or else examined now.
 fn read_as(path: &Path, units: &[FlightUnit], library: &Library) -> Result<FoundReference, CampaignError> {
     let is_it = |unit: &&FlightUnit| unit.files.iter().any(|f| f.canonicalize().is_ok_and(|f| f == path));
     if let Some(unit) = units.iter().find(is_it) {
@@ -130,7 +130,7 @@ impl ReferenceRule {
         self.file.contains(STEM) || self.file.contains('*')
     }
 
-    /// What is said where no flight has a reference file.
+    /// The message if no flight has a reference file.
     fn none_found(&self, file: &str, reason: &str) -> String {
         match self.is_pattern() {
             true => format!(
@@ -143,12 +143,12 @@ impl ReferenceRule {
         }
     }
 
-    /// The reference file of a flight; else its name and why there is none.
+    /// The reference file of a flight; else its name and why it is missing.
     fn file_of(&self, unit: &FlightUnit) -> Result<PathBuf, (String, String)> {
         let first = unit.files.first().map(PathBuf::as_path).unwrap_or(Path::new(""));
         let stem = match unit.files.as_slice() {
             [one] => one.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            // Several files have what their names share.
+            // A flight of several files has their common name.
             _ => unit.id.rsplit('/').next().unwrap_or_default().to_owned(),
         };
         let wanted = self.file.replace(STEM, &stem);
@@ -164,7 +164,7 @@ impl ReferenceRule {
     }
 }
 
-/// The one file whose name fits, beside those of the flight.
+/// The only file whose name matches, except those of the flight.
 fn only_match(pattern: &Path, own: &[PathBuf]) -> Result<PathBuf, String> {
     let name = pattern.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let folder = pattern.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -186,7 +186,7 @@ fn only_match(pattern: &Path, own: &[PathBuf]) -> Result<PathBuf, String> {
     }
 }
 
-/// Whether a name fits a pattern in which `*` stands for any text.
+/// Whether a name matches a pattern in which `*` matches any text.
 fn matches(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
@@ -197,16 +197,16 @@ fn matches(pattern: &str, name: &str) -> bool {
     }
 }
 
-/// A reference file that was read, or why it could not be.
+/// A loaded reference file, or why it is unreadable.
 pub(crate) struct ReferenceLog {
     files: Vec<String>,
     read: Result<Flight, String>,
-    /// Where its table alone does not say where its axes point: the ways in which they may, and what is bound then.
+    /// If its table does not define its axes: the possible orientations, and what each binds.
     ways: Vec<(Flight, String)>,
 }
 
 impl ReferenceLog {
-    /// Reads it.
+    /// Reads the reference file.
     ///
     /// # Errors
     /// Only if the user stopped.
@@ -237,7 +237,7 @@ impl ReferenceLog {
         Ok(ReferenceLog { files: unit.files.iter().map(name).collect(), read, ways })
     }
 
-    /// The reference as the log decides where its axes point, and what was bound where that was so.
+    /// The reference with the axes that match the log, and what was bound if the log had to decide.
     fn judged(&self, flight: &Flight, wanted: &[String]) -> Result<(&Flight, Option<&str>), String> {
         let why = match &self.read {
             Ok(reference) => return Ok((reference, None)),
@@ -266,7 +266,7 @@ impl ReferenceLog {
         Ok((way, Some(said)))
     }
 
-    /// Adds its channels to the flight; their clock is related as the pipeline says.
+    /// Adds its channels to the flight, with the clock relation from the pipeline.
     pub(crate) fn join(&self, flight: &mut Flight, pipeline: &Pipeline) -> ReferenceFile {
         let rule = pipeline.reference_file().map(|rule| rule.clock).unwrap_or_default();
         let (positions, settings) = (pipeline.position_and_velocity().0, pipeline.measure_settings());
@@ -277,7 +277,7 @@ impl ReferenceLog {
         self.join_as(flight, pipeline, clock)
     }
 
-    /// Adds its channels to the flight, with the clock that was found before.
+    /// Adds its channels to the flight, with the clock relation found before.
     pub(crate) fn join_as(&self, flight: &mut Flight, pipeline: &Pipeline, clock: ReferenceClock) -> ReferenceFile {
         let wanted = pipeline.position_and_velocity().0;
         let Ok((reference, said)) = self.judged(flight, wanted) else {
@@ -295,7 +295,7 @@ impl ReferenceLog {
     }
 }
 
-/// Gives the reference file the clock that it has once the network is solved.
+/// Sets the final clock of the reference file once the network is solved.
 pub(crate) fn settle(
     flight: &mut Flight,
     reference: Option<&ReferenceLog>,
@@ -307,8 +307,8 @@ pub(crate) fn settle(
     }
 }
 
-/// The reference with the lateness of its channels taken out of the offset of its clock, as the network found it: it is then
-/// on time where the network has a datum, else it is as late as the channel that counts as on time.
+/// The reference with its lateness according to the network removed from its clock offset. It is then on time if the
+/// network has a datum, else as late as the channel that counts as on time.
 pub(crate) fn settled(reference: ReferenceFile, network: Option<&DelayNetwork>) -> ReferenceFile {
     let ReferenceClock::Own(offset) = &reference.clock else { return reference };
     let channel = reference.channels.iter().find_map(|name| network?.channel(name));
@@ -348,7 +348,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_star_stands_for_anything() {
+    fn a_star_matches_any_text() {
         for (pattern, name, fits) in [
             ("a*.pos", "a.pos", true),
             ("a*.pos", "a_1.pos", true),

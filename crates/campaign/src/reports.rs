@@ -1,4 +1,4 @@
-//! `reports/index.html`: one page that leads to every report below a folder called `reports`. It is written again whenever a
+//! `reports/index.html`: one page with links to every report below a folder named `reports`. It is rewritten whenever a
 //! report below that folder is written.
 
 use crate::event::Event;
@@ -12,43 +12,43 @@ use std::time::SystemTime;
 
 /// Name of the folder that gets a page over its reports.
 const FOLDER: &str = "reports";
-/// Levels of folders below it in which reports are looked for: the demo's are in `reports/demo/report`.
+/// Folder levels below it that are searched for reports: the demo's are in `reports/demo/report`.
 const DEPTH: usize = 3;
-/// What a report says of itself on that page.
+/// File with the summary of a report for that page.
 const SUMMARY: &str = ".flightlag/summary.json";
 const INDEX: &str = "index.html";
 
-/// A report in a few lines.
+/// Short summary of a report.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Summary {
-    /// Flights or records.
+    /// Number of flights or records.
     pub(crate) size: u64,
-    /// What was found, a sentence each.
+    /// Findings, one sentence each.
     pub(crate) answers: Vec<String>,
 }
 
-/// Writes what the report in `store` says of itself, and the page over it and its neighbours, if it is in a folder called
-/// `reports`. That the page cannot be written is a remark: the report itself is whole.
+/// Writes the summary of the report in `store`, and the page over it and its neighbours, if it is in a folder named
+/// `reports`. A failure to write that page is a remark: the report itself is complete.
 ///
 /// # Errors
 /// The summary cannot be written.
 pub(crate) fn list(store: &Store, summary: &Summary, desk: &Desk<'_>) -> Result<(), StoreError> {
-    // A summary has text keys and no way to fail.
+    // A summary has text keys and cannot fail.
     let text = serde_json::to_vec(summary).unwrap_or_default();
     store.write(SUMMARY, &text, Keep::Renewable)?;
     let Some(folder) = folder_of(store.root()) else { return Ok(()) };
     if let Err(error) = write(&folder) {
-        desk.tell(Event::Remark { text: format!("the page over all reports is not written: {error}") });
+        desk.send(Event::Remark { text: format!("the page over all reports is not written: {error}") });
     }
     Ok(())
 }
 
-/// Whether the page over the reports of this folder is missing.
+/// Whether the page over the reports that include this folder is missing.
 pub(crate) fn is_unlisted(store: &Store) -> bool {
     store.size(SUMMARY).is_none() || folder_of(store.root()).is_some_and(|folder| !folder.join(INDEX).exists())
 }
 
-/// The nearest folder above the report that is called `reports`.
+/// The nearest folder above the report that is named `reports`.
 fn folder_of(report: &Path) -> Option<PathBuf> {
     let report = report.canonicalize().ok()?;
     let mut above = report.ancestors().skip(1).take(DEPTH);
@@ -58,7 +58,7 @@ fn folder_of(report: &Path) -> Option<PathBuf> {
 fn write(folder: &Path) -> Result<(), StoreError> {
     let there = std::fs::read_to_string(folder.join(INDEX));
     let is_foreign = there.is_ok_and(|page| !page.contains(&format!("<title>{REPORTS_TITLE}</title>")));
-    // Somebody's own page, or that of a report which was written to the folder itself.
+    // The user's own page, or that of a report written to the folder itself.
     if is_foreign {
         return Ok(());
     }
@@ -69,7 +69,7 @@ fn write(folder: &Path) -> Result<(), StoreError> {
     Store::open(folder)?.write(INDEX, reports_page(&entries).as_bytes(), Keep::Renewable).map(drop)
 }
 
-/// Reports below `folder` with the times of their last change. A report holds no other.
+/// Reports below `folder` with their last modification times. A report does not contain another.
 fn collect(root: &Path, folder: &Path, depth: usize, found: &mut Vec<(SystemTime, ReportEntry)>) {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let folders = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn one_page_leads_to_every_report_below_the_folder_of_reports() {
+    fn one_page_links_to_every_report_below_the_folder_of_reports() {
         let folder = tempfile::tempdir().unwrap();
         let reports = folder.path().join("reports");
         report(&reports, "may", "position 201 ms late");
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_that_is_not_ours_is_left_alone_and_other_folders_get_none() {
+    fn a_foreign_page_is_unchanged_and_other_folders_get_none() {
         let folder = tempfile::tempdir().unwrap();
         let reports = folder.path().join("reports");
         std::fs::create_dir_all(&reports).unwrap();

@@ -1,10 +1,11 @@
-//! Where the results of a flight lie, and what belongs to them.
+//! Files of the results of a flight.
 //!
-//! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes), `points.bin` (the points of its
-//! figures), `record.json.gz` and, of a record that would be longer than 64 kB, `details.json.gz` (its long lists). That of a
-//! measurement holds `measured.json.gz` and the short `lateness.json`, which is all that the decision over many flights reads.
-//! Both hold, written last, `files.json`: the hash of every file of the result. A result with that list is whole, and whatever
-//! is read of it is compared with its hash. `trouble.json` instead tells of an attempt that may end otherwise next time.
+//! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes), `points.bin` (the
+//! points of its figures) and `record.json.gz`. For a record longer than 64 kB, `details.json.gz` holds its long lists.
+//! The folder of a measurement holds `measured.json.gz` and the short `lateness.json`, the only input of the decision
+//! over many flights. Both hold `files.json`, written last: the hash of every file of the result. A result with that
+//! list is complete, and every file read from it is compared with its hash. `trouble.json` instead records an attempt
+//! that may succeed next time.
 
 use crate::details;
 use crate::error::CampaignError;
@@ -22,11 +23,11 @@ use std::path::Path;
 
 /// The compensated track.
 pub(crate) const TRACK: &str = "track.parquet";
-/// The record of a flight, under its key and beside its page.
+/// The record of a flight, under its key and next to its page.
 pub(crate) const RECORD: &str = "record.json.gz";
-/// The long lists of a record that would be longer than 64 kB, beside it.
+/// The long lists of a record that would be longer than 64 kB, in a file next to it.
 pub(crate) const DETAILS: &str = "details.json.gz";
-/// The rows that the flight's page lets a reader zoom into.
+/// The rows for the zoom on the flight's page.
 const EXPLORER: &str = "explorer.json";
 /// The points of its figures.
 const POINTS: &str = "points.bin";
@@ -35,7 +36,7 @@ const LATENESS: &str = "lateness.json";
 const FILES: &str = "files.json";
 const TROUBLE: &str = "trouble.json";
 
-/// No record that we write inflates to more.
+/// Maximum inflated size of a record.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// Folder of a result below the output folder.
@@ -47,7 +48,7 @@ fn name(key: &str, base: &str) -> String {
     format!("{}/{base}", folder(key))
 }
 
-/// The files of a result: there if and only if the result is whole.
+/// The list of files of a result: exists if and only if the result is complete.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ResultFiles {
     key: String,
@@ -63,7 +64,7 @@ struct ResultFile {
 }
 
 impl ResultFiles {
-    /// The list of a result; `None` if it is not there or not of this version.
+    /// The list of a result; `None` if it is missing or of another version.
     pub(crate) fn of(store: &Store, key: &str) -> Option<ResultFiles> {
         let bytes = store.read(&name(key, FILES)).ok().flatten()?;
         let list = serde_json::from_slice::<ResultFiles>(&bytes).ok()?;
@@ -74,7 +75,7 @@ impl ResultFiles {
         self.files.get(base).map(|file| file.blake3.as_str())
     }
 
-    /// Whether a file of the list is there with its size; with [`Check::Full`], with its content.
+    /// Whether a file of the list exists with its size; with [`Check::Full`], with its content.
     fn has(&self, store: &Store, base: &str, check: Check) -> bool {
         let Some(file) = self.files.get(base) else { return false };
         let name = name(&self.key, base);
@@ -86,7 +87,7 @@ impl ResultFiles {
         self.files.keys().all(|base| self.has(store, base, check))
     }
 
-    /// The files as they are now, the list among them, with the hashes that they should have.
+    /// The current files including the list, with the hashes that they should have.
     pub(crate) fn kept(&self, store: &Store) -> Files {
         let listed = self.files.iter().map(|(base, file)| (name(&self.key, base), file.blake3.clone()));
         let list = name(&self.key, FILES);
@@ -95,7 +96,7 @@ impl ResultFiles {
     }
 }
 
-/// Whether the result or measurement is there and whole.
+/// Whether the result or measurement exists and is complete.
 pub(crate) fn is_there(store: &Store, key: &str, check: Check) -> bool {
     ResultFiles::of(store, key).is_some_and(|list| list.is_whole(store, check))
 }
@@ -105,7 +106,7 @@ pub(crate) fn had_trouble(store: &Store, key: &str) -> bool {
     store.size(&name(key, TROUBLE)).is_some()
 }
 
-/// A result on its way.
+/// A result being written.
 struct Writer<'a> {
     store: &'a Store,
     list: ResultFiles,
@@ -128,20 +129,20 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Removes what an earlier writer may have left under this name.
+    /// Removes a file that an earlier writer may have left under this name.
     fn without(&self, base: &str) -> Result<(), CampaignError> {
         Ok(self.store.remove(&name(&self.list.key, base))?)
     }
 
-    /// Writes the list: the result is there now. In a bucket the first list stays if its result is whole; this one, of the same
-    /// bytes, is dropped.
+    /// Writes the list, which completes the result. In a bucket, an existing list of a complete result stays, and this
+    /// one, with the same bytes, is dropped.
     fn finish(self) -> Result<(), CampaignError> {
         let (files, list) = (name(&self.list.key, FILES), line_of(&self.list));
         if self.store.write_first(&files, &list)?.is_none() {
             let first = ResultFiles::of(self.store, &self.list.key);
             let is_whole = |first: ResultFiles| first == self.list || first.is_whole(self.store, Check::Full);
             if !first.is_some_and(is_whole) {
-                // Left by somebody whose files are gone or changed; those of this writer are there.
+                // A list of another writer whose files are gone or changed; those of this writer exist.
                 self.store.write(&files, &list, Keep::Synced)?;
             }
         }
@@ -149,7 +150,8 @@ impl Writer<'_> {
     }
 }
 
-/// Writes a result. Its record names the settings by their hash alone, for the same result is used under another title.
+/// Writes a result. Its record identifies the settings only by hash, because the result may be reused under another
+/// title.
 pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignError> {
     let Studied { record, track, explorer } = studied;
     let mut writer = Writer::begin(store, &record.key);
@@ -177,7 +179,7 @@ pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignErro
     writer.finish()
 }
 
-/// A record with empty lists in the place of the points of its figures, and these points.
+/// A record with the points of its figures replaced by empty lists, and these points.
 fn without_points(record: FlightRecord) -> (FlightRecord, Option<Vec<u8>>) {
     let Ok(mut value) = record.to_value() else { return (record, None) };
     let points = points::take(&mut value);
@@ -187,7 +189,7 @@ fn without_points(record: FlightRecord) -> (FlightRecord, Option<Vec<u8>>) {
     }
 }
 
-/// The file of a record, and that of the long lists that it would be too long with.
+/// The file of a record, and the file of its long lists if they would make it too long.
 fn without_details(record: FlightRecord) -> (Vec<u8>, Option<Vec<u8>>) {
     let json = record.to_json();
     let shortened = || {
@@ -201,7 +203,7 @@ fn without_details(record: FlightRecord) -> (Vec<u8>, Option<Vec<u8>>) {
     }
 }
 
-/// A record from its JSON, with its long lists and the points of its figures.
+/// A record from its JSON, its long lists and the points of its figures.
 fn with_parts(mut record: Value, details: Option<&[u8]>, points: Option<&[u8]>) -> Option<FlightRecord> {
     if let Some(details) = details {
         details::put_back(&mut record, &gunzip(details, MOST_BYTES).ok()?)?;
@@ -220,8 +222,8 @@ pub(crate) fn write_measured(store: &Store, measured: &MeasuredFlight) -> Result
     writer.finish()
 }
 
-/// A file of a result as it was written; `None` if it is missing or has another content. The list of such a result is
-/// removed, so that it is made again.
+/// An unchanged file of a result; `None` if it is missing or was changed. Then the list of the result is removed, so
+/// that it is made again.
 fn read_checked(store: &Store, key: &str, base: &str, blake3: Option<&str>) -> Result<Option<Vec<u8>>, CampaignError> {
     let bytes = store.read(&name(key, base))?;
     let whole = bytes.filter(|bytes| Some(blake3::hash(bytes).to_hex().as_str()) == blake3);
@@ -231,13 +233,13 @@ fn read_checked(store: &Store, key: &str, base: &str, blake3: Option<&str>) -> R
     Ok(whole)
 }
 
-/// Makes a result one that has to be made again.
+/// Invalidates a result, so that it is made again.
 pub(crate) fn remove(store: &Store, key: &str) -> Result<(), CampaignError> {
     Ok(store.remove(&name(key, FILES))?)
 }
 
-/// What the decision needs of a measurement; `None` if it is missing or not whole. `known` are its files, if this machine
-/// remembers them.
+/// The part of a measurement that the decision needs; `None` if it is missing or damaged. `known` are its files, if in
+/// the state.
 pub(crate) fn read_lateness(
     store: &Store,
     key: &str,
@@ -254,7 +256,7 @@ pub(crate) fn read_lateness(
     Ok(bytes.and_then(|bytes| serde_json::from_slice::<FlightLateness>(&bytes).ok()).filter(|l| l.key == key))
 }
 
-/// A measurement; `None` if it is missing or not whole.
+/// A measurement; `None` if it is missing or damaged.
 pub(crate) fn read_measured(store: &Store, key: &str) -> Result<Option<MeasuredFlight>, CampaignError> {
     let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
     let bytes = read_checked(store, key, MEASURED, list.blake3(MEASURED))?;
@@ -262,17 +264,17 @@ pub(crate) fn read_measured(store: &Store, key: &str) -> Result<Option<MeasuredF
     Ok(text.and_then(|text| MeasuredFlight::from_json(&text).ok()).filter(|m| m.key == key))
 }
 
-/// Writes down an attempt that gave no lasting result.
+/// Writes the record of an attempt without a lasting result.
 pub(crate) fn write_trouble(store: &Store, key: &str, record: &FlightRecord) -> Result<(), CampaignError> {
     Ok(store.write_sealed(&name(key, TROUBLE), &record.to_value().unwrap_or_default())?)
 }
 
-/// The record of an attempt that gave no lasting result.
+/// The record of an attempt without a lasting result.
 pub(crate) fn read_trouble(store: &Store, key: &str) -> Option<FlightRecord> {
     FlightRecord::from_value(store.read_sealed(&name(key, TROUBLE))?).ok()
 }
 
-/// The record of a result, with its files as they are now; `None` if the result is missing, of another version or not whole.
+/// The record of a result, with its current files; `None` if the result is missing, of another version or damaged.
 pub(crate) fn read(store: &Store, key: &str) -> Result<Option<(FlightRecord, ResultFiles)>, CampaignError> {
     let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
     let bytes = read_checked(store, key, RECORD, list.blake3(RECORD))?;
@@ -301,10 +303,10 @@ pub(crate) fn read(store: &Store, key: &str) -> Result<Option<(FlightRecord, Res
     }
 }
 
-/// The rows that the flight's page lets a reader zoom into; `None` if the result has none.
+/// The rows for the zoom on the flight's page; `None` if the result has none.
 ///
 /// # Errors
-/// They are not as they were written. The result is removed.
+/// They were changed. The result is removed.
 pub(crate) fn read_explorer(
     store: &Store,
     list: &ResultFiles,
@@ -315,14 +317,14 @@ pub(crate) fn read_explorer(
     Ok(rows.map(Some).ok_or(Damaged))
 }
 
-/// A file of a result is not as it was written.
+/// A file of a result was changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Damaged;
 
-/// Where the track lies, to be linked from the flight's page; `None` if the result has none.
+/// Path of the track, for a link from the flight's page; `None` if the result has none.
 ///
 /// # Errors
-/// The track is not as it was written. The result is removed.
+/// The track was changed. The result is removed.
 pub(crate) fn track_of(store: &Store, list: &ResultFiles) -> Result<Result<Option<String>, Damaged>, CampaignError> {
     let Some(blake3) = list.blake3(TRACK) else { return Ok(Ok(None)) };
     let track = name(&list.key, TRACK);
@@ -333,17 +335,17 @@ pub(crate) fn track_of(store: &Store, list: &ResultFiles) -> Result<Result<Optio
     Ok(Err(Damaged))
 }
 
-/// The record as it is written beside the flight's page, without the points, which the files of the figures hold; and the file of
-/// its long lists.
-pub(crate) fn beside_page(record: &FlightRecord) -> (Vec<u8>, Option<Vec<u8>>) {
+/// The record file next to the flight's page, without the points, which are in the files of the figures; and the file
+/// of its long lists.
+pub(crate) fn for_page(record: &FlightRecord) -> (Vec<u8>, Option<Vec<u8>>) {
     without_details(without_points(record.clone()).0)
 }
 
-/// The JSON of the record beside a flight's page, with the lists of `details.json.gz` but without the points of its figures;
-/// `None` if there is none.
+/// The JSON of the record next to a flight's page, with the lists of `details.json.gz` but without the points of its
+/// figures; `None` if there is none.
 ///
 /// # Errors
-/// A file cannot be read, is no gzip file, or the lists are not those of the record.
+/// A file cannot be read, is not a gzip file, or the lists do not belong to the record.
 pub fn record_beside(page: &Path) -> io::Result<Option<Vec<u8>>> {
     let read = |base: &str| match std::fs::read(page.with_file_name(base)) {
         Ok(bytes) => gunzip(&bytes, MOST_BYTES).map(Some),
@@ -360,7 +362,7 @@ pub fn record_beside(page: &Path) -> io::Result<Option<Vec<u8>>> {
 }
 
 fn line_of(value: &impl Serialize) -> Vec<u8> {
-    // The record's types have text keys and no way to fail.
+    // The record's types have text keys and cannot fail.
     let mut text = serde_json::to_vec(value).unwrap_or_default();
     text.push(b'\n');
     text

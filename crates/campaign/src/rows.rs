@@ -1,4 +1,4 @@
-//! The rows of a campaign's record, one for each flight: JSON lines, packed by gzip. `campaign.json` would be mostly rows.
+//! The rows of a campaign's record, one per flight: gzipped JSON Lines. Otherwise `campaign.json` would be mostly rows.
 
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
@@ -12,13 +12,13 @@ pub(crate) const RECORD: &str = "campaign.json";
 /// The rows.
 pub(crate) const ROWS: &str = "flights.jsonl.gz";
 
-/// No row that we write is longer.
+/// Maximum length of a row.
 const MOST_OF_ROW: u64 = 64 << 20;
 
-/// A level higher makes files a few percent smaller and a campaign slower.
+/// The next level makes files a few percent smaller and a campaign slower.
 const LEVEL: Compression = Compression::new(3);
 
-/// The rows of a record. The same rows give the same bytes: the header has no time.
+/// The packed rows of a record. The same rows give the same bytes: the header has no timestamp.
 pub(crate) fn packed(record: &CampaignRecord) -> Vec<u8> {
     let mut encoder = GzEncoder::new(vec![], LEVEL);
     // Writing to memory cannot fail.
@@ -36,9 +36,9 @@ pub(crate) fn unpacked(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, Strin
     }
 }
 
-/// The rows one by one, for their text is many times as large as they are packed.
+/// Reads the rows one by one, because their text is many times larger than the packed file.
 fn each_row(packed: &[u8], expected: u64) -> Result<Vec<FlightRow>, String> {
-    /// A count that is wrong must not take memory.
+    /// Limit for preallocation: a wrong count must not use memory.
     const MOST_AHEAD: u64 = 1 << 17;
     let mut lines = BufReader::new(MultiGzDecoder::new(packed));
     let (mut rows, mut line) = (Vec::with_capacity(expected.min(MOST_AHEAD) as usize), vec![]);
@@ -52,10 +52,10 @@ fn each_row(packed: &[u8], expected: u64) -> Result<Vec<FlightRow>, String> {
     }
 }
 
-/// Reads the record of the report of a campaign, with its rows; `None` if the folder holds no such report.
+/// Reads the record of a campaign's report, with its rows; `None` if the folder holds no such report.
 ///
 /// # Errors
-/// The path of the record and what is wrong: it cannot be read, is damaged, or its rows are those of another run.
+/// The path of the record and what is wrong: it is unreadable, damaged, or its rows are from another run.
 pub fn read_report(report: &Path) -> Result<Option<CampaignRecord>, (PathBuf, String)> {
     let path = report.join(RECORD);
     let text = match std::fs::read(&path) {
@@ -72,7 +72,7 @@ pub fn read_report(report: &Path) -> Result<Option<CampaignRecord>, (PathBuf, St
     unpacked(&text, &rows).map(Some).map_err(|what| (path, format!("is damaged: {what}")))
 }
 
-/// As a gzip file without name and time.
+/// A gzip file without name and timestamp.
 pub(crate) fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(vec![], LEVEL);
     // Writing to memory cannot fail.

@@ -1,4 +1,4 @@
-//! A whole campaign on this machine: plan, make what is missing, reduce.
+//! A whole campaign on this machine: plan, make missing results, reduce.
 
 use crate::error::CampaignError;
 use crate::event::Event;
@@ -15,15 +15,15 @@ use crate::task::{TaskReport, make};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Runs a campaign. What is there already is used; what is missing is made; pages follow.
+/// Runs a campaign: reuses existing results, makes missing ones, and writes the pages.
 ///
 /// # Errors
-/// See [`CampaignError`]. A flight that cannot be read is none: it is a row of the table.
+/// See [`CampaignError`]. An unreadable flight is not an error: it is a row of the table.
 pub fn run(order: &Order, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
     run_with(order, desk, &|manifest| Ok(Box::new(Replaying::prepare(manifest)?)))
 }
 
-/// Makes the study that a manifest asks for.
+/// Creates the study for a manifest.
 pub(crate) type Prepare<'a> = &'a dyn Fn(&Manifest) -> Result<Box<dyn Study>, CampaignError>;
 
 pub(crate) fn run_with(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verdict, CampaignError> {
@@ -39,7 +39,7 @@ fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verd
     let (report, reduction) = match reduction {
         Reduction::Damaged(flights) => {
             let text = format!("damaged results are computed again: {}", flights.join(", "));
-            desk.tell(Event::Remark { text });
+            desk.send(Event::Remark { text });
             round(&mut state)?
         }
         finished => (report, finished),
@@ -75,7 +75,7 @@ fn round(
             report.add(make(&to_measure, &manifest, study.as_ref(), store, desk)?);
             judge(&mut manifest, &order.pipeline, store, state, Retry::Nobody)?;
             manifest.deal(1);
-            tell_plan(&manifest, desk);
+            report_plan(&manifest, desk);
         }
         let to_replay = manifest.stale(Stage::Replay);
         if !to_replay.is_empty() {
@@ -85,8 +85,8 @@ fn round(
     Ok((report, reduce_locked(&manifest, desk, store, state)?))
 }
 
-/// Plans a campaign for a cluster: at most `max_shards` shards of like size, all of one stage. Plan again when their tasks
-/// are done, until a plan has no shards.
+/// Plans a campaign for a cluster: at most `max_shards` shards of roughly equal size, all of one stage. Plan again
+/// after their tasks, until a plan has no shards.
 ///
 /// # Errors
 /// See [`CampaignError`].
@@ -99,14 +99,14 @@ pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Ma
     })
 }
 
-/// Opens the output folder for this process alone and clears away what a killed run left.
+/// Opens the output folder exclusively and removes leftovers of a killed run.
 fn enter(order: &Order, desk: &Desk<'_>) -> Result<(Store, OutputLock), CampaignError> {
     check_output(order)?;
     let store = Store::open(&order.out)?;
     let lock = OutputLock::take(&store, desk)?;
     let leftovers = store.clean();
     if leftovers > 0 {
-        desk.tell(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
+        desk.send(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
     }
     source::claim(&store, std::slice::from_ref(&order.flights))?;
     Ok((store, lock))
@@ -122,15 +122,15 @@ fn planned(
     let mut manifest = plan(order, desk, store, state)?;
     manifest.deal(max_shards);
     for flight in manifest.flights.iter().filter(|f| f.stage.is_none() && f.key.is_some()) {
-        desk.tell(Event::Reused { flight: flight.flight.clone() });
+        desk.send(Event::Reused { flight: flight.flight.clone() });
     }
-    tell_plan(&manifest, desk);
+    report_plan(&manifest, desk);
     Ok(manifest)
 }
 
-fn tell_plan(manifest: &Manifest, desk: &Desk<'_>) {
+fn report_plan(manifest: &Manifest, desk: &Desk<'_>) {
     let work = manifest.flights.iter().filter(|f| f.shard.is_some());
-    desk.tell(Event::Planned {
+    desk.send(Event::Planned {
         stage: manifest.stage(),
         flights: manifest.flights.len(),
         reused: manifest.flights.iter().filter(|f| f.stage.is_none() && f.key.is_some()).count(),
@@ -139,7 +139,7 @@ fn tell_plan(manifest: &Manifest, desk: &Desk<'_>) {
     });
 }
 
-/// The only output that knows the time of day, the host, and how long it took.
+/// The only output with the time of day, the host, and the duration.
 #[derive(Serialize)]
 struct RunRecord {
     flightlag_version: &'static str,
@@ -148,7 +148,7 @@ struct RunRecord {
     host: String,
     threads: usize,
     flights: u64,
-    /// Absent where the tasks of a cluster made them.
+    /// Absent if the tasks of a cluster made them.
     #[serde(skip_serializing_if = "Option::is_none")]
     results_made: Option<usize>,
     flights_in_trouble: u64,

@@ -1,4 +1,4 @@
-//! Names of buckets, `s3://BUCKET/PREFIX`, and with the feature `s3` what is done with them.
+//! Bucket addresses, `s3://BUCKET/PREFIX`, and with the feature `s3` access to buckets.
 
 #[cfg(feature = "s3")]
 mod client;
@@ -10,13 +10,13 @@ use std::path::Path;
 
 const SCHEME: &str = "s3://";
 
-/// Whether a path is the address of a bucket, `s3://BUCKET/PREFIX`, and not one of a folder.
+/// Whether a path is a bucket address, `s3://BUCKET/PREFIX`, and not a folder.
 #[must_use]
 pub fn is_in_bucket(path: &Path) -> bool {
     path.to_str().is_some_and(|text| text.starts_with(SCHEME))
 }
 
-/// What is said of a bucket by a flightlag that knows none.
+/// The error for a bucket in a build without S3 support.
 #[cfg(not(feature = "s3"))]
 pub(crate) fn not_built() -> std::io::Error {
     let what = "this flightlag is built without buckets; build it with `--features s3`";

@@ -1,11 +1,11 @@
-//! The JSON schemas of settings files and of what flightlag writes for programs, made from the types.
+//! JSON schemas of settings files and of machine-readable output, generated from the types.
 
 use crate::event::Event;
 use record::{BenchRecord, CampaignRecord, FlightRecord};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 
-/// Every schema that this crate and those below it know, with its file in the repository.
+/// Every schema of this crate and its dependencies, with its file in the repository.
 #[must_use]
 pub fn schemas() -> Vec<(&'static str, String)> {
     vec![
@@ -23,7 +23,7 @@ pub fn schemas() -> Vec<(&'static str, String)> {
     ]
 }
 
-/// As values are written, not as they are read: a field that is always there is required.
+/// The schema for serialization, not for deserialization: a field that is always written is required.
 fn written<T: JsonSchema>(title: &str) -> String {
     let mut schema = SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<T>();
     schema.insert("title".to_owned(), title.into());

@@ -1,15 +1,15 @@
-//! The ground track of a flight in small, for the row of a table.
+//! A small ground track of a flight, for the row of a table.
 
 use record::LeadTrack;
 use signal::thin_path;
 use std::fmt::Write;
 
-/// Most points of a sketch: what a picture of 160 by 60 pixels shows, in a page of a thousand rows.
+/// Maximum points of a sketch: enough for a picture of 160 by 60 pixels, in a page of a thousand rows.
 const MOST: usize = 32;
-/// The first tolerance is this part of the track's extent, less than a pixel.
+/// The first tolerance is the track's extent divided by this, less than a pixel.
 const FINEST: f64 = 200.0;
 
-/// `east,north` of the points that the shape needs, m, with blanks between them and `;` at gaps; `None` without a track.
+/// `east,north` of the points needed for the shape, m, separated by spaces and by `;` at gaps; `None` without a track.
 pub(crate) fn sketch(track: &LeadTrack) -> Option<String> {
     let points: Vec<(f64, f64)> = track.east_m.iter().copied().zip(track.north_m.iter().copied()).collect();
     let points = points.into_iter().filter(|(e, n)| e.is_finite() && n.is_finite());
@@ -21,7 +21,7 @@ pub(crate) fn sketch(track: &LeadTrack) -> Option<String> {
         tolerance *= 1.25;
         thin = thinned(&pieces, tolerance);
     }
-    // Many short pieces stay too many.
+    // Many short pieces may still have too many points.
     let step = thin.len().div_ceil(MOST / 2).max(1);
     let decimals = (-(extent / 500.0).log10().floor()).clamp(0.0, 3.0) as usize;
     let mut text = String::new();
@@ -34,7 +34,7 @@ pub(crate) fn sketch(track: &LeadTrack) -> Option<String> {
     Some(text)
 }
 
-/// Without the breaks, which the rows name that follow them.
+/// Splits the points at the breaks, given as the row after each break.
 fn pieces(points: &[(f64, f64)], breaks: &[u32]) -> Vec<Vec<(f64, f64)>> {
     let mut ends: Vec<usize> = breaks.iter().map(|&row| (row as usize).min(points.len())).collect();
     ends.push(points.len());
@@ -44,7 +44,7 @@ fn pieces(points: &[(f64, f64)], breaks: &[u32]) -> Vec<Vec<(f64, f64)>> {
     ends.into_iter().map(&mut piece).filter(|piece| !piece.is_empty()).collect()
 }
 
-/// The longer side of what holds all points.
+/// The longer side of the bounding box.
 fn extent(pieces: &[Vec<(f64, f64)>]) -> Option<f64> {
     let span = |of: fn(&(f64, f64)) -> f64| {
         let all = || pieces.iter().flatten().map(of);
@@ -81,27 +81,27 @@ mod tests {
         text.split(';').map(|piece| piece.split(' ').map(point).collect()).collect()
     }
 
-    /// Distance of a point from the line through two others, between them.
-    fn beside((e, n): (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
+    /// Distance of a point from the segment between two others.
+    fn distance((e, n): (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
         let (be, bn) = (b.0 - a.0, b.1 - a.1);
         let share = (((e - a.0) * be + (n - a.1) * bn) / be.hypot(bn).powi(2).max(1e-12)).clamp(0.0, 1.0);
         (e - a.0 - share * be).hypot(n - a.1 - share * bn)
     }
 
     #[test]
-    fn every_fix_lies_near_a_sketch_of_few_points() {
+    fn every_fix_is_near_a_sketch_of_few_points() {
         let track = circuits(1.0, vec![]);
         let thin = read(&sketch(&track).unwrap());
         assert!(thin.len() == 1 && (8..=MOST).contains(&thin[0].len()), "{}", thin[0].len());
         for (&e, &n) in track.east_m.iter().zip(&track.north_m) {
-            let nearest = thin[0].windows(2).map(|w| beside((e, n), w[0], w[1])).fold(f64::INFINITY, f64::min);
-            // A hundredth of 600 m: a pixel and a half of the picture.
-            assert!(nearest < 6.0, "{nearest} m beside the sketch");
+            let nearest = thin[0].windows(2).map(|w| distance((e, n), w[0], w[1])).fold(f64::INFINITY, f64::min);
+            // One hundredth of 600 m: 1.5 pixels of the picture.
+            assert!(nearest < 6.0, "{nearest} m from the sketch");
         }
     }
 
     #[test]
-    fn a_long_flight_has_no_more_points_and_a_gap_stays_one() {
+    fn a_long_flight_has_no_more_points_and_keeps_its_gap() {
         let thin = read(&sketch(&circuits(40.0, vec![1000])).unwrap());
         assert_eq!(thin.len(), 2);
         assert!(thin.iter().map(Vec::len).sum::<usize>() <= MOST);
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn no_track_is_no_sketch() {
+    fn without_a_track_there_is_no_sketch() {
         assert_eq!(sketch(&LeadTrack::default()), None);
         let still =
             LeadTrack { east_m: vec![2.0; 3], north_m: vec![1.0; 3], lead_m: vec![0.0; 3], ..LeadTrack::default() };

@@ -1,15 +1,15 @@
-//! Folder names for flights: safe on every file system, and each used once.
+//! Folder names for flights: unique, and safe on every file system.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Longest name, bytes; leaves room for a suffix below the limit of 255.
 const LONGEST: usize = 100;
 
-/// Names that some systems keep for devices.
+/// Names that some systems reserve for devices.
 const RESERVED: [&str; 6] = ["con", "prn", "aux", "nul", "com1", "lpt1"];
 
-/// A folder name for every flight id. Two ids whose names would be equal, or differ only in
-/// upper and lower case, both get a piece of the id's hash.
+/// A folder name for every flight id. If the names of two ids would be equal, or differ only in
+/// case, both get part of the id's hash as suffix.
 pub(crate) fn slugs<'a>(ids: impl IntoIterator<Item = &'a str>) -> BTreeMap<String, String> {
     let ids: BTreeSet<&str> = ids.into_iter().collect();
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
@@ -34,7 +34,7 @@ fn plain(id: &str) -> String {
 }
 
 fn suffixed(name: &str, id: &str) -> String {
-    // Sixteen digits: a plain name that ends in the hash of another id does not happen by chance.
+    // Sixteen digits: a plain name does not end in the hash of another id by chance.
     let hash = blake3::hash(id.as_bytes()).to_hex();
     format!("{name}-{}", hash.get(..16).unwrap_or_default())
 }
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_id_gets_a_name_of_its_own_that_stays_in_its_folder() {
+    fn every_id_gets_a_unique_name_that_stays_in_its_folder() {
         let long = "x".repeat(300);
         let other_long = format!("{long}y");
         let ids = [
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_name_stays_as_it_is() {
+    fn a_plain_name_is_unchanged() {
         assert_eq!(slugs(["day1/swing-07.mcap"])["day1/swing-07.mcap"], "day1-swing-07.mcap");
     }
 }

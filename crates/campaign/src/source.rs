@@ -1,24 +1,24 @@
-//! Whose report an output folder holds: that of the logs which it was made from, and of no others of the same name.
+//! The source of a report: which logs it was made from, so that logs of the same name elsewhere are not confused.
 
 use crate::error::CampaignError;
 use crate::lock::while_unused;
 use crate::s3;
-use crate::store::{Keep, Store, look_into};
+use crate::store::{Keep, Store, read_unopened};
 use std::path::{Path, PathBuf};
 
-/// Where the logs of the report lie: a path in each line.
+/// Paths of the logs of the report, one per line.
 const SOURCE: &str = ".flightlag/source";
 
-/// What a run that failed before its first result leaves in a new folder.
+/// Files that a run which failed before its first result leaves in a new folder.
 const LEFTOVERS: [&str; 5] = ["source", "lock", "id", "found.json", "inputs.json"];
 
-/// Refuses a folder that holds the report of other logs, unless that may be replaced. A report of a bench goes on as long as
+/// Rejects a folder that holds the report of other logs, unless it may be replaced. A bench report continues as long as
 /// one of its records is among the new ones.
 ///
 /// # Errors
-/// Says whose report it is, and what to do.
+/// The source of the existing report, and what to do.
 pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(), CampaignError> {
-    let Some(known) = look_into(out, SOURCE)? else { return Ok(()) };
+    let Some(known) = read_unopened(out, SOURCE)? else { return Ok(()) };
     let known = String::from_utf8_lossy(&known);
     let now = lines(inputs);
     if replace || known.lines().any(|line| now.iter().any(|new| new == line)) {
@@ -31,7 +31,7 @@ pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(),
     )))
 }
 
-/// Writes down whose report this is.
+/// Writes the source of the report.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -40,7 +40,7 @@ pub(crate) fn claim(store: &Store, inputs: &[PathBuf]) -> Result<(), CampaignErr
     Ok(store.write(SOURCE, text.as_bytes(), Keep::Synced).map(drop)?)
 }
 
-/// Where the logs of the report in `out` lie; `None` if it does not say.
+/// The source of the report in `out`; `None` if unknown.
 pub(crate) fn of(out: &Path) -> Option<String> {
     let known = std::fs::read_to_string(out.join(SOURCE)).ok()?;
     let (first, more) = (known.lines().next()?, known.lines().count() - 1);
@@ -52,8 +52,8 @@ fn lines(inputs: &[PathBuf]) -> Vec<String> {
     inputs.iter().map(|path| whole(path).display().to_string().replace(['\n', '\r'], "?")).collect()
 }
 
-/// Runs `work`, which may make the folder `out`. If it fails before there is any result, what it made is removed, and the folders
-/// above too. A run that the user stopped keeps what it has hashed.
+/// Runs `work`, which may create the folder `out`. If it fails before any result, removes what it created, including
+/// parent folders. A run that the user stopped keeps its hashes.
 ///
 /// # Errors
 /// Those of `work`.
@@ -74,13 +74,13 @@ pub(crate) fn leaving_no_empty_folder<T>(
     let ended = work();
     let stopped = matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_)));
     if ended.is_err() && !stopped && !missing.is_empty() {
-        // Another run may be at work there by now.
+        // Another run may use the folder by now.
         while_unused(out, || remove_leftovers(out, &missing));
     }
     ended
 }
 
-/// Removes what a run writes before its first result, and the folders that it made, if there is nothing else.
+/// Removes files that a run writes before its first result, and the folders that it created, if there is nothing else.
 fn remove_leftovers(out: &Path, made: &[&Path]) {
     if !holds_no_more_than_leftovers(out) {
         return;
@@ -90,18 +90,19 @@ fn remove_leftovers(out: &Path, made: &[&Path]) {
     [own.as_path()].iter().chain(made).for_each(|folder| drop(std::fs::remove_dir(folder)));
 }
 
-/// A bucket has no folders. Where a run failed before any result, only its claim goes: another run may have the lock by now.
+/// Removes the source from a bucket after a run that failed before any result. Nothing else: another run may have the
+/// lock.
 fn disclaim(out: &Path) {
     let Ok(store) = Store::open(out) else { return };
     let is_leftover = |name: &String| name.strip_prefix(".flightlag/").is_some_and(|name| LEFTOVERS.contains(&name));
-    // What cannot be listed or removed stays; the next run says whose report it is.
+    // What cannot be listed or removed stays; the next run reports the source.
     if store.all_files().is_ok_and(|names| names.iter().all(is_leftover)) {
         let _ = store.remove(SOURCE);
     }
 }
 
-/// Whether there is nothing in `out` but what a run writes before its first result. With anything else the lock stays too: it
-/// tells the next run that the folder is ours.
+/// Whether `out` holds only files that a run writes before its first result. With anything else the lock stays too: it
+/// marks the folder as an output folder.
 fn holds_no_more_than_leftovers(out: &Path) -> bool {
     let only = |folder: &Path, known: &[&str]| {
         let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -116,7 +117,7 @@ mod tests {
     use crate::lock::OutputLock;
 
     #[test]
-    fn a_report_of_other_logs_is_refused_by_name_unless_it_may_be_replaced() {
+    fn a_report_of_other_logs_is_rejected_unless_it_may_be_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| {
             let path = folder.path().join(name);
@@ -129,13 +130,13 @@ mod tests {
         check(&out, std::slice::from_ref(&first), false).unwrap();
         check(&out, &[second.clone(), first.clone()], false).unwrap();
         check(&out, std::slice::from_ref(&second), true).unwrap();
-        let told = check(&out, std::slice::from_ref(&second), false).unwrap_err().to_string();
+        let error = check(&out, std::slice::from_ref(&second), false).unwrap_err().to_string();
         let (first, second) = (first.display(), second.display());
-        assert!(told.contains(&format!("holds the report of {first}, and not of {second}; ")), "{told}");
+        assert!(error.contains(&format!("holds the report of {first}, and not of {second}; ")), "{error}");
     }
 
     #[test]
-    fn a_run_that_fails_leaves_no_empty_folder_and_never_a_file_less() {
+    fn a_failed_run_leaves_no_empty_folder_and_removes_no_other_file() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("reports/data");
         let fails = |out: &Path, also: Option<&str>| {
@@ -155,7 +156,7 @@ mod tests {
         assert!(folder.path().join("mine").exists());
     }
     #[test]
-    fn a_run_that_is_refused_removes_nothing_of_the_run_that_made_the_folder_first() {
+    fn a_rejected_run_removes_nothing_of_the_run_that_created_the_folder() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("reports/data");
         let cancel = std::sync::atomic::AtomicBool::new(false);

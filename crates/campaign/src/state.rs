@@ -1,7 +1,7 @@
-//! What the last run left behind, so that the next one can say what has changed and leave alone what has not.
+//! The state of the last run, so that the next one can report what changed and reuse the rest.
 //!
-//! Losing it costs time and nothing else. It never claims more than is on disk: before a page is
-//! replaced, the claim that it stands is withdrawn.
+//! Losing it only costs time. It never claims more than is on disk: before a page is
+//! replaced, its entry is removed.
 
 use crate::error::CampaignError;
 use crate::manifest::{Manifest, Planned, Stage, Why};
@@ -29,16 +29,16 @@ pub(crate) struct State {
     flights: BTreeMap<String, KnownFlight>,
     /// Files of every result, by key.
     pub(crate) results: BTreeMap<String, Files>,
-    /// Pages that stand, by the folder's name.
+    /// Up-to-date pages, by folder name.
     pub(crate) pages: BTreeMap<String, PageState>,
-    /// The outputs of the whole, if they stand.
+    /// The outputs of the campaign as a whole, if they are up to date.
     pub(crate) whole: Option<WholeState>,
-    /// Hash of the campaign's record, whose rows may be used again.
+    /// Hash of the campaign's record, whose rows may be reused.
     pub(crate) record_blake3: String,
-    /// How thoroughly results are compared that no run here has seen.
+    /// How thoroughly results unknown to this folder are compared.
     #[serde(skip)]
     check: Check,
-    /// A file has a new description and its old content.
+    /// A file has new metadata and unchanged content.
     #[serde(skip)]
     pub(crate) refreshed: bool,
 }
@@ -51,46 +51,46 @@ struct KnownFlight {
     key: Option<String>,
 }
 
-/// A flight's page that stands.
+/// An up-to-date page of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PageState {
-    /// Hash of everything that it was made from.
+    /// Hash of all its inputs.
     pub(crate) made_from: String,
     /// Its files.
     pub(crate) files: Files,
-    /// Whether the campaign's record has its row. It has not if a reduction was stopped after the page.
+    /// Whether the campaign's record has its row. It does not if a reduction was stopped after the page.
     pub(crate) has_row: bool,
 }
 
 /// Table, index and record of the campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct WholeState {
-    /// Hash of everything that they were made from.
+    /// Hash of all their inputs.
     pub(crate) made_from: String,
     /// The files.
     pub(crate) files: Files,
 }
 
 impl State {
-    /// What the last run wrote down; nothing if that cannot be read.
+    /// Reads the state of the last run; empty if unreadable.
     pub(crate) fn recall(store: &Store) -> State {
         let state: Option<State> = store.read_sealed(STATE);
-        // The next run continues a first run that was stopped, so its notes have a version from the start.
+        // The next run continues a first run that was stopped, so its state has a version from the start.
         let first = || State { version: STATE_VERSION, ..State::default() };
         state.filter(|s| s.version == STATE_VERSION).unwrap_or_else(first)
     }
 
-    /// Writes it down.
+    /// Writes the state.
     pub(crate) fn save(&self, store: &Store) -> Result<(), CampaignError> {
         Ok(store.rewrite_sealed(STATE, self)?)
     }
 
-    /// Whether the last run had a result of this flight.
+    /// Whether the last run had a result for this flight.
     pub(crate) fn has_flight(&self, flight: &str) -> bool {
         self.flights.get(flight).is_some_and(|known| known.key.is_some())
     }
 
-    /// What the last run removed from a flight, and the key of its result.
+    /// The last run's decision for a flight, and the key of its result.
     pub(crate) fn latest_of(&self, flight: &str) -> Option<(Decision, String)> {
         let known = self.flights.get(flight)?;
         Some((known.decision.clone()?, known.key.clone()?))
@@ -101,8 +101,8 @@ impl State {
         self.flights.values().flat_map(|f| [&f.measure_key, &f.key]).flatten().map(String::as_str)
     }
 
-    /// Compares every file that it knows with what is on the disk. What is not as it was written is made again: pages and
-    /// tables are no longer known, results are removed. Returns the names of such files.
+    /// Compares every known file with the disk. Changed outputs are made again: pages and tables are forgotten, results
+    /// are removed. Returns the names of such files.
     pub(crate) fn compare(
         &mut self,
         store: &Store,
@@ -129,7 +129,7 @@ impl State {
         Ok(changed.into_iter().collect())
     }
 
-    /// Takes over what is planned now.
+    /// Takes over the flights of the current plan.
     pub(crate) fn learn(&mut self, manifest: &Manifest) {
         self.pipeline_toml.clone_from(&manifest.pipeline.toml);
         self.maps_blake3.clone_from(&manifest.maps_blake3);
@@ -144,7 +144,7 @@ impl State {
         self.flights = manifest.flights.iter().map(|f| (f.flight.clone(), known(f))).collect();
     }
 
-    /// Why the work of a stage has to be done for `flight`, given that its result is not there.
+    /// Why the work of a stage is necessary for `flight`, given that its result is missing.
     pub(crate) fn why(&self, flight: &Planned, manifest: &Manifest, stage: Stage, had_trouble: bool) -> Vec<Why> {
         if had_trouble {
             return vec![Why::EarlierTrouble];
@@ -163,13 +163,13 @@ impl State {
         }
         why.extend(self.what_changed(manifest));
         if why.is_empty() && stage == Stage::Replay && known.decision != flight.decision {
-            let [was, is] = [&known.decision, &flight.decision].map(|d| told(d.as_ref()));
+            let [was, is] = [&known.decision, &flight.decision].map(|d| described(d.as_ref()));
             why.push(Why::DelayChanged { was, is });
         }
         if why.is_empty() { vec![Why::ResultMissing] } else { why }
     }
 
-    /// Why a flight has another result than in the last run, in words.
+    /// Why a flight has a different result from the last run.
     pub(crate) fn causes(&self, flight: &Planned, manifest: &Manifest) -> Vec<String> {
         if !self.flights.contains_key(&flight.flight) {
             return vec!["unknown: the notes on the last run are lost".to_owned()];
@@ -177,7 +177,7 @@ impl State {
         self.why(flight, manifest, Stage::Replay, false).iter().map(ToString::to_string).collect()
     }
 
-    /// Whether a result is there and as it was written. One that is not is removed.
+    /// Whether a result exists and is unchanged. Removes a changed one.
     pub(crate) fn has_result(&self, store: &Store, key: &str) -> Result<bool, CampaignError> {
         if self.results.contains_key(key) {
             return Ok(true);
@@ -208,7 +208,7 @@ impl State {
     }
 }
 
-/// Names of the files that are not as they were written, and whether any other has a new description.
+/// Names of the changed files, and whether any other file has new metadata.
 fn compared(
     files: Vec<(&String, &mut Kept)>,
     store: &Store,
@@ -236,7 +236,7 @@ fn compared(
 }
 
 /// A decision in a few words.
-fn told(decision: Option<&Decision>) -> String {
+fn described(decision: Option<&Decision>) -> String {
     match decision.and_then(|d| Some((d.delay_s?, d.used?))) {
         Some((delay_s, used)) => format!("{:.1} ms ({})", 1e3 * delay_s, used.name()),
         None => "none".to_owned(),

@@ -1,4 +1,4 @@
-//! How far a planned campaign is, from the results alone.
+//! Progress of a planned campaign, from the results alone.
 
 use crate::error::{CampaignError, Exit};
 use crate::manifest::{Manifest, Stage};
@@ -9,15 +9,15 @@ use serde::Serialize;
 /// Counts of a manifest's flights, and the names of those without a result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Status {
-    /// Stage that the manifest deals; `None` if it has no work.
+    /// Stage of the manifest; `None` if it has no work.
     pub stage: Option<Stage>,
     /// All flights of the manifest.
     pub flights: usize,
-    /// With the result of that stage.
+    /// Flights with the result of that stage.
     pub done: usize,
-    /// Without one, because of trouble at the last attempt or a file that cannot be read.
+    /// Flights without one, because of trouble at the last attempt or an unreadable file.
     pub troubled: Vec<Trouble>,
-    /// Without one, not attempted yet.
+    /// Flights without one that were not attempted yet.
     pub missing: Vec<String>,
 }
 
@@ -38,7 +38,7 @@ impl Status {
     }
 }
 
-/// Looks which flights of a manifest have the result of its stage.
+/// Determines which flights of a manifest have the result of its stage.
 ///
 /// # Errors
 /// The output folder cannot be opened.

@@ -1,9 +1,8 @@
-//! The one place where outputs are written: a folder, or a bucket of S3.
+//! The only place that writes outputs: to a folder, or to an S3 bucket.
 //!
-//! An output is absent, the old one, or the new one, whole. How a folder and a bucket hold that is said in [`folder`] and in
-//! `bucket`.
+//! An output is absent, the old one, or the complete new one. [`folder`] and `bucket` describe how they guarantee that.
 //!
-//! Every write returns what was written, with its hash. A later run compares.
+//! Every write returns what was written, with its hash, for comparison by a later run.
 
 #[cfg(feature = "s3")]
 pub(crate) mod bucket;
@@ -24,11 +23,11 @@ use std::time::Duration;
 
 pub(crate) use folder::is_temporary;
 
-/// What a note of our own begins with, and what comes between its hash and its content.
+/// Start of a sealed note, and the text between its hash and its content.
 const SEAL: &str = "{\"blake3\":\"";
 const CONTENT: &str = "\",\"content\":";
 
-/// The name of an output folder.
+/// File with the identifier of an output folder.
 const ID: &str = ".flightlag/id";
 
 /// An output could not be written, read or removed.
@@ -37,28 +36,28 @@ const ID: &str = ".flightlag/id";
 pub struct StoreError {
     /// The file or folder.
     pub path: PathBuf,
-    /// What was tried.
+    /// The attempted operation.
     pub doing: &'static str,
-    /// What the system says.
+    /// Error of the operating system.
     pub source: io::Error,
 }
 
-/// Whether a file must survive a loss of power once it is there.
+/// Whether a file must survive a power loss once it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Keep {
-    /// Synced before the rename, and its folder after it: results, and the memory of what is done.
+    /// File synced before the rename, and its folder after it: results, and the state of finished work.
     Synced,
-    /// Synced before the rename. A file of the same folder that is kept as [`Keep::Synced`] follows.
+    /// File synced before the rename. A [`Keep::Synced`] file of the same folder follows.
     Part,
-    /// Renamed only: pages, which are checked at the next run and which can be made again.
+    /// Only renamed: pages, which the next run checks and can make again.
     Renewable,
 }
 
-/// A file as it was written.
+/// Description of a file at the time it was written.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "(FileStamp, String)", into = "(FileStamp, String)")]
 pub(crate) struct Kept {
-    /// How the file system described it. While that is the same, the content is not read again.
+    /// Metadata from the file system. While it is unchanged, the content is not read again.
     pub(crate) stamp: FileStamp,
     /// BLAKE3 of its content.
     pub(crate) blake3: String,
@@ -76,58 +75,58 @@ impl From<Kept> for (FileStamp, String) {
     }
 }
 
-/// Files as they were written, by name below the output folder.
+/// Written files by name below the output folder.
 pub(crate) type Files = BTreeMap<String, Kept>;
 
-/// How thoroughly a file is compared with what was written.
+/// How thoroughly a file is compared with its [`Kept`] description.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) enum Check {
-    /// By size, times and number of the file; by content if any of these differs.
+    /// By size, timestamps and inode number; by content if any of these differs.
     #[default]
     Quick,
     /// By content.
     Full,
 }
 
-/// When an output may be written. A folder has a lock of the system, and a rename cannot ask: there it is always.
+/// Condition for writing an output. A folder ignores it: it has a system lock, and a rename has no conditions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Only {
-    /// In any case.
+    /// No condition.
     Always,
-    /// If it is not there: what completes a result.
+    /// The output does not exist: for the file that completes a result.
     IfAbsent,
-    /// If it is as this store read it or wrote it last: the notes on the last run.
+    /// Unchanged since this store last read or wrote it: for the notes on the last run.
     IfAsRead,
 }
 
-/// Makes the content of an output.
+/// Writes the content of an output.
 pub(crate) type Fill<'a> = &'a mut dyn FnMut(&mut BufWriter<Hashing>) -> io::Result<()>;
 
-/// The place where outputs lie. Names are below the output folder, with `/` between folders.
+/// Storage of outputs. Names are relative to the output folder, with `/` as separator.
 pub(crate) trait Storage: fmt::Debug + Send + Sync {
-    /// Content of an output; `None` if it is not there.
+    /// Content of an output; `None` if it does not exist.
     fn read(&self, name: &str) -> io::Result<Option<Vec<u8>>>;
     /// BLAKE3 of an output.
     fn hash(&self, name: &str) -> io::Result<String>;
-    /// Writes an output whole; `None` if `only` forbids it.
+    /// Writes an output atomically; `None` if the condition `only` is not met.
     fn put(&self, name: &str, keep: Keep, only: Only, fill: Fill<'_>) -> Result<Option<Kept>, StoreError>;
-    /// An output as it is now; `None` if it is not there.
+    /// Current metadata of an output; `None` if it does not exist.
     fn describe(&self, name: &str) -> io::Result<Option<FileStamp>>;
-    /// All outputs as they are now; `None` where it costs as little to ask for each.
+    /// Current metadata of all outputs; `None` if asking for each one is as cheap.
     fn describe_all(&self) -> io::Result<Option<BTreeMap<String, FileStamp>>>;
-    /// How long ago an output was written, if that is known.
+    /// Time since an output was written, if known.
     fn age(&self, name: &str) -> Option<Duration>;
-    /// Removes an output; that it is not there is fine.
+    /// Removes an output, if it exists.
     fn remove(&self, name: &str) -> io::Result<()>;
-    /// Names of the files below a folder, and afterwards of the folders, deepest first.
+    /// Names of the files below a folder, then of the folders, deepest first.
     fn list(&self, folder: &str) -> io::Result<Vec<String>>;
-    /// Names of the files right in the output folder.
+    /// Names of the files at the top level of the output folder.
     fn files_of_root(&self) -> Vec<String>;
     /// Removes a folder if it is empty.
     fn remove_empty_folder(&self, name: &str);
-    /// Removes what a killed run left behind; says how many files.
+    /// Removes the leftovers of a killed run; returns the number of files.
     fn clean(&self) -> u64;
-    /// The bucket, if it is one.
+    /// The bucket, if this is one.
     #[cfg(feature = "s3")]
     fn bucket(&self) -> Option<&bucket::BucketStorage> {
         None
@@ -142,7 +141,7 @@ pub(crate) struct Store {
 }
 
 impl Store {
-    /// Opens the folder, makes it if it is missing, and shows by a test file that it can be written to.
+    /// Opens the folder, creates it if missing, and checks with a test file that it is writable.
     pub(crate) fn open(root: &Path) -> Result<Store, StoreError> {
         Store::with(root, Folder::open)
     }
@@ -163,9 +162,9 @@ impl Store {
         Ok(Store { root: root.to_owned(), storage })
     }
 
-    /// Opens the folder of a plan. It is not made: on a node where it is not mounted, results would go nowhere.
+    /// Opens the folder of a plan. Does not create it: on a node where it is not mounted, results would be lost.
     pub(crate) fn open_planned(root: &Path, id: &str) -> Result<Store, CampaignError> {
-        let found = look_into(root, ID)?.unwrap_or_default();
+        let found = read_unopened(root, ID)?.unwrap_or_default();
         if String::from_utf8_lossy(&found).trim() != id {
             let what = "is not the output folder of this plan; it may not be mounted here";
             return Err(CampaignError::TryAgain(format!("{}: {what}", root.display())));
@@ -173,7 +172,7 @@ impl Store {
         Ok(Store::open(root)?)
     }
 
-    /// The name that this folder got when it was first written to. A plan knows its folder by it.
+    /// The identifier that this folder got at its first write. A plan identifies its folder by it.
     pub(crate) fn id(&self) -> Result<String, StoreError> {
         if let Some(id) =
             self.read(ID)?.and_then(|bytes| String::from_utf8(bytes).ok()).filter(|id| !id.trim().is_empty())
@@ -191,13 +190,13 @@ impl Store {
         &self.root
     }
 
-    /// The bucket, if the outputs lie in one.
+    /// The bucket, if the outputs are in one.
     #[cfg(feature = "s3")]
     pub(crate) fn bucket(&self) -> Option<&bucket::BucketStorage> {
         self.storage.bucket()
     }
 
-    /// Where an output is or will be. A name that would lead out of the folder is refused.
+    /// Path of an output. Rejects a name that leads out of the folder.
     pub(crate) fn path(&self, name: &str) -> Result<PathBuf, StoreError> {
         let relative = Path::new(name);
         let inside = relative.components().all(|c| matches!(c, Component::Normal(_)));
@@ -208,12 +207,12 @@ impl Store {
         Err(failed(relative, "use this name", odd))
     }
 
-    /// Writes a file whole.
+    /// Writes a file atomically.
     pub(crate) fn write(&self, name: &str, bytes: &[u8], keep: Keep) -> Result<Kept, StoreError> {
         self.write_with(name, keep, |file| file.write_all(bytes))
     }
 
-    /// Writes a file whole, whose content `fill` makes.
+    /// Writes a file atomically with content from `fill`.
     pub(crate) fn write_with(
         &self,
         name: &str,
@@ -224,8 +223,8 @@ impl Store {
         kept.ok_or_else(|| failed(Path::new(name), "write", io::ErrorKind::Other.into()))
     }
 
-    /// Writes a file that completes something, unless it is there; `None` then. In a folder the later writer wins: both write
-    /// the same.
+    /// Writes a file that completes a result, unless it exists: then `None`. In a folder the later writer wins: both
+    /// write the same bytes.
     pub(crate) fn write_first(&self, name: &str, bytes: &[u8]) -> Result<Option<Kept>, StoreError> {
         self.put(name, Keep::Synced, Only::IfAbsent, |file| file.write_all(bytes))
     }
@@ -242,13 +241,13 @@ impl Store {
         self.storage.put(name, keep, only, &mut |file| fill.take().map_or(Ok(()), |fill| fill(file)))
     }
 
-    /// Whether a file is as it was written. `kept` learns a new description of the same content.
+    /// Whether a file is unchanged. If only its metadata changed, updates `kept`.
     pub(crate) fn is_as_kept(&self, name: &str, kept: &mut Kept, check: Check) -> bool {
         let Some(stamp) = self.stamp(name) else { return false };
         self.is_still(name, kept, stamp, check)
     }
 
-    /// The same for many files, by name. All are described at once where that is cheaper.
+    /// The same for many files, by name. Lists all metadata at once where that is cheaper.
     pub(crate) fn are_as_kept<'a>(
         &self,
         files: impl Iterator<Item = (&'a String, &'a mut Kept)>,
@@ -287,17 +286,17 @@ impl Store {
         self.storage.hash(name).ok()
     }
 
-    /// An output as it is now.
+    /// Current description of an output.
     pub(crate) fn kept(&self, name: &str, blake3: &str) -> Option<Kept> {
         Some(Kept { stamp: self.stamp(name)?, blake3: blake3.to_owned() })
     }
 
-    /// Size of an output, if it is there.
+    /// Size of an output, if it exists.
     pub(crate) fn size(&self, name: &str) -> Option<u64> {
         self.stamp(name).map(|stamp| stamp.bytes)
     }
 
-    /// How long ago an output was written, if that is known.
+    /// Time since an output was written, if known.
     pub(crate) fn age(&self, name: &str) -> Option<Duration> {
         self.path(name).ok()?;
         self.storage.age(name)
@@ -309,19 +308,19 @@ impl Store {
         self.storage.read(name).map_err(|e| failed(&path, "read", e))
     }
 
-    /// Writes a note of our own with its hash in it.
+    /// Writes a note that contains its own hash.
     pub(crate) fn write_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
         self.write_with(name, Keep::Synced, |file| write_note(file, note)).map(drop)
     }
 
-    /// The same for a note that this store has read before, and that nobody else may have written since.
+    /// The same for a note that this store has read before. Fails if another writer has changed it since.
     pub(crate) fn rewrite_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
         let kept = self.put(name, Keep::Synced, Only::IfAsRead, |file| write_note(file, note))?;
         let taken = || io::Error::new(io::ErrorKind::ResourceBusy, "another flightlag wrote it meanwhile");
         kept.map(drop).ok_or_else(|| failed(&self.root.join(name), "write", taken()))
     }
 
-    /// A note that [`Store::write_sealed`] wrote; `None` if it is not there, or not as it was written.
+    /// A note that [`Store::write_sealed`] wrote; `None` if it is missing or was changed.
     pub(crate) fn read_sealed<T: serde::de::DeserializeOwned>(&self, name: &str) -> Option<T> {
         let bytes = self.read(name).ok().flatten()?;
         let text = std::str::from_utf8(&bytes).ok()?;
@@ -330,29 +329,29 @@ impl Store {
         is_whole.then(|| serde_json::from_str(note).ok())?
     }
 
-    /// Removes an output; that it is not there is fine.
+    /// Removes an output, if it exists.
     pub(crate) fn remove(&self, name: &str) -> Result<(), StoreError> {
         let path = self.path(name)?;
         self.storage.remove(name).map_err(|e| failed(&path, "remove", e))
     }
 
-    /// Names of the files right in the output folder.
+    /// Names of the files at the top level of the output folder.
     pub(crate) fn files_of_root(&self) -> Vec<String> {
         self.storage.files_of_root()
     }
 
-    /// Names of the files below a folder, and afterwards of the folders, deepest first.
+    /// Names of the files below a folder, then of the folders, deepest first.
     pub(crate) fn list(&self, folder: &str) -> Vec<String> {
-        self.list_surely(folder).unwrap_or_default()
+        self.try_list(folder).unwrap_or_default()
     }
 
-    /// The same, where a list that cannot be had must not pass for an empty one.
-    pub(crate) fn list_surely(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+    /// The same, but an unreadable folder is an error and not an empty list.
+    pub(crate) fn try_list(&self, folder: &str) -> Result<Vec<String>, StoreError> {
         let path = self.path(folder)?;
         self.storage.list(folder).map_err(|e| failed(&path, "list", e))
     }
 
-    /// Names of all files of a bucket; of a folder, of none.
+    /// Names of all files of a bucket; empty for a folder.
     pub(crate) fn all_files(&self) -> io::Result<Vec<String>> {
         Ok(self.storage.describe_all()?.unwrap_or_default().into_keys().collect())
     }
@@ -364,14 +363,14 @@ impl Store {
         }
     }
 
-    /// Removes temporary files that a killed run left behind; says how many.
+    /// Removes temporary files of a killed run; returns their number.
     pub(crate) fn clean(&self) -> u64 {
         self.storage.clean()
     }
 }
 
-/// A file of an output folder that is only looked into; `None` if it is not there. Nothing is written.
-pub(crate) fn look_into(root: &Path, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+/// Reads a file of an output folder without opening the store; `None` if it is missing. Writes nothing.
+pub(crate) fn read_unopened(root: &Path, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
     let path = root.join(name);
     #[cfg(feature = "s3")]
     if s3::is_in_bucket(root) {
@@ -381,11 +380,11 @@ pub(crate) fn look_into(root: &Path, name: &str) -> Result<Option<Vec<u8>>, Stor
     if s3::is_in_bucket(root) {
         return Err(failed(root, "use", s3::not_built()));
     }
-    // A folder that cannot be looked into cannot be written to either, which is said then.
+    // An unreadable folder is not writable either, which is reported later.
     Ok(std::fs::read(path).ok())
 }
 
-/// Names of what is right in an output folder, which may not be there.
+/// Names of the top-level entries of an output folder, which may not exist.
 pub(crate) fn first_names(root: &Path) -> Result<Vec<OsString>, StoreError> {
     #[cfg(feature = "s3")]
     if s3::is_in_bucket(root) {
@@ -400,8 +399,8 @@ fn failed(path: &Path, doing: &'static str, source: io::Error) -> StoreError {
     StoreError { path: path.to_owned(), doing, source }
 }
 
-/// What [`Store::read_sealed`] reads. The note is made twice, for its hash and for the file: that of a large campaign has many
-/// megabytes, which are never in memory as a whole.
+/// Writes what [`Store::read_sealed`] reads. Serializes the note twice, for its hash and for the file: the note of a
+/// large campaign has many megabytes, which are never entirely in memory.
 fn write_note(file: &mut impl Write, note: &impl Serialize) -> io::Result<()> {
     let mut hasher = BufWriter::new(blake3::Hasher::new());
     serde_json::to_writer(&mut hasher, note)?;
@@ -411,7 +410,7 @@ fn write_note(file: &mut impl Write, note: &impl Serialize) -> io::Result<()> {
     file.write_all(b"}\n")
 }
 
-/// A file on its way, and the hash of what was written to it so far.
+/// A file being written, and the hash of its content so far.
 pub(crate) struct Hashing {
     sink: Sink,
     hasher: blake3::Hasher,
@@ -470,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn a_write_that_fails_leaves_the_old_file_and_nothing_else() {
+    fn a_failed_write_leaves_only_the_old_file() {
         let (folder, store) = store();
         store.write("a/record.json", b"old", Keep::Synced).unwrap();
         let disk_full = |f: &mut BufWriter<Hashing>| {
@@ -492,7 +491,7 @@ mod tests {
         }
     }
 
-    /// Writes down what is asked of the system, and does it.
+    /// Records the calls to the system, and executes them.
     #[derive(Debug, Default)]
     struct Recorder(std::sync::Arc<std::sync::Mutex<Vec<String>>>);
 
@@ -527,7 +526,7 @@ mod tests {
     }
 
     #[test]
-    fn a_result_is_written_whole_then_synced_then_renamed_and_its_folder_is_synced_last() {
+    fn a_result_is_written_synced_renamed_and_then_its_folder_is_synced() {
         let (folder, store) = store();
         let notes = std::sync::Arc::default();
         let recorded = Folder { root: store.root.clone(), disk: Box::new(Recorder(std::sync::Arc::clone(&notes))) };
@@ -548,14 +547,14 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn a_sync_asks_the_system_to_sync() {
-        // The system refuses to sync what lies on no disk, so that a sync that asks nothing is noticed.
+        // The system rejects a sync of /dev/null, so a sync that does not reach the system is detected.
         let null = File::open("/dev/null").unwrap();
         assert_eq!(System.sync(&null, Path::new("null")).unwrap_err().kind(), io::ErrorKind::InvalidInput);
         assert_eq!(System.sync_folder(Path::new("/nowhere")).unwrap_err().kind(), io::ErrorKind::NotFound);
     }
 
     #[test]
-    fn a_reader_of_the_old_file_goes_on_reading_the_old_content() {
+    fn a_reader_of_the_old_file_keeps_reading_the_old_content() {
         let (folder, store) = store();
         store.write("record.json", b"the old record", Keep::Synced).unwrap();
         let mut reader = File::open(folder.path().join("record.json")).unwrap();
@@ -570,11 +569,11 @@ mod tests {
     }
 
     #[test]
-    fn leftovers_of_a_dead_process_go_and_files_of_a_live_one_stay() {
+    fn leftovers_of_a_dead_process_are_removed_and_files_of_a_live_one_stay() {
         let (folder, store) = store();
         let Process { host, system, pid, started } = Process::this();
         let name = |pid: u32, started: u64| format!(".record.json.{host}.{system}.{pid}-{started}.0-1f.{TEMPORARY}");
-        // No process has a number above the largest that Linux allows, 2^22.
+        // No process has a number above the Linux limit of 2^22.
         fs::create_dir(folder.path().join("by-key")).unwrap();
         fs::write(folder.path().join("by-key").join(name(99_999_999, 1)), "half").unwrap();
         fs::write(folder.path().join(name(*pid, started + 1)), "of an earlier process with this number").unwrap();
@@ -585,9 +584,9 @@ mod tests {
     }
 
     #[test]
-    fn a_fresh_temporary_file_of_another_container_stays_and_an_old_one_goes() {
+    fn a_temporary_file_of_another_container_is_removed_only_when_old() {
         let (folder, store) = store();
-        // The same host name and process number, as two containers of one image have.
+        // The same host name and process number, as in two containers of one image.
         let Process { host, pid, started, .. } = Process::this();
         let name = |n: u32| folder.path().join(format!(".r.{host}.0badcafe.{pid}-{started}.{n}-1f.{TEMPORARY}"));
         let gone = |n: u32| folder.path().join(format!(".r.{host}.0badcafe.99999999-1.{n}-1f.{TEMPORARY}"));
@@ -601,7 +600,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_as_it_was_kept_until_a_byte_of_it_changes() {
+    fn a_file_is_unchanged_until_a_byte_of_it_changes() {
         let (folder, store) = store();
         let mut kept = store.write("a.bin", b"12345678", Keep::Renewable).unwrap();
         assert!(
@@ -614,7 +613,7 @@ mod tests {
         assert_eq!(kept.stamp, FileStamp::of(&path).unwrap());
         fs::write(&path, b"12345679").unwrap();
         assert!(!store.is_as_kept("a.bin", &mut kept.clone(), Check::Quick));
-        // As if no time of the file had changed.
+        // As if no timestamp of the file had changed.
         kept.stamp = FileStamp::of(&path).unwrap();
         assert!(
             store.is_as_kept("a.bin", &mut kept, Check::Quick) && !store.is_as_kept("a.bin", &mut kept, Check::Full)
@@ -622,7 +621,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sealed_note_comes_back_and_a_changed_one_does_not() {
+    fn a_sealed_note_is_read_back_and_a_changed_one_is_rejected() {
         let (folder, store) = store();
         store.write_sealed("note.json", &vec![1, 2, 3]).unwrap();
         assert_eq!(store.read_sealed::<Vec<i32>>("note.json"), Some(vec![1, 2, 3]));
@@ -633,7 +632,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_written_is_refused_before_any_work() {
+    fn a_read_only_folder_is_rejected_before_any_work() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("report");
         fs::write(&file, "a file").unwrap();

@@ -1,4 +1,4 @@
-//! One flight: log in; what it says of delays, then record and track out.
+//! The study of one flight: from the log to its delays, then to record and track.
 
 use crate::answer;
 use crate::config::{FlightCase, Pipeline};
@@ -14,7 +14,7 @@ use flight::{Code, Notices};
 use ingest::{IngestError, Limits, Loaded, ReadContext};
 use record::{Decision, Effect, ExplorerRows, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
 
-/// What was found in a flight, for good: the same log and settings always give it.
+/// The lasting result of a flight: the same log and settings always give the same.
 #[derive(Debug)]
 pub(crate) struct Studied {
     pub(crate) record: FlightRecord,
@@ -33,18 +33,18 @@ impl Studied {
 pub(crate) enum Interrupted {
     /// The user stopped.
     Cancelled,
-    /// Something that may be over next time: a disk that does not answer.
+    /// A temporary problem: a disk that does not respond.
     Trouble(String),
-    /// Something that waiting does not end.
+    /// A permanent problem.
     Lasting(String),
 }
 
-/// Makes the results of one flight. There is one real study; tests put others in its place.
+/// Makes the results of one flight. There is one real study; tests replace it.
 pub(crate) trait Study: Sync {
-    /// What the flight says of its delays.
+    /// Measures the delays of the flight.
     fn measure(&self, flight: &Planned, manifest: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted>;
 
-    /// Its record with the delay removed that the plan decided on.
+    /// Its record with the delay removed that the plan decided.
     fn study(
         &self,
         flight: &Planned,
@@ -61,7 +61,7 @@ pub(crate) struct Replaying {
 }
 
 impl Replaying {
-    /// Gets everything ready that the manifest asks for.
+    /// Prepares everything that the manifest requires.
     pub(crate) fn prepare(manifest: &Manifest) -> Result<Replaying, CampaignError> {
         let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
         let library = Library::open(manifest.maps_folder.as_deref(), pipeline.forced_map())?;
@@ -77,7 +77,7 @@ impl Replaying {
         planned: &Planned,
         desk: &Desk<'_>,
     ) -> Result<Result<(Loaded, Option<ReferenceLog>), String>, Interrupted> {
-        let on_bytes = |bytes| desk.tell(Event::Read { bytes });
+        let on_bytes = |bytes| desk.send(Event::Read { bytes });
         let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
         let trouble = || Interrupted::Lasting("its format is not known".to_owned());
         let unit = planned.unit().ok_or_else(trouble)?;
@@ -97,7 +97,7 @@ impl Replaying {
         }
     }
 
-    /// What was found in a log that could be read; `base` is the record of a flight of which nothing is known.
+    /// The result of a readable log; `base` is the record of a flight about which nothing is known.
     fn of_log(
         &self,
         loaded: Loaded,
@@ -128,7 +128,7 @@ impl Replaying {
         self.replayed(&case, FlightRecord { log, network: measured.network, notices, ..base })
     }
 
-    /// The record of a flight, of which `draft` has what does not depend on the delay that is removed.
+    /// The record of a flight; `draft` holds the parts that do not depend on the removed delay.
     fn replayed(&self, case: &FlightCase<'_>, draft: FlightRecord) -> Studied {
         let lateness = case.lateness;
         let mut draft = FlightRecord {
@@ -165,7 +165,7 @@ impl Replaying {
         }
     }
 
-    /// Whether what was removed helped; `None` where the channels cannot be compared at all.
+    /// Whether the removal helped; `None` if the channels cannot be compared.
     fn effect(&self, case: &FlightCase<'_>, removed_s: Option<f64>) -> Option<Effect> {
         let (lateness, decision) = (case.lateness, case.decision);
         let truth = TruthEffect::of(case.flight, &self.pipeline.provisional(), removed_s.unwrap_or(0.0)).ok().flatten();
@@ -173,22 +173,22 @@ impl Replaying {
         Some(effect(truth.as_ref(), answer::known(lateness, decision).as_ref(), lateness.speed_rms_mps, removed_s))
     }
 
-    /// The same as if the difference between position and velocity were removed, or nothing where the position is not later:
-    /// so that the page of a flight from which nothing is removed can show its track.
+    /// Replays as if the difference between position and velocity were removed, or nothing if the position is not
+    /// later, so that the page of a flight without removal can show its track.
     fn trial(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<(ReplayRecord, ExplorerRows), String> {
         let settings = self.pipeline.trial_settings(case)?;
         let done = sketch(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
-        // Nothing was removed, so that of its notices only those of what is drawn belong to the flight.
+        // Nothing was removed, so only the notices about what is drawn belong to the flight.
         let left_out = done.notices.iter().filter(|notice| notice.code == Code::SamplesLeftOut.name());
         left_out.for_each(|notice| notices.add(notice.clone()));
         Ok((done.record, done.explorer))
     }
 
-    /// Removes the delay that was decided on, and says what others would have done.
+    /// Removes the decided delay, and sweeps others for comparison.
     fn compensated(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<Replay, String> {
         let (settings, mut decided) = self.pipeline.settings_for(case)?;
         notices.extend_unsaid(decided.found.notices);
-        // Before the replay: a long record does not have room for both.
+        // Before the replay: for a long record, memory does not suffice for both.
         let sweep = Sweeper::of(case.flight, &settings).ok().and_then(|sweeper| {
             let pair = sweeper.pair();
             let measured = measured_pair(case.delays, &pair.position, &pair.velocity);
@@ -235,12 +235,12 @@ impl Study for Replaying {
     }
 }
 
-/// Whether the system does not let us read the log.
+/// Whether the system denies reading the log.
 fn is_denied(error: &IngestError) -> bool {
     matches!(error, IngestError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied)
 }
 
-/// The record of a flight that could not be used.
+/// The record of an unusable flight.
 pub(crate) fn failed_record(planned: &Planned, manifest: &Manifest, reason: String) -> FlightRecord {
     FlightRecord {
         record_version: manifest.record_version,

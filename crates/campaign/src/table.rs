@@ -24,7 +24,7 @@ pub(crate) fn write_track(
     })?)
 }
 
-/// A part of the track with UTC beside its timestamps.
+/// A part of the track with UTC next to its timestamps.
 fn track_sheet(record: &FlightRecord, part: Track) -> Sheet {
     let mut sheet = Sheet::default();
     for (name, values) in part.columns {
@@ -47,7 +47,7 @@ fn track_sheet(record: &FlightRecord, part: Track) -> Sheet {
     sheet
 }
 
-/// Lengths are kept to 2^-13 m = 0.12 mm and degrees to 2^-30, which is 0.10 mm on the ground: the digits below these are noise,
+/// Rounds lengths to 2^-13 m = 0.12 mm and degrees to 2^-30, which is 0.10 mm on the ground. Further digits are noise,
 /// and would be more than half of the file.
 fn rounded(column: &str, value: f64) -> f64 {
     let bits = match column.rsplit('_').next() {
@@ -59,14 +59,14 @@ fn rounded(column: &str, value: f64) -> f64 {
     (value * scale).round() / scale
 }
 
-/// UTC of a stamp of the replay, where the log knows it.
+/// UTC of a timestamp of the replay, if known from the log.
 fn utc_ns(record: &FlightRecord, stamp: Stamp) -> Option<i64> {
     let clock = record.replay.as_ref()?.clock;
     let tied = || record.log.as_ref()?.utc.as_ref().filter(|tie| tie.clock == clock)?.unix(stamp);
     clock.unix(stamp).or_else(tied).map(|unix| unix.0)
 }
 
-/// What a track says of itself, wherever it is copied to.
+/// Provenance metadata of a track, which stays with every copy.
 fn provenance(record: &FlightRecord) -> serde_json::Value {
     let replay = record.replay.as_ref();
     let settings = replay.map(|replay| &replay.settings);
@@ -116,7 +116,7 @@ fn flight_sheet(rows: &[FlightRow]) -> Sheet {
     Sheet { columns }
 }
 
-/// What is in the log, and delays from elsewhere.
+/// Columns about the log, and delays from other sources.
 fn log_columns(of: &Columns<'_, FlightRow>) -> Vec<SheetColumn> {
     vec![
         of.text("duplicate_of", &|r| r.duplicate_of.clone()),
@@ -140,7 +140,7 @@ fn log_columns(of: &Columns<'_, FlightRow>) -> Vec<SheetColumn> {
     ]
 }
 
-/// How far the compensators moved the position, and the errors against the reference.
+/// Columns with the corrections by the compensators, and the errors against the reference.
 fn error_columns(of: &Columns<'_, FlightRow>) -> Vec<SheetColumn> {
     vec![
         of.number("correction_rms_m", &|r| value(&r.correction_rms_m)),
@@ -162,7 +162,7 @@ fn spread(e: &Option<Estimate>) -> Option<f64> {
     e.and_then(|e| e.standard_uncertainty)
 }
 
-/// Makes columns with a cell for each of these.
+/// Makes columns with one cell per item.
 struct Columns<'a, T>(&'a [T]);
 
 impl<T> Columns<'_, T> {
@@ -170,7 +170,7 @@ impl<T> Columns<'_, T> {
         SheetColumn { name: name.to_owned(), cells: Cells::Text(self.0.iter().map(of).collect()) }
     }
 
-    /// Empty text is an absent cell.
+    /// A column in which empty text is an absent cell.
     fn said(&self, name: &str, of: &dyn Fn(&T) -> &str) -> SheetColumn {
         self.text(name, &|item| Some(of(item).to_owned()).filter(|text| !text.is_empty()))
     }
@@ -185,7 +185,7 @@ impl<T> Columns<'_, T> {
     }
 }
 
-/// The columns of the answer, which `flightlag delay` and the campaign's table share.
+/// The answer columns, shared by `flightlag delay` and the campaign's table.
 fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
     let of = Columns(lines);
     let alarms = |line: &DelayLine| line.alarms.iter().map(|a| a.code.as_str()).collect::<Vec<_>>().join(" ");
@@ -285,7 +285,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn parquet_gives_every_bit_back() {
+    fn parquet_preserves_every_bit() {
         let (folder, store) = store();
         let rows = [row("=1+1"), row("b.bag")];
         write_flights(&store, &rows).unwrap();
@@ -306,7 +306,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_track_comes_back_with_its_stamps_and_its_absent_values() {
+    fn a_track_is_read_back_with_its_timestamps_and_absent_values() {
         let (folder, store) = store();
         let stamps = vec![i64::MIN, 0, 1_700_000_000_123_456_789];
         let north = vec![Some(0.1 + 0.2), None, Some(-0.0)];

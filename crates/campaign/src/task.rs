@@ -1,4 +1,4 @@
-//! Makes results. Whatever a flight does, the others get theirs.
+//! Makes results. The failure of one flight does not affect the others.
 
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
@@ -17,21 +17,21 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What a shard, or a whole run, has come to.
+/// Outcome of a shard, or of a whole run.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TaskReport {
-    /// Results made.
+    /// Number of results made.
     pub made: usize,
-    /// Results that were there already when their turn came.
+    /// Number of results that already existed at their turn.
     pub found: usize,
     /// Flights without a lasting result, with the reason. Trying again may help.
     pub troubled: Vec<(String, String)>,
-    /// Flights without a lasting result, where waiting does not help: the log has changed since the plan, a defect.
+    /// Flights without a lasting result for a permanent reason: the log has changed since the plan, or a defect.
     pub lasting: Vec<(String, String)>,
 }
 
 impl TaskReport {
-    /// Counts what another step has done.
+    /// Adds the counts of another step.
     pub(crate) fn add(&mut self, other: TaskReport) {
         self.made += other.made;
         self.found += other.found;
@@ -50,8 +50,8 @@ impl TaskReport {
     }
 }
 
-/// Makes the results of one shard of a manifest. Takes no lock: shards run side by side, and a
-/// result that is made twice is the same twice.
+/// Makes the results of one shard of a manifest. Takes no lock: shards run in parallel, and a
+/// result made twice has the same bytes.
 ///
 /// # Errors
 /// No such shard, maps or logs that changed since the plan, an output that cannot be written, or the user stopped.
@@ -64,7 +64,7 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
     let flights = manifest.of_shard(shard);
     let study = Replaying::prepare(manifest)?;
     let to_do: Vec<&&Planned> = flights.iter().filter(|flight| is_to_do(flight, &store)).collect();
-    desk.tell(Event::Planned {
+    desk.send(Event::Planned {
         stage: manifest.stage(),
         flights: flights.len(),
         reused: flights.len() - to_do.len(),
@@ -74,7 +74,7 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
     make(&flights, manifest, &study, &store, desk)
 }
 
-/// Whether a flight has work left: its result is not there, or the plan knows that it is not whole.
+/// Whether a flight has work left: its result is missing, or the plan marks it as damaged.
 fn is_to_do(flight: &Planned, store: &Store) -> bool {
     let Some(key) = flight.work_key() else { return false };
     !results::is_there(store, key, Check::Quick) || flight.why.contains(&crate::manifest::Why::ResultMissing)
@@ -102,7 +102,7 @@ pub(crate) fn make(
     Ok(report)
 }
 
-/// What became of one flight.
+/// Outcome of one flight.
 enum Attempt {
     Made,
     Found,
@@ -128,7 +128,7 @@ struct Worker<'a> {
     store: &'a Store,
     desk: &'a Desk<'a>,
     logs: Logs,
-    /// An output could not be written: nobody begins another flight.
+    /// Whether an output could not be written: no thread starts another flight.
     broken: AtomicBool,
     error: Mutex<Option<CampaignError>>,
 }
@@ -154,7 +154,7 @@ impl Worker<'_> {
             return Ok(Attempt::Found);
         }
         let (name, why) = (flight.flight.clone(), flight.why.clone());
-        self.desk.tell(Event::Started { flight: name, stage, why, bytes: flight.bytes() });
+        self.desk.send(Event::Started { flight: name, stage, why, bytes: flight.bytes() });
         let work = || match stage {
             Stage::Measure => self.measured(flight),
             Stage::Replay => self.studied(flight),
@@ -177,7 +177,7 @@ impl Worker<'_> {
         self.refuse_changed(&flight, &files)?;
         results::write_measured(self.store, &measured)?;
         let lateness = &measured.lateness;
-        self.desk.tell(Event::DelayMeasured {
+        self.desk.send(Event::DelayMeasured {
             flight: flight.flight.clone(),
             kind: lateness.kind,
             lateness_s: lateness.lateness_s(),
@@ -195,7 +195,7 @@ impl Worker<'_> {
         self.refuse_changed(&flight, &files)?;
         results::write(self.store, &studied)?;
         let record = &studied.record;
-        self.desk.tell(Event::Finished {
+        self.desk.send(Event::Finished {
             flight: flight.flight.clone(),
             outcome: record.outcome.word(),
             reason: record.outcome.reason().map(str::to_owned),
@@ -211,7 +211,7 @@ impl Worker<'_> {
         let reason = &trouble.reason;
         let key = flight.work_key().unwrap_or_default();
         results::write_trouble(self.store, key, &failed_record(flight, self.manifest, reason.clone()))?;
-        self.desk.tell(Event::Troubled { flight: flight.flight.clone(), reason: reason.clone() });
+        self.desk.send(Event::Troubled { flight: flight.flight.clone(), reason: reason.clone() });
         Ok(Attempt::Troubled(trouble))
     }
 }
@@ -219,7 +219,7 @@ impl Worker<'_> {
 /// Why a flight has no lasting result.
 struct Trouble {
     reason: String,
-    /// Whether time may heal it.
+    /// Whether it may be temporary.
     may_heal: bool,
 }
 
@@ -227,12 +227,12 @@ fn lasting(reason: String) -> Stop {
     Stop::Trouble(Trouble { reason, may_heal: false })
 }
 
-/// A flight whose files are local, the files as they are now, and what keeps them here.
+/// A flight with local files, their current metadata, and the guards that keep them local.
 type Here<'a> = (Planned, Vec<FileStamp>, Vec<Brought<'a>>);
 
 impl Worker<'_> {
-    /// The files of a flight where readers can open them, if they hold what was planned. Another node may have a copy of its own,
-    /// with other times, or a bucket other tags: then the content counts.
+    /// Fetches the files of a flight and checks that they are as planned. If another node has its own copy with other
+    /// timestamps, or a bucket has other tags, the content is compared.
     fn here(&self, flight: &Planned) -> Result<Here<'_>, Stop> {
         let flight = flight.clone().with_files(|file| self.logs.local(file));
         let files: Vec<FileStamp> =
@@ -263,7 +263,7 @@ impl Worker<'_> {
         if is_planned { Ok(stamp) } else { Err(changed()) }
     }
 
-    /// A result of a log that changed meanwhile would stand under the wrong key.
+    /// Rejects a log that changed meanwhile: its result would have the wrong key.
     fn refuse_changed(&self, flight: &Planned, before: &[FileStamp]) -> Result<(), Stop> {
         for (file, before) in flight.all_files().zip(before) {
             match self.logs.stamp_now(&file.path) {
@@ -276,7 +276,7 @@ impl Worker<'_> {
     }
 }
 
-/// Why a study did not end in a result.
+/// Why a study gave no result.
 enum Stop {
     Cancelled,
     Trouble(Trouble),
@@ -304,8 +304,8 @@ thread_local! {
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// Keeps panics that become a row of the table off the terminal; others are shown as ever.
-/// A program calls it once at its start; without it, such panics are also printed.
+/// Hides panics that become a row of the table from the terminal; others are shown as usual.
+/// A program calls it once at startup; without it, such panics are also printed.
 pub fn quiet_caught_panics() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
@@ -317,7 +317,7 @@ pub fn quiet_caught_panics() {
     }));
 }
 
-/// Runs `work`; a panic comes back as its message, with its place if it is known.
+/// Runs `work`; returns a panic as its message, with its location if known.
 pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     CATCHING.set(true);
     let answer = catch_unwind(AssertUnwindSafe(work));

@@ -1,7 +1,8 @@
-//! Test cards: what was to be flown, with what, and which flight flew it.
+//! Test cards: what to fly, with what, and which flight flew it.
 //!
-//! `test-card.toml` in the folder of flights is the card of the campaign; `NAME.test-card.toml` beside the log `NAME` or
-//! `NAME.ENDING` is that of a flight. They are no part of a result's key: like criteria they act when pages are made.
+//! `test-card.toml` in the folder of flights is the card of the campaign. `NAME.test-card.toml` next to the log `NAME`
+//! or `NAME.ENDING` is the card of a flight. Cards are not part of a result's key: like criteria they only affect
+//! pages.
 
 mod cover;
 mod file;
@@ -26,13 +27,13 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Name of the card of a campaign.
+/// File name of the card of a campaign.
 const CAMPAIGN_CARD: &str = "test-card.toml";
 
-/// How the name of a flight's card ends.
+/// Suffix of the file name of a flight's card.
 const ENDING: &str = ".test-card.toml";
 
-/// The test cards of a campaign as a manifest holds them: a cluster's nodes need not see the files.
+/// The test cards of a campaign in a manifest: a cluster's nodes do not need the files.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct TestCardFiles {
     campaign: Option<CardText>,
@@ -40,22 +41,22 @@ pub(crate) struct TestCardFiles {
     flights: BTreeMap<String, CardText>,
 }
 
-/// A file with its content, and the criteria files that it names.
+/// A card file with its content, and the criteria files that it names.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct CardText {
     /// Path below the folder of flights.
     file: String,
     text: String,
-    /// By the path that the card gives.
+    /// By path as in the card.
     criteria: BTreeMap<String, CriteriaUse>,
 }
 
 impl TestCardFiles {
-    /// Finds and checks the cards of flights below `root`, and takes them off the list of files that are no logs. A card
-    /// that belongs to no flight stays there with the reason.
+    /// Finds and checks the cards of flights below `root`, and removes them from the list of files that are not logs. A
+    /// card that belongs to no flight stays there with the reason.
     ///
     /// # Errors
-    /// Everything that is wrong with any of them, in one message.
+    /// All errors of all cards, in one message.
     pub(crate) fn find<'a>(
         root: &Path,
         flights: impl Iterator<Item = &'a str>,
@@ -95,12 +96,12 @@ impl TestCardFiles {
         self.campaign.iter().chain(self.flights.values())
     }
 
-    /// Hash of what is said of a flight; empty if nothing is.
+    /// Hash of everything about a flight; empty if there is nothing.
     pub(crate) fn hash_of(&self, flight: &str) -> String {
         hash(self.campaign.iter().chain(self.flights.get(flight)))
     }
 
-    /// Hash of all cards; empty without any.
+    /// Hash of all cards; empty without cards.
     pub(crate) fn hash(&self) -> String {
         hash(self.files())
     }
@@ -115,13 +116,13 @@ fn hash<'a>(cards: impl Iterator<Item = &'a CardText>) -> String {
     if parts.is_empty() { String::new() } else { hash_of_parts(&parts) }
 }
 
-/// Whether a file is called as a test card is.
+/// Whether a file has the name of a test card.
 fn is_card(path: &str) -> bool {
     let name = path.rsplit('/').next().unwrap_or(path);
     name == CAMPAIGN_CARD || name.ends_with(ENDING)
 }
 
-/// What the card of a flight may be called: after its whole name, or after that without its ending.
+/// Possible names for the card of a flight: its full name, or its name without the extension, plus the suffix.
 fn names_of(flight: &str) -> Vec<String> {
     let name = flight.rsplit('/').next().unwrap_or(flight);
     let ending = name.rfind('.').filter(|at| *at > 0).map_or(0, |at| name.len() - at);
@@ -154,11 +155,11 @@ impl CardText {
     }
 }
 
-/// A card file that was read.
+/// A parsed card file.
 struct ReadCard {
     source: TestCardSource,
     file: TestCardFile,
-    /// By the path that the card gives.
+    /// By path as in the card.
     criteria: BTreeMap<String, Criteria>,
 }
 
@@ -175,17 +176,17 @@ pub(crate) struct TestCards {
 }
 
 impl TestCards {
-    /// Those of a manifest.
+    /// The test cards of a manifest.
     ///
     /// # Errors
-    /// A card cannot be read any more.
+    /// A card can no longer be read.
     pub(crate) fn of_files(files: &TestCardFiles) -> Result<TestCards, CampaignError> {
         let campaign = files.campaign.as_ref().map(CardText::parsed).transpose()?;
         let flights = files.flights.iter().map(|(flight, card)| Ok((flight.clone(), card.parsed()?)));
         Ok(TestCards { campaign, flights: flights.collect::<Result<_, CampaignError>>()? })
     }
 
-    /// What they say of a flight: its own card over the campaign's; `None` without either.
+    /// The test of a flight: its own card overrides the campaign's; `None` without either.
     pub(crate) fn of_flight(&self, flight: &str, record: &FlightRecord) -> Option<FlightTest> {
         let (base, own) = (self.campaign.as_ref(), self.flights.get(flight));
         let sources: Vec<TestCardSource> = base.iter().chain(&own).map(|read| read.source.clone()).collect();
@@ -211,7 +212,7 @@ impl TestCards {
     }
 }
 
-/// The cards of a flight with their criteria: those that the campaign's card gives it, then those of its own.
+/// The cards of a flight with their criteria: first those from the campaign's card, then those from its own.
 fn flown_cards<'a>(
     base: Option<&'a ReadCard>,
     own: Option<&'a ReadCard>,
@@ -230,7 +231,7 @@ fn flown_cards<'a>(
     all
 }
 
-/// `own`, and what it leaves out from `base`.
+/// `own`, with missing values taken from `base`.
 fn over<T: Serialize + DeserializeOwned + Clone>(base: &T, own: &T) -> T {
     let is_given = |value: &Value| !value.is_null() && value.as_array().is_none_or(|list| !list.is_empty());
     let fields = |of: &T| match serde_json::to_value(of) {
@@ -239,11 +240,11 @@ fn over<T: Serialize + DeserializeOwned + Clone>(base: &T, own: &T) -> T {
     };
     let mut merged = fields(base);
     merged.extend(fields(own).into_iter().filter(|(_, value)| is_given(value)));
-    // Both are of the type that is read back.
+    // Both have the type that is read back.
     serde_json::from_value(Value::Object(merged)).unwrap_or_else(|_| own.clone())
 }
 
-/// Rows by channel: those of the campaign, with what the flight's card says of the same channel, then further ones.
+/// Rows by channel: those of the campaign, overridden by the flight's card for the same channel, then further ones.
 fn instruments(base: &[TestInstrument], own: &[TestInstrument]) -> Vec<TestInstrument> {
     let of = |rows: &[TestInstrument], channel: &str| rows.iter().find(|row| row.channel == channel).cloned();
     let known = base.iter().map(|row| of(own, &row.channel).map_or_else(|| row.clone(), |own| over(row, &own)));

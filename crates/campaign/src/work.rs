@@ -1,9 +1,9 @@
-//! Work on many things with many threads; who does what changes nothing in the answer.
+//! Parallel work on many items. The answer does not depend on the distribution over threads.
 
 use crate::error::CampaignError;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// A pool of threads of our own, so that `--threads` means what it says on a shared node.
+/// A private thread pool, so that `--threads` is exact on a shared node.
 pub(crate) struct Workers {
     pool: rayon::ThreadPool,
 }
@@ -16,8 +16,8 @@ impl Workers {
         Ok(Workers { pool: pool.map_err(failed)? })
     }
 
-    /// Does `work` on every item, in this order as threads become free. Answers come back in the
-    /// order of the items; `None` for items that were not begun when the user stopped.
+    /// Does `work` on every item, in order, as threads become free. Returns answers in the order of
+    /// the items; `None` for items not started when the user stopped.
     pub(crate) fn each<T: Sync, R: Send, S>(
         &self,
         items: &[T],
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn answers_come_in_the_order_of_the_questions() {
+    fn answers_come_in_the_order_of_the_items() {
         let items: Vec<u64> = (0..500).collect();
         let workers = Workers::start(4).unwrap();
         let squares = workers.each(&items, &AtomicBool::new(false), || (), |(), &n| n * n);
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_begun_after_the_user_has_stopped() {
+    fn nothing_is_started_after_the_user_has_stopped() {
         let cancel = AtomicBool::new(false);
         let items: Vec<usize> = (0..1000).collect();
         let workers = Workers::start(2).unwrap();

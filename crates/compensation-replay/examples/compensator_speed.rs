@@ -1,4 +1,4 @@
-//! How fast each compensator is: one hour at 100 Hz, velocity and position at every sample, on one core.
+//! Speed of each compensator: one hour at 100 Hz, velocity and position at every sample, on one core.
 //!
 //! `cargo run --release -p flightlag-compensation-replay --example compensator_speed`
 
@@ -16,7 +16,7 @@ struct Hour {
 }
 
 impl Hour {
-    /// `jitter` seconds of stamp noise, without structure.
+    /// `jitter` seconds of timestamp noise, without structure.
     fn of(jitter: f64) -> Hour {
         let t: Vec<f64> =
             (0..360_000).map(|k| f64::from(k) * 0.01 + jitter * (f64::from(k % 9973) * 12.9898).sin()).collect();
@@ -25,7 +25,7 @@ impl Hour {
         Hour { t, velocity, position }
     }
 
-    /// Sum of the outputs, so that nothing can be left out.
+    /// Sum of the outputs, so that nothing is optimised away.
     fn fly(&self, compensator: &mut dyn Compensator) -> f64 {
         compensator.start(self.t[0], self.velocity[0], StartRule::Warm).unwrap();
         let mut sum = 0.0;
@@ -38,14 +38,14 @@ impl Hour {
     }
 }
 
-/// Time on a core so far, s: of this process alone where Linux tells it, else wall clock since `begin`.
+/// CPU time so far, s: of this process alone if Linux reports it, else wall clock since `begin`.
 fn core_time(begin: Instant) -> f64 {
     let of_process = std::fs::read_to_string("/proc/self/schedstat").ok();
     let nanoseconds = of_process.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
     nanoseconds.map_or_else(|| begin.elapsed().as_secs_f64(), |ns| ns * 1e-9)
 }
 
-/// Million samples a second over at least half a second; the system counts in ticks of 4 ms.
+/// Million samples per second over at least half a second; the system counts in ticks of 4 ms.
 fn speed(kind: CompensatorKind, hour: &Hour) -> f64 {
     let kalman = Some(KalmanSettings::circuit(0.1, 0.1));
     let options = CompensatorOptions { kalman, ..CompensatorOptions::new(0.4, 0.01) };

@@ -1,7 +1,7 @@
-//! What measuring the delays of a flight costs, beside what comes out:
+//! Cost of measuring the delays of a flight, with the results:
 //! `cargo run --release -p flightlag-compensation-replay --example flight_delay_cost -- [part of a case's name]`
 
-#![allow(clippy::print_stdout)] // it is what it is for
+#![allow(clippy::print_stdout)] // printing is its purpose
 
 use compensation_replay::{FlightDelaySettings, measure_delays};
 use record::{Finding, PairDelay};

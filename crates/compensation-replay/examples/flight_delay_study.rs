@@ -1,5 +1,5 @@
-//! How good the delay from a flight is: many simulated circuits of known delay, one line of figures for each kind of
-//! receiver. `cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- [trials] [part of a case's name]`
+//! Accuracy of the delay from a flight: many simulated circuits with known delay, a line of figures per receiver kind.
+//! `cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- [trials] [part of a case's name]`
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example's output is its print")]
 
 use compensation_replay::{FlightDelaySettings, measure_delays};
@@ -21,7 +21,7 @@ struct Case {
     wander: Option<Wander>,
     velocity_hz: f64,
     velocity_mps: f64,
-    /// Of the velocity's stamps, s.
+    /// Scatter of the velocity's timestamps, s.
     jitter_s: f64,
     lost: f64,
 }
@@ -88,9 +88,9 @@ impl Case {
     }
 }
 
-/// A bound for the delay of one case: the noise of the position, and the walk that the velocity's noise integrates to.
+/// Bound for the delay of one case: the position's noise, and the random walk from the velocity's noise.
 enum Bound {
-    /// Of the covariance of every sample with every other.
+    /// Covariance of all samples.
     Dense(Cholesky<f64, Dyn>),
     /// White and walk: a wander of a very long time constant.
     Walk(signal::NoiseModel),
@@ -137,16 +137,16 @@ impl Bound {
                         c.copy_from_slice(whitened.as_slice());
                     }),
                 }
-                beside(&columns)
+                unexplained_squares(&columns)
             })
             .sum();
-        // Lost samples are lost information.
+        // Lost samples reduce the information.
         (information * (1.0 - case.lost)).powf(-0.5)
     }
 }
 
-/// Square of what is left of the last column beside the ones before.
-fn beside(columns: &[Vec<f64>; 3]) -> f64 {
+/// Sum of squares of the last column after regression on the previous ones.
+fn unexplained_squares(columns: &[Vec<f64>; 3]) -> f64 {
     let [a, b, c] = columns.clone();
     let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
     let less = |x: &[f64], q: &[f64]| -> Vec<f64> {
@@ -251,7 +251,7 @@ fn circuits(trials: usize, part: &str) {
     }
 }
 
-/// What must not be measured: share refused, and the largest delay claimed.
+/// Cases that must not be measured: share refused, and the largest delay claimed.
 fn straight(trials: usize) {
     for (name, path) in [
         ("straight, 17.5 m/s", PathKind::Straight { speed_mps: 17.5, heading_rad: 0.7 }),
@@ -270,7 +270,7 @@ fn straight(trials: usize) {
     }
 }
 
-/// A flight with a velocity that is late by 0.12 s at 5 Hz and accelerometers at 50 Hz with another phase.
+/// A flight with a velocity at 5 Hz that is late by 0.12 s and accelerometers at 50 Hz with another phase.
 fn with_accelerometers(seed: u64) -> (Flight, SimulatedFlight) {
     let settings = FlightSettings {
         duration_s: 60.0,
@@ -322,8 +322,8 @@ fn with_accelerometers(seed: u64) -> (Flight, SimulatedFlight) {
     (flight, flown)
 }
 
-/// What is done today (as the design note, 4.1, describes it): differences of velocity between fixes against summed
-/// acceleration, shifted by whole samples of the accelerometer; the shift with the least mean absolute difference.
+/// Today's practice (as described in the design note, 4.1): differences of velocity between fixes against summed
+/// acceleration, shifted by whole samples of the accelerometer. The shift with the least mean absolute difference wins.
 fn integer_shift(flight: &Flight) -> f64 {
     let velocity = &flight.channels["velocity.gps"];
     let (attitude, force) = (&flight.channels["attitude.sim"], &flight.channels["specific-force.sim"]);
@@ -388,7 +388,7 @@ fn against_practice(trials: usize) {
     println!("ratio of rms errors: {:.1}", Tally::rms(&theirs) / Tally::rms(&ours.errors));
 }
 
-/// How long one hour at 10 Hz position and 100 Hz velocity takes.
+/// Run time for one hour at 10 Hz position and 100 Hz velocity.
 fn hour() {
     let case = Case { duration_s: 3600.0, position_hz: 10.0, velocity_hz: 100.0, ..cases().remove(0) };
     let flown = simulate(&case.settings(5)).unwrap();

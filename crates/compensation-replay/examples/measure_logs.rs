@@ -1,4 +1,4 @@
-//! Every delay of every log below a folder, one line a pair:
+//! Every delay of every log below a folder, one line per pair:
 //! `cargo run --release -p flightlag-compensation-replay --example measure_logs -- FOLDER [part of a name]`
 #![allow(clippy::print_stdout, reason = "an example's output is its print")]
 

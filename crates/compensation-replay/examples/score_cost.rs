@@ -1,6 +1,6 @@
-//! What the scores of a replay cost: a simulated flight of ten minutes, 5 and 100 Hz.
+//! Cost of the scores of a replay: a simulated flight of ten minutes, 5 and 100 Hz.
 
-#![allow(clippy::print_stdout)] // it is what it is for
+#![allow(clippy::print_stdout)] // printing is its purpose
 
 use compensation_replay::{Settings, replay};
 use flight::Delay;

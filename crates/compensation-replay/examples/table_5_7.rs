@@ -1,4 +1,4 @@
-//! Table 5.7 of the design note: 2-D rms error of every compensator on six kinds of data, beside the note's figures.
+//! Table 5.7 of the design note: 2-D rms error of every compensator on six kinds of data, next to the note's figures.
 //!
 //! `cargo run --release -p flightlag-compensation-replay --example table_5_7`
 
@@ -11,19 +11,19 @@ use compensation_replay::{CompensatorKind, CompensatorOptions, KalmanSettings, V
 use like_flights::LikeFlight;
 use simulate::LikeCase;
 
-/// How a row of the table is made.
+/// Method of a row of the table.
 #[derive(Clone, Copy)]
 enum Row {
     Raw,
     HeldInputs(&'static str),
     Streaming(&'static str, VelocityView),
-    /// Kalman settings from the flight itself.
+    /// Kalman settings estimated from the flight itself.
     Fitted(&'static str),
 }
 
 const NOTE_HIGH_ORDER: [Option<f64>; 6] = [None, Some(0.1413), Some(2.863), Some(0.941), Some(2.469), Some(2.503)];
 
-/// Row, what it is, the note's A to F where it has one.
+/// Row, its method, and the note's A to F if given.
 fn table() -> Vec<(Row, &'static str, [Option<f64>; 6])> {
     use VelocityView::{Bracketing, UpToNow};
     let note = |values: [f64; 6]| values.map(Some);

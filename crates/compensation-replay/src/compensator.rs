@@ -1,4 +1,4 @@
-//! Compensators as an aircraft would run them: one axis, one sample in, one position out.
+//! Compensators as an aircraft would run them: one axis, sample by sample.
 
 mod axis;
 mod exact_async;
@@ -34,49 +34,50 @@ use std::fmt::Debug;
 
 /// A delay compensator of one axis, run sample by sample.
 ///
-/// Positions arrive late by Td (positive is late: `measured(t) = truth(t − Td)`) and velocities as they are flown;
-/// the output is the position at the instant asked for. Stamps are seconds of one clock for all calls.
+/// Positions arrive late by Td (positive is late: `measured(t) = truth(t − Td)`) and velocities arrive on time. The
+/// output is the position at the requested instant. Timestamps are seconds on one clock for all calls.
 ///
 /// The contract:
 ///
-/// - [`start`](Compensator::start) is the first velocity sample, and forgets all that was before. Velocity and
-///   position before it are refused.
-/// - Velocity stamps rise strictly, position stamps rise strictly, each for itself. What is refused leaves the state
-///   as it was, so a caller may count the error and go on with the next sample: that is how duplicates are dropped.
-/// - **Any step, also over gaps**: a step of any length is taken as a straight line between the two velocities, never
-///   skipped. How long a gap may be is the caller's decision: beyond it, call `start` again.
-/// - The output changes only by calls of `velocity` and `position`: samples later than `t` must not have been fed
-///   where the replay is to be causal. Between and after samples a compensator says what it does.
-/// - Start rules ([`StartRule`]): **warm**, as if the first velocity had always been flown; **cold**, nothing was flown
-///   before, and the first velocity counts as a ramp from zero over one nominal step; **invalid until Td**, as warm,
-///   but no output until Td of velocity has been seen.
+/// - [`start`](Compensator::start) takes the first velocity sample and clears all earlier state. Velocity and position
+///   before it are rejected.
+/// - Velocity timestamps rise strictly, and so do position timestamps, independently. A rejected sample leaves the
+///   state unchanged, so a caller may count the error and continue with the next sample. Duplicates are dropped this
+///   way.
+/// - **Any step, also over gaps**: a step of any length is a straight line between the two velocities, never skipped.
+///   The caller decides how long a gap may be: after a longer one, call `start` again.
+/// - The output changes only through calls of `velocity` and `position`. In a causal replay, do not feed samples later
+///   than `t` before asking for `t`. Each compensator documents its output between and after samples.
+/// - Start rules ([`StartRule`]): **warm**, as if the first velocity had always been flown; **cold**, at rest before,
+///   and the first velocity counts as a ramp from zero over one nominal step; **invalid until Td**, like warm, but
+///   without output until Td of velocity has been seen.
 /// - No output (`None`) before the first position.
-/// - Positions that jump pass with gain 1; smoothing compensators ([`DelayedKalman`]) say otherwise.
-/// - The same calls give the same bits. [`snapshot`](Compensator::snapshot) is a copy that goes on by itself with
+/// - Jumps of the position pass with gain 1, except in smoothing compensators ([`DelayedKalman`]).
+/// - The same calls give the same bits. [`snapshot`](Compensator::snapshot) is an independent copy that continues with
 ///   the same bits: keep one to restart without a bump.
 pub trait Compensator: Debug + Send {
-    /// As in a pipeline: `pade-1-1-tustin`, `exact-async`.
+    /// Name as in a pipeline: `pade-1-1-tustin`, `exact-async`.
     fn name(&self) -> String;
 
-    /// The first velocity (m/s) at `t` (s).
+    /// Starts with the first velocity (m/s) at `t` (s).
     ///
     /// # Errors
     /// [`FeedError::NotFinite`].
     fn start(&mut self, t: f64, velocity: f64, rule: StartRule) -> Result<(), FeedError>;
 
-    /// The next velocity (m/s), stamped `t` (s).
+    /// Takes the next velocity (m/s) with timestamp `t` (s).
     ///
     /// # Errors
-    /// Not started, not finite, or not later than the velocity before.
+    /// Not started, not finite, or not later than the previous velocity.
     fn velocity(&mut self, t: f64, velocity: f64) -> Result<(), FeedError>;
 
-    /// The next position (m), stamped `t` (s), of an instant Td earlier.
+    /// Takes the next position (m) with timestamp `t` (s), which was true Td earlier.
     ///
     /// # Errors
-    /// Not started, not finite, not later than the position before, or so old that velocity of its time is forgotten.
+    /// Not started, not finite, not later than the previous position, or older than the stored velocity.
     fn position(&mut self, t: f64, position: f64) -> Result<(), FeedError>;
 
-    /// The position at `t` (s), m; `None` where there is none to give.
+    /// The position at `t` (s), m; `None` if there is no output.
     fn output(&self, t: f64) -> Option<f64>;
 
     /// Whether the output between two velocity samples uses both of them if both are known ([`VelocityView`]).
@@ -84,21 +85,21 @@ pub trait Compensator: Debug + Send {
         false
     }
 
-    /// All that the next output depends on, by name, for a person who looks for a fault.
+    /// All state that the next output depends on, by name, for debugging.
     fn state(&self) -> Vec<StateValue>;
 
-    /// A copy that goes on by itself.
+    /// An independent copy.
     fn snapshot(&self) -> Box<dyn Compensator>;
 }
 
-/// A number of a compensator's state.
+/// A value of a compensator's state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StateValue {
-    /// What it is.
+    /// Name of the value.
     pub name: String,
-    /// Its value.
+    /// Value.
     pub value: f64,
-    /// Its unit.
+    /// Unit.
     pub unit: &'static str,
 }
 
@@ -108,25 +109,25 @@ impl StateValue {
     }
 }
 
-/// Why a sample was not taken. The state is as it was before.
+/// Why a sample was rejected. The state is unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum FeedError {
-    /// A compensator begins with `start`.
+    /// A sample arrived before `start`.
     #[error("{what} at {t} s before the start")]
     NotStarted {
         /// Velocity or position.
         what: &'static str,
-        /// Its stamp, s.
+        /// Its timestamp, s.
         t: f64,
     },
-    /// Stamps must rise.
+    /// Timestamps must rise.
     #[error("{what} at {t} s is not later than the one before, at {previous} s")]
     NotLater {
         /// Velocity or position.
         what: &'static str,
-        /// Its stamp, s.
+        /// Its timestamp, s.
         t: f64,
-        /// The stamp before, s.
+        /// The previous timestamp, s.
         previous: f64,
     },
     /// Numbers must be finite.
@@ -134,15 +135,15 @@ pub enum FeedError {
     NotFinite {
         /// Velocity or position.
         what: &'static str,
-        /// Its stamp, s.
+        /// Its timestamp, s.
         t: f64,
     },
-    /// The velocity of its time is no longer known.
+    /// The velocity at its time is no longer stored.
     #[error("position at {t} s is from before {known_from} s, and the velocity of that time is no longer stored")]
     TooOld {
-        /// Its stamp, s.
+        /// Its timestamp, s.
         t: f64,
-        /// Velocity is known from here, s.
+        /// Velocity is stored from here on, s.
         known_from: f64,
     },
 }
@@ -150,7 +151,7 @@ pub enum FeedError {
 const VELOCITY: &str = "velocity";
 const POSITION: &str = "position";
 
-/// Whether a sample follows the one at `previous`.
+/// Checks that a sample is finite and later than the one at `previous`.
 fn check(what: &'static str, t: f64, value: f64, previous: Option<f64>) -> Result<(), FeedError> {
     if !t.is_finite() || !value.is_finite() {
         return Err(FeedError::NotFinite { what, t });

@@ -1,4 +1,4 @@
-//! Curves for the figures: every extreme kept, the pen lifted at gaps.
+//! Curves for the figures: every extreme is kept, and lines break at gaps.
 
 mod lead;
 
@@ -8,10 +8,10 @@ use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
 use record::{AxisCurves, Curve, LeadCurves, PathCurve, Zoom};
 
-/// Stretches of time per curve: with four rows kept of each, finer than a page's pixel columns.
+/// Time bins per curve: with four rows kept per bin, this is finer than a page's pixel columns.
 const BINS: usize = 450;
 
-/// A ground track is drawn to this share of its extent, about half a pixel of a page.
+/// A ground track is drawn to this fraction of its extent, about half a pixel of a page.
 const PATH_RESOLUTION: f64 = 1500.0;
 
 pub(crate) struct Curves {
@@ -21,10 +21,10 @@ pub(crate) struct Curves {
     pub(crate) lead: Option<LeadCurves>,
 }
 
-/// Compensators that are drawn beside those that always run; more would hide each other.
+/// Further compensators that are drawn in addition to the default ones; more would hide each other.
 const FURTHER_DRAWN: usize = 2;
 
-/// Those that always run and the first two of the others; the rest has its numbers in the tables and its track.
+/// The default ones and the first two of the others; the rest appear in the tables and the track only.
 fn drawn(estimates: &[Positions]) -> Vec<&Positions> {
     let always = estimates.iter().filter(|e| e.further.is_none());
     always.chain(estimates.iter().filter(|e| e.further.is_some()).take(FURTHER_DRAWN)).collect()
@@ -45,7 +45,7 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
     }
 }
 
-/// What curves are drawn from.
+/// Sources of the curves.
 struct Drawing<'a> {
     input: &'a Input,
     settings: &'a Settings,
@@ -63,7 +63,7 @@ impl Drawing<'_> {
         ["north", "east"].into_iter().enumerate().map(axis).collect()
     }
 
-    /// Of all estimates and of the reference.
+    /// Positions of all estimates and of the reference.
     fn positions(&self, axis: usize, window: (f64, f64)) -> Vec<Curve> {
         let rows = self.rows;
         let of = |e: &&Positions| curve(e.title.clone(), rows, &e.axes[axis], |r| e.shown(rows, r), window);
@@ -73,7 +73,7 @@ impl Drawing<'_> {
         self.estimates.iter().map(of).chain(reference).collect()
     }
 
-    /// Raw less each estimate, and what velocity predicts for that.
+    /// Raw less each estimate, and the prediction from velocity.
     fn differences(&self, axis: usize, window: (f64, f64)) -> Vec<Curve> {
         let rows = self.rows;
         let raw = &self.estimates[0].axes[axis];
@@ -82,7 +82,7 @@ impl Drawing<'_> {
             curve(format!("raw − {}", e.title), rows, &difference, |r| e.shown(rows, r), window)
         };
         let mut predicted = rows.predicted(self.input, self.settings, axis);
-        predicted.iter_mut().for_each(|way| *way = -*way);
+        predicted.iter_mut().for_each(|displacement| *displacement = -*displacement);
         let name = "−v · (Td + age of the fix), v at half that time".to_owned();
         let predicted = curve(name, rows, &predicted, |r| rows.has_output(r), window);
         self.estimates[1..].iter().map(of).chain([predicted]).collect()
@@ -93,7 +93,7 @@ fn curve(name: String, rows: &Rows, y: &[f64], shown: impl Fn(usize) -> bool, wi
     pen(name, &rows.t, y, shown, rows.gap_s, window)
 }
 
-/// Draws the rows of a window that are shown, in strokes without gaps longer than `gap`.
+/// Draws the shown rows of a window, in strokes without gaps longer than `gap`.
 fn pen(name: String, t: &[f64], y: &[f64], shown: impl Fn(usize) -> bool, gap: f64, window: (f64, f64)) -> Curve {
     let mut out = Curve { name, t_s: vec![], y: vec![], breaks: vec![], stands_for: 0 };
     for stroke in strokes(t, shown, gap, window) {
@@ -150,8 +150,8 @@ fn path(rows: &Rows, estimate: &Positions) -> PathCurve {
     out
 }
 
-/// The window with the most horizontal acceleration, from velocity differences over a second;
-/// what a gap hides does not count.
+/// The window with the most horizontal acceleration, from velocity differences over a second; differences across a gap
+/// do not count.
 fn hardest(input: &Input, rows: &Rows, settings: &Settings) -> Option<(f64, f64, String)> {
     const BASE_S: f64 = 1.0;
     let (first, last) = (rows.t[0], rows.t[rows.t.len() - 1]);

@@ -1,9 +1,9 @@
-//! Whether the removal of a delay brought a position closer to the truth.
+//! Whether removing a delay brought a position closer to the truth.
 //!
-//! With a reference the errors before and after are compared row by row. Without one the lateness decides: removing `Td`
-//! from a position that is late by `T` leaves `T − Td`, so that `|T − Td| < |T|` exactly where `T > Td/2` (for `Td > 0`).
-//! Metres are that lateness times the rms ground speed. Both count the position at its own timestamps: how old a held fix
-//! gets before the next one is no part of it.
+//! With a reference the errors before and after are compared row by row. Without one the lateness decides. Removing
+//! `Td` from a position that is late by `T` leaves `T − Td`, so `|T − Td| < |T|` exactly if `T > Td/2` (for `Td > 0`).
+//! The error in metres is that lateness times the rms ground speed. Both evaluate the position at its own timestamps:
+//! the age of a held fix is not included.
 
 use crate::input::Refusal;
 use crate::settings::Settings;
@@ -13,14 +13,14 @@ use record::{Effect, EffectVerdict, Estimate, JudgedBy};
 
 /// Standard uncertainties that a change must exceed to be shown.
 const SHOWN: f64 = 2.0;
-/// A change of the error by less than this share of it is none.
+/// A relative change of the error below this counts as none.
 const LEAST_SHARE: f64 = 0.05;
-/// An error above the best by this factor is said.
+/// An error above the best by this factor is reported.
 const SHORT: f64 = 1.3;
-/// Errors below this are not compared by their ratio, m.
+/// Errors below this are not compared as a ratio, m.
 const LEAST_ERROR_M: f64 = 0.02;
 
-/// Error of the position against a reference, before and after a delay was removed.
+/// Error of the position against a reference, before and after removing a delay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TruthEffect {
     /// The reference channel.
@@ -29,14 +29,14 @@ pub struct TruthEffect {
     pub raw_m: Estimate,
     /// 2-D rms after, m.
     pub compensated_m: Estimate,
-    /// After less before, m; its uncertainty counts that both have the same noise.
+    /// After less before, m; its uncertainty accounts for the noise that both share.
     pub change_m: Estimate,
-    /// 2-D rms with the best delay, m; `None` if the flight does not tell it.
+    /// 2-D rms with the best delay, m; `None` if this flight cannot show it.
     pub best_m: Option<f64>,
 }
 
 impl TruthEffect {
-    /// Of removing `delay_s` (0 for nothing) from the flight that `settings` name; `None` without a reference.
+    /// Effect of removing `delay_s` (0 for nothing), with the channels in `settings`; `None` without a reference.
     ///
     /// # Errors
     /// As [`crate::replay`], when the channels cannot be compared.
@@ -48,14 +48,14 @@ impl TruthEffect {
     }
 }
 
-/// What is known of the lateness of a position.
+/// Known lateness of a position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KnownLateness {
     /// Lateness, s.
     pub lateness_s: Estimate,
-    /// What it is counted from: [`JudgedBy::Lateness`] or [`JudgedBy::Velocity`].
+    /// What it is measured against: [`JudgedBy::Lateness`] or [`JudgedBy::Velocity`].
     pub judged_by: JudgedBy,
-    /// Scatter of the lateness from fix to fix, standard deviation, s: removing one delay leaves it.
+    /// Scatter of the lateness from fix to fix, standard deviation, s: it remains after removing one delay.
     pub jitter_s: f64,
 }
 
@@ -99,7 +99,7 @@ fn by_truth(truth: &TruthEffect, removed_s: Option<f64>) -> Effect {
     finished(verdict, judged_by, &against, [truth.raw_m, truth.compensated_m], truth.best_m, removed_s)
 }
 
-/// Of a change (negative is better) with its uncertainty; smaller ones than `least` are none.
+/// Verdict on a change (negative is better) with its uncertainty; changes smaller than `least` count as none.
 fn verdict_of(change: f64, u: f64, least: f64) -> EffectVerdict {
     let least = least.max(LEAST_ERROR_M);
     if change - SHOWN * u > least {
@@ -131,7 +131,7 @@ fn by_lateness(known: &KnownLateness, speed_mps: f64, removed_s: Option<f64>) ->
         standard_uncertainty: Some(u_s * speed_mps).filter(|u| u.is_finite()),
     };
     let errors = [metres(lateness_s), metres(lateness_s - removed)];
-    // A delay that is known to u leaves u, even if it is removed whole.
+    // A delay with uncertainty u leaves u, even if it is removed entirely.
     let best_m = u_s.is_finite().then_some(u_s.hypot(known.jitter_s) * speed_mps);
     let against = match &known.judged_by {
         JudgedBy::Velocity(name) => format!("against {name}, whose own lateness is not known"),
@@ -168,7 +168,7 @@ fn finished(
     Effect { verdict, judged_by, error_raw_m: Some(raw), error_compensated_m: Some(after), best_m, short_by, words }
 }
 
-/// An error in m, as `0.42`; `below 0.15` where it does not exceed its expanded uncertainty (k = 2).
+/// An error in m, as `0.42`; `below 0.15` if it does not exceed its expanded uncertainty (k = 2).
 #[must_use]
 pub fn error_words(error: &Estimate) -> String {
     let metres = |m: f64| if m >= 10.0 { format!("{m:.1}") } else { format!("{m:.2}") };
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn jitter_stays_when_the_mean_delay_is_removed() {
+    fn jitter_remains_when_the_mean_delay_is_removed() {
         let known = KnownLateness { jitter_s: 0.1, ..known(0.4, 0.001) };
         let found = effect(None, Some(&known), Some(10.0), Some(0.4));
         let close = |m: Option<Estimate>, to: f64| (m.unwrap().value - to).abs() < 1e-9;
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn removing_a_part_of_a_long_lateness_helps_by_that_part_however_badly_the_rest_is_known() {
+    fn removing_part_of_a_long_lateness_helps_even_if_the_rest_is_uncertain() {
         let effect = effect(None, Some(&known(1.0, 0.1)), Some(10.0), Some(0.4));
         assert_eq!(effect.verdict, EffectVerdict::Helped);
         assert!((effect.error_raw_m.unwrap().value - 10.0).abs() < 1e-12);
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_removed_changes_nothing_and_nothing_known_cannot_tell() {
+    fn removing_nothing_changes_nothing_and_no_knowledge_gives_no_verdict() {
         assert_eq!(verdict(0.0, 0.005, None), EffectVerdict::NoChange);
         assert_eq!(effect(None, None, None, Some(0.4)).verdict, EffectVerdict::CannotTell);
         assert_eq!(effect(None, None, None, None).verdict, EffectVerdict::NoChange);
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn against_the_truth_the_paired_difference_decides() {
+    fn with_a_reference_the_paired_difference_decides() {
         let e = |value, u| Estimate { value, standard_uncertainty: Some(u) };
         let truth = |change: f64, u: f64| TruthEffect {
             reference: "position.truth".into(),
@@ -259,8 +259,8 @@ mod tests {
         assert_eq!(of(-0.03, 0.005), EffectVerdict::NoChange);
         assert_eq!(of(0.2, 0.2), EffectVerdict::CannotTell);
         let far = TruthEffect { compensated_m: e(0.97, 0.05), ..truth(-0.03, 0.005) };
-        let said = effect(Some(&far), None, None, Some(0.4));
-        assert_eq!(said.verdict, EffectVerdict::NoChange);
-        assert!(said.words.ends_with("but 19.4 × short of what was possible"), "{}", said.words);
+        let found = effect(Some(&far), None, None, Some(0.4));
+        assert_eq!(found.verdict, EffectVerdict::NoChange);
+        assert!(found.words.ends_with("but 19.4 × short of what was possible"), "{}", found.words);
     }
 }

@@ -1,8 +1,8 @@
-//! What a flight says for the design of a filter: noise, wander and delay of each channel (the paper's conclusion).
+//! Values from a flight for the design of a filter: noise, wander and delay of each channel (the paper's conclusion).
 //!
-//! A position against the integral of its velocity leaves the noise of the position, white and slowly wandering; a velocity
-//! against the integral of acceleration that of the velocity. Noise of the second channel is in it too, integrated to a
-//! random walk: the wander is at most as large as it is said to be.
+//! A position compared with the integral of its velocity shows the noise of the position, both white and slowly
+//! wandering. A velocity compared with the integral of acceleration shows the noise of the velocity. The noise of the
+//! second channel, integrated to a random walk, is included, so the stated wander is an upper bound.
 //!
 //! With σ of one sample, sampling interval T, σ_w and τ of the wander (first-order Gauss–Markov process):
 //! density of the white noise `σ·√T`; driving noise of the wander `√(2σ_w²/τ)`, which is the density of the random walk
@@ -18,22 +18,22 @@ use record::{
 };
 use std::collections::BTreeMap;
 
-/// White noise below so much of the wander's step from one sample to the next cannot be told from none.
-const LEAST_SEEN: f64 = 0.05;
+/// White noise below this fraction of the wander's step between samples cannot be distinguished from zero.
+const LEAST_OBSERVABLE: f64 = 0.05;
 
-/// What is known of a channel beside its pairs.
+/// Facts about a channel in addition to its pairs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EkfChannelFacts {
-    /// Updates per second, Hz. `None`: samples of the pair by the seconds that they cover.
+    /// Updates per second, Hz. `None`: samples of the pair divided by the seconds they cover.
     pub rate_hz: Option<f64>,
-    /// How late the channel is, and against what. `None`: the delay of the pair stands in, with its name.
+    /// Lateness of the channel, and against what. `None`: the delay of the pair is the fallback, with its name.
     pub lateness_s: Option<(Estimate, String)>,
 }
 
 /// Values for the design of a filter, from the delays of a flight. `facts` is by channel name.
 ///
-/// Of each channel the pair counts that knows the delay best: a position against a velocity, a velocity against an
-/// acceleration. References take no part: they judge.
+/// For each channel the pair with the most certain delay is used: a position against a velocity, a velocity against an
+/// acceleration. References are not used: they only judge.
 #[must_use]
 pub fn ekf_values(delays: &FlightDelays, facts: &BTreeMap<String, EkfChannelFacts>) -> EkfValues {
     let mut best: BTreeMap<&str, (&PairDelay, &MeasuredDelay)> = BTreeMap::new();
@@ -81,14 +81,14 @@ fn channel_of(pair: &PairDelay, measured: &MeasuredDelay, facts: &EkfChannelFact
 /// Standard deviation and density of the white noise.
 fn white(channel: &mut EkfChannel, measured: &MeasuredDelay, unit: &str) {
     let Some(std) = pooled(measured, |noise| Some(noise.white_std)) else { return };
-    // How far the wander goes in one sample: white noise far below that is the edge of the fit's search, and not seen.
+    // Step of the wander in one sample: white noise far below it is the edge of the fit's search and not observable.
     let step = pooled(measured, walk_density).zip(channel.rate_hz).map_or(0.0, |(walk, hz)| walk.value / hz.sqrt());
-    if std.value < LEAST_SEEN * step {
+    if std.value < LEAST_OBSERVABLE * step {
         let text = "no white noise was found: it is below what the wander does in one sample";
         channel.remarks.push(format!("{text} ({step:.2e} {unit})"));
         return;
     }
-    // Of the noise of independent samples, or of how far pieces and axes are apart, whichever is larger.
+    // The larger of the uncertainty for independent samples and the scatter between pieces and axes.
     let alike = std.value / (2.0 * (measured.samples as f64).max(1.0)).sqrt();
     let u = Some(alike.max(std.scatter));
     push(channel, EkfValueKind::WhiteStd, std.value, u, unit, "standard deviation of the white noise of one sample");
@@ -114,9 +114,9 @@ fn wander(channel: &mut EkfChannel, measured: &MeasuredDelay, duration_s: f64, u
         channel.remarks.push("no wander was found: the noise is white".to_owned());
         return;
     };
-    // One process with the pooled variance and the pooled driving noise.
+    // A single process with the pooled variance and the pooled driving noise.
     let time_constant_s = 2.0 * (std.value / walk.value).powi(2);
-    // Two axes; of a process with time constant τ a record of length D says D/(2τ) times what its variance is.
+    // Two axes; for time constant τ, a record of length D gives D/(2τ) independent values of the variance.
     let records = 2.0 * duration_s / time_constant_s;
     let u_std = (records > 0.0).then(|| (std.value / records.sqrt() / 2.0_f64.sqrt()).max(std.scatter));
     let u_constant = (records > 0.0).then(|| time_constant_s * (2.0 / records).sqrt());
@@ -141,7 +141,7 @@ fn remark_on_wander(channel: &mut EkfChannel, duration_s: f64, time_constant_s: 
     channel.remarks.push(format!("noise of {second}, integrated, is in the wander: it is at most so large"));
 }
 
-/// Drift of the fit: the bias of what was integrated.
+/// Drift of the fit: the bias of the integrated channel.
 fn bias(channel: &mut EkfChannel, measured: &MeasuredDelay, pair: &PairDelay) {
     let drifts: Vec<f64> = measured.pieces.iter().flat_map(|piece| piece.drift).map(|drift| drift.value).collect();
     if drifts.is_empty() || !drifts.iter().all(|drift| drift.is_finite()) {
@@ -177,20 +177,20 @@ fn push(
     }
 }
 
-/// `√(2σ²/τ)`; zero where there is no wander.
+/// `√(2σ²/τ)`; zero if there is no wander.
 fn walk_density(noise: &DelayNoise) -> Option<f64> {
     let (std, time_constant_s) = (noise.wander_std?, noise.time_constant_s?);
     (time_constant_s > 0.0).then(|| (2.0 * std * std / time_constant_s).sqrt())
 }
 
-/// A standard deviation of all pieces and axes.
+/// A standard deviation, pooled over pieces and axes.
 struct Pooled {
     value: f64,
-    /// Standard uncertainty by how far the pieces and axes are apart; 0 for one.
+    /// Standard uncertainty from the scatter of pieces and axes; 0 for a single one.
     scatter: f64,
 }
 
-/// Root of the mean variance of pieces and axes, each weighted by its seconds. `None` if no piece has any.
+/// Root of the mean variance of pieces and axes, each weighted by its duration. `None` if no piece has a value.
 fn pooled(measured: &MeasuredDelay, of: impl Fn(&DelayNoise) -> Option<f64>) -> Option<Pooled> {
     let values = measured.pieces.iter().flat_map(|piece| piece.noise.iter().map(move |noise| (seconds(piece), noise)));
     let usable = |(weight, noise): (f64, &DelayNoise)| {

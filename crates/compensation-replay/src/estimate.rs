@@ -1,4 +1,4 @@
-//! The compensators over all rows of a flight.
+//! Runs the compensators over all rows of a flight.
 
 mod further;
 
@@ -12,44 +12,44 @@ use flight::{Delay, Notices};
 use record::StartRule;
 use std::ops::Range;
 
-/// A compensator's position at every row; where the row's state gives none, or the compensator is silent, the raw one
-/// stands in and is not shown.
+/// Positions of a compensator at every row. If the row's state allows no output, or the compensator has none, the raw
+/// position is stored and not shown.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Positions {
     pub(crate) name: String,
     pub(crate) title: String,
-    /// Delay it was given.
+    /// Delay given to it.
     pub(crate) delay: Delay,
     /// North, then east.
     pub(crate) axes: [Vec<f64>; 2],
-    /// Which one, if the pipeline asks for it beside those that always run.
+    /// Kind, if the pipeline requests it in addition to the default compensators.
     pub(crate) further: Option<CompensatorKind>,
-    /// Whether it has nothing to say at a row, for every row; empty: never.
-    silent: Vec<bool>,
+    /// For every row, whether the compensator has no output there; empty: always has output.
+    no_output: Vec<bool>,
 }
 
 impl Positions {
     fn always(name: &str, title: &str, delay: Delay, axes: [Vec<f64>; 2]) -> Positions {
-        Positions { name: name.to_owned(), title: title.to_owned(), delay, axes, further: None, silent: vec![] }
+        Positions { name: name.to_owned(), title: title.to_owned(), delay, axes, further: None, no_output: vec![] }
     }
 
     pub(crate) fn is_raw(&self) -> bool {
         self.name == "raw"
     }
 
-    /// Whether the compensator itself says something at a row, whatever the row's state.
-    pub(crate) fn speaks(&self, row: usize) -> bool {
-        self.silent.get(row) != Some(&true)
+    /// Whether the compensator itself has output at a row, whatever the row's state.
+    pub(crate) fn has_own_output(&self, row: usize) -> bool {
+        self.no_output.get(row) != Some(&true)
     }
 
-    /// Whether the position of a row is given out; the raw one always is.
+    /// Whether the position at a row is shown; the raw one always is.
     pub(crate) fn shown(&self, rows: &Rows, row: usize) -> bool {
-        self.is_raw() || (rows.has_output(row) && self.speaks(row))
+        self.is_raw() || (rows.has_output(row) && self.has_own_output(row))
     }
 }
 
-/// Raw first, then the paper's compensator as it is, the same told of the age of held fixes, and the exact form; after
-/// them what the pipeline asks for beside.
+/// Raw first, then the paper's compensator unchanged, the same with the mean age of held fixes added to its delay, and
+/// the exact form, followed by those requested by the pipeline.
 pub(crate) fn estimates(
     input: &Input,
     settings: &Settings,
@@ -76,13 +76,13 @@ pub(crate) fn estimates(
     out
 }
 
-/// Name of the paper's compensator as it is.
+/// Name of the unchanged paper's compensator.
 pub(crate) const PAPER: &str = "pade-1-1";
 
 /// Name of the exact asynchronous form that always runs.
 pub(crate) const EXACT_ASYNC: &str = "exact-async";
 
-/// Raw plus the filter's displacement; the filter starts anew in every segment.
+/// Raw plus the filter's displacement; the filter restarts in every segment.
 fn pade_axis(rows: &Rows, start: StartRule, delay: Delay, raw: &[f64], axis: usize) -> Vec<f64> {
     let v = &rows.velocity[axis];
     let td = delay.seconds();
@@ -116,7 +116,7 @@ fn exact_axis(input: &Input, settings: &Settings, segments: &[Range<usize>], row
             let (raw, stamp) = (input.position.axes[axis][rows.fix(row)], input.position.t[rows.fix(row)]);
             let Some(s) = rows.segment(row) else { return raw };
             let from = match settings.start {
-                // Cold: nothing was flown before the first velocity.
+                // Cold: at rest before the first velocity.
                 StartRule::Cold => stamp.max(input.velocity.t[segments[s].start] + settings.delay.seconds()),
                 StartRule::Warm | StartRule::InvalidUntilTd => stamp,
             };
@@ -125,7 +125,7 @@ fn exact_axis(input: &Input, settings: &Settings, segments: &[Range<usize>], row
         .collect()
 }
 
-/// The exact compensator of one axis, segment by segment.
+/// The exact compensator for one axis, segment by segment.
 pub(crate) fn of_segments<'a>(
     input: &'a Input,
     settings: &Settings,

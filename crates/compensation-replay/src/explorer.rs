@@ -1,4 +1,4 @@
-//! The rows of a replay in few bytes, see [`ExplorerRows`].
+//! The rows of a replay in compact form, see [`ExplorerRows`].
 
 use crate::estimate::{EXACT_ASYNC, PAPER, Positions};
 use crate::input::{AXES, Input};
@@ -12,21 +12,21 @@ use flate2::write::DeflateEncoder;
 use record::{ExplorerColumn, ExplorerRows};
 use std::io::Write;
 
-/// Most bytes of the packed rows. An hour at 100 Hz needs about half of it.
+/// Maximum size of the packed rows. An hour at 100 Hz needs about half of it.
 const MOST_BYTES: usize = 1_000_000;
 
-/// Longer records are not packed row by row first: of so many bytes only constant values fit into [`MOST_BYTES`].
+/// Longer records are thinned right away: from this many bytes only constant values would fit into [`MOST_BYTES`].
 const MOST_UNPACKED: usize = 64 << 20;
 
 /// A column before it is packed.
 struct Column<'a> {
     name: String,
     differences: u8,
-    /// The value of a row, computed when asked: a copy of a long record would double its memory.
+    /// The value of a row, computed on demand: a copy of a long record would double its memory.
     value: Box<dyn Fn(usize) -> Option<i64> + 'a>,
 }
 
-/// Fewer rows hold about as many extremes.
+/// Least bucket size: smaller buckets would keep about as many rows.
 const FEWEST: usize = 16;
 
 /// Time, raw, the paper's compensator, the exact form and the reference, if there is one.
@@ -79,13 +79,13 @@ fn columns<'a>(input: &Input, rows: &'a Rows, estimates: &'a [Positions]) -> Vec
     columns
 }
 
-/// Rows as the page counts them: of a compensated position those of the warm-up are not.
+/// Rows as counted by the page: warm-up rows of a compensated position are excluded.
 fn is_counted(estimate: &Positions, rows: &Rows, row: usize) -> bool {
     estimate.shown(rows, row) && (estimate.is_raw() || rows.state[row] == RowState::Valid)
 }
 
-/// Of every `bucket` rows the first and those in which a column has its least or its greatest value; rows without a
-/// value beside them, so that a gap stays one.
+/// From every `bucket` rows the ends, the rows with the least or greatest value of a column, and one without a value,
+/// so that gaps remain.
 fn extremes(columns: &[Column<'_>], rows: usize, bucket: usize) -> Vec<usize> {
     if bucket <= 1 {
         return (0..rows).collect();
@@ -107,8 +107,8 @@ fn extremes(columns: &[Column<'_>], rows: usize, bucket: usize) -> Vec<usize> {
     kept
 }
 
-/// Zigzag differences as little-endian integers of four bytes, all lowest bytes of a column first: so the higher bytes of
-/// small negative numbers are zeros too, and an hour at 100 Hz packs into less than half.
+/// Zigzag differences as four-byte little-endian integers, all lowest bytes of a column first. The higher bytes of
+/// small negative numbers are then zero too, and an hour at 100 Hz packs into less than half.
 fn packed(columns: &[Column<'_>], kept: &[usize]) -> String {
     let mut bytes = Vec::with_capacity(4 * columns.len() * kept.len());
     for column in columns {
@@ -118,7 +118,7 @@ fn packed(columns: &[Column<'_>], kept: &[usize]) -> String {
         }
     }
     let mut encoder = DeflateEncoder::new(vec![], Compression::new(3));
-    // A vector cannot refuse a write.
+    // Writing to a vector cannot fail.
     let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish());
     STANDARD.encode(deflated.unwrap_or_default())
 }
@@ -128,8 +128,8 @@ fn zigzag(step: i32) -> i32 {
     (step << 1) ^ (step >> 31)
 }
 
-/// What must be added to the value foreseen from the ones before: the last one, or with `order` 2 the line through the last
-/// two. A value that is too far off is given as missing.
+/// Difference from the value predicted by the previous ones: the last one, or with `order` 2 the line through the last
+/// two. A value too far off is stored as missing.
 fn differences(values: impl Iterator<Item = Option<i64>>, order: u8) -> Vec<i32> {
     let (mut last, mut slope) = (0_i64, 0_i64);
     let difference = |value: Option<i64>| {
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn every_row_comes_back_to_half_a_centimetre() {
+    fn every_row_is_restored_to_half_a_centimetre() {
         let flight = simulate(&FlightSettings { duration_s: 60.0, ..FlightSettings::default() }).unwrap();
         let settings = Settings::with_delay(Delay::from_seconds(0.4).unwrap(), "test");
         let played = replay(&flight.to_flight().unwrap(), &settings).unwrap();
@@ -202,7 +202,7 @@ mod tests {
                 assert!(want.zip(*got).is_none_or(|(want, got)| (scale * want - got as f64).abs() <= 0.5 + 1e-6));
                 compared += 1;
             }
-            // The page's table says the same count.
+            // The page's table shows the same count.
             let counted = values.iter().flatten().count() as u64;
             assert_eq!(counted, if is_raw { rows.rows } else { played.record.coverage.valid_rows }, "{name}");
         }
@@ -210,20 +210,20 @@ mod tests {
     }
 
     #[test]
-    fn small_numbers_of_either_sign_have_no_higher_bytes() {
+    fn small_numbers_of_either_sign_have_zero_higher_bytes() {
         assert_eq!([0, -1, 1, -2, 127, -128].map(zigzag), [0, 1, 2, 3, 254, 255]);
         assert_eq!([i32::MAX, i32::MIN].map(|step| zigzag(step) as u32), [u32::MAX - 1, u32::MAX]);
     }
 
     #[test]
-    fn a_missing_value_and_a_leap_leave_the_others_as_they_are() {
+    fn a_missing_value_and_a_jump_leave_the_others_unchanged() {
         let values = [Some(3), None, Some(5), Some(i64::MAX), Some(-2)];
         assert_eq!(differences(values.into_iter(), 1), [3, i32::MIN, 2, i32::MIN, -7]);
         assert_eq!(differences([Some(1), Some(2), Some(3), Some(5)].into_iter(), 2), [1, 0, 0, 1]);
     }
 
     #[test]
-    fn a_spike_of_one_row_and_a_gap_of_one_row_stay_when_rows_are_left_out() {
+    fn one_row_spikes_and_gaps_survive_thinning() {
         let mut values: Vec<Option<i64>> = (0..1000).map(|n| Some(n / 10)).collect();
         (values[517], values[803]) = (Some(9999), None);
         let column = Column { name: "raw_north".to_owned(), differences: 1, value: Box::new(move |row| values[row]) };

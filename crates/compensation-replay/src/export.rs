@@ -1,4 +1,4 @@
-//! What goes back to the aircraft: the compensator as C, and the autopilot's own delay parameters.
+//! Exports for the aircraft: the compensator as C, and the autopilot's own delay parameters.
 
 mod autopilot;
 mod c_async;

@@ -1,8 +1,8 @@
-//! How late the channels of a flight are against each other, found from the flight itself.
+//! Relative lateness of the channels of a flight, measured from the flight itself.
 //!
 //! A position is the integral of its velocity: `p(t) = c + d·(t − t_m) + ∫v(t − δ) + noise`, north and east with one δ.
 //! The same holds for a velocity and the acceleration, and without the integral for two tracks. Only differences of
-//! delays can be seen that way: δ = Tp − Tv and so on (design note 4). The estimator is [`signal::fit_delay`].
+//! delays are observable this way: δ = Tp − Tv and so on (design note 4). The estimator is [`signal::fit_delay`].
 
 mod bands;
 #[cfg(test)]
@@ -30,37 +30,37 @@ use pairs::{Pair, Second};
 use rayon::prelude::*;
 use record::{DelayPairKind, Finding, FlightDelays, MeasuredDelay};
 
-/// How delays are looked for.
+/// Settings of the delay search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightDelaySettings {
-    /// Delays that are looked at, s.
+    /// Range of delays to search, s.
     pub search_s: (f64, f64),
-    /// Delays that are looked at where the best of those is at their edge, s.
+    /// Wider range, used if the best delay is at the edge of the first range, s.
     pub wide_search_s: (f64, f64),
-    /// A delay known less well than this is not measurable, s (standard uncertainty).
+    /// A delay that is more uncertain than this is not measurable, s (standard uncertainty).
     pub worst_sigma_s: f64,
-    /// Longest gap of the second channel that is bridged by a straight line, s. `None`: 2.5 usual intervals, and
-    /// never less than half a second.
+    /// Longest gap of the second channel that is bridged by a straight line, s. `None`: 2.5 usual intervals, and at
+    /// least half a second.
     pub bridge_s: Option<f64>,
-    /// Standard uncertainty that a window of the delay over time aims at, s.
+    /// Target standard uncertainty for a window of the delay over time, s.
     pub window_sigma_s: f64,
-    /// Delays that are put into the second half and found again, s.
+    /// Delays that are injected into the second half and measured again, s.
     pub inject_s: Vec<f64>,
-    /// Position and velocity whose pair is looked at in detail: splits, injections, objective. `None`: every pair.
+    /// Position and velocity whose pair is examined in detail: splits, injections, objective. `None`: every pair.
     pub detailed: Option<(String, String)>,
-    /// Probability by chance below which a changing delay raises an alarm.
+    /// Chance probability below which a changing delay raises an alarm.
     pub alarm_p: f64,
-    /// Sources (behind the dot of a channel's name) that are on time by definition.
+    /// Sources (the part of a channel's name after the dot) that are on time by definition.
     pub references: Vec<String>,
-    /// A channel with more samples is measured with every second, third, … of them first.
+    /// A channel with more samples is first measured with every second, third, … of them.
     pub first_look_samples: usize,
-    /// A channel with a higher rate is measured with every second, third, … of its samples first, Hz.
+    /// A channel with a higher rate is first measured with every second, third, … of its samples, Hz.
     pub first_look_hz: f64,
-    /// A first look that knows the delay as well as this is enough, s (standard uncertainty).
+    /// A first look with this standard uncertainty of the delay is sufficient, s.
     pub enough_s: f64,
-    /// Most samples of a channel that take part in the second look.
+    /// Maximum number of samples of a channel in the second look.
     pub most_samples: usize,
-    /// Most samples of the channel that another one is compared with: of a longer record neighbours are averaged.
+    /// Maximum number of samples of the channel compared with: in longer records neighbours are averaged.
     pub most_compared: usize,
 }
 
@@ -86,36 +86,36 @@ impl Default for FlightDelaySettings {
     }
 }
 
-/// Every delay that the channels of the flight can give, and for every pair that gives none the reason and what would
-/// help. Notices say what was masked, cut and left out.
+/// All delays that the channels of the flight show. Each pair without a delay has a reason and advice. Notices list
+/// what was masked, cut and skipped.
 ///
-/// How good it is (example `flight_delay_study`, nine kinds of receiver, 200 to 400 circuits each; the bound counts the
-/// noise of the position and what the velocity's noise integrates to): rms error 0.89 to 1.07 of the bound, 95 % intervals
-/// that hold the truth in 93.5 to 98 %, straight and still flights always refused. A channel of 100 Hz whose delay is known
-/// to 0.25 ms from every fourth sample is not looked at again: 1.17 of the bound there. Velocity against acceleration, with
-/// the bias of the accelerometers fitted in body axes, errs 5 times less than integer shifts (what is done today) on the
-/// same data. One hour at 10 and 100 Hz takes 0.36 s.
+/// Measured quality (example `flight_delay_study`, nine kinds of receiver, 200 to 400 circuits each; the bound includes
+/// the noise of the position and the integrated noise of the velocity): rms error 0.89 to 1.07 of the bound, 95 %
+/// intervals that hold the truth in 93.5 to 98 %, straight and stationary flights always rejected. A 100 Hz channel
+/// with a delay known to 0.25 ms from every fourth sample is not measured again: 1.17 of the bound there. Velocity
+/// against acceleration, with the bias of the accelerometers fitted in body axes, has 5 times smaller errors than
+/// integer shifts (today's practice) on the same data. One hour at 10 and 100 Hz takes 0.36 s.
 #[must_use]
 pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (FlightDelays, Notices) {
     let mut notices = Notices::new();
     let pairs = pairs::pairs_of(flight, settings);
-    // Pairs are independent; idle threads of the caller's pool help with them.
+    // Pairs are independent, so idle threads of the caller's pool help with them.
     let measured: Vec<_> = pairs
         .par_iter()
         .map(|pair| {
-            let mut said = Notices::new();
-            (measure::measure(flight, pair, settings, &mut said), said)
+            let mut own = Notices::new();
+            (measure::measure(flight, pair, settings, &mut own), own)
         })
         .collect();
     let mut all = vec![];
-    for (pair, said) in measured {
+    for (pair, own) in measured {
         all.push(pair);
-        notices.extend_unsaid(said);
+        notices.extend_unsaid(own);
     }
     (FlightDelays { pairs: all }, notices)
 }
 
-/// How much later `velocity` is than `reference`, a position or a velocity.
+/// Lateness of `velocity` against `reference`, a position or a velocity.
 pub(crate) fn measure_against_reference(
     flight: &Flight,
     velocity: &str,

@@ -1,33 +1,33 @@
-//! The flight as the compensators see it: seconds and metres from one origin.
+//! The flight as input to the compensators: seconds and metres from one origin.
 
 use crate::settings::Settings;
 use crate::thin::Averaged;
 use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp, StampKind};
 
-/// Why a flight cannot be replayed. Each says what would help.
+/// Why a flight cannot be replayed. Each message says what would help.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// A channel that is needed is not in the log.
+    /// A required channel is not in the log.
     #[error("no {what} channel: the pipeline asks for {wanted}; the log binds {held}")]
     NoChannel {
         /// `position` or `velocity`.
         what: &'static str,
-        /// Names that the pipeline prefers.
+        /// Preferred names of the pipeline.
         wanted: String,
-        /// What the flight holds instead: names of this kind, else how many others.
+        /// Available channels: names of this kind, else the number of others.
         held: String,
     },
-    /// The channel is of another kind.
+    /// The channel is of a different kind.
     #[error("{channel} holds {quantity:?}, which is not a {what}")]
     WrongQuantity {
         /// Its name.
         channel: String,
-        /// What it holds.
+        /// Its quantity.
         quantity: Quantity,
-        /// What is needed.
+        /// The required quantity.
         what: &'static str,
     },
-    /// Position and velocity are stamped by clocks that nobody has related.
+    /// Position and velocity have timestamps on unrelated clocks.
     #[error("{position} is stamped by the clock {a}, {velocity} by {b}: they cannot be compared")]
     Clocks {
         /// Position channel.
@@ -39,17 +39,17 @@ pub enum Refusal {
         /// Its clock.
         b: Clock,
     },
-    /// Too little of a channel.
+    /// A channel has too few samples.
     #[error("{channel} has {rows} usable sample(s); at least {least} are needed")]
     TooShort {
         /// Its name.
         channel: String,
         /// Its updates.
         rows: usize,
-        /// What is needed.
+        /// Required number.
         least: usize,
     },
-    /// The two do not meet in time.
+    /// Position and velocity do not overlap in time.
     #[error("{position} ({p0:.1} to {p1:.1} s) and {velocity} ({v0:.1} to {v1:.1} s) do not overlap in time")]
     NoOverlap {
         /// Position channel.
@@ -65,7 +65,7 @@ pub enum Refusal {
         /// Its last.
         v1: f64,
     },
-    /// Position and velocity meet, but never long enough.
+    /// Position and velocity overlap, but never long enough.
     #[error(
         "{position} and {velocity} overlap, but no fix comes a delay of {delay_s:.3} s after the velocity's start: nothing \
          can be scored"
@@ -78,7 +78,7 @@ pub enum Refusal {
         /// The delay, s.
         delay_s: f64,
     },
-    /// Standing still, late and on time look alike.
+    /// For a stationary vehicle, late and on time look alike.
     #[error(
         "the vehicle does not travel (95 % of ground speeds are below {p95_mps:.2} m/s; replay.min_speed_mps is {limit_mps:.2} m/s); \
          a late position shows only in motion, best in turns"
@@ -106,7 +106,7 @@ pub(crate) struct Horizontal {
 }
 
 impl Horizontal {
-    /// One axis at instants that rise, linear between samples and constant beyond them.
+    /// One axis at rising instants, linear between samples and constant outside them.
     pub(crate) fn walk(&self, axis: usize) -> impl FnMut(f64) -> f64 {
         let y = &self.axes[axis];
         let mut after = 0;
@@ -123,20 +123,20 @@ impl Horizontal {
     }
 }
 
-/// Everything that the replay reads.
+/// All inputs of the replay.
 #[derive(Debug)]
 pub(crate) struct Input {
     pub(crate) names: record::PairUse,
     pub(crate) origin: Stamp,
     pub(crate) clock: Clock,
     pub(crate) frame: Option<LocalFrame>,
-    /// Fixes, held repeats left out.
+    /// Fixes, without held repeats.
     pub(crate) position: Horizontal,
     /// Down coordinate of each fix, m.
     pub(crate) down: Vec<f64>,
     pub(crate) velocity: Horizontal,
     pub(crate) reference: Option<Horizontal>,
-    /// So many neighbouring samples of the velocity are averaged.
+    /// Number of neighbouring velocity samples per average.
     pub(crate) averaged: usize,
 }
 
@@ -185,7 +185,7 @@ impl Input {
         Ok(input)
     }
 
-    /// A clock that ticks more slowly than the delay cannot show it.
+    /// Timestamps with steps longer than the delay cannot show it.
     pub(crate) fn warn_of_coarse_stamps(
         flight: &Flight,
         names: &record::PairUse,
@@ -203,7 +203,7 @@ impl Input {
         let Some((_, tick_s)) = found.first() else { return };
         let which = found.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(" and ");
         let all_regular = found.iter().all(|(name, _)| flight.channels.get(*name).is_some_and(is_regular));
-        // They may have been sampled when they are stamped.
+        // The samples may really have been taken at their timestamps.
         let how = match all_regular {
             true => "a row comes at every step of a regular clock, and how old its values are the log does not say",
             false => "the logger's stamps are rounded to whole steps",
@@ -227,18 +227,18 @@ impl Input {
     }
 }
 
-/// The largest of 1 s, 0.5 s, 0.1 s and 0.01 s of which all stamps are multiples; 0 if none.
+/// The largest of 1 s, 0.5 s, 0.1 s and 0.01 s that divides all timestamps; 0 if none does.
 fn tick_s(stamps: &[Stamp]) -> f64 {
     let ticks = [1_000_000_000, 500_000_000, 100_000_000, 10_000_000];
     let tick = ticks.into_iter().find(|tick| stamps.iter().all(|s| s.0 % tick == 0));
     tick.map_or(0.0, |tick| tick as f64 * 1e-9)
 }
 
-/// Of steps between stamps so many are equal where rows come as regularly as a clock.
+/// Least share of equal steps between timestamps for a regular channel.
 const REGULAR_SHARE: f64 = 0.95;
 
-/// Whether a channel's stamps are evenly spaced, but for gaps: so they stand where samples were taken by a clock, and not where
-/// the times of an irregular source were rounded.
+/// Whether a channel's timestamps are evenly spaced except for gaps. The samples were then taken at their timestamps,
+/// rather than the times of an irregular source rounded.
 fn is_regular(channel: &Channel) -> bool {
     let stamps = channel.series.timeline().stamps();
     let mut steps: Vec<i64> = stamps.windows(2).map(|pair| pair[1].0.saturating_sub(pair[0].0)).collect();
@@ -251,8 +251,7 @@ fn is_regular(channel: &Channel) -> bool {
 /// A channel with its name.
 pub type Picked<'a> = (&'a str, &'a Channel);
 
-/// The position and the velocity channel that a replay of this flight uses, each the first of its list that the
-/// flight holds.
+/// The position and the velocity channel for a replay of this flight, each the first of its list that the flight has.
 ///
 /// # Errors
 /// [`Refusal::NoChannel`] or [`Refusal::WrongQuantity`].
@@ -268,7 +267,7 @@ fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Res
     let (name, channel) = flight.first_of(wanted).ok_or_else(|| Refusal::NoChannel {
         what,
         wanted: some_of(wanted),
-        held: held_instead(flight, what),
+        held: available_instead(flight, what),
     })?;
     if is(what, channel.quantity) {
         Ok((name, channel))
@@ -277,7 +276,7 @@ fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Res
     }
 }
 
-/// The first names of a long list, and how many follow.
+/// The first names of a long list, and how many more there are.
 #[must_use]
 pub fn some_of(names: &[String]) -> String {
     const NAMED: usize = 4;
@@ -298,7 +297,7 @@ fn is(what: &str, quantity: Quantity) -> bool {
 }
 
 /// Channels of this kind, else the first three of other kinds.
-fn held_instead(flight: &Flight, what: &str) -> String {
+fn available_instead(flight: &Flight, what: &str) -> String {
     let of_kind: Vec<&str> =
         flight.channels.iter().filter(|(_, c)| is(what, c.quantity)).map(|(name, _)| name.as_str()).collect();
     if !of_kind.is_empty() {
@@ -320,7 +319,7 @@ fn same_clock((position_name, position): Picked, (velocity_name, velocity): Pick
     Err(Refusal::Clocks { position: position_name.to_owned(), a, velocity: velocity_name.to_owned(), b })
 }
 
-/// Of a channel that has enough of them.
+/// First update of a channel that has enough of them.
 fn first_update(name: &str, channel: &Channel) -> Result<usize, Refusal> {
     let rows = channel.update_count();
     match channel.updates().next() {
@@ -329,8 +328,8 @@ fn first_update(name: &str, channel: &Channel) -> Result<usize, Refusal> {
     }
 }
 
-/// Rows of the fixes that are replayed: all, or of a long record those that are the newest at a velocity sample, with the first
-/// and the last. A fix is never averaged: its age counts from its own stamp.
+/// Rows of the fixes that are replayed: all, or in a long record those that are the newest at a velocity sample, plus
+/// the first and the last. Fixes are never averaged, because their age counts from their own timestamps.
 fn replayed_fixes(
     (position, name): (&Channel, &str),
     velocity_t: &[f64],
@@ -366,7 +365,7 @@ fn geodetic(channel: &Channel, row: usize) -> Geodetic {
     Geodetic { latitude: s.component(0)[row], longitude: s.component(1)[row], height: s.component(2)[row] }
 }
 
-/// The first reference of the settings that is a position of the same kind on the same clock.
+/// The first reference in the settings that is a position of the same kind on the same clock.
 fn reference_of<'a>(flight: &'a Flight, settings: &'a Settings, position: &Channel) -> Option<(&'a str, &'a Channel)> {
     let clock = position.series.timeline().clock();
     let fits = |channel: &Channel| channel.quantity == position.quantity && channel.series.timeline().clock() == clock;
@@ -374,7 +373,7 @@ fn reference_of<'a>(flight: &'a Flight, settings: &'a Settings, position: &Chann
     named.into_iter().find(|(_, channel)| fits(channel))
 }
 
-/// The track of a reference: every row, or its updates where neighbours are averaged.
+/// The track of a reference: every row, or its updates if neighbours are averaged.
 fn track_of_reference(
     (name, channel): (&str, &Channel),
     most: usize,
@@ -387,7 +386,7 @@ fn track_of_reference(
     Ok(local((channel, name), rows, place, out)?.0)
 }
 
-/// North and east of a position channel in metres, and down beside them.
+/// North and east of a position channel in metres, and down.
 pub(crate) fn local(
     (channel, name): (&Channel, &str),
     rows: impl Iterator<Item = usize>,
@@ -409,10 +408,9 @@ pub(crate) fn local(
     Ok((Horizontal { t, axes: [north, east] }, down))
 }
 
-/// North and east velocity, turned from the aircraft's own north-east-down (at its newest fix)
-/// into the axes of the origin, so that its integral is a difference of local positions. The fix
-/// is late by Td, which turns the velocity wrongly by v Td tan(latitude)/R: 1.7 mm of position
-/// at 200 m/s, 60° and 0.4 s.
+/// North and east velocity, rotated from the aircraft's own north-east-down (at its newest fix) into the axes of the
+/// origin, so that its integral is a difference of local positions. The fix is late by Td, which rotates the velocity
+/// wrongly by v Td tan(latitude)/R: 1.7 mm of position at 200 m/s, 60° and 0.4 s.
 fn turned(
     velocity: &Channel,
     position: &Channel,

@@ -1,18 +1,21 @@
-//! What an antenna that is not where velocity is taken does to a delay.
+//! Effect on a delay of an antenna that is not at the point where velocity is measured.
 //!
-//! The receiver's position is that of its antenna: `p = x + l·h`, with `l` how far the antenna is ahead of the point whose
-//! velocity is integrated, and `h` the horizontal direction of the nose. The fit `p(t) = c + d·t + ∫v(t − δ)` takes the
-//! part of `l·h` that looks like `−v` for a delay. To first order, for least squares with weights w,
+//! The receiver's position is that of its antenna: `p = x + l·h`, where `l` is how far the antenna is ahead of the
+//! point whose velocity is integrated, and `h` is the horizontal direction of the nose. The fit
+//! `p(t) = c + d·t + ∫v(t − δ)` takes the part of `l·h` that looks like `−v` for a delay. To first order, for least
+//! squares with weights w,
 //!
 //! `shift = −l · Σ w (Ph)·(Pv) / Σ w (Pv)·(Pv)`,
 //!
-//! where P takes offset and drift of each piece and axis out. In a turn at constant speed U with the nose along the path
-//! `h = v/U`, so that the shift is −l/U exactly: an antenna ahead makes a position look early, −91 ms for 1 m at 11 m/s.
-//! Where the speed varies and offset and drift say little it is about −l·ΣU/ΣU²; with straight stretches it is less, for
-//! there an arm is an offset (a real log of the DeLorean set: −82 ms/m by the formula above, −112 ms/m by speeds alone).
+//! where P removes offset and drift of each piece and axis. In a turn at constant speed U with the nose along the path
+//! `h = v/U`, so the shift is exactly −l/U: an antenna ahead makes a position look early, −91 ms for 1 m at 11 m/s. If
+//! the speed varies and offset and drift absorb little, it is about −l·ΣU/ΣU². With straight stretches it is less,
+//! because there an arm is an offset (a real log of the DeLorean set: −82 ms/m by the formula above, −112 ms/m by
+//! speeds alone).
 //!
-//! A receiver's own velocity is that of its antenna: there is no shift. EKF2 of PX4 and EKF2 and EKF3 of ArduPilot give out
-//! the velocity of the vehicle's origin (they take the IMU's place out), an acceleration is that of the IMU.
+//! A receiver's own velocity is that of its antenna, so there is no shift. EKF2 of PX4 and EKF2 and EKF3 of ArduPilot
+//! output the velocity of the vehicle's origin (they correct for the IMU's position). An acceleration is that of the
+//! IMU.
 
 mod projection;
 
@@ -20,37 +23,37 @@ use self::projection::Projected;
 use flight::About;
 use record::Estimate;
 
-/// Slower than this a path has no direction, m/s.
+/// Below this speed a path has no direction, m/s.
 const LEAST_SPEED_MPS: f64 = 0.5;
-/// Half of a range within which every value is as likely has this standard uncertainty.
+/// Standard uncertainty of a uniform distribution, as a fraction of its half-width.
 const RECTANGULAR: f64 = 0.577_350_269_189_625_8;
 
-/// Where on the vehicle a velocity is taken.
+/// Point on the vehicle where a velocity is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VelocityPoint {
-    /// At the same antenna as the position: velocity of the same receiver.
+    /// At the position's antenna: velocity of the same receiver.
     Antenna,
-    /// At the point that the autopilot calls the vehicle's origin: what its estimators give out.
+    /// At the autopilot's vehicle origin: output of its estimators.
     Origin,
-    /// At the inertial sensors: integrated specific force, and inertial systems that correct nothing.
+    /// At the inertial sensors: integrated specific force, and inertial systems without correction.
     Imu,
 }
 
-/// How far an antenna is from the point where velocity is taken, in body axes.
+/// Offset of an antenna from the point where velocity is measured, in body axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AntennaArm {
     /// Ahead of it, m.
     pub forward_m: f64,
     /// Right of it, m.
     pub right_m: f64,
-    /// Largest error of both, m; 0 if they are taken as they are stated.
+    /// Largest error of both, m; 0 if they are taken as exact.
     pub tolerance_m: f64,
-    /// Where it comes from, in words.
+    /// Source, in words.
     pub from: String,
 }
 
-/// The arm from the point of the velocity to the antenna of a receiver (the first is 1), as the log's parameters state it.
-/// `None` where nobody configured the antenna: then the arm is not known, and zero is no answer.
+/// The arm from the velocity's point to the antenna of a receiver (the first is 1), from the log's parameters. `None`
+/// if the antenna was not configured: the arm is then unknown, not zero.
 #[must_use]
 pub fn antenna_arm(about: &About, receiver: u32, point: VelocityPoint) -> Option<AntennaArm> {
     let arm = |forward_m, right_m, from| Some(AntennaArm { forward_m, right_m, tolerance_m: 0.0, from });
@@ -68,27 +71,27 @@ pub fn antenna_arm(about: &About, receiver: u32, point: VelocityPoint) -> Option
     }
 }
 
-/// The motion of the samples that a delay was fitted to. Slices that are not empty are as long as the velocity.
+/// The motion at the samples of a delay fit. Non-empty slices have the length of the velocity.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LeverMotion<'a> {
     /// Times, s. Empty: the fit has no drift.
     pub time_s: &'a [f64],
     /// Velocity north and east, m/s.
     pub velocity_mps: [&'a [f64]; 2],
-    /// Direction of the nose north and east, from the attitude. `None`: along the path, as of an aeroplane or a car.
+    /// Direction of the nose north and east, from the attitude. `None`: along the path, as for an aeroplane or a car.
     pub nose: Option<[&'a [f64]; 2]>,
-    /// Weight of each sample in the fit. Empty: all alike.
+    /// Weight of each sample in the fit. Empty: all equal.
     pub weight: &'a [f64],
-    /// Number of the piece with an offset and drift of its own. Empty: one piece.
+    /// Index of the piece with its own offset and drift. Empty: one piece.
     pub piece: &'a [usize],
 }
 
-/// What a lever arm does to the delay of a position against a velocity.
+/// Effect of a lever arm on the delay of a position against a velocity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeverSensitivity {
     /// Shift of the delay for an antenna 1 m farther ahead, s/m: negative, the position looks earlier.
     pub shift_s_per_m: f64,
-    /// Shift for an antenna 1 m farther to the right, s/m: about zero where the vehicle turns both ways.
+    /// Shift for an antenna 1 m farther to the right, s/m: about zero if the vehicle turns both ways.
     pub sideways_s_per_m: f64,
     /// Samples that were used.
     pub samples: u64,
@@ -101,7 +104,7 @@ impl LeverSensitivity {
         (self.shift_s_per_m != 0.0).then(|| 1.0 / self.shift_s_per_m.abs())
     }
 
-    /// What an arm has shifted the delay by, s, with the uncertainty of its tolerance (every value within as likely).
+    /// Shift of the delay by an arm, s, with the uncertainty from its tolerance (uniform).
     #[must_use]
     pub fn shift_s(&self, arm: &AntennaArm) -> Estimate {
         let per_m = self.shift_s_per_m.hypot(self.sideways_s_per_m);
@@ -111,8 +114,8 @@ impl LeverSensitivity {
         }
     }
 
-    /// The delay that the antenna would have at the point where velocity is taken: the shift is taken out, and its
-    /// uncertainty put in.
+    /// The delay for an antenna at the point where velocity is measured: the shift is removed, and its uncertainty
+    /// added.
     #[must_use]
     pub fn corrected(&self, delay_s: Estimate, arm: &AntennaArm) -> Estimate {
         let shift = self.shift_s(arm);
@@ -123,13 +126,13 @@ impl LeverSensitivity {
         }
     }
 
-    /// For beside a number of which no lever arm is known: `± 9.1 ms per 0.1 m of unknown lever arm`.
+    /// Text for a number with an unknown lever arm: `± 9.1 ms per 0.1 m of unknown lever arm`.
     #[must_use]
     pub fn words(&self) -> String {
         format!("± {:.1} ms per 0.1 m of unknown lever arm (antenna ahead or behind)", 100.0 * self.shift_s_per_m.abs())
     }
 
-    /// What was taken out, in words.
+    /// The removed shift, in words.
     #[must_use]
     pub fn words_of(&self, arm: &AntennaArm) -> String {
         let Estimate { value, standard_uncertainty } = self.shift_s(arm);
@@ -147,7 +150,8 @@ impl LeverSensitivity {
     }
 }
 
-/// The effect of a lever arm on a fit of these samples. `None` if the path does not say (still, or straight and steady).
+/// Effect of a lever arm on a fit of these samples. `None` if the path cannot show it (stationary or straight and
+/// steady).
 #[must_use]
 pub fn lever_sensitivity(motion: &LeverMotion<'_>) -> Option<LeverSensitivity> {
     let mut projected = Projected::default();
@@ -159,12 +163,12 @@ pub fn lever_sensitivity(motion: &LeverMotion<'_>) -> Option<LeverSensitivity> {
         }
     }
     let [forward, sideways, power] = projected.products(!motion.time_s.is_empty());
-    // What rounding leaves of a straight and steady flight.
+    // Excludes what rounding leaves of a straight and steady flight.
     let excited = power > 1e-9 * projected.power() && forward.is_finite() && power.is_finite();
     excited.then(|| LeverSensitivity { shift_s_per_m: -forward / power, sideways_s_per_m: -sideways / power, samples })
 }
 
-/// The same from speeds alone: −ΣwU/ΣwU². Right where the path turns and the nose is along it.
+/// The same from speeds alone: −ΣwU/ΣwU². Correct if the path turns and the nose is along it.
 #[must_use]
 pub fn lever_sensitivity_of_speeds(speed_mps: &[f64], weight: &[f64]) -> Option<LeverSensitivity> {
     let rows = speed_mps.iter().enumerate().map(|(row, u)| (*u, weight_of(weight, row).unwrap_or(0.0)));
@@ -182,7 +186,7 @@ pub fn lever_sensitivity_of_speeds(speed_mps: &[f64], weight: &[f64]) -> Option<
     })
 }
 
-/// One row as the projection takes it.
+/// One row as input to the projection.
 struct Sample {
     piece: usize,
     weight: f64,

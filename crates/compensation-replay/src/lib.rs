@@ -1,15 +1,15 @@
-//! What a delay compensator would have made of a flight.
+//! What a delay compensator would have done on a recorded flight.
 //!
-//! A receiver reports position late by Td while its velocity is on time. Two compensators give
-//! the aircraft its position back, sample by sample, as an on-board loop would run them:
+//! A receiver reports position late by Td while its velocity is on time. Two compensators recover the aircraft's
+//! position, sample by sample, as an on-board loop would run them:
 //!
 //! - the paper's (Park & Lee 2010, eq. 3): `x_est = x_m + G(s) v`, with
 //!   `G(s) = (1 − e^{−s Td})/s ≈ Td / ((Td/2) s + 1)`, first-order Padé, Tustin, warm start;
 //! - the exact asynchronous form: `x_est(t) = p_j + I(t) − I(t_j − Td)` with the newest fix `p_j`
 //!   stamped `t_j` and `I = ∫ v` (design note 5.1).
 //!
-//! [`replay`] takes a [`flight::Flight`] and [`Settings`] and gives a [`record::ReplayRecord`]
-//! and the compensated [`Track`]. No disk, no screen, no clock.
+//! [`replay`] takes a [`flight::Flight`] and [`Settings`] and returns a [`record::ReplayRecord`] and the compensated
+//! [`Track`]. It uses no disk, screen or clock.
 
 mod compensator;
 mod curves;

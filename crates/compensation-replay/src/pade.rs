@@ -1,13 +1,13 @@
 //! The paper's compensator: Padé [1/1], Tustin.
 
-/// `G(s) = Td / ((Td/2) s + 1)` (Park & Lee 2010, eq. 3) by Tustin's rule, with a step that may
-/// change from sample to sample (the output is continuous, so this is the trapezoid rule):
+/// `G(s) = Td / ((Td/2) s + 1)` (Park & Lee 2010, eq. 3) by Tustin's rule, with a step that may change from sample to
+/// sample (the output is continuous, so this is the trapezoidal rule):
 ///
 /// `y_k = [(Td − h) y_{k−1} + Td h (v_k + v_{k−1})] / (Td + h)` (design note 5.4).
 ///
-/// Adds to the late position what was flown during Td. Against the exact form it errs by
-/// `2 |sin(x/2 − atan(x/2))|` of the amplitude, `x = 2π f Td`: 1 % at f·Td = 0.08, and past
-/// f·Td = 0.68 it is worse than no compensation.
+/// Adds the displacement during Td to the late position. Compared with the exact form the error is
+/// `2 |sin(x/2 − atan(x/2))|` of the amplitude, `x = 2π f Td`: 1 % at f·Td = 0.08. Above f·Td = 0.68 it is worse
+/// than no compensation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PadeTustin {
     delay_s: f64,
@@ -26,8 +26,8 @@ impl PadeTustin {
         PadeTustin { delay_s, velocity, output: delay_s * velocity }
     }
 
-    /// From rest, as a naive implementation: the output lacks `Td v0 e^{−2t/Td}` at first.
-    /// The first velocity counts as a step from zero over `step_s`.
+    /// From rest, as in a naive implementation: the output initially lacks `Td v0 e^{−2t/Td}`. The first velocity
+    /// counts as a step from zero over `step_s`.
     ///
     /// # Panics
     /// If the delay is not positive.
@@ -38,13 +38,13 @@ impl PadeTustin {
         filter
     }
 
-    /// Displacement during the delay, m, as the filter has it now.
+    /// Current displacement during the delay, m.
     #[must_use]
     pub fn output(&self) -> f64 {
         self.output
     }
 
-    /// The next velocity, m/s, `h` seconds after the last; gives the displacement, m.
+    /// Takes the next velocity, m/s, `h` seconds after the last; returns the displacement, m.
     pub fn step(&mut self, h: f64, velocity: f64) -> f64 {
         let td = self.delay_s;
         self.output = ((td - h) * self.output + td * h * (velocity + self.velocity)) / (td + h);

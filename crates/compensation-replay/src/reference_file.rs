@@ -1,9 +1,9 @@
 //! A second file of a flight: its position and velocity become channels of the flight, `position.reference` and
-//! `velocity.reference`, in the clock of the log.
+//! `velocity.reference`, on the clock of the log.
 //!
-//! Where each file has its own clock the offset is estimated from the velocities: first by correlation over the whole
-//! flight, then as the delay between a velocity of the log and the reference. That velocity then counts as on time; its own
-//! lateness is taken out once the delay network knows it.
+//! If each file has its own clock, the offset is estimated from the velocities: first by correlation over the whole
+//! flight, then as the delay between a velocity of the log and the reference. That velocity initially counts as on
+//! time. Its own lateness is removed once the delay network has measured it.
 
 use crate::flight_delay::{FlightDelaySettings, measure_against_reference};
 use flight::{Channel, Clock, Flight, Quantity, Series, Stamp, Timeline, gps_of_unix, unix_of_gps};
@@ -14,39 +14,39 @@ pub const REFERENCE_POSITION: &str = "position.reference";
 /// As [`REFERENCE_POSITION`].
 pub const REFERENCE_VELOCITY: &str = "velocity.reference";
 
-/// Grid on which velocities are laid over each other, Hz.
+/// Grid on which velocities are correlated, Hz.
 const GRID_HZ: f64 = 5.0;
 /// Offsets closer than this to the best are the same one, s.
 const SAME_OFFSET_S: f64 = 5.0;
-/// Velocities whose correlation is below this are not of one flight.
+/// Velocities whose correlation is below this are from different flights.
 const LEAST_CORRELATION: f64 = 0.7;
-/// What the second best offset leaves unexplained is at least so many times what the best leaves.
+/// Least ratio of the unexplained part at the second best offset to that at the best.
 const RIVAL_RATIO: f64 = 1.5;
-/// Time over which a velocity is taken from a position, s.
+/// Interval over which a velocity is computed from a position, s.
 const BASE_S: f64 = 1.0;
-/// A drift is taken out if it is this many standard uncertainties large,
+/// A drift is removed if it is at least this many standard uncertainties,
 const DRIFT_SHOWN: f64 = 3.0;
-/// is told by at least so many windows,
+/// is supported by at least this many windows,
 const DRIFT_WINDOWS: usize = 4;
-/// and is not larger than any clock's.
+/// and does not exceed that of any real clock.
 const WORST_DRIFT: f64 = 1e-3;
-/// Two files that count UTC are of one flight if they share this much of the shorter one.
+/// Two files that count UTC are from one flight if they share this much of the shorter one.
 const LEAST_SHARED: f64 = 0.5;
 
-/// How a reference file's clock is treated.
+/// Handling of a reference file's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ClockRule {
-    /// Two files that count UTC or GPS time share a clock; of others the offset is estimated.
+    /// Two files that count UTC or GPS time share a clock; for others the offset is estimated.
     #[default]
     Auto,
-    /// Both files were stamped by one clock.
+    /// Both files have timestamps from one clock.
     Same,
     /// The offset is estimated.
     Own,
 }
 
-/// What of a reference file takes part: a position, a velocity, or both, of one clock.
+/// Channels used from a reference file: a position, a velocity, or both, on one clock.
 struct Taken<'a> {
     position: Option<&'a Channel>,
     velocity: Option<&'a Channel>,
@@ -66,13 +66,13 @@ impl<'a> Taken<'a> {
         Ok(Taken { position, velocity: velocity.filter(|v| clock_of(v) == clock), clock })
     }
 
-    /// First and last stamp.
+    /// First and last timestamp.
     fn span(&self) -> Option<(Stamp, Stamp)> {
         let timeline = self.position.or(self.velocity)?.series.timeline();
         Some((timeline.first()?, timeline.last()?))
     }
 
-    /// Adds it to the flight; `in_log` gives the stamp in the clock of the log. Names of the channels.
+    /// Adds it to the flight; `in_log` converts a timestamp to the clock of the log. Returns the names of the channels.
     fn join(&self, flight: &mut Flight, clock: Clock, in_log: &dyn Fn(Stamp) -> Option<Stamp>) -> Vec<String> {
         let all = [(REFERENCE_POSITION, self.position), (REFERENCE_VELOCITY, self.velocity)];
         let mut names = vec![];
@@ -86,7 +86,7 @@ impl<'a> Taken<'a> {
     }
 }
 
-/// The channel with other stamps; `None` if they are beyond the range, or do not rise any more.
+/// The channel with converted timestamps; `None` if they are out of range or no longer rise.
 fn moved(channel: &Channel, clock: Clock, in_log: &dyn Fn(Stamp) -> Option<Stamp>) -> Option<Channel> {
     let timeline = channel.series.timeline();
     let stamps: Vec<Stamp> = timeline.stamps().iter().map(|s| in_log(*s)).collect::<Option<_>>()?;
@@ -96,7 +96,7 @@ fn moved(channel: &Channel, clock: Clock, in_log: &dyn Fn(Stamp) -> Option<Stamp
     Some(Channel { series, other_stamps: vec![], ..channel.clone() })
 }
 
-/// How the clock of `reference` relates to that of the log. `wanted` are the positions that the pipeline compensates, for
+/// Relation of the clock of `reference` to that of the log. `wanted` are the positions that the pipeline compensates;
 /// their clock is that of the log.
 #[must_use]
 pub fn relate_clocks(
@@ -129,16 +129,16 @@ pub fn relate_clocks(
     offset(flight, &taken, timeline.clock(), settings).map_or_else(unknown, ReferenceClock::Own)
 }
 
-/// How alike the motions of a log and of a second file are.
+/// Similarity of the motions in a log and a second file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Likeness {
-    /// Correlation coefficient of the horizontal velocities at the offset of the clocks that fits best.
+    /// Correlation coefficient of the horizontal velocities at the best clock offset.
     pub correlation: f64,
-    /// Speed of the second file over that of the log, rms over the time that both share.
+    /// Speed of the second file over that of the log, rms over the shared time.
     pub scale: f64,
 }
 
-/// How alike the motions of `reference` and of the log are, whatever their clocks. `None` if one of them does not move.
+/// Similarity of the motions of `reference` and of the log, for any clocks. `None` if one of them does not move.
 #[must_use]
 pub fn likeness(flight: &Flight, reference: &Flight, wanted: &[String]) -> Option<Likeness> {
     let taken = Taken::of(reference).ok()?;
@@ -156,8 +156,8 @@ pub fn likeness(flight: &Flight, reference: &Flight, wanted: &[String]) -> Optio
     Some(Likeness { correlation: lag.correlation, scale })
 }
 
-/// What to say where both count one clock, and the motion agrees only with clocks that are further apart than any delay that
-/// is looked for.
+/// The message if both count one clock, but the motion agrees only with clocks that are further apart than any delay in
+/// the search.
 fn contradicted(
     flight: &Flight,
     position: &Channel,
@@ -171,8 +171,8 @@ fn contradicted(
         Err(why) => return is_of_another_flight(moves, taken).then_some(why),
     };
     let at = taken.span()?.0;
-    let said_ns = converted(taken.clock, clock, at)?.0.checked_sub(at.0)?;
-    let apart_s = coarse.offset_ns.checked_sub(said_ns)? as f64 * 1e-9;
+    let stated_ns = converted(taken.clock, clock, at)?.0.checked_sub(at.0)?;
+    let apart_s = coarse.offset_ns.checked_sub(stated_ns)? as f64 * 1e-9;
     let (earliest, latest) = settings.search_s;
     let fits = apart_s >= earliest.min(-SAME_OFFSET_S) && apart_s <= latest.max(SAME_OFFSET_S);
     (!fits).then(|| {
@@ -184,9 +184,9 @@ fn contradicted(
     })
 }
 
-/// Velocities of one flight that are less alike than this are none,
+/// Velocities of one flight that are less similar than this are unrelated,
 const OTHER_FLIGHT: f64 = 0.5;
-/// where the log moves as fast as this, rms, m/s: at rest there is nothing to be alike.
+/// if the log moves at least this fast, rms, m/s: at rest there is nothing to compare.
 const MOVES_MPS: f64 = 2.0;
 
 /// Whether a log that moves has nothing in common with a second file.
@@ -199,7 +199,7 @@ fn is_of_another_flight(moves: &Channel, taken: &Taken<'_>) -> bool {
     is_fast && lag.is_some_and(|lag| lag.correlation < OTHER_FLIGHT)
 }
 
-/// Adds position and velocity of `reference` to the flight; gives their names. None if the clocks are not related.
+/// Adds position and velocity of `reference` to the flight and returns their names; none if clocks are not related.
 pub fn join_reference(
     flight: &mut Flight,
     reference: &Flight,
@@ -215,7 +215,7 @@ pub fn join_reference(
     }
 }
 
-/// A stamp in another clock, if both count the same time.
+/// A timestamp on another clock, if both count the same time.
 fn converted(from: Clock, to: Clock, stamp: Stamp) -> Option<Stamp> {
     match (from, to) {
         (Clock::Gps, Clock::Unix) => unix_of_gps(stamp),
@@ -224,7 +224,7 @@ fn converted(from: Clock, to: Clock, stamp: Stamp) -> Option<Stamp> {
     }
 }
 
-/// Whether both count UTC or GPS time and were stamped during the same flight.
+/// Whether both count UTC or GPS time and were recorded during the same flight.
 fn share_utc(log: &Timeline, taken: &Taken<'_>) -> bool {
     let (Some((from, to)), Some((first, last))) = (taken.span(), log.first().zip(log.last())) else { return false };
     let unix = |clock: Clock, a: Stamp, b: Stamp| Some((clock.unix(a)?, clock.unix(b)?));
@@ -268,7 +268,7 @@ fn offset(
     Ok(found)
 }
 
-/// A velocity of this clock that a sensor measured, else one that a filter made; of these the one with most samples.
+/// A velocity on this clock: measured by a sensor, else from a filter; of several the one with most samples.
 fn velocity_of(flight: &Flight, clock: Clock) -> Option<(&str, &Channel)> {
     let fits = |c: &Channel| c.quantity == Quantity::VelocityNed && c.series.timeline().clock() == clock;
     let all = flight.channels.iter().filter(|(name, c)| fits(c) && *name != REFERENCE_VELOCITY);
@@ -276,7 +276,7 @@ fn velocity_of(flight: &Flight, clock: Clock) -> Option<(&str, &Channel)> {
     best.map(|(name, channel)| (name.as_str(), channel))
 }
 
-/// The offset as fine as the grid, and how alike the velocities are there.
+/// The offset to grid resolution, and the similarity of the velocities there.
 struct Coarse {
     offset_ns: i64,
     correlation: f64,
@@ -322,7 +322,7 @@ impl Motion {
         (&self.t, [&self.north, &self.east])
     }
 
-    /// Rms speed over a span of time, m/s; `None` without a moving sample in it.
+    /// Rms speed over a time span, m/s; `None` without a moving sample in it.
     fn rms_between(&self, (from, to): (f64, f64)) -> Option<f64> {
         let all = self.t.iter().zip(self.north.iter().zip(&self.east));
         let inside = all.filter(|(t, _)| (from..=to).contains(*t)).map(|(_, (n, e))| n * n + e * e);
@@ -330,7 +330,7 @@ impl Motion {
         (sum > 0.0).then(|| (sum / f64::from(count)).sqrt())
     }
 
-    /// Of a velocity or a position.
+    /// Motion from a velocity or a position.
     fn of(channel: &Channel, origin: Stamp) -> Motion {
         match channel.quantity {
             Quantity::VelocityNed => Motion::of_velocity(channel, origin),
@@ -345,7 +345,7 @@ impl Motion {
         Motion { t: rows.iter().map(|&r| stamps[r].seconds_since(origin)).collect(), north: of(0), east: of(1) }
     }
 
-    /// Displacements over about a second, at the middle of it.
+    /// Displacements over about a second, at its middle.
     fn of_position(channel: &Channel, origin: Stamp) -> Motion {
         let stamps = channel.series.timeline().stamps();
         let rows = channel.update_rows();
@@ -374,7 +374,7 @@ impl Motion {
     }
 }
 
-/// How much later the velocity of the log is than the reference moved by `offset`.
+/// How much later the velocity of the log is than the reference shifted by `offset`.
 fn measured(
     flight: &Flight,
     taken: &Taken<'_>,
@@ -394,7 +394,7 @@ fn measured(
     }
 }
 
-/// The drift of the offset over the windows, where it shows.
+/// The drift of the offset over the windows, if it is significant.
 fn drift_of(measured: &MeasuredDelay) -> Option<Estimate> {
     let windows = &measured.over_time;
     if windows.len() < DRIFT_WINDOWS {

@@ -1,4 +1,4 @@
-//! One flight through all compensators.
+//! Runs one flight through all compensators.
 
 use crate::curves::{Curves, draw};
 use crate::estimate::{Positions, estimates};
@@ -12,23 +12,23 @@ use flight::{Distribution, Flight, Notices};
 use record::{ExplorerRows, ReplayRecord, ReplaySettings};
 use std::ops::Range;
 
-/// What came of a replay.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replay {
-    /// What was found.
+    /// Results.
     pub record: ReplayRecord,
     /// Every row.
     pub track: ReplayedTrack,
-    /// The rows once more, in few bytes.
+    /// The same rows in compact form.
     pub explorer: ExplorerRows,
-    /// What a reader of the record must know.
+    /// Messages for the reader of the record.
     pub notices: Notices,
 }
 
 /// Replays the compensators over a flight.
 ///
 /// # Errors
-/// A [`Refusal`] when compensation says nothing about this flight, with the reason.
+/// A [`Refusal`] with the reason if compensation cannot be assessed on this flight.
 pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
     play(flight, settings, Extent::Whole)
 }
@@ -41,14 +41,14 @@ pub fn sketch(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
     play(flight, settings, Extent::Sketch)
 }
 
-/// How much of a replay is wanted.
+/// Extent of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Extent {
     Whole,
     Sketch,
 }
 
-/// A flight through the compensators, before anything is judged.
+/// A flight after the compensators, before scoring.
 struct Compensated {
     input: Input,
     speed: Distribution,
@@ -97,7 +97,8 @@ fn judged(
     let resets = score::resets(input, &innovations, notices);
     let compensators = score::compensators(input, settings, rows, estimates, &innovations);
     let predicted_rms_m = score::predicted(input, rows, settings);
-    let played = score::Played { input, settings, segments, rows, tracks: estimates, way_m: predicted_rms_m.value };
+    let played =
+        score::Played { input, settings, segments, rows, tracks: estimates, travelled_m: predicted_rms_m.value };
     let (scores, onboard) = match extent {
         Extent::Whole => (Some(score::scores(&played, innovations)), score::onboard(flight, &played, notices)),
         Extent::Sketch => (None, None),
@@ -135,7 +136,7 @@ fn as_used(settings: &Settings, bridge_s: f64) -> ReplaySettings {
     }
 }
 
-/// Median and percentiles of the ground speed; refuses a flight that does not move.
+/// Median and percentiles of the ground speed; rejects a flight that does not move.
 fn ground_speed(input: &Input, settings: &Settings) -> Result<Distribution, Refusal> {
     let mut speeds: Vec<f64> = {
         let [north, east] = &input.velocity.axes;

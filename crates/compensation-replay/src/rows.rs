@@ -1,4 +1,4 @@
-//! The instants of a replay, and what is known at each.
+//! The instants of a replay, with the inputs known at each.
 
 use crate::input::{AXES, Input, Refusal};
 use crate::settings::Settings;
@@ -7,18 +7,18 @@ use flight::{Code, Notices, RejectCount};
 use record::{Coverage, StartRule};
 use std::ops::Range;
 
-/// The instants of the replay, and what is known at each. There may be half a million, so what follows from the rest is computed
-/// when it is asked for.
+/// The instants of a replay, with the inputs known at each. There may be half a million, so derived values are computed
+/// on demand.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rows {
     pub(crate) t: Vec<f64>,
     fix: Vec<u32>,
-    /// Velocity as the loop sees it: the newest sample.
+    /// Velocity as seen by the loop: the newest sample.
     pub(crate) velocity: [Vec<f64>; 2],
     segment: Vec<u32>,
     pub(crate) state: Vec<RowState>,
     pub(crate) start: Option<StartRule>,
-    /// A step between rows longer than this is a gap: the pen is lifted, s.
+    /// A step between rows longer than this is a gap that breaks the lines, s.
     pub(crate) gap_s: f64,
 }
 
@@ -71,7 +71,7 @@ impl Rows {
         self.fix[row] as usize
     }
 
-    /// Whether the fix of a row was not there at the row before.
+    /// Whether the fix of a row is new since the previous row.
     pub(crate) fn has_new_fix(&self, row: usize) -> bool {
         row == 0 || self.fix[row] != self.fix[row - 1]
     }
@@ -81,12 +81,12 @@ impl Rows {
         self.t[row] - input.position.t[self.fix(row)]
     }
 
-    /// The stretch of velocity that a row lies in.
+    /// The segment of velocity that contains a row.
     pub(crate) fn segment(&self, row: usize) -> Option<usize> {
         Some(self.segment[row]).filter(|segment| *segment != NO_SEGMENT).map(|segment| segment as usize)
     }
 
-    /// Runs of rows of one segment, with it.
+    /// Runs of rows in one segment, with that segment.
     pub(crate) fn runs(&self) -> impl Iterator<Item = (Option<usize>, Range<usize>)> {
         let mut first = 0;
         self.segment.chunk_by(|a, b| a == b).map(move |same| {
@@ -96,19 +96,19 @@ impl Rows {
         })
     }
 
-    /// What one velocity, taken half way back to when the fix was true, flies in all that time at each row, m: the midpoint rule,
-    /// no integral and no filter.
+    /// Displacement at each row since its fix was true, m, from the single velocity at the middle of that time: the
+    /// midpoint rule, without integral or filter.
     pub(crate) fn predicted(&self, input: &Input, settings: &Settings, axis: usize) -> Vec<f64> {
         let mut velocity = input.velocity.walk(axis);
         let of_row = |row: usize| {
             let delay = settings.delay.seconds() + self.age_s(input, row);
-            // Rises from row to row: it lies half way between the row and when its fix was true.
+            // This instant rises from row to row: it is halfway between the row and when its fix was true.
             delay * velocity(self.t[row] - 0.5 * delay)
         };
         (0..self.t.len()).map(of_row).collect()
     }
 
-    /// Whether the compensated position of a row is given out.
+    /// Whether the compensated position of a row is shown.
     pub(crate) fn has_output(&self, row: usize) -> bool {
         match self.state[row] {
             RowState::Valid => true,
@@ -121,14 +121,14 @@ impl Rows {
         (0..self.t.len()).filter(|&row| self.state[row] == RowState::Valid)
     }
 
-    /// Mean age of the fix over valid rows, s: what holding adds to the delay that a loop sees (design note 3.8).
+    /// Mean age of the fix over valid rows, s: the delay that holding adds in a loop (design note 3.8).
     pub(crate) fn mean_age_s(&self, input: &Input) -> f64 {
         let (sum, count) =
             self.valid().fold((0.0, 0_u32), |(sum, count), row| (sum + self.age_s(input, row), count + 1));
         if count == 0 { 0.0 } else { sum / f64::from(count) }
     }
 
-    /// Time to the next row, summed over valid rows without a gap behind them.
+    /// Time to the next row, summed over valid rows that are not followed by a gap.
     fn valid_s(&self) -> f64 {
         let steps = self.t.windows(2).map(|w| w[1] - w[0]).zip(&self.state);
         steps.filter(|(h, state)| **state == RowState::Valid && *h <= self.gap_s).map(|(h, _)| h).sum()
@@ -168,7 +168,7 @@ impl Rows {
 /// A row outside all segments.
 const NO_SEGMENT: u32 = u32::MAX;
 
-/// A place in a record, which has fewer than 2³² − 1 samples: so many would take 100 GB.
+/// An index into a record, which has fewer than 2³² − 1 samples: more would take 100 GB.
 fn small(place: usize) -> u32 {
     u32::try_from(place).unwrap_or(NO_SEGMENT - 1)
 }
@@ -182,7 +182,7 @@ fn state(settings: &Settings, fix: f64, segment_start: Option<f64>) -> RowState 
     }
 }
 
-/// Samples of the velocity from the first fix until the last is too old, or even steps of time.
+/// Velocity samples from the first fix until the last one is too old, or even time steps.
 fn instants(input: &Input, settings: &Settings, notices: &mut Notices) -> Vec<f64> {
     let (fixes, samples) = (&input.position.t, &input.velocity.t);
     let last_useful = fixes[fixes.len() - 1] + 2.5 * median_step(fixes);
@@ -222,7 +222,7 @@ pub(crate) fn bridge(input: &Input, settings: &Settings) -> f64 {
     settings.bridge_s.unwrap_or_else(|| (2.0 * settings.delay.seconds()).max(2.5 * median_step(&input.velocity.t)))
 }
 
-/// Stretches of velocity samples without a gap longer than `bridge_s`.
+/// Segments of velocity samples without a gap longer than `bridge_s`.
 pub(crate) fn segments(t: &[f64], bridge_s: f64) -> Vec<Range<usize>> {
     let mut out = vec![];
     let mut start = 0;

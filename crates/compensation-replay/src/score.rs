@@ -1,4 +1,4 @@
-//! What the compensators are worth, with and without an independent reference.
+//! Scores of the compensators, with and without an independent reference.
 
 mod all;
 mod budget;
@@ -23,17 +23,17 @@ use flight::{Code, Notices};
 use record::{CompensatorResult, Estimate};
 use std::ops::Range;
 
-/// Steps of two kinds at each fix: against the fix before, and against what velocity carried it to.
+/// Steps of two kinds at each fix: against the previous fix, and against its dead-reckoned position.
 #[derive(Debug)]
 pub(crate) struct Innovations {
     fix: Vec<u32>,
-    /// The fix less the dead-reckoned fix before, m: north and east.
+    /// The fix less the dead-reckoned previous fix, m: north and east.
     exact: [Vec<f64>; 2],
-    /// What velocity flew between the two, m: north and east.
+    /// Displacement from velocity between the two, m: north and east.
     flown: [Vec<f64>; 2],
 }
 
-/// Innovations of all fixes whose flight since the fix before was seen whole by the velocity.
+/// Innovations of all fixes for which velocity covers the whole flight since the previous fix.
 pub(crate) fn innovations(input: &Input, settings: &Settings, segments: &[Range<usize>]) -> Innovations {
     let flown = AXES.map(|k| of_segments(input, settings, segments, k));
     let td = settings.delay.seconds();
@@ -47,28 +47,28 @@ pub(crate) fn innovations(input: &Input, settings: &Settings, segments: &[Range<
         let step = step_to(input, j);
         out.fix.push(j as u32);
         for k in AXES {
-            let way = flown[k][s].flown(from, to);
-            out.exact[k].push(step[k] - way);
-            out.flown[k].push(way);
+            let displacement = flown[k][s].flown(from, to);
+            out.exact[k].push(step[k] - displacement);
+            out.flown[k].push(displacement);
         }
     }
     out
 }
 
-/// From the fix before to fix `j`, m.
+/// From the previous fix to fix `j`, m.
 fn step_to(input: &Input, j: usize) -> [f64; 2] {
     AXES.map(|k| input.position.axes[k][j] - input.position.axes[k][j - 1])
 }
 
-/// The segment of velocity that covers an interval whole.
+/// The segment of velocity that covers an entire interval.
 fn covering(input: &Input, segments: &[Range<usize>], from: f64, to: f64) -> Option<usize> {
     let t = &input.velocity.t;
     let s = segments.partition_point(|s| t[s.end - 1] < to);
     segments.get(s).filter(|range| t[range.start] <= from && to <= t[range.end - 1]).map(|_| s)
 }
 
-/// Fixes that jump by more than five robust sigma against velocity (design note 5.8): passed on and
-/// counted. Sigma is that of the fixes around, for a parked receiver must not make every turn a jump.
+/// Fixes that jump by more than five robust sigma against velocity (design note 5.8): passed on and counted. Sigma is
+/// that of the surrounding fixes, otherwise a parked receiver would make every turn a jump.
 pub(crate) fn resets(input: &Input, innovations: &Innovations, notices: &mut Notices) -> u64 {
     let sigma = innovations.exact.each_ref().map(|axis| local_sigma(axis));
     let jumps: Vec<usize> = (0..innovations.fix.len())
@@ -86,10 +86,10 @@ pub(crate) fn resets(input: &Input, innovations: &Innovations, notices: &mut Not
     jumps.len() as u64
 }
 
-/// Fixes that share a sigma, which is taken from theirs and the blocks on both sides.
+/// Number of fixes that share a sigma, which is computed from their own block and its two neighbours.
 const SIGMA_BLOCK: usize = 25;
 
-/// Robust sigma of each block, never below that of the whole flight or a centimetre (1e-7 deg is 1.1 cm).
+/// Robust sigma of each block, at least that of the whole flight and a centimetre (1e-7 deg is 1.1 cm).
 fn local_sigma(values: &[f64]) -> Vec<f64> {
     let floor = signal::robust_sigma(values).unwrap_or_default().max(0.01);
     let blocks = values.len().div_ceil(SIGMA_BLOCK);
@@ -97,7 +97,7 @@ fn local_sigma(values: &[f64]) -> Vec<f64> {
     (0..blocks).map(|b| signal::robust_sigma(&values[around(b)]).unwrap_or_default().max(floor)).collect()
 }
 
-/// Over five seconds the fixes must move as the velocity says; if not, an axis, a sign or a unit is likely wrong.
+/// Over five seconds the fixes must move like the velocity; if not, an axis, a sign or a unit is likely wrong.
 pub(crate) fn warn_of_contradiction(
     input: &Input,
     settings: &Settings,
@@ -140,14 +140,14 @@ fn rms(squares: impl Iterator<Item = f64> + Clone) -> Option<Estimate> {
     Blocks::of(squares.clone().count(), squares.map(|square| [square, 1.0])).size(root_mean)
 }
 
-/// What velocity predicts for raw − compensated, m.
+/// Raw − compensated predicted from velocity, m.
 pub(crate) fn predicted(input: &Input, rows: &Rows, settings: &Settings) -> Estimate {
-    let way = AXES.map(|k| rows.predicted(input, settings, k));
-    let squares = rows.valid().map(|row| AXES.map(|k| way[k][row].powi(2)).iter().sum());
+    let displacement = AXES.map(|k| rows.predicted(input, settings, k));
+    let squares = rows.valid().map(|row| AXES.map(|k| displacement[k][row].powi(2)).iter().sum());
     with_delay_uncertainty(rms(squares), rows, settings)
 }
 
-/// Adds U · u(Td) in quadrature: a displacement during Td is known no better than Td is.
+/// Adds U · u(Td) in quadrature: a displacement during Td is as uncertain as Td.
 fn with_delay_uncertainty(estimate: Option<Estimate>, rows: &Rows, settings: &Settings) -> Estimate {
     let mut estimate = estimate.expect("a flight without a valid row is refused before it is scored");
     let speeds = rows.valid().map(|r| rows.velocity[0][r].powi(2) + rows.velocity[1][r].powi(2));
@@ -170,9 +170,9 @@ pub(crate) fn compensators(
     tracks
         .iter()
         .map(|track| {
-            let said = rows.valid().filter(|&row| track.speaks(row));
+            let shown = rows.valid().filter(|&row| track.has_own_output(row));
             let difference =
-                said.map(|row| AXES.map(|k| (tracks[0].axes[k][row] - track.axes[k][row]).powi(2)).iter().sum());
+                shown.map(|row| AXES.map(|k| (tracks[0].axes[k][row] - track.axes[k][row]).powi(2)).iter().sum());
             let errors = reference.as_ref().map(|r| r.squared_errors(track));
             CompensatorResult {
                 name: track.name.clone(),
@@ -191,8 +191,8 @@ pub(crate) fn compensators(
         .collect()
 }
 
-/// Rms step of the output at the fixes, m. A filter's displacement is continuous, so its position steps at a fix as
-/// the raw one does; what smooths takes a fix over slowly or knew it before, and has no such step.
+/// Rms step of the output at the fixes, m. A filter's displacement is continuous, so its position steps at a fix like
+/// the raw one. A smoothing compensator follows a fix slowly or knew it in advance, and has no such step.
 fn step_at_fix(input: &Input, track: &Positions, innovations: &Innovations) -> Option<Estimate> {
     let square = |[n, e]: [f64; 2]| n * n + e * e;
     match track.further {
@@ -205,8 +205,8 @@ fn step_at_fix(input: &Input, track: &Positions, innovations: &Innovations) -> O
     }
 }
 
-/// The 95th percentile of the error. Its uncertainty is from the spread of its ten consecutive parts, with Student's quantile
-/// for nine; in proportion it is no smaller than that of the rms, and there is none where that has none.
+/// The 95th percentile of the error. Its uncertainty is from the spread of its ten consecutive parts, with Student's
+/// quantile for nine. Its relative uncertainty is at least that of the rms, and missing if that is missing.
 fn percentile_95(squares: &[f64]) -> Option<Estimate> {
     const PARTS: usize = 10;
     const STUDENT: f64 = 2.262_157;
@@ -225,14 +225,14 @@ fn percentile_95(squares: &[f64]) -> Option<Estimate> {
     Some(Estimate { value, standard_uncertainty })
 }
 
-/// The reference at those valid rows that it covers without a gap.
+/// The reference at the valid rows that it covers without a gap.
 pub(crate) struct Reference {
     pub(crate) row: Vec<usize>,
     pub(crate) axes: [Vec<f64>; 2],
 }
 
 impl Reference {
-    /// Linear between reference samples (errs by at most a h²/8), never across a gap of more than 2.5 steps.
+    /// Linear between reference samples (error at most a h²/8), never across a gap of more than 2.5 steps.
     pub(crate) fn at(reference: &Horizontal, rows: &Rows, of: impl Iterator<Item = usize>) -> Reference {
         let t = &reference.t;
         let longest = 2.5 * median_step(t);
@@ -260,7 +260,7 @@ impl Reference {
 
     fn squared_errors(&self, track: &Positions) -> Vec<f64> {
         let error = |i: usize, k: usize| track.axes[k][self.row[i]] - self.axes[k][i];
-        let said = (0..self.row.len()).filter(|&i| track.speaks(self.row[i]));
-        said.map(|i| AXES.map(|k| error(i, k).powi(2)).iter().sum()).collect()
+        let shown = (0..self.row.len()).filter(|&i| track.has_own_output(self.row[i]));
+        shown.map(|i| AXES.map(|k| error(i, k).powi(2)).iter().sum()).collect()
     }
 }

@@ -1,61 +1,61 @@
-//! What the pipeline decides about a replay.
+//! Pipeline settings of a replay.
 
 use crate::compensator::{CompensatorKind, Discretisation};
 use flight::Delay;
 use record::{CardUse, Estimate, StartRule};
 
-/// Settings of a replay, as they are meant.
+/// Settings of a replay, as configured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Delay of the position to remove; positive means late.
     pub delay: Delay,
     /// Its standard uncertainty, s, if known.
     pub delay_uncertainty_s: Option<f64>,
-    /// Where the delay comes from, in words, for the page.
+    /// Source of the delay, in words, for the page.
     pub delay_source: String,
-    /// The sensor card that it comes from, if it does.
+    /// The sensor card that is its source, if any.
     pub card: Option<CardUse>,
-    /// How much later the position is than the velocity, s, if that is known apart from how late each is: what a right
-    /// compensation leaves between the two.
+    /// How much later the position is than the velocity, s, if known independently of the lateness of each. A correct
+    /// compensation leaves this between the two.
     pub position_minus_velocity_s: Option<Estimate>,
-    /// How late the position is, s: the number that the effect is judged by. `None` if it is not known; the position against
-    /// this flight's velocity stands in then.
+    /// Lateness of the position, s: the effect is judged by it. `None` if unknown; the fallback is the position against
+    /// this flight's velocity.
     pub position_lateness_s: Option<Estimate>,
-    /// How late the velocity is, s, from the same datum. `None` if it is not known.
+    /// Lateness of the velocity, s, against the same datum. `None` if unknown.
     pub velocity_lateness_s: Option<Estimate>,
-    /// What is assumed before the first velocity.
+    /// Assumption for the time before the first velocity.
     pub start: StartRule,
-    /// Velocity gaps up to this long are bridged by a straight line, s. `None`: 2 Td, and
-    /// never less than 2.5 median velocity intervals.
+    /// Velocity gaps up to this long are bridged by a straight line, s. `None`: 2 Td, at least 2.5 median velocity
+    /// intervals.
     pub bridge_s: Option<f64>,
-    /// A flight whose 95th percentile of ground speed is lower does not move, m/s.
+    /// A flight whose 95th percentile of ground speed is lower does not count as moving, m/s.
     pub min_speed_mps: f64,
     /// Length of the window around the hardest manoeuvre, s.
     pub zoom_s: f64,
-    /// Rows at this rate instead of one for each velocity sample, Hz. The paper's compensator
-    /// then sees the velocity held between its samples, as a faster loop would.
+    /// Rows at this rate instead of one per velocity sample, Hz. The paper's compensator then sees the velocity held
+    /// between its samples, like a faster loop.
     pub output_rate_hz: Option<f64>,
-    /// Of a record with more samples of a channel, neighbouring samples are averaged, so that the memory does not grow with
-    /// its length: 500,000 are 1.4 hours at 100 Hz.
+    /// If a channel has more samples, neighbours are averaged, so memory does not grow with the length of a record:
+    /// 500,000 are 1.4 hours at 100 Hz.
     pub most_samples: usize,
-    /// Compensators beside those that always run (raw, `pade-1-1`, `pade-1-1-as-seen`, `exact-async`), in the order of
-    /// the tables. They see each velocity when it comes, also with `output_rate_hz`; what always runs is not run twice.
+    /// Compensators in addition to the default ones (raw, `pade-1-1`, `pade-1-1-as-seen`, `exact-async`), in table
+    /// order. They receive each velocity when it arrives, even with `output_rate_hz`. Default ones are not run twice.
     pub compensators: Vec<CompensatorKind>,
     /// Position channels in order of preference.
     pub position: Vec<String>,
     /// Velocity channels in order of preference.
     pub velocity: Vec<String>,
-    /// Reference position channels in order of preference; none is fine.
+    /// Reference position channels in order of preference; may be empty.
     pub reference: Vec<String>,
-    /// Channels with the compensated position that the aircraft computed in flight, in order of preference; none is fine.
+    /// Channels with the compensated position computed by the aircraft in flight, in order of preference; may be empty.
     pub onboard: Vec<String>,
 }
 
 impl Settings {
-    /// Usual value of [`Settings::most_samples`].
+    /// Default of [`Settings::most_samples`].
     pub const MOST_SAMPLES: usize = 500_000;
 
-    /// The usual settings for a delay.
+    /// Default settings for a delay.
     #[must_use]
     pub fn with_delay(delay: Delay, source: &str) -> Settings {
         let names = |list: &[&str]| list.iter().map(|s| (*s).to_owned()).collect();
@@ -81,7 +81,7 @@ impl Settings {
         }
     }
 
-    /// Whether a compensator runs without being asked for: the paper's and the exact asynchronous form.
+    /// Whether a compensator always runs: the paper's and the exact asynchronous form.
     #[must_use]
     pub fn always_runs(kind: CompensatorKind) -> bool {
         let paper = CompensatorKind::Pade { m: 1, n: 1, rule: Discretisation::Tustin };

@@ -1,11 +1,12 @@
-//! The score of a flight over the delay that is removed.
+//! The score of a flight as a function of the removed delay.
 //!
-//! `x_est(t) = p_j + I(t) − I(t_j − Td)` is linear in positions and integral, and Td stands in its last term alone. With a
-//! reference the error of a row is therefore `a − I(t_j − Td)` with `a = p_j + I(t) − reference(t)` found once, and rows of
-//! one fix need only their mean and scatter. Without a reference the step at a fix is scored:
-//! `p_j − p_{j−1} − (I(t_j − Td) − I(t_{j−1} − Td))`. Either way a delay costs one walk over fixes and velocities.
+//! `x_est(t) = p_j + I(t) − I(t_j − Td)` is linear in positions and integral, and only its last term depends on Td.
+//! With a reference the error of a row is therefore `a − I(t_j − Td)`, where `a = p_j + I(t) − reference(t)` is
+//! computed once and the rows of one fix need only their mean and scatter. Without a reference the step at a fix is
+//! scored: `p_j − p_{j−1} − (I(t_j − Td) − I(t_{j−1} − Td))`. In both cases a delay costs one walk over fixes and
+//! velocities.
 //!
-//! All delays of a sweep are scored on the same rows: those whose fix has velocity at the earliest and at the latest of them.
+//! All delays of a sweep are scored on the same rows: those with velocity for the earliest and the latest of them.
 
 mod items;
 mod least;
@@ -26,29 +27,29 @@ use record::{
 };
 use std::ops::Range;
 
-/// Farther than any candidate a sweep goes on by this, s.
+/// A sweep extends this far past the outermost candidates, s.
 const BEYOND_S: f64 = 0.1;
-/// A sweep has at most about so many steps, and the delays that are marked beside.
+/// Approximate maximum number of steps of a sweep, plus the marked delays.
 const MOST_STEPS: f64 = 60.0;
 /// Steps between delays, s. Sweeps of different flights share most of their delays.
 const STEPS_S: [f64; 8] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2];
-/// An optimum farther away than this is no delay, s.
+/// An optimum farther away than this is not a delay, s.
 const LONGEST_S: f64 = 2.0;
-/// Fewer rows or fixes say nothing.
+/// Fewer rows or fixes give no score.
 const LEAST_ITEMS: usize = 3;
 
-/// A flight that is ready to be scored with any delay.
+/// A flight prepared for scoring with any delay.
 #[derive(Debug)]
 pub struct Sweeper {
     input: Input,
     segments: Vec<Range<usize>>,
     rows: Rows,
-    /// ∫ velocity from the first sample on, north and east, m; differences across segments mean nothing.
+    /// ∫ velocity from the first sample on, north and east, m; differences across segments are meaningless.
     flown: [Vec<f64>; 2],
 }
 
 impl Sweeper {
-    /// Reads the channels that `settings` name; rows, gaps and segments are those of its replay.
+    /// Reads the channels in `settings`; rows, gaps and segments match those of the replay.
     ///
     /// # Errors
     /// As [`crate::replay`], when the channels cannot be compared.
@@ -60,19 +61,20 @@ impl Sweeper {
         Ok(Sweeper { input, segments, rows, flown })
     }
 
-    /// The channels that are compared.
+    /// The compared channels.
     #[must_use]
     pub fn pair(&self) -> &PairUse {
         &self.input.names
     }
 
-    /// The delay that fits best: that of the least error against the reference if the flight has one, else what the
-    /// delay estimator found (`measured`: position against velocity), whose objective is the right one where errors are
-    /// correlated; the least step at a fix is not.
+    /// The best delay. If the flight has a reference, it is the delay with the least error against it. Otherwise it is
+    /// that of the delay estimator (`measured`: position against velocity), whose objective is correct for correlated
+    /// errors. The least step at a fix is not.
     ///
-    /// On 400 circuits of 90 s (5 Hz, white noise and a wander over 1 s) 95 % intervals held the truth 379 times; with fewer
-    /// trials test `the_optimum_against_a_reference_is_the_true_delay_within_its_interval` watches over it. The least error
-    /// lies, to first order, at what position is late by against the reference: velocity's own delay counts too.
+    /// On 400 circuits of 90 s (5 Hz, white noise and a wander over 1 s) 95 % intervals held the truth 379 times. The
+    /// test `the_optimum_against_a_reference_is_the_true_delay_within_its_interval` guards this with fewer trials. To
+    /// first order the least error is at the position's lateness against the reference: velocity's own delay is
+    /// included.
     #[must_use]
     pub fn best(&self, measured: &Finding<MeasuredDelay>) -> Finding<SweepOptimum> {
         match self.input.reference {
@@ -109,7 +111,7 @@ impl Sweeper {
     }
 
     /// Errors against the reference without compensation and with `delay_s` removed, on the same rows; `None` without a
-    /// reference, or if too little of the flight has one.
+    /// reference, or if it covers too little of the flight.
     pub(crate) fn truth_effect(&self, delay_s: f64) -> Option<TruthEffect> {
         let reference = self.input.names.reference.clone()?;
         let best_s = self.least_error().found().map(|o| o.delay_s.value).filter(|d| d.abs() <= LONGEST_S);
@@ -129,7 +131,7 @@ impl Sweeper {
         })
     }
 
-    /// Errors against the reference where there are any, else steps at fixes.
+    /// Errors against the reference if available, else steps at fixes.
     fn scored(&self, marked: &[(DelaySource, Estimate)], delay_s: &[f64]) -> Option<Items> {
         let reach = |e: &Estimate| e.standard_uncertainty.unwrap_or(0.0).min(BEYOND_S);
         let low = marked.iter().map(|(_, e)| e.value - reach(e)).fold(*delay_s.first()?, f64::min);
@@ -138,7 +140,7 @@ impl Sweeper {
         errors.or_else(|| Some(self.steps((low, high)))).filter(|items| items.len() >= LEAST_ITEMS)
     }
 
-    /// The score at one delay: uncertain by its sample, and by how well the delay is known.
+    /// The score at one delay, with uncertainty from its sample and from the delay.
     fn point(&self, items: &Items, source: DelaySource, delay_s: Estimate) -> Option<SweepPoint> {
         let rms = signal::block_jackknife_rms(&self.squares(items, delay_s.value))?;
         let of_delay = delay_s.standard_uncertainty.filter(|u| *u > 0.0).map_or(0.0, |u| {
@@ -154,9 +156,9 @@ impl Sweeper {
 /// Blocks of the paired comparison.
 const PAIRED_BLOCKS: usize = 20;
 
-/// Root mean square after less before, m, from squares row by row. Both have the same noise, so that their difference is
-/// known better than either: its uncertainty is that of a delete-one jackknife over twenty blocks (Künsch 1989). `None` for
-/// the uncertainty with fewer than two rows a block.
+/// Root mean square after less before, m, from squares row by row. Both have the same noise, so their difference is
+/// more certain than either. Its uncertainty is that of a delete-one jackknife over twenty blocks (Künsch 1989). `None`
+/// for the uncertainty with fewer than two rows per block.
 fn paired_change(before: &[f64], after: &[f64]) -> Estimate {
     let n = before.len();
     let sums = |from: usize, to: usize| {
@@ -184,7 +186,7 @@ fn paired_change(before: &[f64], after: &[f64]) -> Estimate {
     Estimate { value, standard_uncertainty: Some(u) }
 }
 
-/// Multiples of a step from below the least to above the largest, and the marked ones themselves.
+/// Multiples of a step from below the least to above the largest, plus the marked ones.
 fn delays(marked: &[(DelaySource, Estimate)]) -> Option<Vec<f64>> {
     let values = || marked.iter().map(|(_, e)| e.value).filter(|v| v.is_finite());
     let low = values().reduce(f64::min)? - BEYOND_S;

@@ -1,11 +1,11 @@
-//! Fewer samples of long records: what is measured is thinned, what it is compared with is averaged. The memory of a
-//! pair then does not grow with the length of a flight.
+//! Reduces long records: measured channels are thinned, channels compared with are averaged. The memory of a pair then
+//! does not grow with the length of a flight.
 
 use crate::input::Horizontal;
 use flight::{Channel, Code, Notices, Severity, Stamp};
 
-/// Every n-th row of a channel that is an update, so that no more than `most` are left, and about no more than `most_hz` a
-/// second, and n. A notice says how many.
+/// Every n-th update row of a channel, so that at most `most` remain, and at most about `most_hz` per second; and n. A
+/// notice reports the numbers.
 pub(crate) fn thinned_rows(
     channel: &Channel,
     (most, most_hz): (usize, f64),
@@ -13,7 +13,7 @@ pub(crate) fn thinned_rows(
     notices: &mut Notices,
 ) -> (Vec<usize>, usize) {
     let rows = channel.update_count();
-    // A little above the rate is as good.
+    // A rate slightly above is acceptable.
     let by_rate = (1.0 / (usual_step_s(channel) * most_hz) + 1e-6).floor();
     let by_rate = if by_rate.is_finite() { by_rate.max(1.0) as usize } else { 1 };
     let every = rows.div_ceil(most.max(1)).max(by_rate).max(1);
@@ -25,10 +25,10 @@ pub(crate) fn thinned_rows(
     (channel.updates().step_by(every).collect(), every)
 }
 
-/// Steps that tell the usual one.
+/// Number of steps used for the usual one.
 const MOST_STEPS: usize = 100_000;
 
-/// The median time between two updates, s; of a long record, of some of them.
+/// The median time between two updates, s; in a long record from a subset.
 fn usual_step_s(channel: &Channel) -> f64 {
     let stamps = channel.series.timeline().stamps();
     let mut before: Option<Stamp> = None;
@@ -38,25 +38,25 @@ fn usual_step_s(channel: &Channel) -> f64 {
     signal::median_by_selection(&steps).unwrap_or(1.0)
 }
 
-/// Samples of a channel that another one is compared with, so many numbers each. Of a long record neighbours are averaged, time
-/// and values alike: the mean of a line is on the line, so that nothing is shifted.
+/// Samples of a channel that another one is compared with, `N` numbers each. In a long record neighbours are averaged,
+/// both time and values: the mean of a line is on the line, so nothing is shifted.
 pub(crate) struct Averaged<const N: usize> {
     t: Vec<f64>,
     values: [Vec<f64>; N],
-    /// So many neighbours become one.
+    /// Number of neighbours per average.
     each: usize,
-    /// Neighbours lie within this time, s: no mean reaches across a gap.
+    /// Neighbours are within this time, s: no mean spans a gap.
     longest_s: f64,
     begun_s: f64,
     count: usize,
     sums: (f64, [f64; N]),
 }
 
-/// Room for stamps that are not even.
+/// Margin for uneven timestamps.
 const UNEVEN: f64 = 1.5;
 
 impl<const N: usize> Averaged<N> {
-    /// So that about `most` samples are left of the updates of `channel`. A notice says how many are averaged and what for.
+    /// Leaves about `most` samples of the updates of `channel`. A notice reports how many are averaged and for what.
     pub(crate) fn new(
         (channel, name): (&Channel, &str),
         most: usize,
@@ -74,13 +74,13 @@ impl<const N: usize> Averaged<N> {
         Averaged { each, longest_s, ..Averaged::none(rows / each + 1) }
     }
 
-    /// Every sample stays. There will be about so many: columns that grow would take up to twice their memory.
+    /// Every sample stays. `samples` is the approximate number: growing columns would take up to twice their memory.
     pub(crate) fn none(samples: usize) -> Averaged<N> {
         let (t, values) = (Vec::with_capacity(samples), std::array::from_fn(|_| Vec::with_capacity(samples)));
         Averaged { t, values, each: 1, longest_s: 0.0, begun_s: 0.0, count: 0, sums: (0.0, [0.0; N]) }
     }
 
-    /// How many neighbours become one.
+    /// Number of neighbours per average.
     pub(crate) fn each(&self) -> usize {
         self.each
     }
@@ -157,8 +157,8 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_of_neighbours_lies_on_the_line_and_none_reaches_across_a_gap() {
-        // 100 Hz with a hole of 7 s behind the 50th sample.
+    fn means_of_neighbours_are_on_the_line_and_never_span_a_gap() {
+        // 100 Hz with a gap of 7 s after the 50th sample.
         let stamps: Vec<i64> = (0..100).map(|k| 10_000_000 * k + if k < 50 { 0 } else { 7_000_000_000 }).collect();
         let (found, notices) = averaged(&stamps, 25, |t| 3.0 * t - 1.0);
         assert_eq!(
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_record_stays_as_it_is() {
+    fn a_short_record_is_unchanged() {
         let stamps: Vec<i64> = (0..100).map(|k| 10_000_000 * k).collect();
         let (found, notices) = averaged(&stamps, 100, |t| t);
         assert_eq!((found.t.len(), notices.iter().count()), (100, 0));

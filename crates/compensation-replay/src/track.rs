@@ -6,21 +6,21 @@ use flight::{Geodetic, LocalFrame, Stamp};
 use std::fmt::Debug;
 use std::ops::Range;
 
-/// What the compensated position of a row is worth.
+/// Validity of the compensated position of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RowState {
-    /// Every part of it was measured.
+    /// All inputs were measured.
     Valid,
-    /// Less than Td of velocity has been seen since the start: the start rule speaks.
+    /// Less than Td of velocity has been seen since the start: the start rule applies.
     WarmUp,
-    /// No fix yet since the velocity started, or started anew after a long gap.
+    /// No fix yet since the velocity started, or restarted after a long gap.
     NoFix,
     /// No velocity: inside a gap too long to bridge. (Only with rows at a fixed rate.)
     NoVelocity,
 }
 
 impl RowState {
-    /// As the track's `state` column has it.
+    /// Name in the track's `state` column.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -46,9 +46,9 @@ impl RowState {
 /// A column of the track.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TrackColumn {
-    /// Stamps, ns.
+    /// Timestamps, ns.
     I64(Vec<i64>),
-    /// Numbers; `None` where there is none.
+    /// Numbers; `None` if missing.
     F64(Vec<Option<f64>>),
     /// Names, see [`RowState::name`].
     Text(Vec<&'static str>),
@@ -57,7 +57,7 @@ pub enum TrackColumn {
 /// Columns of equal length, by name. Names end in their unit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Track {
-    /// In the order in which a reader expects them.
+    /// In the usual reading order.
     pub columns: Vec<(String, TrackColumn)>,
 }
 
@@ -69,12 +69,12 @@ impl Track {
     }
 }
 
-/// A track that is made part by part: all columns of a long record at once would take more memory than the log.
+/// A track that is built part by part: all columns of a long record at once would take more memory than the log.
 pub trait TrackRows: Debug + Send {
     /// How many rows there are.
     fn rows(&self) -> usize;
 
-    /// The columns of these rows: of every part the same ones.
+    /// The columns of these rows; all parts have the same columns.
     fn part(&self, rows: Range<usize>) -> Track;
 
     /// All rows at once.
@@ -107,7 +107,7 @@ impl TrackRows for Track {
 pub struct ReplayedTrack {
     pub(crate) origin: Stamp,
     pub(crate) frame: Option<LocalFrame>,
-    /// Stamp of each fix, s from the origin, and its down coordinate, m.
+    /// Timestamp of each fix, s from the origin, and its down coordinate, m.
     pub(crate) fixes: [Vec<f64>; 2],
     pub(crate) rows: Rows,
     pub(crate) estimates: Vec<Positions>,
@@ -143,8 +143,8 @@ impl TrackRows for ReplayedTrack {
 }
 
 impl ReplayedTrack {
-    /// Height, then latitude and longitude of each estimate but the paper's, which no map shows: north and east from the
-    /// origin that the track states say the same.
+    /// Height, then latitude and longitude of each estimate except the paper's, which no map shows: the track's north
+    /// and east from its origin give the same.
     fn places(&self, frame: &LocalFrame, part: &Range<usize>) -> Vec<(String, TrackColumn)> {
         let column = |points: &[Option<Geodetic>], value: fn(&Geodetic) -> f64| {
             TrackColumn::F64(points.iter().map(|p| p.as_ref().map(value)).collect())

@@ -1,11 +1,11 @@
-//! Where a compensator helps, and how much of a flight is there.
+//! Where a compensator helps, and the share of a flight there.
 
 use crate::compensator::PadeForm;
 use nalgebra::Complex;
 use signal::{Spectrum, power_spectrum};
 use std::f64::consts::TAU;
 
-/// What stands in for the delay: a Padé form, or the exact one.
+/// The model of the delay: a Padé form, or the exact one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DelayModel<'a> {
     /// `R = P/Q`.
@@ -17,43 +17,43 @@ pub enum DelayModel<'a> {
 /// Position late by `position_s`, velocity late by `velocity_s`, a compensator set to `compensator_s`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Delays {
-    /// Of the position, s; positive is late.
+    /// Lateness of the position, s; positive is late.
     pub position_s: f64,
-    /// Of the velocity, s.
+    /// Lateness of the velocity, s.
     pub velocity_s: f64,
-    /// That the compensator removes, s. `position_s − velocity_s` leaves the velocity's delay, `position_s` too leaves
-    /// an error at all frequencies.
+    /// Delay that the compensator removes, s. `position_s − velocity_s` leaves the velocity's delay; `position_s` also
+    /// leaves an error at all frequencies.
     pub compensator_s: f64,
 }
 
 impl Delays {
-    /// Velocity on time, and the compensator set right.
+    /// Velocity on time and the compensator set correctly.
     #[must_use]
     pub fn of_position(delay_s: f64) -> Delays {
         Delays { position_s: delay_s, velocity_s: 0.0, compensator_s: delay_s }
     }
 }
 
-/// Frequencies between which a compensator is of use.
+/// Frequencies at which a compensator is useful.
 ///
-/// Motion of frequency f arrives as `x e^{−jωTp}` in the position and `jω x e^{−jωTv}` in the velocity, so the compensated
-/// position errs by `|e^{−jωTp} + (1 − R(jωTd)) e^{−jωTv} − 1|` of the amplitude and the raw one by `|e^{−jωTp} − 1|`
-/// (continuous time, positions not held; design note 5.2).
+/// Motion of frequency f arrives as `x e^{−jωTp}` in the position and `jω x e^{−jωTv}` in the velocity. The error of
+/// the compensated position is then `|e^{−jωTp} + (1 − R(jωTd)) e^{−jωTv} − 1|` of the amplitude, and that of the raw
+/// one `|e^{−jωTp} − 1|` (continuous time, positions not held; design note 5.2).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ValidityBand {
     /// The error must be less than this share of the raw one below `helps_below_hz`.
     pub factor: f64,
-    /// f1: up to here the error is less than `factor` of the raw one, at most `1/Tp`, where the raw error vanishes by
-    /// chance; `None` if it is not even for slow motion.
+    /// f1: up to here the error is less than `factor` of the raw one, at most `1/Tp`, where the raw error happens to
+    /// vanish; `None` if it is not even for slow motion.
     pub helps_below_hz: Option<f64>,
     /// Up to here at least half of the raw error is removed.
     pub halves_below_hz: Option<f64>,
-    /// f2: from here on it is worse than raw, at first; `None` if it never is below `1/Tp`.
+    /// f2: the lowest frequency above which it is worse than raw; `None` if it never is below `1/Tp`.
     pub worse_above_hz: Option<f64>,
 }
 
 impl ValidityBand {
-    /// Of a compensator between delays, with the share of the raw error that still counts as help, say 0.1.
+    /// Band of a compensator for these delays, with the share of the raw error that still counts as helpful, e.g. 0.1.
     ///
     /// `None` if the position's or the compensator's delay is not positive, or the factor is not between 0 and 1.
     #[must_use]
@@ -77,8 +77,8 @@ impl ValidityBand {
         Some(ValidityBand { factor, helps_below_hz: below(factor), halves_below_hz: below(0.5), worse_above_hz: worse })
     }
 
-    /// How the motion of a flight is spread over the band, from its velocity (m/s, one slice for each axis) at
-    /// `rate_hz`, even steps. Power about the mean of each axis: straight flight has none. `None` without motion.
+    /// Distribution of the motion of a flight over the band, from its velocity (m/s, one slice per axis) at `rate_hz`,
+    /// even steps. Power about the mean of each axis: straight flight has none. `None` without motion.
     #[must_use]
     pub fn share_of(&self, velocity: &[&[f64]], rate_hz: f64) -> Option<MotionShare> {
         let spectra: Vec<_> = velocity.iter().map(|v| power_spectrum(v, rate_hz)).collect();
@@ -104,7 +104,7 @@ impl ValidityBand {
     }
 }
 
-/// Shares of the power of a flight's velocity; they add to 1.
+/// Shares of the power of a flight's velocity; they sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionShare {
     /// Below f1.
@@ -131,9 +131,9 @@ pub fn compensation_error(model: DelayModel<'_>, delays: Delays, hz: f64) -> (f6
 enum Crossing {
     /// The error is below the share up to here.
     At(f64),
-    /// It is above from the lowest frequency on.
+    /// It is above it from the lowest frequency on.
     FromTheStart,
-    /// It is below up to `1/Tp`.
+    /// It is below it up to `1/Tp`.
     Never,
 }
 
@@ -147,7 +147,7 @@ fn crossing(model: DelayModel<'_>, delays: Delays, share: f64) -> Crossing {
         let (error, raw) = compensation_error(model, delays, hz);
         error > share * raw
     };
-    // At 1/Tp itself the raw error is zero: the last grid point lies before it.
+    // At 1/Tp itself the raw error is zero: the last grid point is before it.
     let step = last / f64::from(GRID);
     let Some(first) = (1..GRID).find(|&k| exceeds(f64::from(k) * step)) else { return Crossing::Never };
     if first == 1 {
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_velocity_leaves_its_own_delay_and_no_more() {
+    fn a_late_velocity_leaves_only_its_own_delay() {
         let delays = Delays { position_s: 0.5, velocity_s: 0.1, compensator_s: 0.4 };
         let (error, _) = compensation_error(DelayModel::Exact, delays, 0.3);
         assert!((error - 2.0 * (std::f64::consts::PI * 0.3 * 0.1).sin()).abs() < 1e-12);
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_is_shared_out_by_power() {
+    fn motion_is_distributed_by_power() {
         let form = PadeForm::new(1, 1).unwrap();
         let band = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(0.4), 0.1).unwrap();
         let tone = |f: f64, a: f64| move |k: usize| a * (TAU * f * k as f64 / 50.0).sin();

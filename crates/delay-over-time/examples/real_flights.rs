@@ -1,7 +1,7 @@
-//! No detections on unmodified real flights, and what is found of injected changes: `cargo run --release -p
-//! flightlag-delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds one folder per log,
-//! written by `flightlag export LOG --to csv --out FOLDER/NAME`. Only the timestamps of positions are changed. A piece
-//! of 0 s uses whole flights, injects nothing and prints the cost of each.
+//! No detections on unmodified real flights, and what is found of injected changes:
+//! `cargo run --release -p flightlag-delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds
+//! one folder per log, written by `flightlag export LOG --to csv --out FOLDER/NAME`. Only the timestamps of positions
+//! are changed. A piece of 0 s uses whole flights, injects nothing and prints the cost of each.
 
 #![allow(clippy::print_stdout, clippy::indexing_slicing, clippy::unwrap_used)]
 

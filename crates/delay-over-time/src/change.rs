@@ -133,8 +133,9 @@ impl Change<'_> {
         let refinement = self.refinement(noise, bin_s);
         let on_bins = |t: f64| interpolate(&flexible.middle_s, &flexible.delay_s, t);
         let descriptions = describe(flexible, self.inflation());
-        let hopeless =
-            |curve: &dyn Fn(f64) -> f64| self.left(&refinement, curve).is_some_and(|l| l.share > MOST_LEFT_ON_BINS);
+        let hopeless = |curve: &dyn Fn(f64) -> f64| {
+            self.unexplained(&refinement, curve).is_some_and(|l| l.share > MOST_LEFT_ON_BINS)
+        };
         if hopeless(&on_bins) && descriptions.iter().all(|d| hopeless(&|t| d.at(t))) {
             return None;
         }
@@ -146,12 +147,12 @@ impl Change<'_> {
     /// windows treats as scatter.
     fn explains(&self, description: &Description, noise: Noise, bin_s: f64) -> bool {
         let spans = Shape::new(description, self.span_s).span_s() >= EXPLAINED_SPAN_S;
-        let left = || self.left(&self.refinement(noise, bin_s), &|t| description.at(t));
+        let left = || self.unexplained(&self.refinement(noise, bin_s), &|t| description.at(t));
         spans && left().is_some_and(|l| l.share <= UNEXPLAINED && l.without_one <= UNEXPLAINED_WITHOUT_ONE)
     }
 
     /// Squares of windows that a curve leaves; `None` if too few windows move.
-    fn left(&self, refinement: &Refinement, curve: &dyn Fn(f64) -> f64) -> Option<Left> {
+    fn unexplained(&self, refinement: &Refinement, curve: &dyn Fn(f64) -> f64) -> Option<Unexplained> {
         let windows = &self.test?.windows;
         let moving: Vec<&Window> = windows.iter().filter(|w| w.speed_mps > self.motion.slow_mps).collect();
         // Squares per number: one window with a wild fix counts no more than the others together with the noise.
@@ -175,12 +176,12 @@ impl Change<'_> {
         let (left, all) = (total(&described), total(constant));
         let without = |(d, c): (&f64, &f64)| (left - d) / (all - c).max(1e-300);
         let without_one = described.iter().zip(constant).map(without).fold(0.0, f64::max);
-        (moving.len() >= LEAST_MOVING && all > 0.0).then_some(Left { share: left / all, without_one })
+        (moving.len() >= LEAST_MOVING && all > 0.0).then_some(Unexplained { share: left / all, without_one })
     }
 }
 
 /// Share of the squares about the better constant that a curve leaves; the largest with one window left out.
-struct Left {
+struct Unexplained {
     share: f64,
     without_one: f64,
 }
@@ -257,7 +258,7 @@ mod tests {
             let curves: [&dyn Fn(f64) -> f64; 3] = [&sawtooth, &|t| 0.5 * sawtooth(t) + 0.15, &|_| 0.3];
             for curve in curves {
                 let described = squares(curve);
-                let left = change.left(&refinement, curve).unwrap();
+                let left = change.unexplained(&refinement, curve).unwrap();
                 let (d, c) = (sum(&described), sum(constant));
                 assert!((left.share - d / c).abs() < 1e-9, "{} {}", left.share, d / c);
                 let without = |k: usize| (d - described[k]) / (c - constant[k]);
@@ -268,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sawtooth_within_all_windows_is_explained_by_its_curve_and_a_constant_explains_nothing() {
+    fn a_sawtooth_is_explained_by_its_curve_but_not_by_a_constant() {
         let mut terms = vec![Term { kind: DelayTermKind::Bend, at_s: FIRST_S, size: 0.4 / 17.0 }];
         terms.extend((1..15).map(|k| Term {
             kind: DelayTermKind::Step,
@@ -289,13 +290,13 @@ mod tests {
     fn one_wild_window_does_not_decide() {
         with_change(&sawtooth, |change| {
             let refinement = change.refinement(NOISE, 2.0);
-            let calm = change.left(&refinement, &sawtooth).unwrap();
+            let calm = change.unexplained(&refinement, &sawtooth).unwrap();
             let mut wild = Change { fixes: change.fixes.clone(), edges: change.edges.clone(), ..*change };
             for k in 430..460 {
                 wild.edges.y[k][0] += 500.0;
             }
             let refinement = wild.refinement(NOISE, 2.0);
-            let left = wild.left(&refinement, &sawtooth).unwrap();
+            let left = wild.unexplained(&refinement, &sawtooth).unwrap();
             // Of twelve windows, ten medians are at most 10 of 21 of the squares about the constant.
             assert!(left.share < calm.share + 10.0 / 20.0, "{} {}", left.share, calm.share);
             assert!(left.share > calm.share && left.without_one < left.share + 1e-9 + 10.0 / 11.0);

@@ -32,7 +32,7 @@ fn excess_scatter(delay: &[f64], square: &[f64], room: &mut Vec<f64>) -> f64 {
 type Part = (usize, usize);
 
 /// Buffers and sums for one set of delays.
-pub(crate) struct Room {
+pub(crate) struct Workspace {
     weight: Vec<f64>,
     /// Sums of the weights, and of weight times delay relative to the level, before each window and at the end.
     weights: Vec<f64>,
@@ -46,9 +46,9 @@ pub(crate) struct Room {
     excursion: Part,
 }
 
-impl Room {
-    pub(crate) fn new(n: usize) -> Room {
-        Room {
+impl Workspace {
+    pub(crate) fn new(n: usize) -> Workspace {
+        Workspace {
             weight: vec![0.0; n],
             weights: vec![0.0; n + 1],
             sums: vec![0.0; n + 1],
@@ -139,7 +139,7 @@ impl Room {
         }
     }
 
-    /// The difference with the largest lower bound. Call after [`Room::strengths`].
+    /// The difference with the largest lower bound. Call after [`Workspace::strengths`].
     pub(crate) fn largest_difference(&self) -> Effect {
         let of = |(i, j): Part| {
             let (sum, weight) = (self.sums[j] - self.sums[i], self.weights[j] - self.weights[i]);
@@ -160,9 +160,9 @@ impl Room {
         (1.0 / self.weights[half] + 1.0 / (self.total - self.weights[half])).sqrt()
     }
 
-    /// Where a step is detectable nearly as well as at the best place: first and last window after the step. Also its
-    /// standard uncertainty at the worst of these places with any one window left out.
-    pub(crate) fn sight(&self) -> Option<(f64, [usize; 2])> {
+    /// First and last window that may begin the part after a step for it to be detectable nearly as well as at the best
+    /// place. Also its standard uncertainty at the worst of these places with any one window left out.
+    pub(crate) fn detectable_step(&self) -> Option<(f64, [usize; 2])> {
         let n = self.weight.len();
         let heaviest = |from: usize, to: usize| self.weight[from..to].iter().copied().fold(0.0, f64::max);
         let variance = |k: usize| {
@@ -263,9 +263,9 @@ mod tests {
         let n = uncertainty_s.len();
         let square: Vec<f64> = uncertainty_s.iter().map(|u| u * u).collect();
         let middle: Vec<f64> = (0..n).map(|k| 10.0 * k as f64).collect();
-        let mut room = Room::new(n);
+        let mut room = Workspace::new(n);
         room.strengths(&vec![0.2; n], &square, &middle);
-        room.sight()
+        room.detectable_step()
     }
 
     /// Twelve equal windows: at the worst place two remain before the step and nine after it.
@@ -417,7 +417,7 @@ mod tests {
         ];
         for (seed, (shape, scatter)) in shapes.iter().flat_map(|s| [(s, 0.01), (s, 0.06)]).enumerate() {
             let (delay, middle) = windows(20 + seed as u64, n, scatter, shape);
-            let mut room = Room::new(n);
+            let mut room = Workspace::new(n);
             let found = room.strengths(&delay, &vec![u * u; n], &middle);
             let expected = by_definition(&delay, &middle, u);
             assert_eq!((room.step, room.excursion), (expected.step, expected.excursion));
@@ -437,7 +437,7 @@ mod tests {
         let n = 9;
         let (delay, middle) = windows(40, n, 1e-3, |k| 1e-3 * k as f64);
         let square: Vec<f64> = (0..n).map(|k| (0.01 + 0.02 * (k % 4) as f64).powi(2)).collect();
-        let mut room = Room::new(n);
+        let mut room = Workspace::new(n);
         room.strengths(&delay, &square, &middle);
         assert!(room.scatter == 0.0);
         let x = DMatrix::from_fn(n, 2, |i, c| if c == 0 { 1.0 } else { middle[i] });
@@ -462,7 +462,7 @@ mod tests {
     fn difference(delay: &[f64], u: f64) -> Effect {
         let n = delay.len();
         let middle: Vec<f64> = (0..n).map(|k| 10.0 * k as f64).collect();
-        let mut room = Room::new(n);
+        let mut room = Workspace::new(n);
         room.strengths(delay, &vec![u * u; n], &middle);
         room.largest_difference()
     }
@@ -494,7 +494,7 @@ mod tests {
     fn half_of_the_weight_is_half_of_equally_informative_windows() {
         let of = |square: &[f64]| {
             let n = square.len();
-            let mut room = Room::new(n);
+            let mut room = Workspace::new(n);
             room.strengths(&vec![0.2; n], square, &(0..n).map(|k| k as f64).collect::<Vec<f64>>());
             room.half_uncertainty()
         };

@@ -1,6 +1,6 @@
 //! Constant or not, from windows (B S5 e–g).
 
-use crate::comparison::Room;
+use crate::comparison::Workspace;
 use crate::delays::{Delays, Effect};
 use crate::settings::OverTimeSettings;
 use rand::{RngExt, SeedableRng};
@@ -38,7 +38,7 @@ pub(crate) struct Comparison {
 
 pub(crate) fn compare(d: &Delays, settings: &OverTimeSettings) -> Comparison {
     let square: Vec<f64> = d.uncertainty_s.iter().map(|s| s * s).collect();
-    let mut room = Room::new(d.len());
+    let mut room = Workspace::new(d.len());
     let found = room.strengths(&d.delay_s, &square, &d.middle_s);
     let level = Effect { size: room.level, uncertainty: room.total.recip().sqrt() };
     let length = d.middle_s.last().zip(d.middle_s.first()).map_or(1.0, |(l, f)| (l - f).max(1e-9));
@@ -46,7 +46,7 @@ pub(crate) fn compare(d: &Delays, settings: &OverTimeSettings) -> Comparison {
     let limit_s =
         (settings.least_change_share * level.size.abs()).min(settings.largest_limit_s).max(settings.least_change_s);
     let half_s = room.half_uncertainty();
-    let sight = room.sight();
+    let sight = room.detectable_step();
     let detectable_s = sight.map(|(se, _)| (limit_s + 3.3 * se).max(4.5 * se));
     let between_s = sight.map(|(_, [from, to])| [d.middle_s[from - 1], d.middle_s[to]]);
     let difference = room.largest_difference();
@@ -122,7 +122,7 @@ fn probability(d: &Delays, c: &Comparison, draws: usize, enough: f64) -> f64 {
     let sigma: Vec<f64> = square.iter().map(|s| (s + c.null_scatter_s * c.null_scatter_s).sqrt()).collect();
     let mut random = Pcg64::seed_from_u64(SEED);
     let mut drawn: [Vec<f64>; 4] = std::array::from_fn(|_| Vec::with_capacity(draws));
-    let (mut room, mut delay) = (Room::new(n), vec![0.0; n]);
+    let (mut room, mut delay) = (Workspace::new(n), vec![0.0; n]);
     let mut p = 1.0;
     for until in [FIRST_DRAWS.min(draws), draws] {
         while drawn[0].len() < until {

@@ -22,7 +22,7 @@ pub(crate) struct Effect {
 
 impl Effect {
     /// Whether it exceeds three standard uncertainties.
-    pub(crate) fn is_sure(&self) -> bool {
+    pub(crate) fn is_significant(&self) -> bool {
         self.size.abs() > 3.0 * self.uncertainty
     }
 
@@ -141,7 +141,7 @@ fn freed(
     let own: Vec<f64> = windows.iter().map(|w| variance(w) / w.information).collect();
     let total: f64 = own.iter().map(|v| 1.0 / v).sum();
     let mean = [0, 1].map(|i| windows.iter().zip(&own).map(|(w, v)| along(w)[i] / v).sum::<f64>() / total);
-    let sure = [lag, lever].map(|e| if e.is_sure() { e.size } else { 0.0 });
+    let sure = [lag, lever].map(|e| if e.is_significant() { e.size } else { 0.0 });
     let raw = windows.iter().zip(&own).map(|(w, v)| w.delay_s / v).sum::<f64>() / total;
     let level = raw - mean[0] * sure[0] - mean[1] * sure[1];
     // What was removed has an uncertainty of its own.
@@ -195,7 +195,7 @@ fn along(w: &Window) -> [f64; 2] {
 impl Delays {
     /// Speed later than direction, s, and antenna ahead, m, if significant; else 0.
     pub(crate) fn sure_effects(&self) -> [f64; 2] {
-        [self.speed_lag_s, self.lever_m].map(|e| if e.is_sure() { e.size } else { 0.0 })
+        [self.speed_lag_s, self.lever_m].map(|e| if e.is_significant() { e.size } else { 0.0 })
     }
 
     /// The windows whose standard uncertainty is at most `limit_s`.
@@ -254,11 +254,11 @@ mod tests {
     fn an_effect_is_as_uncertain_as_the_windows_disagree() {
         // Information of 1e4 per s² from each of ten windows: 1 / √1e5 s.
         let agreed = lag_of([0.05; 10]);
-        assert!((agreed.uncertainty - 1e-5f64.sqrt()).abs() < 1e-5 && agreed.is_sure(), "{agreed:?}");
+        assert!((agreed.uncertainty - 1e-5f64.sqrt()).abs() < 1e-5 && agreed.is_significant(), "{agreed:?}");
         // One window asks for half a second and nine for zero: the mean is 50 ± 50 ms.
         let one = lag_of([0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!((one.size - 0.05).abs() < 1e-4 && (one.uncertainty - 0.05).abs() < 1e-3, "{one:?}");
-        assert!(!one.is_sure());
+        assert!(!one.is_significant());
     }
 
     /// A window from its columns (delay, lag, lever) and residuals, white with variance `variance`.
@@ -382,7 +382,7 @@ mod tests {
         let of = |(k, c): (usize, &DMatrix<f64>)| window(k, c, &(c * &effects), 0.25);
         let windows: Vec<Window> = columns.iter().enumerate().map(of).collect();
         let found = delays(&windows).unwrap();
-        assert!(found.speed_lag_s.is_sure() && found.lever_m.is_sure());
+        assert!(found.speed_lag_s.is_significant() && found.lever_m.is_significant());
         let [lag, lever] = found.sure_effects();
         assert!((lag - 0.2).abs() < 0.01 && (lever - 3.0).abs() < 0.05, "{lag} {lever}");
         assert!((found.level.size - 0.23).abs() < 0.01, "{:?}", found.level);

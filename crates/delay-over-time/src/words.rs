@@ -278,9 +278,8 @@ mod tests {
         sentence(found, &judged(found))
     }
 
-    /// Twelve windows of ± 10 ms. At the worst place, after the third window, the uncertainty of a step is 10 ms √(1/2
-    /// + 1/9) with one left out. A change of 50 ms plus 3.3 times this is detectable. Instants count from the first
-    /// fix.
+    /// Twelve windows of ± 10 ms. At the worst place, after the third window, a step with one window left out has
+    /// u = 10 ms √(1/2 + 1/9). A change of 50 ms plus 3.3 u is detectable. Instants count from the first fix.
     #[test]
     fn a_constant_is_reported_with_the_detectable_change() {
         let f = found(&[0.2; 12], 0.01);

@@ -152,7 +152,7 @@ fn every_alarm_is_fired_by_a_test() {
 const FIRED: &[(Code, &str, &str)] = &[
     (Code::Damaged, "crates/logscan/src/ledger.rs", "damaged_ranges_are_losses_and_unlisted_ones_are_counted"),
     (Code::TailCut, "crates/logscan/src/ledger.rs", "a_last_record_cut_at_power_off_is_reported_but_not_a_loss"),
-    (Code::MinorLoss, "crates/campaign/src/losses.rs", "a_loss_in_a_topic_that_nothing_uses_is_minor_and_named"),
+    (Code::MinorLoss, "crates/campaign/src/losses.rs", "a_loss_in_an_unused_topic_is_minor_and_named"),
     (Code::IncompleteRecording, "crates/ingest/tests/it/bag.rs", "a_bag_that_was_never_closed_reads_whole_and_says_so"),
     (Code::Corrupt, "crates/ingest/tests/it/db3.rs", "a_bag_without_its_first_page_still_gives_its_messages"),
     (
@@ -273,38 +273,34 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::RecordSplit,
         "crates/compensation-replay/tests/it/flight_delay.rs",
-        "a_clock_that_jumps_by_an_hour_leaves_the_delay",
+        "a_clock_jump_of_an_hour_does_not_change_the_delay",
     ),
     (
         Code::SamplesLeftOut,
         "crates/compensation-replay/tests/it/flight_delay.rs",
-        "more_samples_are_taken_where_a_first_look_does_not_know_enough",
+        "more_samples_are_used_if_the_first_look_is_too_uncertain",
     ),
     (
         Code::FlightDelayChanges,
         "crates/campaign/src/delay/tests.rs",
-        "a_delay_that_changes_in_the_flight_it_is_measured_in_is_warned_of",
+        "a_measured_delay_that_changes_in_its_flight_gives_a_warning",
     ),
     (
         Code::DelayContradicted,
         "crates/campaign/src/delay/tests.rs",
-        "a_delay_that_the_flight_contradicts_is_removed_and_warned_of",
+        "a_delay_that_the_flight_contradicts_is_removed_with_a_warning",
     ),
     (
         Code::NoOutput,
         "crates/compensation-replay/tests/it/edges.rs",
-        "what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end",
+        "noncausal_compensators_are_marked_and_stop_where_the_fixes_end",
     ),
     (
         Code::PositionReset,
         "crates/compensation-replay/tests/it/edges.rs",
         "one_reset_of_the_position_is_marked_and_passed_on",
     ),
-    (
-        Code::VelocityContradictsPosition,
-        "crates/compensation-replay/tests/it/edges.rs",
-        "swapped_axes_are_suspected_aloud",
-    ),
+    (Code::VelocityContradictsPosition, "crates/compensation-replay/tests/it/edges.rs", "swapped_axes_are_reported"),
     (
         Code::StampsCoarserThanDelay,
         "crates/compensation-replay/tests/it/edges.rs",
@@ -313,12 +309,12 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::KalmanNoiseFitted,
         "crates/compensation-replay/tests/it/edges.rs",
-        "what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end",
+        "noncausal_compensators_are_marked_and_stop_where_the_fixes_end",
     ),
     (
         Code::OnboardNotCompared,
         "crates/compensation-replay/tests/it/scores.rs",
-        "an_onboard_position_that_is_none_is_not_compared_and_the_reason_is_given",
+        "an_onboard_channel_of_another_kind_is_rejected_with_the_reason",
     ),
     (Code::LeftOffCard, "crates/bench-analysis/src/card/combine/tests.rs", "an_outlying_record_is_excluded_and_named"),
     (
@@ -329,14 +325,14 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::CardConditions,
         "crates/campaign/src/delay/tests.rs",
-        "stamps_and_rates_that_differ_from_the_bench_are_told",
+        "timestamps_and_rates_that_differ_from_the_bench_are_reported",
     ),
-    (Code::CardMismatch, "crates/campaign/src/card_tests.rs", "an_expired_card_is_used_and_its_flight_wants_attention"),
-    (Code::CardRelative, "crates/campaign/src/delay/tests.rs", "a_delay_against_an_anchor_is_told"),
+    (Code::CardMismatch, "crates/campaign/src/card_tests.rs", "an_expired_card_is_used_and_its_flight_needs_attention"),
+    (Code::CardRelative, "crates/campaign/src/delay/tests.rs", "a_delay_against_an_anchor_is_reported"),
     (
         Code::CardResidual,
         "crates/campaign/src/delay/tests.rs",
-        "a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told",
+        "a_late_or_early_velocity_is_reported_and_leaves_the_delay_unchanged",
     ),
     (Code::ClockTie, "crates/bench-analysis/tests/it/clocks.rs", "a_channel_on_its_own_clock_is_skipped_and_named"),
     (
@@ -360,67 +356,55 @@ const FIRED: &[(Code, &str, &str)] = &[
 
 /// Alarm, file, test.
 const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
-    (Alarm::DelaySteps, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
-    (Alarm::DelaySwitches, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
-    (Alarm::DelayDrifts, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
-    (Alarm::DelayQueues, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
-    (Alarm::DelayBuildsUp, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
-    (Alarm::DelayWanders, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_a_red_alarm_of_its_own"),
-    (Alarm::TwoDelaysFit, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (Alarm::DelaySteps, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_its_own_red_alarm"),
+    (Alarm::DelaySwitches, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_its_own_red_alarm"),
+    (Alarm::DelayDrifts, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_its_own_red_alarm"),
+    (Alarm::DelayQueues, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_its_own_red_alarm"),
+    (Alarm::DelayBuildsUp, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_its_own_red_alarm"),
+    (Alarm::DelayWanders, "crates/campaign/src/answer/alarms.rs", "each_kind_of_change_has_its_own_red_alarm"),
+    (Alarm::TwoDelaysFit, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (
         Alarm::LeapSecond,
         "crates/campaign/src/answer/alarms.rs",
-        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+        "further_findings_of_the_test_over_time_are_reported_by_severity",
     ),
-    (
-        Alarm::OtherTimeScale,
-        "crates/campaign/src/answer/alarms.rs",
-        "pairs_that_contradict_each_other_are_an_amber_alarm",
-    ),
-    (Alarm::LogDamaged, "crates/campaign/src/losses.rs", "a_loss_that_is_not_minor_is_a_red_alarm_with_its_place"),
-    (
-        Alarm::PairsDisagree,
-        "crates/campaign/src/answer/alarms.rs",
-        "pairs_that_contradict_each_other_are_an_amber_alarm",
-    ),
-    (Alarm::ChannelLies, "crates/campaign/src/answer/alarms.rs", "pairs_that_contradict_each_other_are_an_amber_alarm"),
-    (
-        Alarm::DatumRefused,
-        "crates/campaign/src/answer/alarms.rs",
-        "pairs_that_contradict_each_other_are_an_amber_alarm",
-    ),
+    (Alarm::OtherTimeScale, "crates/campaign/src/answer/alarms.rs", "contradictory_pairs_raise_an_amber_alarm"),
+    (Alarm::LogDamaged, "crates/campaign/src/losses.rs", "a_major_loss_is_a_red_alarm_with_its_place"),
+    (Alarm::PairsDisagree, "crates/campaign/src/answer/alarms.rs", "contradictory_pairs_raise_an_amber_alarm"),
+    (Alarm::ChannelLies, "crates/campaign/src/answer/alarms.rs", "contradictory_pairs_raise_an_amber_alarm"),
+    (Alarm::DatumRefused, "crates/campaign/src/answer/alarms.rs", "contradictory_pairs_raise_an_amber_alarm"),
     (
         Alarm::DelayJitters,
         "crates/campaign/src/answer/alarms.rs",
-        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+        "further_findings_of_the_test_over_time_are_reported_by_severity",
     ),
     (
         Alarm::LateFixes,
         "crates/campaign/src/answer/alarms.rs",
-        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+        "further_findings_of_the_test_over_time_are_reported_by_severity",
     ),
     (
         Alarm::Bursts,
         "crates/campaign/src/answer/alarms.rs",
-        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+        "further_findings_of_the_test_over_time_are_reported_by_severity",
     ),
-    (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
-    (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
+    (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "an_unusable_reference_file_is_an_alarm_with_its_reason"),
     (
         Alarm::DelayDiffersBetweenParts,
         "crates/campaign/src/answer/alarms.rs",
-        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+        "further_findings_of_the_test_over_time_are_reported_by_severity",
     ),
-    (Alarm::DelayWindowsScatter, "crates/campaign/src/answer/alarms.rs", "what_a_fit_says_against_itself_is_an_alarm"),
+    (Alarm::DelayWindowsScatter, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (
         Alarm::DelayRemark,
         "crates/campaign/src/answer/alarms.rs",
-        "what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity",
+        "further_findings_of_the_test_over_time_are_reported_by_severity",
     ),
     (
         Alarm::Companion,
         "crates/campaign/src/answer/tests.rs",
-        "a_file_that_goes_with_a_flight_is_said_to_be_one_and_raises_no_alarm_of_a_delay",
+        "a_companion_file_is_reported_as_such_without_a_delay_alarm",
     ),
 ];

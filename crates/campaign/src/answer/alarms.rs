@@ -8,14 +8,14 @@ use record::{
 };
 use std::collections::BTreeSet;
 
-/// Outliers above this share are an alarm.
+/// Share of outliers above which an alarm is raised.
 const MANY_OUTLIERS: f64 = 0.05;
-/// A step this close to a whole second is one of the clock, s.
+/// A step this close to a whole second is a clock step, s.
 const CLOCK_STEP_S: f64 = 0.05;
-/// Delays of this size are between two time scales, s: GPS time is ahead of UTC by 13 s since 1999 and 18 s since 2017.
+/// Delays that indicate a mix of time scales, s: GPS time is ahead of UTC by 13 s since 1999 and 18 s since 2017.
 const TIME_SCALES_APART_S: [f64; 2] = [12.5, 19.0];
 
-/// Everything that a reader must know, the gravest first.
+/// All alarms, the most severe first.
 pub(super) fn of(
     out: &FlightLateness,
     network: Option<&DelayNetwork>,
@@ -47,10 +47,10 @@ impl Alarms {
         self.0.push(DelayAlarm::of(alarm, text));
     }
 
-    /// What the test for a delay that varies found.
+    /// Findings of the test for a varying delay.
     fn over_time(&mut self, found: &DelayOverTime, is_known: bool) {
         if let Some(change) = of_change(found.kind) {
-            // A queue that empties falls by any number of seconds.
+            // When a queue empties, the delay drops by any number of seconds.
             let jumps = matches!(found.kind, DelayKind::Steps | DelayKind::Switches);
             let terms = if jumps { found.terms.as_slice() } else { &[] };
             leap_seconds(terms).into_iter().for_each(|text| self.raise(Alarm::LeapSecond, text));
@@ -98,7 +98,7 @@ impl Alarms {
         }
     }
 
-    /// What the fit of position against velocity says against itself.
+    /// Doubts about the fit of position against velocity.
     fn pair(&mut self, fit: &MeasuredDelay, out: &FlightLateness, varies: bool) {
         if let Some(rival) = fit.rival_s {
             let delay_ms = 1e3 * fit.delay_s.value;
@@ -126,7 +126,7 @@ impl Alarms {
     }
 }
 
-/// The alarm of a delay that varies.
+/// The alarm for a varying delay.
 fn of_change(kind: DelayKind) -> Option<Alarm> {
     match kind {
         DelayKind::Steps => Some(Alarm::DelaySteps),
@@ -141,7 +141,7 @@ fn of_change(kind: DelayKind) -> Option<Alarm> {
     }
 }
 
-/// Steps of the delay by a whole second, which clocks make and links do not.
+/// Steps of the delay by a whole second, which come from clocks and not from links.
 fn leap_seconds(terms: &[DelayTerm]) -> Vec<String> {
     let is_clock = |step: &&DelayTerm| {
         let off_s = (step.size.abs() - step.size.abs().round()).abs();
@@ -158,7 +158,7 @@ fn leap_seconds(terms: &[DelayTerm]) -> Vec<String> {
     terms.iter().filter(is_clock).map(words).collect()
 }
 
-/// Position and velocity that are as far apart as two time scales.
+/// A difference between position and velocity as large as between two time scales.
 fn other_time_scale(apart_s: f64) -> Option<String> {
     (TIME_SCALES_APART_S[0]..TIME_SCALES_APART_S[1]).contains(&apart_s.abs()).then(|| {
         format!(
@@ -175,7 +175,7 @@ pub(super) mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_step_of_a_whole_second_is_one_of_a_clock() {
+    fn a_step_of_a_whole_second_is_a_clock_step() {
         let step = |size, standard_uncertainty| DelayTerm {
             kind: DelayTermKind::Step,
             at_s: 100.0,
@@ -183,20 +183,20 @@ pub(super) mod tests {
             size,
             standard_uncertainty,
         };
-        let [told] = &leap_seconds(&[step(0.15, 0.01), step(-1.02, 0.004), step(0.8, 0.3)])[..] else { panic!() };
-        assert!(told.starts_with("at 100 s the delay steps by -1.02 s, a whole second"), "{told}");
+        let [text] = &leap_seconds(&[step(0.15, 0.01), step(-1.02, 0.004), step(0.8, 0.3)])[..] else { panic!() };
+        assert!(text.starts_with("at 100 s the delay steps by -1.02 s, a whole second"), "{text}");
         let bend = DelayTerm { kind: DelayTermKind::Bend, ..step(1.0, 0.004) };
         assert_eq!(leap_seconds(&[bend]), [""; 0]);
     }
 
     #[test]
-    fn eighteen_seconds_are_between_time_scales() {
+    fn eighteen_seconds_indicate_different_time_scales() {
         assert!(other_time_scale(18.2).is_some_and(|text| text.starts_with("position and velocity are 18.2 s apart")));
         assert!(other_time_scale(-17.8).is_some());
         assert_eq!(other_time_scale(11.9), None, "a queue of twelve seconds is a delay");
     }
 
-    /// A delay over time of this kind, with nothing else to say.
+    /// A delay over time of this kind, without other findings.
     pub(in crate::answer) fn over_time(kind: DelayKind) -> DelayOverTime {
         let level = json!({ "value": 0.4, "standard_uncertainty": 0.01 });
         let quiet = json!({
@@ -217,7 +217,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn each_kind_of_change_has_a_red_alarm_of_its_own() {
+    fn each_kind_of_change_has_its_own_red_alarm() {
         let kinds = [
             (DelayKind::Steps, "delay-steps"),
             (DelayKind::Switches, "delay-switches"),
@@ -238,7 +238,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_the_test_over_time_found_beside_the_kind_is_said_by_its_gravity() {
+    fn further_findings_of_the_test_over_time_are_reported_by_severity() {
         let mut found = over_time(DelayKind::Steps);
         found.terms = vec![DelayTerm {
             kind: DelayTermKind::Step,
@@ -262,7 +262,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn pairs_that_contradict_each_other_are_an_amber_alarm() {
+    fn contradictory_pairs_raise_an_amber_alarm() {
         let network = DelayNetwork {
             datum_words: "a fix is earlier than the IMU".into(),
             verdict_words: "the pairs disagree".into(),
@@ -289,7 +289,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_a_fit_says_against_itself_is_an_alarm() {
+    fn doubts_about_a_fit_raise_an_alarm() {
         let fit: MeasuredDelay = serde_json::from_value(json!({
             "delay_s": { "value": 0.4, "standard_uncertainty": 0.001 }, "interval_95_s": [0.398, 0.402], "hessian_s": 0.001,
             "hac_s": 0.001, "crlb_s": 0.001, "smallest_detectable_s": 0.003, "samples": 100, "downweighted_share": 0.179,

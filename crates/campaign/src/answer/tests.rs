@@ -1,4 +1,4 @@
-//! Words for a lateness and for a difference, and what else follows from an answer.
+//! Wording of a lateness and of a difference, and other consequences of an answer.
 
 use super::{kind_of, other_receivers, receivers_in_words, unknown, velocity_lateness_s, words};
 use crate::config::Pipeline;
@@ -34,9 +34,9 @@ fn late(value_s: f64, relative_to: Option<&str>) -> FlightLateness {
     FlightLateness { lateness: Some(channel), velocity: Some("velocity.gps".into()), ..unknown("k") }
 }
 
-/// The constant fit may know a delay of which the varying one cannot tell whether it stays the same.
+/// The constant fit may give a delay while the varying fit cannot show that it is constant.
 #[test]
-fn a_delay_whose_change_cannot_be_told_is_not_called_constant() {
+fn a_delay_not_known_to_be_constant_is_not_called_constant() {
     let kind = |kind| kind_of(&late(0.203, None), Some(&crate::answer::alarms::tests::over_time(kind)));
     assert_eq!((kind(DelayKind::Constant), kind(DelayKind::CannotTell)), (DelayKind::Constant, DelayKind::NotTested));
 }
@@ -54,7 +54,7 @@ fn decision(contradicted: Option<&str>) -> Decision {
     }
 }
 
-/// The kind is against the datum that stands beside it; the sentence names that datum.
+/// The kind is relative to the datum next to it; the sentence names that datum.
 #[test]
 fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
     for (value_s, kind) in [(-0.507, DelayKind::Early), (0.001, DelayKind::OnTime), (0.203, DelayKind::NotTested)] {
@@ -66,9 +66,9 @@ fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
     }
 }
 
-/// What is removed from one receiver is wrong for the next; a second one that is as late, a filter and a truth are no news.
+/// The delay of one receiver is wrong for another. Not reported: an equally late receiver, a filter and a truth.
 #[test]
-fn another_receiver_with_another_delay_is_named() {
+fn another_receiver_with_a_different_delay_is_reported() {
     let against_gps = |position: &str, delay_s: f64| {
         PairObservation::measured(DelayPairKind::PositionAgainstVelocity, position, "velocity.gps", delay_s, 0.0005)
     };
@@ -88,7 +88,7 @@ fn another_receiver_with_another_delay_is_named() {
 }
 
 #[test]
-fn position_velocity_and_their_difference_are_three_numbers_that_add_up() {
+fn the_latenesses_of_position_and_velocity_match_their_difference() {
     let apart = Some(estimate(0.143, 0.003));
     let own = FlightLateness { position_minus_velocity_s: apart, ..late(0.203, None) };
     let velocity_s = velocity_lateness_s(&own, &decision(None)).unwrap();
@@ -99,7 +99,7 @@ fn position_velocity_and_their_difference_are_three_numbers_that_add_up() {
 }
 
 #[test]
-fn what_contradicts_a_delay_is_among_the_alarms_of_the_terminal_and_of_json() {
+fn contradictions_are_among_the_alarms_of_the_terminal_and_of_json() {
     let red = DelayAlarm { gravity: Gravity::Red, code: "delay-steps".into(), text: "The delay jumps.".into() };
     let lateness = FlightLateness { alarms: vec![red], ..late(0.203, None) };
     let line = DelayLine::of(&LineParts {
@@ -119,9 +119,9 @@ fn what_contradicts_a_delay_is_among_the_alarms_of_the_terminal_and_of_json() {
     assert_eq!(said, [("red", "delay-steps"), ("amber", "delay-contradicted")]);
 }
 
-/// Two receivers in one group: their mean is a setting for neither, and each follows with its own.
+/// Two receivers in one group: their mean suits neither, and each gets its own setting.
 #[test]
-fn a_group_that_is_not_one_gives_no_setting_for_its_mean() {
+fn a_split_group_gives_no_setting_for_its_mean() {
     let flight = |k: u32| {
         let value_s = if k < 5 { 0.2 } else { 0.3 } + 1e-4 * f64::from(k);
         let set = vec![DelaySetting {
@@ -147,7 +147,7 @@ fn a_group_that_is_not_one_gives_no_setting_for_its_mean() {
     assert_eq!(groups.iter().map(|group| group.flights).collect::<Vec<_>>(), [10, 5, 5]);
 }
 
-/// 200, 240 and 300 ms: none of them is an outlier beside the others, and no mean describes them.
+/// 200, 240 and 300 ms: none is an outlier among the others, and no mean describes them.
 #[test]
 fn three_delays_in_a_group_give_no_setting() {
     let value_s = [0.2, 0.201, 0.202, 0.24, 0.3, 0.301];
@@ -181,14 +181,14 @@ fn numbers_against_two_velocities_have_no_common_mean() {
 }
 
 #[test]
-fn a_file_that_goes_with_a_flight_is_said_to_be_one_and_raises_no_alarm_of_a_delay() {
+fn a_companion_file_is_reported_as_such_without_a_delay_alarm() {
     let said = super::companion("k", "a log of the ground station".into()).lateness.alarms;
     let said: Vec<(Gravity, &str, &str)> = said.iter().map(|a| (a.gravity, a.code.as_str(), a.text.as_str())).collect();
     assert_eq!(said, [(Gravity::Grey, "companion", "a log of the ground station")]);
 }
 
 #[test]
-fn advice_for_some_flights_says_what_their_logs_have_and_what_cannot_be_set() {
+fn advice_states_the_values_in_the_logs_and_what_cannot_be_set() {
     let flight = |ms: f64, note: &str| {
         let setting = |name: &str, value: f64, unit: &str, note: &str| DelaySetting {
             name: name.into(),
@@ -207,7 +207,7 @@ fn advice_for_some_flights_says_what_their_logs_have_and_what_cannot_be_set() {
     let same = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 50 ms in this log")];
     let set = of_parameter(0.204, &same);
     assert_eq!((set.value, set.note.as_str(), set.out_of_range), (204.0, "it is 50 ms in this log", false));
-    // Logs that have other values say nothing together, and a value beyond the range cannot be set.
+    // Logs with different values give no common statement, and a value beyond the range cannot be set.
     let other = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 201 ms in this log")];
     assert_eq!(of_parameter(0.204, &other).note, "");
     let beyond = of_parameter(0.261, &same);

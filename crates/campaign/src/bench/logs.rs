@@ -13,16 +13,16 @@ use record::InputFile;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// Size of the piece in which files are hashed, bytes.
+/// Size of the buffer for hashing files, bytes.
 const PIECE: usize = 1 << 20;
 
 /// A log that was found.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Source {
     pub(super) unit: FlightUnit,
-    /// Logs of one neighbourhood may make a record together.
+    /// Logs with the same neighbourhood may form a record together.
     pub(super) neighbourhood: PathBuf,
-    /// It was given as the encoder's.
+    /// Whether the user gave it as the encoder's log.
     pub(super) is_stated_encoder: bool,
 }
 
@@ -32,7 +32,7 @@ impl Source {
         self.unit.files.first().and_then(|f| f.parent()).unwrap_or(Path::new("")).to_owned()
     }
 
-    /// Its name without folder and ending.
+    /// Its name without folder and extension.
     pub(super) fn stem(&self) -> String {
         let name = self.unit.id.rsplit('/').next().unwrap_or_default();
         Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
@@ -43,12 +43,12 @@ impl Source {
 pub(super) struct ReadLog {
     pub(super) source: Source,
     pub(super) inputs: Vec<InputFile>,
-    /// What was read, or why it cannot be used.
+    /// The loaded log, or why it is unusable.
     pub(super) loaded: Result<Loaded, String>,
 }
 
 impl ReadLog {
-    /// What it holds for a bench; the reason if nothing.
+    /// Its role on the bench, or why it has none.
     pub(super) fn role(&self) -> Result<Role, String> {
         let loaded = self.loaded.as_ref().map_err(Clone::clone)?;
         loaded.binding.as_ref().map_err(Clone::clone)?;
@@ -64,7 +64,7 @@ impl ReadLog {
     }
 }
 
-/// What a log holds for a bench.
+/// Role of a log on the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
     Both,
@@ -92,7 +92,7 @@ pub(super) fn find(order: &BenchOrder, library: &Library) -> Result<Vec<Source>,
     Ok(sources)
 }
 
-/// The logs below a path. Their names begin with that of the path where they would else say too little: if there are
+/// The logs below a path. Their names are prefixed with that of the path where they would be ambiguous: if there are
 /// `several` paths, or no more logs than one record needs.
 fn below(path: &Path, several: bool, is_stated_encoder: bool, library: &Library) -> Result<Vec<Source>, CampaignError> {
     let wrong = |what: &str| CampaignError::Asked(format!("{}: {what}", path.display()));
@@ -119,7 +119,7 @@ fn below(path: &Path, several: bool, is_stated_encoder: bool, library: &Library)
     Ok(found.units.into_iter().map(source).collect())
 }
 
-/// The folder in which a log lies: a file, or a folder that is one log as a whole.
+/// The folder that contains a log: a file, or a folder that is one log.
 fn neighbourhood(root: &Path, is_one_log: bool, unit: &FlightUnit) -> PathBuf {
     match (is_one_log, unit.id.rsplit_once('/')) {
         (true, _) => root.parent().unwrap_or(root).to_owned(),
@@ -137,7 +137,7 @@ pub(super) fn read(
 ) -> Result<Vec<ReadLog>, CampaignError> {
     let files = sources.iter().flat_map(|s| &s.unit.files);
     let bytes = files.filter_map(|f| std::fs::metadata(f).ok()).map(|about| about.len()).sum();
-    desk.tell(Event::Logs { logs: sources.len(), bytes });
+    desk.send(Event::Logs { logs: sources.len(), bytes });
     let one = |piece: &mut Vec<u8>, source: &Source| read_one(source, library, forced, desk, piece);
     let logs = Workers::start(desk.threads)?.each(sources, desk.cancel, || vec![0; PIECE], one);
     desk.stopped()?;
@@ -153,7 +153,7 @@ fn read_one(
 ) -> Result<ReadLog, CampaignError> {
     let stamps: Vec<_> = source.unit.files.iter().map(|f| FileStamp::of(f).ok()).collect();
     let (inputs, trouble) = hash_inputs(source, &stamps, desk, piece)?;
-    let on_bytes = |bytes| desk.tell(Event::Read { bytes });
+    let on_bytes = |bytes| desk.send(Event::Read { bytes });
     let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
     let loaded = match (trouble, library.load(&source.unit, forced, &context)) {
         (Some(trouble), _) => Err(trouble),
@@ -169,7 +169,7 @@ fn read_one(
     Ok(ReadLog { source: source.clone(), inputs, loaded })
 }
 
-/// The files of a log with their hashes, and why one of them could not be read.
+/// The files of a log with their hashes, and why one of them is unreadable.
 fn hash_inputs(
     source: &Source,
     stamps: &[Option<FileStamp>],

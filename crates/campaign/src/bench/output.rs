@@ -1,4 +1,4 @@
-//! What a bench run leaves behind: card, pages, records, `run.json`.
+//! Outputs of a bench run: card, pages, records, `run.json`.
 
 use super::{BenchOrder, BenchVerdict, Measured};
 use crate::cards::CARD_ENDING;
@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Writes card and pages; what an earlier run left and this one did not write is removed. Gives the card's path.
+/// Writes card and pages, and removes outputs of an earlier run that this one did not write. Returns the card's path.
 pub(super) fn write(
     store: &Store,
     order: &BenchOrder,
@@ -39,7 +39,7 @@ pub(super) fn write(
 
 struct Writer<'a> {
     store: &'a Store,
-    /// Names below the output folder.
+    /// Written names below the output folder.
     written: BTreeSet<String>,
 }
 
@@ -63,7 +63,7 @@ impl Writer<'_> {
         self.site(&folder, &site)
     }
 
-    /// Writes the card, with what was said when it was made as comments at its end.
+    /// Writes the card, with the notices of its making as comments at its end.
     fn card(&mut self, card: &SensorCard, notices: &Notices, besides: Option<&Path>) -> Result<PathBuf, CampaignError> {
         let text = card_text(card) + &remarks(notices);
         let name = card_name(card);
@@ -74,7 +74,7 @@ impl Writer<'_> {
             let base =
                 base.ok_or_else(|| CampaignError::Asked(format!("{}: is not a name of a file", path.display())))?;
             Store::open(folder)?.write(base, text.as_bytes(), Keep::Synced)?;
-            // The card of an earlier sensor is removed; this one is not.
+            // Keeps this card, because the card of an earlier sensor is removed.
             if folder.canonicalize().ok() == self.store.root().canonicalize().ok() {
                 self.written.insert(base.to_owned());
             }
@@ -91,7 +91,7 @@ impl Writer<'_> {
     ) -> Result<(), CampaignError> {
         let hrefs: Vec<String> = measured.iter().map(|m| format!("records/{}/index.html", m.slug)).collect();
         let is_on_card = |m: &Measured| m.record.outcome == BenchOutcome::Measured;
-        // Those behind the card come first, as on the card.
+        // Records that the card is based on come first, as on the card.
         let all = || measured.iter().zip(&hrefs);
         let mut records: Vec<CardRecord<'_>> =
             all().filter(|(m, _)| is_on_card(m)).map(|(m, href)| record_row(m, href)).collect();
@@ -106,7 +106,7 @@ impl Writer<'_> {
             "" => notice.text.clone(),
             place => format!("{place}: {}", notice.text),
         };
-        // The card itself says what puts its channels in doubt.
+        // The card itself states doubts about its channels.
         let of_card = [Code::RigContradicted, Code::FlightDelayChanges];
         let is_remark = |notice: &&Notice| {
             notice.severity != Severity::Info
@@ -126,7 +126,7 @@ impl Writer<'_> {
         self.site("", &site)
     }
 
-    /// Files of an earlier run that nobody would look for any more; what we did not write stays.
+    /// Removes obsolete files of an earlier run; files that flightlag did not write stay.
     fn remove_others(&self) -> Result<(), CampaignError> {
         let mut old = self.store.list("records");
         old.extend(self.store.list("figures"));
@@ -141,7 +141,7 @@ impl Writer<'_> {
     }
 }
 
-/// What is said of channels on whose delay the records do not agree.
+/// Notices about channels on whose delay the records disagree.
 pub(super) fn without_mean(notices: &Notices) -> impl Iterator<Item = &Notice> {
     notices.iter().filter(|notice| is_without_mean(notice))
 }
@@ -171,7 +171,7 @@ fn card_name(card: &SensorCard) -> String {
     format!("{slug}{CARD_ENDING}")
 }
 
-/// Nothing was measured: the page of a card without channels says why, record by record.
+/// The card if nothing was measured: its page has no channels and gives the reason for each record.
 fn empty_card(measured: &[Measured]) -> SensorCard {
     let first = measured.first().map(|m| &m.record);
     SensorCard {
@@ -207,7 +207,7 @@ fn defect(path: &str, what: &str) -> CampaignError {
     CampaignError::Table { path: path.to_owned(), what: format!("a defect in flightlag, please report it: {what}") }
 }
 
-/// The only output that knows the time of day, the host, and how long it took.
+/// The only output with the time of day, the host, and the duration.
 #[derive(Serialize)]
 struct BenchRun {
     flightlag_version: &'static str,

@@ -1,15 +1,15 @@
-//! Which logs make a record: by what they hold, where they lie, and how they are called.
+//! Which logs form a record: by content, folder and name.
 
 use super::logs::{ReadLog, Role};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A record: which of the logs it is made of.
+/// A record, with its logs.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Swing {
-    /// The name people know.
+    /// Display name.
     pub(super) name: String,
-    /// Name without endings, for the rig file beside it.
+    /// Name without extensions, for the rig file next to it.
     pub(super) stem: String,
     pub(super) made_of: MadeOf,
 }
@@ -25,7 +25,7 @@ pub(super) enum MadeOf {
         encoder: Log,
         sensor: Log,
     },
-    /// No record can be made of these.
+    /// These cannot form a record.
     Nothing {
         logs: Vec<Log>,
         reason: String,
@@ -43,7 +43,7 @@ impl Swing {
     }
 }
 
-/// Makes records of logs. Every log becomes part of exactly one.
+/// Forms records from logs. Every log becomes part of exactly one.
 pub(super) fn pair(logs: &[ReadLog], encoder_is_stated: bool) -> Vec<Swing> {
     let mut swings = if encoder_is_stated { vec![stated(logs)] } else { by_folder(logs) };
     swings.sort_by_key(|s| s.logs().into_iter().min());
@@ -51,7 +51,7 @@ pub(super) fn pair(logs: &[ReadLog], encoder_is_stated: bool) -> Vec<Swing> {
     swings
 }
 
-/// One log of a sensor, and one that was said to be its encoder's.
+/// One log of a sensor, and one that the user gave as its encoder's.
 fn stated(logs: &[ReadLog]) -> Swing {
     let index = |is_encoder: bool| logs.iter().position(|l| l.source.is_stated_encoder == is_encoder);
     let (Some(encoder), Some(sensor)) = (index(true), index(false)) else {
@@ -80,7 +80,7 @@ fn by_folder(logs: &[ReadLog]) -> Vec<Swing> {
     folders.into_values().flat_map(|members| in_folder(logs, &members)).collect()
 }
 
-/// The logs of one folder by what they hold.
+/// The logs of one folder by content.
 #[derive(Default)]
 struct Sorted {
     both: Vec<Log>,
@@ -109,7 +109,7 @@ fn in_folder(logs: &[ReadLog], members: &[Log]) -> Vec<Swing> {
     let Sorted { both, encoders, sensors, broken } = Sorted::of(logs, members);
     let namer = Namer { logs };
     let mut made: Vec<MadeOf> = both.into_iter().map(MadeOf::One).collect();
-    // An encoder's log whose only companion cannot be read is part of the same trouble.
+    // An encoder's log whose only companion is unreadable is part of the same failure.
     if let ([], [(log, reason)], [one]) =
         (made.as_slice(), broken.as_slice(), [&encoders[..], &sensors[..]].concat().as_slice())
     {
@@ -120,7 +120,7 @@ fn in_folder(logs: &[ReadLog], members: &[Log]) -> Vec<Swing> {
     made.into_iter().map(|made_of| namer.swing(made_of)).collect()
 }
 
-/// An encoder and a sensor that are alone belong together; of more, those whose names begin alike.
+/// A single encoder and a single sensor belong together; of more, those with the same start of the name.
 fn two_logs(logs: &[ReadLog], encoders: Vec<Log>, sensors: Vec<Log>) -> Vec<MadeOf> {
     if let ([encoder], [sensor]) = (encoders.as_slice(), sensors.as_slice()) {
         return vec![MadeOf::Two { encoder: *encoder, sensor: *sensor }];
@@ -151,7 +151,7 @@ fn two_logs(logs: &[ReadLog], encoders: Vec<Log>, sensors: Vec<Log>) -> Vec<Made
     made
 }
 
-/// What stands before the last word of a name: `swing-1` of `swing-1-encoder`.
+/// The name before its last word: `swing-1` of `swing-1-encoder`.
 fn beginning(stem: &str) -> String {
     stem.rsplit_once(['-', '_', ' ', '.']).map_or(stem, |(start, _)| start).to_owned()
 }

@@ -1,4 +1,4 @@
-//! The rig of each record: one for all, or the file beside it.
+//! The rig of each record: one for all, or the file next to it.
 
 use super::logs::ReadLog;
 use super::pair::{MadeOf, Swing};
@@ -15,17 +15,17 @@ pub(super) fn of(swings: &[Swing], logs: &[ReadLog], shared: Option<Rig>) -> Res
     if let Some(rig) = shared {
         return Ok(vec![rig; swings.len()]);
     }
-    swings.iter().map(|swing| Ok(Rig::read(&beside(swing, logs)?)?)).collect()
+    swings.iter().map(|swing| Ok(Rig::read(&sidecar(swing, logs)?)?)).collect()
 }
 
-/// The rig file beside a record: called like the record, like a log of it, or alone in the folder.
-fn beside(swing: &Swing, logs: &[ReadLog]) -> Result<PathBuf, CampaignError> {
+/// The rig file of a record: named like the record or like one of its logs, or the only one in the folder.
+fn sidecar(swing: &Swing, logs: &[ReadLog]) -> Result<PathBuf, CampaignError> {
     let mut tried = vec![];
     for log in swing.logs().into_iter().filter_map(|i| logs.get(i)) {
         let folder = log.source.folder();
         let stems = [log.source.stem(), swing.stem.clone()];
         tried.extend(stems.iter().map(|stem| folder.join(format!("{stem}{ENDING}"))));
-        // A folder that is a record may have its rig file beside it.
+        // A folder that is a record may have its rig file next to it.
         if let (Some(parent), Some(name)) = (folder.parent(), folder.file_name()) {
             tried.push(parent.join(format!("{}{ENDING}", name.to_string_lossy())));
         }
@@ -39,7 +39,7 @@ fn beside(swing: &Swing, logs: &[ReadLog]) -> Result<PathBuf, CampaignError> {
     Err(CampaignError::Asked(what))
 }
 
-/// Of a folder in which no log is of a bench, why each is not: a rig file would not help.
+/// If no log of a folder is of a bench, reports why for each: a rig file would not help.
 fn no_record(swings: &[Swing], logs: &[ReadLog]) -> Result<(), CampaignError> {
     let why = |swing: &Swing| match &swing.made_of {
         MadeOf::Nothing { reason, .. } => Some((swing.name.clone(), reason.clone())),
@@ -47,7 +47,7 @@ fn no_record(swings: &[Swing], logs: &[ReadLog]) -> Result<(), CampaignError> {
     };
     let reasons: Option<Vec<(String, String)>> = swings.iter().map(why).collect();
     match reasons {
-        // Of one log, its row says why.
+        // For a single log, its row gives the reason.
         Some(reasons) if logs.len() > 1 => Err(CampaignError::Asked(format!(
             "none of the {} logs is of a bench: {}",
             logs.len(),
@@ -57,7 +57,7 @@ fn no_record(swings: &[Swing], logs: &[ReadLog]) -> Result<(), CampaignError> {
     }
 }
 
-/// The rig file of a folder that holds just one.
+/// The rig file of a folder that contains exactly one.
 fn only_one(folder: &Path) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder).ok()?.flatten().map(|e| e.path());
     let is_rig = |p: &PathBuf| p.file_name().is_some_and(|n| n.to_string_lossy().ends_with(ENDING));

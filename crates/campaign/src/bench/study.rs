@@ -1,4 +1,4 @@
-//! One record: its logs in, what was found out.
+//! The study of one record.
 
 use super::BENCH_ANALYSIS_VERSION;
 use super::logs::{ReadLog, Role};
@@ -7,7 +7,7 @@ use bench_analysis::{BenchInput, MagneticEvidence, Rig, bench};
 use flight::{Flight, LogHealth, Notices};
 use record::{BenchLog, BenchOutcome, BenchRecord, ChannelDynamics, RECORD_VERSION};
 
-/// Measures a record; and what it shows of its magnetometer, for several records together.
+/// Measures a record; also returns the evidence from its magnetometer, which is combined over records.
 pub(super) fn record_of(swing: &Swing, rig: &Rig, logs: &[ReadLog]) -> (BenchRecord, Option<MagneticEvidence>) {
     let draft = draft(swing, rig, logs);
     match input(swing, logs) {
@@ -16,7 +16,7 @@ pub(super) fn record_of(swing: &Swing, rig: &Rig, logs: &[ReadLog]) -> (BenchRec
     }
 }
 
-/// The record of a swing on which the analysis broke down.
+/// The record of a swing on which the analysis panicked.
 pub(super) fn defect(swing: &Swing, rig: &Rig, logs: &[ReadLog], panic: &str) -> BenchRecord {
     let reason = format!("a defect in flightlag, please report it: {panic}");
     BenchRecord { outcome: BenchOutcome::Failed { reason }, ..draft(swing, rig, logs) }
@@ -56,7 +56,7 @@ fn measured(input: &BenchInput<'_>, rig: &Rig, mut draft: BenchRecord) -> (Bench
     }
 }
 
-/// A record is measured if one channel has a delay.
+/// A record counts as measured if at least one channel has a delay.
 fn outcome(channels: &[ChannelDynamics]) -> BenchOutcome {
     if channels.iter().any(|c| c.delay.is_some() && c.verdict != record::Verdict::NotMeasurable) {
         return BenchOutcome::Measured;
@@ -65,7 +65,7 @@ fn outcome(channels: &[ChannelDynamics]) -> BenchOutcome {
     BenchOutcome::NotMeasurable { reason: format!("no channel has a delay: {}", reasons.join("; ")) }
 }
 
-/// Everything that is known before the analysis.
+/// The part of the record that is known before the analysis.
 fn draft(swing: &Swing, rig: &Rig, logs: &[ReadLog]) -> BenchRecord {
     let own: Vec<&ReadLog> = swing.logs().iter().filter_map(|&i| logs.get(i)).collect();
     let mut notices = Notices::new();
@@ -107,7 +107,7 @@ fn bench_log(swing: &Swing, log: &ReadLog, logs: &[ReadLog]) -> BenchLog {
     }
 }
 
-/// The outcome in a word.
+/// Name of the outcome.
 pub(super) fn outcome_name(outcome: &BenchOutcome) -> &'static str {
     match outcome {
         BenchOutcome::Measured => "measured",
@@ -116,7 +116,7 @@ pub(super) fn outcome_name(outcome: &BenchOutcome) -> &'static str {
     }
 }
 
-/// Why there is no card from it.
+/// Why it gives no card.
 pub(super) fn outcome_reason(outcome: &BenchOutcome) -> Option<String> {
     match outcome {
         BenchOutcome::Measured => None,

@@ -13,9 +13,9 @@ use std::sync::atomic::AtomicBool;
 
 const MCAP: fn() -> Container = || Container::Mcap(McapSettings::default());
 
-// --- which logs make a record ---
+// --- which logs form a record ---
 
-/// A log of this name that holds channels of these quantities; none if it could not be read.
+/// A log of this name with channels of these quantities; `None` for an unreadable log.
 fn log(id: &str, folder: &str, quantities: Option<&[Quantity]>) -> ReadLog {
     let unit = FlightUnit { id: id.into(), files: vec![Path::new(folder).join(id)], kind: LogKind::Mcap };
     let source = Source { unit, neighbourhood: folder.into(), is_stated_encoder: false };
@@ -54,7 +54,7 @@ fn paired(logs: &[ReadLog]) -> Vec<(String, MadeOf)> {
 }
 
 #[test]
-fn an_encoder_and_a_sensor_in_one_folder_are_a_record_and_a_log_with_both_is_one_alone() {
+fn an_encoder_and_a_sensor_in_a_folder_or_in_one_log_form_a_record() {
     let logs = [log("a.mcap", "d", BOTH), log("x.csv", "d", SENSOR), log("y.csv", "d", ENCODER)];
     assert_eq!(
         paired(&logs),
@@ -63,7 +63,7 @@ fn an_encoder_and_a_sensor_in_one_folder_are_a_record_and_a_log_with_both_is_one
 }
 
 #[test]
-fn of_several_pairs_those_belong_together_whose_names_begin_alike_or_whose_folder_is_one() {
+fn several_pairs_are_matched_by_the_start_of_their_names_or_by_folder() {
     let logs = [
         log("run-1-encoder.csv", "d", ENCODER),
         log("run-1-imu.mcap", "d", SENSOR),
@@ -78,7 +78,7 @@ fn of_several_pairs_those_belong_together_whose_names_begin_alike_or_whose_folde
 }
 
 #[test]
-fn logs_that_cannot_be_paired_are_named_and_none_is_guessed() {
+fn logs_that_cannot_be_paired_are_reported_without_guessing() {
     let logs = [log("a.csv", "d", ENCODER), log("b.csv", "d", ENCODER), log("c.mcap", "d", SENSOR)];
     let found = paired(&logs);
     assert_eq!(found.len(), 3);
@@ -91,7 +91,7 @@ fn logs_that_cannot_be_paired_are_named_and_none_is_guessed() {
 }
 
 #[test]
-fn an_encoder_whose_only_companion_cannot_be_read_is_part_of_that_failure() {
+fn an_encoder_whose_only_companion_is_unreadable_shares_its_failure() {
     let found = paired(&[log("enc.csv", "d", ENCODER), log("imu.mcap", "d", None)]);
     assert_eq!(
         found,
@@ -100,13 +100,13 @@ fn an_encoder_whose_only_companion_cannot_be_read_is_part_of_that_failure() {
 }
 
 #[test]
-fn records_of_different_folders_with_one_name_are_told_apart() {
+fn records_of_different_folders_with_the_same_name_are_distinguished() {
     let names: Vec<String> =
         paired(&[log("a.mcap", "d1", BOTH), log("a.mcap", "d2", BOTH)]).into_iter().map(|p| p.0).collect();
     assert_eq!(names, ["a.mcap", "a.mcap~2"]);
 }
 
-// --- the whole, on simulated records ---
+// --- the whole run, on simulated records ---
 
 /// Velocity 20 ms late, 12 s of swing.
 fn simulated(seed: u64) -> SimulatedBench {
@@ -157,7 +157,7 @@ fn go(order: &BenchOrder, threads: usize) -> Result<BenchVerdict, CampaignError>
     bench_run(order, &Desk { threads, cancel: &AtomicBool::new(false), events: &quiet })
 }
 
-/// Every file below a folder but `run.json` and what is ours alone.
+/// Every file below a folder except `run.json` and internal files.
 fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![folder.to_owned()];
@@ -175,7 +175,7 @@ fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn two_records_make_a_card_with_the_simulated_delay_and_the_same_bytes_with_any_number_of_threads() {
+fn two_records_give_the_simulated_delay_and_the_same_bytes_on_any_threads() {
     let folder = bench();
     let verdict = go(&order(folder.path(), &["logs"], "out-1"), 1).unwrap();
     let names: Vec<&str> = verdict.rows.iter().map(|r| r.name.as_str()).collect();
@@ -183,7 +183,7 @@ fn two_records_make_a_card_with_the_simulated_delay_and_the_same_bytes_with_any_
     assert_eq!(verdict.exit(), Exit::Well, "{:?}", verdict.rows);
     let [velocity] = verdict.channels() else { panic!("{:?}", verdict.card) };
     assert_eq!((velocity.name.as_str(), velocity.verdict), ("velocity.ins", Verdict::Delayed));
-    // 99.99 % of a Gaussian: this is about the way of the number, not about its quality.
+    // 99.99 % of a Gaussian: this tests the data path, not the quality of the estimate.
     let off = (velocity.delay_s - 0.02).abs() / velocity.delay_standard_uncertainty_s;
     assert!(off < 4.0, "{velocity:?}");
 
@@ -201,7 +201,7 @@ fn two_records_make_a_card_with_the_simulated_delay_and_the_same_bytes_with_any_
 
 /// A bar of 1.3 m whose rig file says 1.2 m: the velocity shows it.
 #[test]
-fn a_rig_that_the_data_contradict_marks_the_card_and_the_exit_code() {
+fn a_rig_contradicted_by_the_data_affects_the_card_and_the_exit_code() {
     let folder = bench();
     let text = rig(&simulated(1), "1");
     assert!(text.contains("-1.3]"), "{text}");
@@ -217,7 +217,7 @@ fn a_rig_that_the_data_contradict_marks_the_card_and_the_exit_code() {
 }
 
 #[test]
-fn a_record_without_a_number_is_a_row_of_its_own_and_no_card_is_made_of_nothing() {
+fn a_record_without_a_delay_is_a_row_and_no_card_is_made_without_any() {
     let folder = bench();
     let mut asked = order(folder.path(), &["logs/pair/imu.mcap"], "out");
     asked.card = Some(folder.path().join("copy.card.toml"));
@@ -234,7 +234,7 @@ fn a_record_without_a_number_is_a_row_of_its_own_and_no_card_is_made_of_nothing(
 }
 
 #[test]
-fn what_an_earlier_run_left_goes_and_what_is_not_ours_stays() {
+fn outputs_of_an_earlier_run_are_removed_and_foreign_files_stay() {
     let folder = bench();
     go(&order(folder.path(), &["logs/one.mcap"], "out"), 1).unwrap();
     let out = folder.path().join("out");
@@ -243,8 +243,8 @@ fn what_an_earlier_run_left_goes_and_what_is_not_ours_stays() {
     std::fs::write(out.join("records/one.mcap/figures/old.svg"), "an earlier figure").unwrap();
     std::fs::write(folder.path().join("m.rig.toml"), rig(&simulated(1), "2")).unwrap();
     let other = order(folder.path(), &["logs/pair"], "out");
-    let told = go(&other, 1).unwrap_err().to_string();
-    assert!(told.contains("one.mcap, and not of ") && told.contains("--replace"), "{told}");
+    let error = go(&other, 1).unwrap_err().to_string();
+    assert!(error.contains("one.mcap, and not of ") && error.contains("--replace"), "{error}");
     go(&BenchOrder { replace: true, ..other }, 1).unwrap();
     let names: Vec<String> = content(&out).into_keys().filter(|n| !n.ends_with("figures.zip")).collect();
     let pages = ["records/one.mcap/notes.txt", "records/pair/index.html", "records/pair/record.json"];
@@ -254,7 +254,7 @@ fn what_an_earlier_run_left_goes_and_what_is_not_ours_stays() {
 }
 
 #[test]
-fn what_cannot_be_asked_for_is_refused_before_anything_is_measured() {
+fn invalid_requests_are_rejected_before_anything_is_measured() {
     let folder = bench();
     let path = folder.path();
     let refused = |order: &BenchOrder, says: &str| {
@@ -282,7 +282,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_is_measured() {
 }
 
 #[test]
-fn each_record_takes_the_rig_file_beside_it() {
+fn each_record_uses_the_rig_file_next_to_it() {
     let folder = bench();
     let path = folder.path();
     std::fs::write(path.join("logs/one.rig.toml"), rig(&simulated(1), "1")).unwrap();

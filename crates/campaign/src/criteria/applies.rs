@@ -1,9 +1,9 @@
-//! Which flights a criterion is meant for.
+//! Which flights a criterion applies to.
 
 use super::measure::Subject;
 use serde::Serialize;
 
-/// All that is given must hold; `*` in a name stands for anything.
+/// All given conditions must hold; `*` in a name matches anything.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub(super) struct AppliesTo {
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -22,12 +22,12 @@ fn in_seconds<S: serde::Serializer>(seconds: &Option<f64>, serializer: S) -> Res
     serializer.collect_str(&format_args!("{} s", seconds.unwrap_or_default()))
 }
 
-/// Whether a criterion is meant for a flight.
+/// Whether a criterion applies to a flight.
 pub(super) enum Applying {
     Yes,
-    /// And why not.
+    /// No, with the reason.
     No(String),
-    /// And why.
+    /// Unknown, with the reason.
     CannotTell(String),
 }
 
@@ -36,7 +36,7 @@ impl AppliesTo {
         *self == AppliesTo::default()
     }
 
-    /// The first condition that does not hold decides; one that cannot be told comes after those that do not hold.
+    /// The first condition that does not hold decides; unknown conditions have lower priority.
     pub(super) fn applies(&self, flight: &str, subject: &Subject<'_>) -> Applying {
         let all = [self.flight(flight), self.map(subject), self.channels(subject), self.replay(subject)];
         let mut unsure = None;
@@ -81,7 +81,7 @@ impl AppliesTo {
         }
     }
 
-    /// What only the replay knows.
+    /// The conditions that need the replay.
     fn replay(&self, subject: &Subject<'_>) -> Applying {
         if !self.reference && self.duration_at_least_s.is_none() {
             return Applying::Yes;
@@ -102,12 +102,12 @@ impl AppliesTo {
     }
 }
 
-/// Whether a name fits one of the patterns.
+/// Whether a name matches one of the patterns.
 pub(crate) fn any_matches(patterns: &[String], name: &str) -> bool {
     patterns.iter().any(|p| matches(p, name))
 }
 
-/// Whether a name fits a pattern in which every `*` stands for any text.
+/// Whether a name matches a pattern in which every `*` matches any text.
 fn matches(pattern: &str, name: &str) -> bool {
     let Some((first, rest)) = pattern.split_once('*') else { return pattern == name };
     let Some(mut name) = name.strip_prefix(first) else { return false };
@@ -127,7 +127,7 @@ mod tests {
     use super::matches;
 
     #[test]
-    fn a_star_stands_for_any_text_and_nothing_else_does() {
+    fn only_a_star_matches_any_text() {
         for (pattern, name, fits) in [
             ("a", "a", true),
             ("a", "ab", false),

@@ -1,4 +1,4 @@
-//! The criteria file as its author writes it. Every table refuses keys that it does not know.
+//! The criteria file as its author writes it. Every table rejects unknown keys.
 
 #[cfg(feature = "schema")]
 use super::metric::MetricName;
@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
-/// What flights are judged by.
+/// Criteria that flights are judged by.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -16,7 +16,7 @@ pub(super) struct CriteriaFile {
     /// Version of this file's layout: 1.
     #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     pub(super) schema: Spanned<u32>,
-    /// Name of this set of criteria, for the pages.
+    /// Title of this set of criteria on the pages.
     #[serde(default = "default_title")]
     pub(super) title: String,
     /// The criteria, in the order in which they are shown.
@@ -37,43 +37,44 @@ pub(super) struct CriterionTable {
     /// Name, unique in the file: letters, digits, `-`, `_` and `.`.
     #[cfg_attr(feature = "schema", schemars(with = "String", regex(pattern = "^[A-Za-z0-9._-]+$")))]
     pub(super) id: Spanned<String>,
-    /// What is asked, in words.
+    /// The requirement, as text.
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(super) title: Spanned<String>,
-    /// What is measured.
+    /// The measured quantity.
     #[cfg_attr(feature = "schema", schemars(with = "MetricName"))]
     pub(super) metric: Spanned<String>,
-    /// With a metric of a compensator: which, as `raw`, `pade-1-1` (the paper's) or `exact-async`.
+    /// With a metric of a compensator: its name, as `raw`, `pade-1-1` (the paper's) or `exact-async`.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) compensator: Option<Spanned<String>>,
-    /// With a metric of a channel: which, as `position.gps`. With a delay: whose, instead of the replayed one's.
+    /// With a metric of a channel: its name, as `position.gps`. With a delay: the late channel, default the replayed
+    /// one.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) channel: Option<Spanned<String>>,
-    /// With a delay: against which channel, instead of the replayed one.
+    /// With a delay: the channel to compare with. Default: the replayed one.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) against: Option<Spanned<String>>,
-    /// Not above this: a number and its unit, as "150 ms"; counts and ratios are bare numbers.
+    /// Upper limit: a number and its unit, as "150 ms"; counts and ratios are bare numbers.
     #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) at_most: Option<Spanned<toml::Value>>,
-    /// Not below this.
+    /// Lower limit.
     #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) at_least: Option<Spanned<toml::Value>>,
-    /// From the first to the second; both are inside.
+    /// Lower and upper limit, both inclusive.
     #[cfg_attr(feature = "schema", schemars(with = "Option<[LimitText; 2]>"))]
     pub(super) between: Option<Spanned<Vec<toml::Value>>>,
     /// How an uncertain number is decided. Default: interval.
     #[cfg_attr(feature = "schema", schemars(with = "Option<DecisionName>"))]
     pub(super) decision: Option<Spanned<String>>,
-    /// Why the limit is what it is: a standard, a requirement, a calculation.
+    /// Source of the limit: a standard, a requirement, a calculation.
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(super) rationale: Spanned<String>,
-    /// Which flights it is meant for. Left out: all.
+    /// Flights that it applies to. Default: all.
     #[cfg_attr(feature = "schema", schemars(with = "Option<AppliesTable>"))]
     pub(super) applies_to: Option<Spanned<AppliesTable>>,
 }
 
-/// A number with its unit. Only the schema reads this type; the value is checked by hand, for the sake of its
-/// error message.
+/// A number with its unit. Only the schema uses this type; the value is checked by hand for a better error
+/// message.
 #[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(untagged)]
@@ -91,13 +92,13 @@ enum LimitText {
 #[serde(rename_all = "kebab-case")]
 #[allow(dead_code)]
 enum DecisionName {
-    /// 95 % interval wholly within the limit: PASS; wholly beyond: FAIL; else INCONCLUSIVE.
+    /// 95 % interval entirely within the limit: PASS; entirely beyond: FAIL; else INCONCLUSIVE.
     Interval,
-    /// The value alone decides; wrong in half of all cases where the truth is at the limit.
+    /// Only the value decides; wrong in half of all cases where the truth is at the limit.
     Value,
 }
 
-/// Flights that a criterion is meant for: all that is given must hold. `*` in a name stands for anything.
+/// Flights that a criterion applies to: all given conditions must hold. `*` in a name matches anything.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -108,13 +109,13 @@ pub(super) struct AppliesTable {
     /// Channel maps that they were read with.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     pub(super) maps: Option<Spanned<Vec<String>>>,
-    /// Channels that the flight must hold, all of them.
+    /// Channels that the flight must have, all of them.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     pub(super) channels: Option<Spanned<Vec<String>>>,
     /// `true`: only flights with a reference to score against.
     #[cfg_attr(feature = "schema", schemars(with = "Option<bool>"))]
     pub(super) reference: Option<Spanned<bool>>,
-    /// Only flights at least as long, as "60 s".
+    /// Only flights of at least this duration, as "60 s".
     #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) duration_at_least: Option<Spanned<toml::Value>>,
 }

@@ -1,4 +1,4 @@
-//! The decision rule: a number and its limit become a verdict.
+//! The decision rule: verdicts from numbers and limits.
 
 use record::{CriterionVerdict, DecisionRule, Estimate, Limit, PassRate};
 
@@ -6,7 +6,7 @@ use record::{CriterionVerdict, DecisionRule, Estimate, Limit, PassRate};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Reading {
     pub(super) value: Estimate,
-    /// `None` if the number has no uncertainty, or nobody knows it.
+    /// `None` if the number has no uncertainty, or an unknown one.
     pub(super) interval_95: Option<[f64; 2]>,
 }
 
@@ -22,12 +22,12 @@ impl Reading {
         Reading { value, interval_95: value.standard_uncertainty.map(around) }
     }
 
-    /// With an interval that the analysis itself gives.
+    /// With an interval from the analysis.
     pub(super) fn within(value: Estimate, interval_95: [f64; 2]) -> Reading {
         Reading { value, interval_95: Some(interval_95) }
     }
 
-    /// Only numbers can be judged.
+    /// Rejects values that are not finite.
     pub(super) fn finite(self) -> Result<Reading, String> {
         let all = self.interval_95.into_iter().flatten().chain([self.value.value]).all(f64::is_finite);
         if all { Ok(self) } else { Err("the number in the record is not finite".to_owned()) }
@@ -37,7 +37,7 @@ impl Reading {
 const NO_UNCERTAINTY: &str = "the record gives no uncertainty of this number, so that its 95 % interval is not known (a flight that is short against \
      what its errors remember gives none: fly longer); decision = \"value\" would compare the number alone";
 
-/// What follows, and why where numbers and rule do not say it.
+/// The verdict, and its reason where numbers and rule do not show it.
 pub(super) fn judge(reading: &Reading, limit: Limit, rule: DecisionRule) -> (CriterionVerdict, &'static str) {
     let value = reading.value.value;
     match (rule, reading.interval_95) {
@@ -47,7 +47,7 @@ pub(super) fn judge(reading: &Reading, limit: Limit, rule: DecisionRule) -> (Cri
     }
 }
 
-/// Wholly within: pass. Wholly beyond: fail. Limits themselves are within.
+/// Entirely within: pass. Entirely beyond: fail. The limits themselves are within.
 fn decided([low, high]: [f64; 2], limit: Limit) -> CriterionVerdict {
     let (least, most) = match limit {
         Limit::AtMost(most) => (f64::NEG_INFINITY, most),
@@ -61,7 +61,7 @@ fn decided([low, high]: [f64; 2], limit: Limit) -> CriterionVerdict {
     }
 }
 
-/// From the value to the nearest limit: positive within, negative beyond.
+/// Distance from the value to the nearest limit: positive within, negative beyond.
 pub(super) fn margin(value: f64, limit: Limit) -> f64 {
     match limit {
         Limit::AtMost(most) => most - value,
@@ -70,7 +70,7 @@ pub(super) fn margin(value: f64, limit: Limit) -> f64 {
     }
 }
 
-/// Share that passes, with the interval of Wilson (1927), which stays within 0 to 1 and holds for few flights too.
+/// Share that passes, with the interval of Wilson (1927), which stays within 0 to 1 and is valid for few flights too.
 /// `None` without a flight.
 pub(super) fn pass_rate(passed: u64, judged: u64) -> Option<PassRate> {
     const Z: f64 = 1.959_963_984_540_054;
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interval_that_ends_at_the_limit_is_within_and_one_step_further_is_not() {
+    fn an_interval_that_ends_at_the_limit_is_within_it() {
         let (below, above) = (1.0f64.next_down(), 1.0f64.next_up());
         for (interval, verdict) in [
             ([0.5, below], Pass),
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn what_passes_at_most_fails_at_least_only_where_the_interval_is_decided() {
+    fn at_most_and_at_least_are_opposite_only_where_the_interval_decides() {
         for low in [-3.0, -1.0, 0.0, 0.9, 1.0, 1.1] {
             for width in [0.0, 0.1, 1.0, 5.0] {
                 let interval = [low, low + width];
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_value_alone_is_compared_only_where_the_rule_says_so() {
+    fn only_the_value_rule_compares_the_value_alone() {
         let reading = Reading::uncertain(Estimate { value: 1.1, standard_uncertainty: Some(0.2) });
         assert_eq!(reading.interval_95, Some([1.1 - 0.4, 1.1 + 0.4]));
         let verdict = |rule| judge(&reading, Limit::AtMost(1.0), rule).0;
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_whose_uncertainty_nobody_knows_decides_nothing() {
+    fn a_number_with_unknown_uncertainty_decides_nothing() {
         let reading = Reading::uncertain(Estimate { value: 0.1, standard_uncertainty: None });
         let (verdict, reason) = judge(&reading, Limit::AtMost(1.0), DecisionRule::Interval);
         assert_eq!(verdict, Inconclusive);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_not_finite_is_no_number() {
+    fn a_number_that_is_not_finite_is_rejected() {
         assert!(Reading::plain(f64::NAN).finite().is_err());
         assert!(
             Reading::uncertain(Estimate { value: 1.0, standard_uncertainty: Some(f64::INFINITY) }).finite().is_err()
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_of_a_share_is_that_of_wilson() {
+    fn the_interval_of_a_share_is_the_wilson_interval() {
         // Wilson's limits satisfy |p − w| = z √(w(1 − w)/n); for 3 of 5 they are 0.2307 and 0.8824.
         for (passed, judged) in [(3, 5), (1, 200), (7, 8)] {
             let rate = pass_rate(passed, judged).unwrap();

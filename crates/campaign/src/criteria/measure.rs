@@ -1,4 +1,4 @@
-//! The numbers of a record that criteria ask for.
+//! Extracts the numbers for criteria from a record.
 
 use super::judge::Reading;
 use super::metric::Metric;
@@ -9,7 +9,7 @@ use record::{
     FlightRecord, MeasuredDelay, Outcome, PairDelay, ReferenceScore, ReplayRecord, SweepScore,
 };
 
-/// A record, and the part of it that a criterion asks for.
+/// A record, and the part of it that a criterion selects.
 pub(super) struct Subject<'a> {
     pub(super) record: &'a FlightRecord,
     pub(super) compensator: Option<&'a str>,
@@ -92,7 +92,7 @@ impl Subject<'_> {
     }
 }
 
-/// Whatever stands in the way of a replay, in words.
+/// Why there is no replay.
 fn no_replay(record: &FlightRecord) -> String {
     match &record.outcome {
         Outcome::Compensated => "the record holds no replay".to_owned(),
@@ -120,7 +120,7 @@ impl<'a> Subject<'a> {
         self.log().map(|log| Reading::plain(of(log)))
     }
 
-    /// A log that could not be opened has no notices of what is in it.
+    /// Number of notices of a severity. A log that could not be opened has no notices about its content.
     fn notices(&self, severity: Severity) -> Result<Reading, String> {
         self.log()?;
         Ok(Reading::plain(self.record.notices.iter().filter(|n| n.severity == severity).count() as f64))
@@ -163,7 +163,7 @@ impl<'a> Subject<'a> {
         self.error_of(self.compensator.unwrap_or_default(), of).map(Reading::uncertain)
     }
 
-    /// Relative uncertainties add, for both errors are of the same flight: no correlation makes it worse.
+    /// Relative uncertainties add, because both errors are of the same flight: the worst case over all correlations.
     fn error_ratio(&self) -> Result<Reading, String> {
         let after = self.error_of(self.compensator.unwrap_or_default(), |c| c.error_rms_m)?;
         let raw = self.error_of("raw", |c| c.error_rms_m)?;
@@ -181,7 +181,7 @@ impl<'a> Subject<'a> {
         step.map(Reading::uncertain).ok_or_else(|| "the record holds no step at a fix".to_owned())
     }
 
-    /// The pair of this kind that is asked for: as named, else the replayed one, else the only one.
+    /// The selected pair of this kind: as named, else the replayed one, else the only one.
     fn pair(&self, kind: DelayPairKind) -> Result<&'a PairDelay, String> {
         let record = self.record;
         let all = record.delays.as_ref().map(|d| d.pairs.as_slice()).unwrap_or_default();
@@ -202,19 +202,19 @@ impl<'a> Subject<'a> {
     }
 
     fn delay(&self, kind: DelayPairKind) -> Result<Reading, String> {
-        told(&self.pair(kind)?.delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
+        known(&self.pair(kind)?.delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
     }
 
-    /// What the flight says of position against velocity.
+    /// The flight's own delay of position against velocity.
     fn own_delay(&self) -> Result<&'a MeasuredDelay, String> {
-        told(&self.pair(DelayPairKind::PositionAgainstVelocity)?.delay)
+        known(&self.pair(DelayPairKind::PositionAgainstVelocity)?.delay)
     }
 
-    /// The delay of position against velocity. Of the pair that the answer rests on, the interval is not narrower than the
-    /// answer's, which allows for what the models of the channels leave out.
+    /// The delay of position against velocity. For the pair that the answer is based on, the interval is at least as
+    /// wide as the answer's, which includes effects outside the channel models.
     fn position_delay(&self) -> Result<Reading, String> {
         let pair = self.pair(DelayPairKind::PositionAgainstVelocity)?;
-        let found = told(&pair.delay)?;
+        let found = known(&pair.delay)?;
         let of_answer = self.record.lateness.as_ref().filter(|l| {
             l.position.as_deref() == Some(pair.first.as_str()) && l.velocity.as_deref() == Some(pair.second.as_str())
         });
@@ -225,7 +225,7 @@ impl<'a> Subject<'a> {
     }
 
     fn score(&self) -> Result<&'a CompensatorScore, String> {
-        // Says which did run, if this one did not.
+        // If this one did not run, the error names those that did.
         let name = &self.compensator()?.name;
         let scores = self.replay()?.scores.as_ref().ok_or("the record holds no scores")?;
         scores.compensators.iter().find(|c| c.name == *name).ok_or_else(|| format!("{name} was not scored"))
@@ -236,15 +236,15 @@ impl<'a> Subject<'a> {
         finding: impl Fn(&'a CompensatorScore) -> &'a Finding<T>,
         of: impl Fn(&T) -> Estimate,
     ) -> Result<Reading, String> {
-        told(finding(self.score()?)).map(|found| Reading::uncertain(of(found)))
+        known(finding(self.score()?)).map(|found| Reading::uncertain(of(found)))
     }
 
     fn residual_delay_against_reference(&self) -> Result<Reading, String> {
-        told(&self.against_reference()?.residual_delay_s).map(|found| Reading::uncertain(*found))
+        known(&self.against_reference()?.residual_delay_s).map(|found| Reading::uncertain(*found))
     }
 
     fn against_reference(&self) -> Result<&'a ReferenceScore, String> {
-        told(&self.score()?.reference)
+        known(&self.score()?.reference)
     }
 
     fn residual_delay(&self) -> Result<Reading, String> {
@@ -252,11 +252,11 @@ impl<'a> Subject<'a> {
             let why = "the removed delay was found in this very flight: what is left of it is zero by construction";
             return Err(why.to_owned());
         }
-        told(&self.score()?.residual_delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
+        known(&self.score()?.residual_delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
     }
 
     fn motion_share(&self, of: impl Fn([f64; 3]) -> f64) -> Result<Reading, String> {
-        let shares = told(&self.score()?.band)?.motion_share;
+        let shares = known(&self.score()?.band)?.motion_share;
         let shares = shares.ok_or("how the motion is spread over frequency is not known")?;
         Ok(Reading::plain(of(shares)))
     }
@@ -264,7 +264,7 @@ impl<'a> Subject<'a> {
     fn onboard(&self) -> Result<Reading, String> {
         let name = &self.compensator()?.name;
         let onboard = self.replay()?.onboard.as_ref();
-        let onboard = told(onboard.ok_or("the log holds no position that was compensated in flight")?)?;
+        let onboard = known(onboard.ok_or("the log holds no position that was compensated in flight")?)?;
         let against = onboard.against.iter().find(|a| a.name == *name);
         Ok(Reading::plain(against.ok_or_else(|| format!("{name} was not compared with it"))?.rms_m))
     }
@@ -293,13 +293,13 @@ impl<'a> Subject<'a> {
         Ok(Reading::plain(excitation.moving_share))
     }
 
-    /// Delay of the flight, of the pair that was replayed, and that of the bench.
+    /// Delay of the replayed pair from the flight, and from the bench.
     fn found_and_bench(&self) -> Result<(Estimate, Estimate), String> {
         let (replay, pair) = (self.replay()?, self.pair(DelayPairKind::PositionAgainstVelocity)?);
         if !is_of_replay(pair, replay) {
             return Err("the delay of the replayed pair was not measured".to_owned());
         }
-        Ok((told(&pair.delay)?.delay_s, bench_delay(replay)?))
+        Ok((known(&pair.delay)?.delay_s, bench_delay(replay)?))
     }
 
     fn difference(&self) -> Result<Reading, String> {
@@ -318,7 +318,7 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// Whether a pair is that of the replay, or measures one of its channels against something else.
+/// Whether a pair is the replayed one, or compares one of its channels with another.
 fn is_of_replay(pair: &PairDelay, replay: &ReplayRecord) -> bool {
     let record::PairUse { position, velocity, reference } = &replay.pair;
     let scored = |channel: &str| pair.first == channel && reference.as_ref() == Some(&pair.second);
@@ -331,15 +331,15 @@ fn is_of_replay(pair: &PairDelay, replay: &ReplayRecord) -> bool {
     }
 }
 
-/// What was found, or why it cannot be told.
-fn told<T>(finding: &Finding<T>) -> Result<&T, String> {
+/// The value of a finding, or why it is unknown.
+fn known<T>(finding: &Finding<T>) -> Result<&T, String> {
     match finding {
         Finding::Found(found) => Ok(found),
         Finding::CannotTell(why) => Err(why.clone()),
     }
 }
 
-/// The delay that is known from elsewhere than this flight: the card's, else the pipeline's.
+/// The delay from outside this flight: the card's, else the pipeline's.
 fn bench_delay(replay: &ReplayRecord) -> Result<Estimate, String> {
     let Some(choice) = &replay.choice else {
         let settings = &replay.settings;
@@ -351,12 +351,12 @@ fn bench_delay(replay: &ReplayRecord) -> Result<Estimate, String> {
 }
 
 fn lead_error(score: &CompensatorScore) -> Result<Reading, String> {
-    let lead = told(&score.lead_s)?;
+    let lead = known(&score.lead_s)?;
     let value = lead.value - score.expected_lead_s;
     Ok(Reading::uncertain(Estimate { value, ..*lead }))
 }
 
-/// Of mean and rms.
+/// The rms of a pair of mean and rms.
 fn rms([_, rms]: [Estimate; 2]) -> Reading {
     Reading::uncertain(rms)
 }
@@ -366,7 +366,7 @@ fn correction(result: &CompensatorResult) -> Reading {
 }
 
 fn optimum(sweep: &DelaySweep) -> Result<Reading, String> {
-    told(&sweep.optimum).map(|found| Reading::within(found.delay_s, found.interval_95_s))
+    known(&sweep.optimum).map(|found| Reading::within(found.delay_s, found.interval_95_s))
 }
 
 fn smallest_detectable(found: &MeasuredDelay) -> Reading {
@@ -378,8 +378,8 @@ fn expanded_uncertainty(found: &MeasuredDelay) -> Result<Reading, String> {
     Ok(Reading::plain(2.0 * u))
 }
 
-/// The largest step between two parts of the flight. It was looked for at every border of two windows, so that
-/// its 95 % interval is that of all of them together (Bonferroni).
+/// The largest step between two parts of the flight. It was searched for at every border between windows, so its
+/// 95 % interval is corrected for all of them (Bonferroni).
 fn change(found: &MeasuredDelay) -> Result<Reading, String> {
     let windows = found.over_time.len();
     let test = found.homogeneity.filter(|_| windows > 1);

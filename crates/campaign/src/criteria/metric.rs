@@ -1,10 +1,10 @@
-//! What can be asked of a flight: the vocabulary of criteria files.
+//! Metrics of a flight: the vocabulary of criteria files.
 
 use super::unit::Dimension;
 #[cfg(feature = "schema")]
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 
-/// A number that the record of a flight holds.
+/// A number in the record of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Metric {
     Lateness,
@@ -60,20 +60,20 @@ pub(crate) enum Metric {
     Warnings,
 }
 
-/// Which further key a criterion gives.
+/// Additional keys of a criterion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Takes {
     /// None.
     Nothing,
-    /// `compensator`, which must be given.
+    /// `compensator`, required.
     Compensator,
-    /// `channel`, which must be given.
+    /// `channel`, required.
     Channel,
-    /// `channel` and `against`, which may be given; without them, the replayed pair.
+    /// `channel` and `against`, optional. Default: the replayed pair.
     Pair,
 }
 
-/// Which values there can be.
+/// Possible values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Range {
     Signed,
@@ -81,7 +81,7 @@ pub(crate) enum Range {
     Share,
 }
 
-/// What is known of a metric.
+/// Description of a metric.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MetricEntry {
     pub(crate) metric: Metric,
@@ -89,20 +89,20 @@ pub struct MetricEntry {
     pub name: &'static str,
     /// Its name on a page.
     pub symbol: &'static str,
-    /// What it is a number of.
+    /// Its dimension.
     pub dimension: Dimension,
     /// Whether it has an uncertainty, so that its interval decides.
     pub uncertain: bool,
-    /// Further keys.
+    /// Additional keys.
     pub takes: Takes,
     pub(crate) range: Range,
-    /// What it is, in words.
+    /// Description for users.
     pub about: &'static str,
 }
 
-/// Has an uncertainty.
+/// A metric with an uncertainty.
 const UNSURE: bool = true;
-/// Has none of its own.
+/// A metric without an uncertainty of its own.
 const PLAIN: bool = false;
 
 /// Every metric, as `flightlag criteria` lists them.
@@ -641,7 +641,7 @@ const fn entry(
 }
 
 impl MetricEntry {
-    /// The metric of a name; else the names that come near, or all.
+    /// The metric of a name; else an error with the nearest names, or all.
     pub(crate) fn of(name: &str) -> Result<&'static MetricEntry, String> {
         METRICS.iter().find(|m| m.name == name).ok_or_else(|| {
             let near = |m: &&MetricEntry| name.split('-').any(|word| word.len() > 2 && m.name.contains(word));
@@ -649,12 +649,12 @@ impl MetricEntry {
             if names.is_empty() {
                 names = METRICS.iter().map(|m| m.name).collect();
             }
-            let meant = MetricEntry::nearest(name).map_or(String::new(), |m| format!("did you mean `{}`? ", m.name));
-            format!("no metric is called `{name}`; {meant}known are {} (all: flightlag criteria)", names.join(", "))
+            let hint = MetricEntry::nearest(name).map_or(String::new(), |m| format!("did you mean `{}`? ", m.name));
+            format!("no metric is called `{name}`; {hint}known are {} (all: flightlag criteria)", names.join(", "))
         })
     }
 
-    /// The metric whose name is likely meant.
+    /// The metric with the most likely name.
     pub(crate) fn nearest(name: &str) -> Option<&'static MetricEntry> {
         let near = settings::likely(name, METRICS.iter().map(|m| m.name))?;
         METRICS.iter().find(|m| m.name == near)
@@ -674,6 +674,6 @@ impl JsonSchema for MetricName {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         let one = |m: &MetricEntry| json_schema!({ "const": m.name, "description": m.about });
         let all: Vec<Schema> = METRICS.iter().map(one).collect();
-        json_schema!({ "description": "What is measured.", "oneOf": all })
+        json_schema!({ "description": "The measured quantity.", "oneOf": all })
     }
 }

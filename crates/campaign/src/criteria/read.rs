@@ -1,10 +1,10 @@
-//! From what the user wrote to what is meant; every complaint has its line.
+//! Resolves a criteria file; every complaint has its line.
 
 use super::applies::AppliesTo;
 use super::file::{AppliesTable, CriteriaFile, CriterionTable};
 use super::metric::{MetricEntry, Range, Takes};
 use super::unit::{Dimension, Quantity, read};
-use super::{Criteria, Criterion, MeantCriterion};
+use super::{Criteria, Criterion, ResolvedCriterion};
 use compensation_replay::CompensatorKind;
 use record::{DecisionRule, Limit};
 use settings::{Refused, SettingsFile};
@@ -12,19 +12,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
-/// A criteria file is wrong, and where.
+/// An error in a criteria file, with its place.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
 pub struct CriteriaError {
     /// The file.
     pub file: PathBuf,
-    /// Line, from 1, where there is one.
+    /// Line, from 1, if known.
     pub line: Option<usize>,
     /// What is wrong, and what would be right.
     pub what: String,
 }
 
-/// Names under which a record holds what always runs, beside those that a pipeline can ask for.
+/// Record names of the compensators that always run, in addition to those that a pipeline can request.
 const ALWAYS: [&str; 4] = ["raw", "pade-1-1", "pade-1-1-as-seen", "exact-async"];
 
 pub(super) fn from_disk(path: &Path) -> Result<Criteria, CriteriaError> {
@@ -34,22 +34,22 @@ pub(super) fn from_disk(path: &Path) -> Result<Criteria, CriteriaError> {
 
 pub(super) fn parse(text: &str, path: &Path) -> Result<Criteria, CriteriaError> {
     let file = SettingsFile::new(text, path);
-    let meant = file.read().and_then(|written| Checker { file: &file, path }.meaning_of(written));
-    file.finish(meant).map_err(|e| fault(path, e.line, e.what))
+    let resolved = file.read().and_then(|written| Checker { file: &file, path }.resolve(written));
+    file.finish(resolved).map_err(|e| fault(path, e.line, e.what))
 }
 
 fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> CriteriaError {
     CriteriaError { file: path.to_owned(), line, what: what.into() }
 }
 
-/// Knows the file, so that every complaint has its line.
+/// Checks criteria. Holds the file, so that every complaint has its line.
 struct Checker<'a> {
     file: &'a SettingsFile<'a>,
     path: &'a Path,
 }
 
 impl Checker<'_> {
-    fn meaning_of(&self, written: CriteriaFile) -> Result<Criteria, Refused> {
+    fn resolve(&self, written: CriteriaFile) -> Result<Criteria, Refused> {
         if *written.schema.get_ref() != 1 {
             return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
@@ -85,7 +85,7 @@ impl Checker<'_> {
         ];
         let applies_to = table.applies_to.as_ref().map(|a| self.applies_to(a)).transpose();
         let metric = MetricEntry::of(table.metric.get_ref()).map_err(|what| self.fault(&table.metric, what));
-        // The rest of a criterion is checked by the metric that was probably meant.
+        // The rest of a criterion is checked against the most likely metric.
         let entry = metric.or_else(|refused| MetricEntry::nearest(table.metric.get_ref()).ok_or(refused))?;
         let compensator = self.compensator(&table, entry, &whole);
         let channels = self.channels(&table, entry, &whole);
@@ -96,7 +96,8 @@ impl Checker<'_> {
         let (compensator, (limit, quantity), rule) = (compensator?, limit?, rule?);
         let applies_to = applies_to?.unwrap_or_default();
         let decision = (rule == DecisionRule::Value).then_some("value");
-        let written = MeantCriterion { compensator, decision, applies_to: applies_to.clone(), ..meant(table, entry) };
+        let written =
+            ResolvedCriterion { compensator, decision, applies_to: applies_to.clone(), ..resolved(table, entry) };
         Ok(Criterion { entry, limit, unit: quantity.unit, rule, applies_to, written })
     }
 
@@ -112,7 +113,7 @@ impl Checker<'_> {
         if text.get_ref().trim().is_empty() { Err(self.fault(text, what)) } else { Ok(()) }
     }
 
-    /// The compensator as records name it.
+    /// The record name of the compensator.
     fn compensator(
         &self,
         table: &CriterionTable,
@@ -201,7 +202,7 @@ impl Checker<'_> {
         }
     }
 
-    /// A limit that every number keeps, or none, is a slip of the pen.
+    /// Rejects a limit that all numbers meet, or none: it is a typo.
     fn keeps_something<T>(&self, at: &Spanned<T>, entry: &MetricEntry, limit: Limit) -> Result<(), Refused> {
         let (least, most) = match entry.range {
             Range::Signed => return Ok(()),
@@ -246,16 +247,16 @@ impl Checker<'_> {
         if let Some(reference) = reference.as_ref().filter(|r| !r.get_ref()) {
             return Err(self.fault(reference, "applies_to.reference is true or left out"));
         }
-        let meant = AppliesTo {
+        let resolved = AppliesTo {
             flights: self.names(flights, "flights")?,
             maps: self.names(maps, "maps")?,
             channels: self.names(channels, "channels")?,
             reference: reference.is_some(),
             duration_at_least_s: duration_at_least.as_ref().map(|d| self.duration(d)).transpose()?,
         };
-        match meant.is_everything() {
+        match resolved.is_everything() {
             true => Err(self.fault(written, "applies_to is empty: leave it out for all flights")),
-            false => Ok(meant),
+            false => Ok(resolved),
         }
     }
 
@@ -278,12 +279,12 @@ impl Checker<'_> {
     }
 }
 
-/// What is meant by the keys of a right criterion; compensator, decision and applies_to are still to be added.
-fn meant(table: CriterionTable, entry: &MetricEntry) -> MeantCriterion {
+/// The resolved keys of a valid criterion, without compensator, decision and applies_to.
+fn resolved(table: CriterionTable, entry: &MetricEntry) -> ResolvedCriterion {
     let one = |value: &toml::Value| read(value, entry.dimension).ok().map(|q| in_toml(&q, entry.dimension));
     let limit = |value: Option<Spanned<toml::Value>>| value.and_then(|value| one(value.get_ref()));
     let name = |name: Option<Spanned<String>>| name.map(Spanned::into_inner);
-    MeantCriterion {
+    ResolvedCriterion {
         metric: entry.name.to_owned(),
         at_most: limit(table.at_most),
         at_least: limit(table.at_least),
@@ -302,7 +303,7 @@ fn meant(table: CriterionTable, entry: &MetricEntry) -> MeantCriterion {
     }
 }
 
-/// The name under which a record holds a compensator.
+/// The record name of a compensator.
 fn recorded_name(name: &str) -> Result<String, String> {
     if ALWAYS.contains(&name) {
         return Ok(name.to_owned());
@@ -312,7 +313,7 @@ fn recorded_name(name: &str) -> Result<String, String> {
     Ok(if name == "pade-1-1-tustin" { "pade-1-1".to_owned() } else { name })
 }
 
-/// As a criteria file has it.
+/// A quantity in the form of a criteria file.
 fn in_toml(quantity: &Quantity, dimension: Dimension) -> toml::Value {
     match dimension {
         Dimension::Count => toml::Value::Integer(quantity.written as i64),

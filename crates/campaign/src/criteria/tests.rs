@@ -1,4 +1,4 @@
-//! Criteria files, right and wrong, and every metric on a record whose numbers are known.
+//! Valid and invalid criteria files, and every metric on a record with known numbers.
 
 use super::metric::METRICS;
 use super::{Criteria, DEMO_CRITERIA, EXAMPLE_CRITERIA, Takes, row_verdicts};
@@ -11,14 +11,14 @@ fn parse(text: &str) -> Result<Criteria, super::CriteriaError> {
     Criteria::parse(text, Path::new("settings/c.toml"))
 }
 
-/// A file with one criterion; its metric is on line 5, what is added on line 7.
+/// A file with one criterion; its metric is on line 5, the added keys on line 7.
 fn one(metric: &str, added: &str) -> String {
     format!(
         "schema = 1\n[[criterion]]\nid = \"a\"\ntitle = \"asked\"\nmetric = \"{metric}\"\nrationale = \"why\"\n{added}\n"
     )
 }
 
-/// Parts of a right file, what stands in their place, the line of the complaint, and what it says.
+/// Parts of a valid file, their replacement, the line of the complaint, and its text.
 const SLIPS: [(&str, &str, usize, &str); 9] = [
     ("schema = 1", "schema = 2", 1, "schema must be 1"),
     ("title", "titel", 4, "unknown key `titel`"),
@@ -31,7 +31,7 @@ const SLIPS: [(&str, &str, usize, &str); 9] = [
     ("\"delay\"", "\"speed\"", 5, "known are speed-median"),
 ];
 
-/// Metrics, the keys that are added to their criterion, the line of the complaint, and what it says.
+/// Metrics, the keys added to their criterion, the line of the complaint, and its text.
 const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
     ("delay", "", 2, "needs a limit"),
     ("delay", "at_most = \"1 s\"\nat_least = \"0 s\"", 2, "has one limit"),
@@ -73,7 +73,7 @@ fn assert_refused(text: &str, line: usize, says: &str) {
 }
 
 #[test]
-fn a_slip_is_refused_with_its_line_and_what_would_be_right() {
+fn a_typo_is_rejected_with_its_line_and_the_correct_form() {
     let good = one("delay", "at_most = \"1 s\"");
     for (right, wrong, line, says) in SLIPS {
         assert_refused(&good.replace(right, wrong), line, says);
@@ -85,14 +85,14 @@ fn a_slip_is_refused_with_its_line_and_what_would_be_right() {
 }
 
 #[test]
-fn keys_that_do_not_go_with_their_metric_are_refused_with_their_line_and_what_would_be_right() {
+fn keys_that_do_not_fit_the_metric_are_rejected_with_line_and_correction() {
     for (metric, keys, line, says) in WRONG_KEYS {
         assert_refused(&one(metric, keys), line, says);
     }
 }
 
 #[test]
-fn what_is_meant_is_itself_a_criteria_file_with_the_same_meaning() {
+fn resolved_criteria_resolve_to_themselves() {
     for text in [EXAMPLE_CRITERIA, DEMO_CRITERIA] {
         let criteria = parse(text).unwrap();
         let used = criteria.as_used();
@@ -259,14 +259,14 @@ fn lateness() -> Value {
     })
 }
 
-/// The one criterion of a text on a record.
+/// The finding of a text with one criterion on a record.
 fn judged(text: &str, record: &FlightRecord) -> CriterionFinding {
     let mut findings = parse(text).unwrap().judge("2026-05/f.bag", record).findings;
     assert_eq!(findings.len(), 1);
     findings.remove(0)
 }
 
-/// A limit for a metric that says nothing: only the number is looked at.
+/// A limit for tests that only examine the number of a metric.
 fn any_limit(name: &str) -> String {
     let metric = METRICS.iter().find(|m| m.name == name).unwrap();
     let unit = metric.dimension.units().next().unwrap();
@@ -278,7 +278,7 @@ fn any_limit(name: &str) -> String {
     }
 }
 
-/// A value and, where there is one, its 95 % interval.
+/// A value and its 95 % interval, if any.
 type Expected = (f64, Option<[f64; 2]>);
 
 const fn around(value: f64, u: f64) -> Expected {
@@ -289,10 +289,10 @@ const fn plain(value: f64) -> Expected {
     (value, None)
 }
 
-/// Two places where a step was looked for: the normal quantile of 1 − 0.025/2 is 2.241403.
+/// Two places where a step was searched for: the normal quantile of 1 − 0.025/2 is 2.241403.
 const STEP: f64 = 2.241_402_727_604_947 * 0.005;
 
-/// Values by hand from the record above, by metric.
+/// Values calculated by hand from the record above, by metric.
 const EXPECTED: [(&str, Expected); 50] = [
     ("delay", (0.4, Some([0.379, 0.421]))),
     ("lateness", (0.41, Some([0.394, 0.426]))),
@@ -349,12 +349,12 @@ const EXPECTED: [(&str, Expected); 50] = [
 ];
 
 #[test]
-fn every_metric_is_the_number_that_a_hand_finds_in_the_record() {
+fn every_metric_matches_the_value_calculated_by_hand() {
     let (record, expected) = (record(), BTreeMap::from(EXPECTED));
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs().max(1.0);
     for metric in METRICS.iter().filter(|m| m.name != "step-at-bench-value") {
         let (value, interval) = expected.get(metric.name).unwrap_or_else(|| panic!("{} is not tested", metric.name));
-        // Shares and the like: a limit that keeps something.
+        // Shares and the like: a limit that is neither always nor never met.
         let text = one(metric.name, &any_limit(metric.name).replace("\"1 %\"", "\"50 %\""));
         let finding = judged(&text, &record);
         let Estimate { value: got, .. } =
@@ -371,7 +371,7 @@ fn every_metric_is_the_number_that_a_hand_finds_in_the_record() {
 }
 
 #[test]
-fn steps_at_fixes_are_judged_at_the_bench_value_where_there_is_no_reference() {
+fn steps_at_fixes_are_judged_at_the_bench_value_without_a_reference() {
     let mut json = record_json();
     json["replay"]["sweep"]["score"] = json!("step-at-fixes");
     let record: FlightRecord = serde_json::from_value(json).unwrap();
@@ -382,7 +382,7 @@ fn steps_at_fixes_are_judged_at_the_bench_value_where_there_is_no_reference() {
 }
 
 #[test]
-fn a_verdict_follows_from_interval_and_limit_in_the_unit_of_the_file() {
+fn a_verdict_follows_from_interval_and_limit_in_the_files_unit() {
     use CriterionVerdict::{Fail, Inconclusive, Pass};
     let record = record();
     for (limit, verdict, margin) in [
@@ -408,7 +408,7 @@ fn a_verdict_follows_from_interval_and_limit_in_the_unit_of_the_file() {
 }
 
 #[test]
-fn the_delay_is_judged_with_the_uncertainty_of_the_answer_where_that_is_wider() {
+fn the_delay_is_judged_with_the_uncertainty_of_the_answer_if_larger() {
     let mut json = record_json();
     json["lateness"]["position_minus_velocity_s"] = estimate(0.402, 0.02);
     let record: FlightRecord = serde_json::from_value(json).unwrap();
@@ -422,7 +422,7 @@ fn the_delay_is_judged_with_the_uncertainty_of_the_answer_where_that_is_wider() 
 }
 
 #[test]
-fn another_pair_is_judged_where_the_criterion_names_it() {
+fn a_criterion_can_name_another_pair() {
     let record = record();
     let of = |keys: &str| judged(&one("delay", &format!("at_most = \"1 s\"\n{keys}")), &record);
     assert_eq!(of("channel = \"position.ins\"").value.unwrap().value, 0.5);
@@ -434,7 +434,7 @@ fn another_pair_is_judged_where_the_criterion_names_it() {
 }
 
 #[test]
-fn without_a_number_nothing_is_evaluated_and_the_reason_is_told() {
+fn without_a_number_nothing_is_evaluated_and_the_reason_is_reported() {
     let verdict = |change: &dyn Fn(&mut Value), metric: &str| {
         let mut json = record_json();
         change(&mut json);
@@ -468,7 +468,7 @@ fn without_a_number_nothing_is_evaluated_and_the_reason_is_told() {
     };
     for metric in METRICS {
         let reason = match metric.name {
-            // A share of 1 % would be no sensible limit for these; the reason is the same.
+            // A share of 1 % is not a sensible limit for these; the reason is the same.
             name if name.ends_with("-share") => continue,
             name => verdict(&failed, name),
         };
@@ -477,7 +477,7 @@ fn without_a_number_nothing_is_evaluated_and_the_reason_is_told() {
 }
 
 #[test]
-fn an_uncertainty_that_is_not_known_decides_nothing_unless_the_file_says_so() {
+fn an_unknown_uncertainty_decides_nothing_unless_the_file_says_so() {
     let mut json = record_json();
     json["replay"]["compensators"][1]["error_rms_m"]["standard_uncertainty"] = Value::Null;
     let record: FlightRecord = serde_json::from_value(json).unwrap();
@@ -490,7 +490,7 @@ fn an_uncertainty_that_is_not_known_decides_nothing_unless_the_file_says_so() {
 }
 
 #[test]
-fn a_criterion_applies_only_where_all_that_it_asks_for_holds() {
+fn a_criterion_applies_only_if_all_its_conditions_hold() {
     use CriterionVerdict::{NotApplicable, NotEvaluated, Pass};
     let verdict = |applies: &str, record: &FlightRecord| {
         let text = one("position-rate", &format!("at_least = \"1 Hz\"\napplies_to = {applies}"));
@@ -516,12 +516,12 @@ fn a_criterion_applies_only_where_all_that_it_asks_for_holds() {
     json["reason"] = json!("never moves");
     json["replay"] = Value::Null;
     let parked: FlightRecord = serde_json::from_value(json).unwrap();
-    assert_eq!(verdict("{ reference = true }", &parked), NotEvaluated, "nobody knows");
+    assert_eq!(verdict("{ reference = true }", &parked), NotEvaluated, "unknown reference");
     assert_eq!(verdict("{ flights = [\"*.csv\"], reference = true }", &parked), NotApplicable, "whatever the replay");
 }
 
 #[test]
-fn a_campaign_counts_flights_by_criterion_and_by_their_gravest_verdict() {
+fn a_campaign_counts_flights_by_criterion_and_by_worst_verdict() {
     let criteria = parse(&format!(
         "{}[[criterion]]\nid = \"b\"\ntitle = \"t\"\nmetric = \"restarts\"\nrationale = \"r\"\nat_most = 1\n",
         one("delay", "at_most = \"421 ms\"")

@@ -1,8 +1,8 @@
-//! Numbers with units, as people write them in a criteria file.
+//! Numbers with units, as users write them in a criteria file.
 
 use record::CriterionUnit;
 
-/// What a number is a number of.
+/// Dimension of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     /// Seconds.
@@ -17,7 +17,7 @@ pub enum Dimension {
     Bytes,
     /// Part of a whole, 0 to 1.
     Share,
-    /// How many: a whole number without unit.
+    /// A whole number without unit.
     Count,
     /// A number without unit.
     Ratio,
@@ -41,7 +41,7 @@ impl Dimension {
         }
     }
 
-    /// Units that a limit may be written in; one empty name where there is none.
+    /// Allowed units of a limit; one empty name if there are no units.
     pub fn units(self) -> impl Iterator<Item = &'static str> {
         self.rows().iter().map(|row| row.0)
     }
@@ -50,7 +50,7 @@ impl Dimension {
         matches!(self, Dimension::Count | Dimension::Ratio)
     }
 
-    /// What would be right, for an error.
+    /// The correct form, for an error.
     fn wanted(self) -> String {
         match self {
             Dimension::Count => "a whole number without a unit".to_owned(),
@@ -74,7 +74,7 @@ pub(crate) struct Quantity {
 /// Reads a limit of this dimension from a TOML value.
 ///
 /// # Errors
-/// What is wrong with it and what would be right.
+/// What is wrong with it and the correct form.
 pub(crate) fn read(value: &toml::Value, dimension: Dimension) -> Result<Quantity, String> {
     let text = match value {
         toml::Value::String(text) => text.trim().to_owned(),
@@ -99,7 +99,7 @@ pub(crate) fn read(value: &toml::Value, dimension: Dimension) -> Result<Quantity
         return Err(format!("{text} is not a count: write {}", dimension.wanted()));
     }
     let unit = CriterionUnit { name: (*name).to_owned(), si: times / over };
-    // Minus zero is zero, and shall not name another meaning.
+    // Minus zero becomes zero, which must not change the hash.
     let written = if written == 0.0 { 0.0 } else { written };
     Ok(Quantity { written, unit, si: written * times / over })
 }
@@ -114,7 +114,7 @@ fn wrong_unit(text: &str, unit: &str, dimension: Dimension) -> String {
 }
 
 impl Quantity {
-    /// As a criteria file has it: `150 ms`, or the bare number.
+    /// The form in a criteria file: `150 ms`, or the bare number.
     pub(crate) fn text(&self) -> String {
         format!("{} {}", self.written, self.unit.name).trim_end().to_owned()
     }
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_such_quantity_is_refused_with_what_would_be_right() {
+    fn an_invalid_quantity_is_rejected_with_the_correct_form() {
         for (text, dimension, says) in [
             ("150", Dimension::Time, "150 has no unit"),
             (

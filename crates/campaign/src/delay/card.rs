@@ -1,4 +1,4 @@
-//! The delay of one flight as a sensor card has it, for the flight's channels and day.
+//! The delay of one flight from a sensor card, for the flight's channels and day.
 
 use super::{Case, FoundDelay, milliseconds};
 use crate::cards::UsedCard;
@@ -9,17 +9,17 @@ use jiff::civil::Date;
 use jiff::tz::TimeZone;
 use record::{CardChannel, CardUse, Estimate, SensorCard, TimeBasis, Verdict};
 
-/// A flight that is updated faster or slower than on the bench by more than this runs in another configuration.
+/// A flight whose update rate differs from the bench by more than this share has another configuration.
 const RATE_TOLERANCE: f64 = 0.2;
 
-/// The delay of a flight by the best of these cards, or why there is none to remove.
+/// The delay of a flight from the best of these cards, or why there is none to remove.
 pub(super) fn delay_of(cards: &[UsedCard], case: &Case<'_>) -> Result<FoundDelay, String> {
     let days = case.days();
     let used = best(cards, days).ok_or("there is no sensor card")?;
     Reading { used, card: used.card(), case, days, notices: Notices::new() }.delay()
 }
 
-/// The UTC instant of a stamp; `None` for a clock that neither knows the day nor is tied to UTC by the log.
+/// The UTC instant of a timestamp; `None` for a clock that neither has the date nor is tied to UTC by the log.
 fn instant(tie: Option<&UtcTie>, clock: Clock, stamp: Stamp) -> Option<jiff::Timestamp> {
     let tied = || tie.filter(|tie| tie.clock == clock)?.unix(stamp);
     let unix = clock.unix(stamp).or_else(tied)?;
@@ -30,7 +30,7 @@ fn instant(tie: Option<&UtcTie>, clock: Clock, stamp: Stamp) -> Option<jiff::Tim
 type Days = (Date, Date);
 
 impl Case<'_> {
-    /// The days of the flight: by its position's stamps, else by those of any channel that knows the time of day.
+    /// The days of the flight: from its position's timestamps, else from any channel with UTC.
     fn days(&self) -> Option<Days> {
         let others = self.flight.channels.values();
         std::iter::once(self.position.1).chain(others).find_map(|channel| days_of(self.flight.utc.as_ref(), channel))
@@ -48,18 +48,18 @@ fn days_of(tie: Option<&UtcTie>, channel: &Channel) -> Option<Days> {
     })
 }
 
-/// The day of a card's text, which was checked when the card was read.
+/// A date of a card, which was checked when the card was read.
 fn date(text: Option<&String>) -> Option<Date> {
     text.and_then(|t| t.parse().ok())
 }
 
-/// Whether a card holds on the days of a flight.
+/// Whether a card is valid on the days of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Validity {
     Valid,
-    /// The card says nothing of days.
+    /// The card has no dates.
     Unlimited,
-    /// The flight says nothing of days.
+    /// The date of the flight is unknown.
     DayUnknown,
     Expired(Date),
     NotYet(Date),
@@ -82,7 +82,7 @@ impl Validity {
     }
 }
 
-/// Of several cards of a sensor: one that is valid on the flight's days before one that is not, then the newest.
+/// The best of several cards of a sensor: one that is valid on the flight's days before others, then the newest.
 fn best(cards: &[UsedCard], days: Option<Days>) -> Option<&UsedCard> {
     let rank = |used: &&UsedCard| {
         let card = used.card();
@@ -91,7 +91,7 @@ fn best(cards: &[UsedCard], days: Option<Days>) -> Option<&UsedCard> {
     cards.iter().max_by_key(rank)
 }
 
-/// A card that is read for a flight.
+/// A card applied to a flight.
 struct Reading<'a> {
     used: &'a UsedCard,
     card: &'a SensorCard,
@@ -109,7 +109,7 @@ impl<'a> Reading<'a> {
         self.warn_of_lag(position);
         self.warn_of_rig(position);
         self.warn_of_basis(position);
-        self.tell_of_velocity();
+        self.report_velocity();
         let validity = self.validity();
         let source = format!("{}{validity}", self.origin(position));
         let estimate =
@@ -130,11 +130,11 @@ impl<'a> Reading<'a> {
         })
     }
 
-    fn tell(&mut self, what: impl Into<Graded>, text: String) {
+    fn add_notice(&mut self, what: impl Into<Graded>, text: String) {
         self.notices.push(what, self.used.name(), 1, text);
     }
 
-    /// The card's word on the position that is replayed.
+    /// The card's entry for the replayed position.
     fn position(&self) -> Result<&'a CardChannel, String> {
         let name = self.case.position.0;
         let file = self.used.name();
@@ -153,9 +153,9 @@ impl<'a> Reading<'a> {
         Err(format!("{file}: the delay of {name}, {delay} ms, is {nothing}"))
     }
 
-    /// A velocity that is late itself changes nothing in first order: position plus the integral of velocity over the
-    /// lateness of the position is on time, and −a·Tp·Tv is left (design note 5.6, delay network 1).
-    fn tell_of_velocity(&mut self) {
+    /// Reports a late velocity. It changes nothing in first order: position plus the integral of velocity over the
+    /// lateness of the position is on time, and −a·Tp·Tv remains (design note 5.6, delay network 1).
+    fn report_velocity(&mut self) {
         let name = self.case.velocity.0;
         let late = |c: &&CardChannel| c.name == name && matches!(c.verdict, Verdict::Delayed | Verdict::Early);
         let Some(velocity) = self.card.channels.iter().find(late) else { return };
@@ -164,10 +164,11 @@ impl<'a> Reading<'a> {
             "{name} is {shown} ms late itself: the lateness of the position is removed all the same, and an error of \
              acceleration times both delays is left"
         );
-        self.tell(Code::CardResidual.at(Severity::Info), text);
+        self.add_notice(Code::CardResidual.at(Severity::Info), text);
     }
 
-    /// A lag that is removed as a delay is right for the bench's swing: slower motion is later.
+    /// Warns of a lag that is removed as a delay: the number is right for the bench's swing, and slower motion is
+    /// later.
     fn warn_of_lag(&mut self, on_card: &CardChannel) {
         if on_card.lags_s.iter().all(|lag| *lag <= 0.0) {
             return;
@@ -183,7 +184,7 @@ impl<'a> Reading<'a> {
             on_card.model,
             1e3 * on_card.delay_s
         );
-        self.tell(Code::CardResidual, text);
+        self.add_notice(Code::CardResidual, text);
     }
 
     fn warn_of_rig(&mut self, on_card: &CardChannel) {
@@ -193,11 +194,11 @@ impl<'a> Reading<'a> {
                 on_card.name,
                 on_card.contradicted.join(", ")
             );
-            self.tell(Code::RigContradicted, text);
+            self.add_notice(Code::RigContradicted, text);
         }
     }
 
-    /// A delay is only as good as what tied the clocks of the bench.
+    /// Warns of a weak clock tie: a delay is only as good as what tied the clocks of the bench.
     fn warn_of_basis(&mut self, position: &CardChannel) {
         let text = match &position.basis {
             TimeBasis::OneClock | TimeBasis::Pps => return,
@@ -212,24 +213,24 @@ impl<'a> Reading<'a> {
                 position.name
             ),
         };
-        self.tell(Code::CardRelative, text);
+        self.add_notice(Code::CardRelative, text);
     }
 
-    /// Stamps and update rate of the flight against those on the bench.
+    /// Compares timestamps and update rate of the flight with those on the bench.
     fn warn_of_configuration(&mut self, on_card: &CardChannel, (name, channel): (&str, &Channel)) {
         let (kind, bench) = (channel.series.timeline().kind(), on_card.stamp_kind);
         if kind != bench {
             let text = format!("{name}: this flight has {kind} stamps, the bench measured the delay of {bench} ones");
-            self.tell(Code::CardMismatch, text);
+            self.add_notice(Code::CardMismatch, text);
         }
         let rates = rate_of(&self.case.binding.channels, name).zip(on_card.update_rate_hz);
         if let Some((rate, bench)) = rates.filter(|(rate, bench)| (rate / bench - 1.0).abs() > RATE_TOLERANCE) {
             let text = format!("{name}: updated at {rate:.2} Hz in this flight, at {bench:.2} Hz on the bench");
-            self.tell(Code::CardConditions, text);
+            self.add_notice(Code::CardConditions, text);
         }
     }
 
-    /// Says whether the card holds on this day; the words end the sentence of the source.
+    /// Whether the card is valid on this day, as the end of the sentence about the source.
     fn validity(&mut self) -> String {
         let flown = |(first, last): Days| if first == last { first.to_string() } else { format!("{first} to {last}") };
         let flown = self.days.map(flown).unwrap_or_default();
@@ -237,18 +238,18 @@ impl<'a> Reading<'a> {
             Validity::Valid | Validity::Unlimited => String::new(),
             Validity::DayUnknown => {
                 let text = "no timestamp of this flight has a date: whether the card is valid is unknown";
-                self.tell(Code::CardConditions, text.to_owned());
+                self.add_notice(Code::CardConditions, text.to_owned());
                 "; the day of the flight is not known".to_owned()
             }
             Validity::Expired(until) => {
                 let text = format!("flown on {flown}, but the card expired on {until}: its delay is used all the same");
-                self.tell(Code::CardMismatch, text);
+                self.add_notice(Code::CardMismatch, text);
                 format!("; EXPIRED on {until}")
             }
             Validity::NotYet(from) => {
                 let text =
                     format!("flown on {flown}, before the card begins on {from}: its delay is used all the same");
-                self.tell(Code::CardMismatch, text);
+                self.add_notice(Code::CardMismatch, text);
                 format!("; NOT YET VALID, from {from} on")
             }
         }
@@ -264,7 +265,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// Slow motion of a channel that is all lag, for cards that do not say it.
+/// Lateness of slow motion for a channel that is a pure lag, for cards that do not state it.
 fn only_lags(channel: &CardChannel) -> Option<f64> {
     (channel.model.starts_with("first-order lag")).then(|| channel.lags_s.iter().sum())
 }

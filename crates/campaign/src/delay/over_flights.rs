@@ -1,4 +1,4 @@
-//! Delays over the flights of a campaign: one mean, one test, one chart, one curve.
+//! Delays over the flights of a campaign: mean, test, control chart, pooled curve.
 
 use record::{
     CampaignDelay, ControlPoint, DelayOverFlights, DelaySweep, Estimate, Finding, FlightHomogeneity, FlightRow,
@@ -10,11 +10,11 @@ use signal::{CubicSpline, Reading, SegmentDelay, homogeneity, mean_of};
 const LIMIT: f64 = 3.0;
 /// Points of the pooled curve.
 const POINTS: usize = 41;
-/// Sweeps that share less than this have no common curve, s.
+/// Sweeps with less overlap than this have no common curve, s.
 const LEAST_SHARED_S: f64 = 0.01;
 
-/// What the flights' delays say together; `None` if no flight has one. A flight whose delay changes takes no part. `outliers` are
-/// in no mean; they have their place among the others in the order of time.
+/// The combined delays of the flights; `None` if no flight has one. A flight with a changing delay is excluded.
+/// `outliers` are in no mean, but keep their place in time order.
 pub(crate) fn campaign_delay(rows: &[&FlightRow], outliers: &[String]) -> Option<CampaignDelay> {
     let of = |row: &FlightRow| reading(&row.measured_delay_s?);
     let optimum = |row: &FlightRow| reading(&row.sweep.as_ref()?.optimum.found()?.delay_s);
@@ -56,15 +56,15 @@ fn over_flights(rows: &[&FlightRow], of: impl Fn(&FlightRow) -> Option<Reading>)
     })
 }
 
-/// The card's word, if it is the same for all flights that have one.
+/// The card's delay, if it is the same for all flights that have one.
 fn card(rows: &[&FlightRow]) -> Option<Estimate> {
     let mut all = rows.iter().filter_map(|row| row.card_delay_s);
     let first = all.next()?;
     all.all(|other| other == first).then_some(first)
 }
 
-/// The measured delays in the order of time (if every one is known) or of names. Each should be what its card says; where
-/// there is no card, the mean over the flights.
+/// The measured delays in order of time (if all times are known) or of names. The expected value is that of the card,
+/// else the mean over the flights.
 fn control(rows: &[&FlightRow], mean: Option<&DelayOverFlights>) -> (Vec<ControlPoint>, bool) {
     let point = |row: &FlightRow| {
         let measured = reading(&row.measured_delay_s?)?;
@@ -91,8 +91,8 @@ fn control(rows: &[&FlightRow], mean: Option<&DelayOverFlights>) -> (Vec<Control
     (points, in_time_order)
 }
 
-/// Mean squares of the flights' sweeps over the delays that all of them have: weighted by seconds flown where errors are
-/// pooled, by fixes where steps are.
+/// Mean squares of the flights' sweeps over their common delays. Weighted by flight time where errors are pooled, and
+/// by fixes where steps are.
 fn pooled(rows: &[&FlightRow]) -> Finding<PooledSweep> {
     let swept = |against| rows.iter().filter_map(|row| weighted(row, against)).collect::<Vec<_>>();
     let with_reference = swept(true);
@@ -129,8 +129,8 @@ fn weighted(row: &FlightRow, against_reference: bool) -> Option<(&DelaySweep, f6
     }
 }
 
-/// The mean square of a sweep over its delay. Marked delays may lie next to those of the grid: of two that are close, one
-/// is enough.
+/// The mean square of a sweep over its delay. Marked delays may lie close to grid points: of two close ones, one is
+/// used.
 fn mean_squares(sweep: &DelaySweep) -> Option<CubicSpline> {
     let (first, last) = (sweep.delay_s.first()?, sweep.delay_s.last()?);
     let close = 0.4 * (last - first) / sweep.delay_s.len() as f64;
@@ -163,7 +163,7 @@ mod tests {
         FlightRow { measured_delay_s: Some(Estimate { value: delay_s, standard_uncertainty: Some(u) }), ..row }
     }
 
-    /// rms² = floor² + speed² (Td − best)², on multiples of 5 ms and at the best delay itself.
+    /// rms² = floor² + speed² (Td − best)², at multiples of 5 ms and at the best delay.
     fn sweep(best: f64, speed: f64, (from, to): (i32, i32)) -> DelaySweep {
         let mut delay_s: Vec<f64> = (from..=to).map(|k| f64::from(k) * 0.005).collect();
         delay_s.push(best);
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn flights_that_agree_have_one_delay_and_one_that_is_off_is_outside_its_limits() {
+    fn consistent_flights_have_one_delay_and_an_outlier_exceeds_its_limits() {
         let mut rows: Vec<FlightRow> = [0.401, 0.399, 0.4, 0.4005].iter().map(|d| row("a", *d, 0.001)).collect();
         let together = campaign_delay_of(&rows).unwrap();
         let found = *together.measured.found().unwrap();
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn flights_stand_in_the_order_of_time_if_all_know_it() {
+    fn flights_are_in_order_of_time_if_all_times_are_known() {
         let mut rows = vec![row("b", 0.4, 0.001), row("a", 0.4, 0.001)];
         let names = |rows: &[FlightRow]| {
             let all = campaign_delay_of(rows).unwrap();
@@ -224,7 +224,7 @@ mod tests {
 
     /// Weights 100 s and 300 s: mean squares about 0.40 and 0.42 s at 20 and 10 m/s.
     #[test]
-    fn the_pooled_curve_is_the_mean_of_the_squares_weighted_by_time() {
+    fn the_pooled_curve_is_the_time_weighted_mean_of_the_squares() {
         let mut rows = vec![row("a", 0.4, 0.001), row("b", 0.42, 0.001)];
         rows[0].sweep = Some(sweep(0.4, 20.0, (60, 100)));
         rows[1].sweep = Some(sweep(0.4213, 10.0, (64, 104)));
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn without_any_delay_there_is_nothing_to_say() {
+    fn without_any_delay_there_is_no_summary() {
         let mut only = row("a", 0.4, 0.001);
         only.measured_delay_s = None;
         assert_eq!(campaign_delay_of(&[only]), None);

@@ -132,7 +132,7 @@ fn codes(found: &FoundDelay) -> Vec<(Severity, &str)> {
 }
 
 #[test]
-fn a_valid_card_gives_its_delay_and_says_where_it_comes_from() {
+fn a_valid_card_gives_its_delay_and_its_source() {
     let found = usual().with(&card("1", "2026-02-03")).unwrap();
     assert_eq!((found.delay.seconds(), found.standard_uncertainty_s), (0.4, Some(0.003)));
     assert_eq!(
@@ -147,7 +147,7 @@ fn a_valid_card_gives_its_delay_and_says_where_it_comes_from() {
 
 /// x(t−Tp) + x(t−Tv) − x(t−Tv−Td) has no first-order error at Td = Tp, whatever Tv is.
 #[test]
-fn a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told() {
+fn a_late_or_early_velocity_is_reported_and_leaves_the_delay_unchanged() {
     for (verdict, late_s) in [(Verdict::Delayed, 0.05), (Verdict::Early, -0.05)] {
         let mut card = card("1", "2026-02-03");
         card.channels[1] = CardChannel { verdict, delay_s: late_s, ..card.channels[1].clone() };
@@ -158,9 +158,9 @@ fn a_late_or_early_velocity_leaves_the_delay_as_it_is_and_is_told() {
 }
 
 #[test]
-fn a_lag_that_is_removed_as_a_delay_is_warned_of_with_the_lateness_of_slow_motion() {
+fn a_lag_removed_as_a_delay_warns_of_the_lateness_of_slow_motion() {
     let mut card = card("1", "2026-02-03");
-    let told = |card: &SensorCard| {
+    let source = |card: &SensorCard| {
         let found = usual().with(card).unwrap();
         assert_eq!(codes(&found), [(Severity::Warning, "card-residual")]);
         found.notices.iter().map(|n| n.text.clone()).collect::<String>()
@@ -168,17 +168,17 @@ fn a_lag_that_is_removed_as_a_delay_is_warned_of_with_the_lateness_of_slow_motio
     let position = card.channels[0].clone();
     let lagged = CardChannel { lags_s: vec![0.1], model: "delay and first-order lag".into(), ..position };
     card.channels[0] = CardChannel { slow_motion_delay_s: Some(0.43), ..lagged.clone() };
-    let text = told(&card);
+    let text = source(&card);
     assert!(text.contains("fits the bench's swing best, 400.0 ms, but slow motion is 430.0 ms late"), "{text}");
-    // Cards that were written before: a pure lag says it itself, a delay beside a lag does not.
+    // Older cards: for a pure lag it follows from the lag, for a delay with a lag it does not.
     card.channels[0] = CardChannel { model: "first-order lag (2 of 3 records)".into(), ..lagged.clone() };
-    assert!(told(&card).contains("slow motion is 100.0 ms late"));
+    assert!(source(&card).contains("slow motion is 100.0 ms late"));
     card.channels[0] = lagged;
-    assert!(told(&card).contains("the card does not say how late slow motion is"));
+    assert!(source(&card).contains("the card does not say how late slow motion is"));
 }
 
 #[test]
-fn a_card_from_a_rig_that_the_data_contradict_is_warned_of() {
+fn a_card_from_a_rig_contradicted_by_the_data_gives_a_warning() {
     let mut card = card("1", "2026-02-03");
     card.channels[0].contradicted = vec!["swing-1: encoder sign".into()];
     let found = usual().with(&card).unwrap();
@@ -187,7 +187,7 @@ fn a_card_from_a_rig_that_the_data_contradict_is_warned_of() {
 }
 
 #[test]
-fn a_card_without_the_channel_that_is_replayed_is_refused_with_what_it_has() {
+fn a_card_without_the_replayed_channel_is_rejected_with_its_channels() {
     let mut card = card("1", "2026-02-03");
     card.channels[0].name = "position.ins".into();
     assert_eq!(
@@ -197,7 +197,7 @@ fn a_card_without_the_channel_that_is_replayed_is_refused_with_what_it_has() {
 }
 
 #[test]
-fn a_delay_that_is_none_or_that_nobody_knows_is_not_removed() {
+fn a_zero_or_unknown_delay_is_not_removed() {
     for (verdict, delay_s, says) in [
         (Verdict::EquivalentToZero, 0.0002, "equivalent to zero: there is nothing to remove"),
         (Verdict::Inconclusive, 0.01, "inconclusive"),
@@ -213,7 +213,7 @@ fn a_delay_that_is_none_or_that_nobody_knows_is_not_removed() {
 }
 
 #[test]
-fn an_expired_card_is_used_and_said_loudly() {
+fn an_expired_card_is_used_with_a_warning() {
     let mut card = card("1", "2025-02-03");
     card.valid_until = Some("2026-05-03".into());
     let found = usual().with(&card).unwrap();
@@ -228,7 +228,7 @@ fn an_expired_card_is_used_and_said_loudly() {
 }
 
 #[test]
-fn the_day_comes_from_any_clock_that_counts_days_and_else_is_said_to_be_unknown() {
+fn the_day_comes_from_any_clock_with_a_date_and_else_is_unknown() {
     // The same noon in GPS time, which is 18 s ahead of UTC and counts from 1980-01-06.
     let gps = NOON - (315_964_800 - 18) * flight::NANOS_PER_SECOND;
     let mut card = card("1", "2026-02-03");
@@ -256,7 +256,7 @@ fn the_day_comes_from_any_clock_that_counts_days_and_else_is_said_to_be_unknown(
 }
 
 #[test]
-fn of_several_cards_each_flight_takes_the_one_that_is_valid_on_its_day() {
+fn of_several_cards_each_flight_uses_the_one_valid_on_its_day() {
     let mut old = card("1", "2025-12-01");
     (old.valid_from, old.valid_until) = (Some("2025-12-01".into()), Some("2026-06-30".into()));
     let mut new = card("1", "2026-06-01");
@@ -272,7 +272,7 @@ fn of_several_cards_each_flight_takes_the_one_that_is_valid_on_its_day() {
 }
 
 #[test]
-fn stamps_and_rates_that_differ_from_the_bench_are_told() {
+fn timestamps_and_rates_that_differ_from_the_bench_are_reported() {
     let card = card("1", "2026-02-03");
     let logged = Flown::at(NOON, Clock::Unix, StampKind::Logged).with(&card).unwrap();
     assert_eq!(codes(&logged), [(Severity::Warning, "card-mismatch")]);
@@ -284,7 +284,7 @@ fn stamps_and_rates_that_differ_from_the_bench_are_told() {
 }
 
 #[test]
-fn a_delay_against_an_anchor_is_told() {
+fn a_delay_against_an_anchor_is_reported() {
     let mut card = card("1", "2026-02-03");
     card.channels[0].basis = TimeBasis::Anchor { channel: "angular-rate.imu".into() };
     let found = usual().with(&card).unwrap();
@@ -293,7 +293,7 @@ fn a_delay_against_an_anchor_is_told() {
 }
 
 #[test]
-fn a_delay_that_holds_the_transport_to_the_logger_is_reported() {
+fn a_delay_that_includes_the_transport_to_the_logger_is_reported() {
     let mut card = card("1", "2026-02-03");
     card.channels[0].basis = TimeBasis::FastestArrivals;
     let found = usual().with(&card).unwrap();
@@ -315,9 +315,9 @@ fn of_pair(kind: &str, first: &str, second: &str, delay_s: f64) -> record::PairD
     serde_json::from_value(measured).unwrap()
 }
 
-/// Position against velocity is that kind, that first and that second channel, all three.
+/// A pair matches only if kind, first and second channel all match.
 #[test]
-fn the_pair_that_is_replayed_is_found_by_its_kind_and_both_names() {
+fn the_replayed_pair_is_found_by_its_kind_and_both_names() {
     let kind = "position-against-velocity";
     let delays = FlightDelays {
         pairs: vec![
@@ -332,7 +332,7 @@ fn the_pair_that_is_replayed_is_found_by_its_kind_and_both_names() {
     assert!(measured_pair(&delays, "position.ekf", "velocity.ekf").found().is_none());
 }
 
-/// What is decided for the usual flight, whose pair shows 0.4 s and may have an alarm.
+/// The decision for the usual flight, whose pair shows 0.4 s and may have an alarm.
 fn decided_with(source: DelaySource, contradicted: Option<&str>, alarm: Option<&str>) -> Decided {
     let flown = usual();
     let pick = |name: &'static str| (name, &flown.flight.channels[name]);
@@ -364,7 +364,7 @@ fn decided_with(source: DelaySource, contradicted: Option<&str>, alarm: Option<&
 }
 
 #[test]
-fn a_delay_that_the_flight_contradicts_is_removed_and_warned_of() {
+fn a_delay_that_the_flight_contradicts_is_removed_with_a_warning() {
     assert_eq!(codes(&decided_with(DelaySource::Fixed, None, None).found), []);
     let found = decided_with(DelaySource::Fixed, Some("the flight shows 0.1 s"), None).found;
     assert_eq!(codes(&found), [(Severity::Warning, "delay-contradicted")]);
@@ -372,7 +372,7 @@ fn a_delay_that_the_flight_contradicts_is_removed_and_warned_of() {
 }
 
 #[test]
-fn a_delay_that_changes_in_the_flight_it_is_measured_in_is_warned_of() {
+fn a_measured_delay_that_changes_in_its_flight_gives_a_warning() {
     assert_eq!(codes(&decided_with(DelaySource::Flight, None, None).found), []);
     let found = decided_with(DelaySource::Flight, None, Some("the delay steps")).found;
     assert_eq!(codes(&found), [(Severity::Warning, "flight-delay-changes")]);

@@ -1,4 +1,4 @@
-//! The steps of a cluster, and what can go wrong between them.
+//! The steps of a cluster, and failures between them.
 
 use super::*;
 use crate::reduce::reduce;
@@ -42,7 +42,7 @@ impl Cluster<'_> {
 }
 
 #[test]
-fn a_task_whose_output_folder_is_not_mounted_ends_with_75_and_makes_nothing() {
+fn a_task_without_its_output_folder_mounted_ends_with_75_without_work() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     let manifest = cluster.plan(2);
@@ -57,10 +57,10 @@ fn a_task_whose_output_folder_is_not_mounted_ends_with_75_and_makes_nothing() {
     refused(crate::task(&manifest, 0, &cluster.desk()).map(drop));
     refused(reduce(&manifest, &cluster.desk()).map(drop));
     refused(status(&manifest).map(drop));
-    // The plan lies in that folder.
+    // The plan is in that folder.
     refused(Manifest::read(&kept).map(drop));
     assert!(!out.exists(), "nothing is made where nothing is mounted");
-    // The mount point is there, and empty.
+    // The mount point exists and is empty.
     fs::create_dir(&out).unwrap();
     refused(crate::task(&manifest, 0, &cluster.desk()).map(drop));
     refused(Manifest::read(&kept).map(drop));
@@ -68,12 +68,12 @@ fn a_task_whose_output_folder_is_not_mounted_ends_with_75_and_makes_nothing() {
     fs::remove_dir(&out).unwrap();
     fs::rename(&away, &out).unwrap();
     assert!(status(&Manifest::read(&kept).unwrap()).is_ok());
-    // A wrong name is no matter of time.
+    // A wrong name is a permanent error.
     assert_ne!(Manifest::read(&kept.with_extension("jsn")).unwrap_err().exit(), Exit::TryAgain);
 }
 
 #[test]
-fn a_node_with_its_own_copy_of_the_logs_gives_results() {
+fn a_node_with_its_own_copy_of_the_logs_makes_results() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     let manifest = cluster.plan(1);
@@ -89,7 +89,7 @@ fn a_node_with_its_own_copy_of_the_logs_gives_results() {
 }
 
 #[test]
-fn a_log_that_changed_since_the_plan_is_not_tried_again_until_the_next_plan() {
+fn a_log_changed_since_the_plan_is_not_retried_until_the_next_plan() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     let manifest = cluster.plan(1);
@@ -102,7 +102,7 @@ fn a_log_that_changed_since_the_plan_is_not_tried_again_until_the_next_plan() {
 }
 
 #[test]
-fn what_time_may_heal_ends_with_75_and_a_defect_does_not() {
+fn a_temporary_error_ends_with_75_and_a_defect_does_not() {
     let bench = Bench::new(&[("a.csv", "busy")]);
     let cluster = Cluster::of(&bench);
     assert_eq!(cluster.task(&cluster.plan(1), 0).exit(), Exit::TryAgain);
@@ -119,7 +119,7 @@ fn what_time_may_heal_ends_with_75_and_a_defect_does_not() {
 }
 
 #[test]
-fn a_later_plan_leaves_the_manifest_of_an_earlier_one() {
+fn a_later_plan_keeps_the_manifest_of_an_earlier_one() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     let first = cluster.plan(3);
@@ -130,13 +130,13 @@ fn a_later_plan_leaves_the_manifest_of_an_earlier_one() {
     assert_ne!(kept, other);
     assert_eq!(Manifest::read(&kept).unwrap(), first);
     assert_eq!(second.keep().unwrap(), other, "the same plan has the same name");
-    // A task of the first plan still does the flights that it was given.
+    // A task of the first plan still does its assigned flights.
     let report = cluster.task(&Manifest::read(&kept).unwrap(), 2);
     assert_eq!(report.exit(), Exit::Well);
 }
 
 #[test]
-fn a_damaged_result_that_no_plan_needs_any_more_stops_no_reduction() {
+fn a_damaged_result_that_no_plan_needs_does_not_stop_a_reduction() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     let first = cluster.work();
@@ -166,7 +166,7 @@ fn gc_keeps_what_a_recent_plan_names() {
 }
 
 #[test]
-fn a_reduction_says_when_and_where_it_was_made() {
+fn a_reduction_records_when_and_where_it_was_made() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     reduce(&cluster.work(), &cluster.desk()).unwrap();

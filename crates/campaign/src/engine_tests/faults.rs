@@ -1,4 +1,4 @@
-//! A disk that is full, fails or loses power at any step of a campaign.
+//! A disk that is full or fails, and power loss, at any step of a campaign.
 
 use super::*;
 use crate::disk::{Disk, System};
@@ -28,12 +28,12 @@ struct Faulty(Arc<Fault>);
 struct Fault {
     /// The step that fails, counted from 0.
     at: usize,
-    /// All later ones fail too.
+    /// Whether all later steps fail too.
     ever_after: bool,
-    /// The number of the system's error.
+    /// System error number.
     error: i32,
     done: Mutex<usize>,
-    /// Files whose content need not be on the disk yet.
+    /// Files whose content may not be on the disk yet.
     unsynced: Mutex<BTreeSet<PathBuf>>,
 }
 
@@ -49,7 +49,7 @@ impl Faulty {
         if fails { Err(io::Error::from_raw_os_error(self.0.error)) } else { Ok(()) }
     }
 
-    /// Does `work` with stores on this disk; returns how many steps there were.
+    /// Does `work` with stores on this disk; returns the number of steps.
     fn while_at<T>(&self, work: impl FnOnce() -> T) -> (T, usize) {
         DISK.set(Some(self.clone()));
         let answer = work();
@@ -58,7 +58,7 @@ impl Faulty {
         (answer, steps)
     }
 
-    /// What was not synced is gone, of every second file.
+    /// Discards the unsynced content of every second file.
     fn lose_power(&self) -> usize {
         let unsynced = self.0.unsynced.lock().unwrap();
         let lost = unsynced.iter().filter(|path| path.exists()).skip(self.0.at % 2).step_by(2);
@@ -73,7 +73,7 @@ impl Disk for Faulty {
         self.0.unsynced.lock().unwrap().insert(path.to_owned());
         match self.step() {
             Ok(()) => Ok(file),
-            // The file is there, and nothing can be written to it.
+            // The file exists, and all writes to it fail.
             Err(_) => File::options().write(true).open("/dev/full"),
         }
     }
@@ -105,7 +105,7 @@ impl Disk for Faulty {
 /// ENOSPC, EIO, EDQUOT, EFBIG.
 const ERRORS: [i32; 4] = [28, 5, 122, 27];
 
-/// A campaign of two flights, its report, and how many steps that took.
+/// A campaign of two flights, its report, and the number of steps.
 struct Whole {
     bench: Bench,
     tree: BTreeMap<PathBuf, Vec<u8>>,
@@ -125,7 +125,7 @@ impl Whole {
         self.bench.run_into(out, 1, false)
     }
 
-    /// The disk fails at a step: the run says where, leaves no file that is not whole, and the next one ends with the same
+    /// The disk fails at a step: the run reports where and leaves no partial file, and the next run ends with the same
     /// bytes.
     fn fails_at(&self, at: usize, ever_after: bool) {
         let error = ERRORS[at % ERRORS.len()];
@@ -149,7 +149,7 @@ impl Whole {
         self.ends_well(&out, &what);
     }
 
-    /// The machine loses power at a step, and with it what was not synced.
+    /// The machine loses power at a step, and with it all unsynced content.
     fn loses_power_at(&self, at: usize) -> usize {
         let out = self.bench.folder.path().join(format!("power-{at}"));
         let faulty = Faulty::new(at, true, 5);
@@ -171,7 +171,7 @@ impl Whole {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_disk_that_fails_at_some_step_leaves_whole_files_and_the_next_run_ends_well() {
+fn a_disk_failure_at_some_steps_leaves_no_partial_files() {
     let whole = Whole::new();
     assert!(whole.steps > 100, "{}", whole.steps);
     for at in (0..whole.steps).step_by(17) {
@@ -181,7 +181,7 @@ fn a_disk_that_fails_at_some_step_leaves_whole_files_and_the_next_run_ends_well(
 
 #[test]
 #[cfg(target_os = "linux")]
-fn what_was_not_synced_when_the_power_went_is_made_again() {
+fn outputs_not_synced_at_a_power_loss_are_made_again() {
     let whole = Whole::new();
     let lost: usize = (0..whole.steps).step_by(13).map(|at| whole.loses_power_at(at)).sum();
     assert!(lost > 10, "{lost}");
@@ -190,13 +190,13 @@ fn what_was_not_synced_when_the_power_went_is_made_again() {
 #[test]
 #[cfg(target_os = "linux")]
 #[ignore = "every step, minutes: just faults-outputs"]
-fn a_disk_that_fails_at_any_step_leaves_whole_files_and_the_next_run_ends_well() {
+fn a_disk_failure_at_any_step_leaves_no_partial_files() {
     let whole = Whole::new();
     for at in 0..whole.steps {
         whole.fails_at(at, false);
         whole.fails_at(at, true);
         whole.loses_power_at(at);
-        // And again while the next run goes on.
+        // And again during the next run.
         let out = whole.bench.folder.path().join("at-twice");
         for step in [at, at / 2, at / 3] {
             drop(Faulty::new(step, true, 28).while_at(|| whole.run(&out)));

@@ -1,11 +1,11 @@
-//! A store that can be trusted: what changed behind its back is noticed, and nothing else is made again.
+//! A reliable store: external changes are detected, and nothing else is made again.
 
 use super::*;
 use crate::memory::FileStamp;
 use crate::store::{Check, Store};
 
 impl Bench {
-    /// The file of a flight's result or measurement.
+    /// Path of a file of a flight's result or measurement.
     fn stored(&self, flight: &str, base: &str) -> PathBuf {
         let record = self.record();
         let row = record.flights.iter().find(|row| row.flight == flight).unwrap();
@@ -14,7 +14,7 @@ impl Bench {
         self.out().join(format!("by-key/{}/{key}/{base}", &key[..2]))
     }
 
-    /// As if the file system had kept all times of this file, as a disk does that loses a bit.
+    /// As if the file system had kept all timestamps of this file, as with a flipped bit on the disk.
     fn forget_change(&self, path: &Path) {
         let stamp = serde_json::to_value(FileStamp::of(path).unwrap()).unwrap();
         let name = path.strip_prefix(self.out()).unwrap().to_str().unwrap().to_owned();
@@ -35,7 +35,7 @@ impl Bench {
     }
 }
 
-/// Changes a byte in the middle of a file and leaves its size.
+/// Changes a byte in the middle of a file without changing its size.
 fn flip(path: &Path) {
     let mut bytes = fs::read(path).unwrap();
     let middle = bytes.len() / 2;
@@ -43,7 +43,7 @@ fn flip(path: &Path) {
     fs::write(path, bytes).unwrap();
 }
 
-/// Files that a run keeps, of each kind.
+/// One file of each kind that a run keeps.
 fn one_of_each_kind(bench: &Bench) -> Vec<PathBuf> {
     let stored = ["record.json.gz", "track.parquet", "measured.json.gz", "lateness.json", "files.json"];
     let placed = ["flights/b.csv/index.html", "flights/b.csv/record.json.gz"];
@@ -53,7 +53,7 @@ fn one_of_each_kind(bench: &Bench) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_change_of_the_same_size_is_noticed_in_every_kind_of_file() {
+fn a_change_of_the_same_size_is_detected_in_every_kind_of_file() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
@@ -67,7 +67,7 @@ fn a_change_of_the_same_size_is_noticed_in_every_kind_of_file() {
 }
 
 #[test]
-fn verify_notices_a_change_that_no_time_of_the_file_shows() {
+fn verify_detects_a_change_without_a_new_timestamp() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
@@ -81,7 +81,7 @@ fn verify_notices_a_change_that_no_time_of_the_file_shows() {
 }
 
 #[test]
-fn what_is_read_for_a_page_is_compared_with_its_hash() {
+fn files_read_for_a_page_are_compared_with_their_hashes() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
@@ -90,7 +90,7 @@ fn what_is_read_for_a_page_is_compared_with_its_hash() {
         flip(&path);
         bench.forget_change(&path);
         assert!(bench.run().verdict().nothing_changed, "a quick look cannot see it");
-        // Another neighbour: the page is made again, and for that the result is read.
+        // A new neighbour: the page is made again, which reads the result.
         bench.log("b0.csv", "three");
         let again = bench.run();
         assert!(again.started_to(Stage::Replay).contains_key("b.csv"), "{base}: {:?}", again.started());
@@ -118,7 +118,7 @@ fn the_remark_names_the_files_that_changed() {
 }
 
 #[test]
-fn a_result_of_another_record_version_is_made_again_and_not_read() {
+fn a_result_of_another_record_version_is_made_again() {
     let bench = Bench::five();
     bench.run();
     let list = bench.stored("b.csv", "files.json");
@@ -142,7 +142,7 @@ fn counts_for_the_exit_code_come_from_the_checked_record() {
     bench.forget_change(&path);
     let again = bench.run();
     assert_eq!((again.verdict().totals.failed, again.verdict().exit()), (1, Exit::Incomplete));
-    // The notes for the next run are not believed either once they have changed.
+    // A changed state of the last run is rejected too.
     let notes = bench.out().join(".flightlag/state.json");
     flip(&notes);
     assert_eq!(bench.run().verdict().exit(), Exit::Incomplete);
@@ -150,7 +150,7 @@ fn counts_for_the_exit_code_come_from_the_checked_record() {
 }
 
 #[test]
-fn the_track_is_kept_once_and_the_page_links_to_it() {
+fn the_track_is_stored_once_and_the_page_links_to_it() {
     use std::os::unix::fs::MetadataExt;
     let bench = Bench::five();
     bench.run();
@@ -158,14 +158,14 @@ fn the_track_is_kept_once_and_the_page_links_to_it() {
     let html = fs::read_to_string(&page).unwrap();
     let link = html.split('"').find(|part| part.ends_with("/track.parquet")).unwrap();
     assert_eq!(page.parent().unwrap().join(link).canonicalize().unwrap(), track.canonicalize().unwrap());
-    // A copy that an earlier flightlag left beside the page goes with that page.
+    // A copy that an earlier flightlag left next to the page is removed with that page.
     let copy = page.with_file_name("track.parquet");
     assert!(!copy.exists());
     fs::write(&copy, "left by an earlier version").unwrap();
     flip(&page);
     bench.run();
     assert!(!copy.exists());
-    // Whoever edits the record beside the page edits no result.
+    // Editing the record next to the page does not change the result.
     let (record, placed) = (bench.stored("b.csv", "record.json.gz"), page.with_file_name("record.json.gz"));
     assert_eq!([&record, &placed].map(|path| fs::metadata(path).unwrap().nlink()), [1, 1]);
     let (result, whole) = (fs::read(&record).unwrap(), fs::read(&placed).unwrap());
@@ -176,7 +176,7 @@ fn the_track_is_kept_once_and_the_page_links_to_it() {
 }
 
 #[test]
-fn another_title_or_limit_rewrites_pages_and_makes_no_analysis() {
+fn another_title_or_limit_rewrites_pages_without_analysis() {
     let mut bench = Bench::five();
     bench.run();
     bench.pipeline = format!("title = \"Spring campaign\"\n{}", bench.pipeline);
@@ -191,11 +191,11 @@ fn another_title_or_limit_rewrites_pages_and_makes_no_analysis() {
 }
 
 #[test]
-fn a_reduction_that_was_stopped_goes_on_with_the_pages_that_are_left() {
+fn a_stopped_reduction_continues_with_the_remaining_pages() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
-    // As a stopped run leaves it: three pages are written down, and no row of them.
+    // As after a stopped run: three pages are in the state, without their rows.
     bench.edit_state(|state| {
         state["whole"] = serde_json::Value::Null;
         state["record_blake3"] = "".into();
@@ -210,7 +210,7 @@ fn a_reduction_that_was_stopped_goes_on_with_the_pages_that_are_left() {
 }
 
 #[test]
-fn the_pages_of_a_first_reduction_that_was_stopped_are_known_to_the_next() {
+fn the_pages_of_a_stopped_first_reduction_are_reused() {
     use crate::state::{PageState, State};
     let bench = Bench::five();
     let store = Store::open(&bench.out()).unwrap();
@@ -222,7 +222,7 @@ fn the_pages_of_a_first_reduction_that_was_stopped_are_known_to_the_next() {
 }
 
 #[test]
-fn half_a_track_between_task_and_reduce_is_no_result() {
+fn a_truncated_track_between_task_and_reduce_is_not_a_result() {
     let bench = group();
     let (store, cancel) = (Store::open(&bench.out()).unwrap(), AtomicBool::new(false));
     let sink = |_: &Event| {};
@@ -243,7 +243,7 @@ fn half_a_track_between_task_and_reduce_is_no_result() {
         damage(&bench.out().join(format!("by-key/{}/{key}/track.parquet", &key[..2])));
         let mut reduced = crate::reduce::reduce(&manifest, &desk);
         if let Ok(verdict) = &reduced {
-            // Its size alone shows that it is not whole: the flight has no result yet.
+            // Its size alone shows that it is truncated: the flight has no result yet.
             assert_eq!(verdict.totals.pending, 1);
         } else {
             assert!(reduced.as_ref().unwrap_err().to_string().contains("plan again"), "{reduced:?}");
@@ -262,7 +262,7 @@ fn halve(path: &Path) {
 }
 
 #[test]
-fn gc_removes_what_no_report_refers_to_and_nothing_else() {
+fn gc_removes_only_results_that_no_report_refers_to() {
     let mut bench = Bench::five();
     bench.run();
     bench.pipeline = bench.pipeline.replace("0.4", "0.35");
@@ -271,7 +271,7 @@ fn gc_removes_what_no_report_refers_to_and_nothing_else() {
     let cancel = AtomicBool::new(false);
     let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
     let gc = |dry_run| crate::gc(&bench.out(), dry_run, &desk).unwrap();
-    // A count needs no lock, and none is waited for.
+    // A count needs no lock, and does not wait for one.
     let held = crate::lock::OutputLock::take(&crate::store::Store::open(&bench.out()).unwrap(), &desk).unwrap();
     let would = gc(true);
     drop(held);
@@ -286,7 +286,7 @@ fn gc_removes_what_no_report_refers_to_and_nothing_else() {
 }
 
 #[test]
-fn gc_refuses_a_folder_whose_report_it_cannot_trust() {
+fn gc_rejects_a_folder_with_a_changed_report() {
     let bench = Bench::five();
     bench.run();
     let cancel = AtomicBool::new(false);

@@ -1,4 +1,4 @@
-//! Whole copies of objects, named by what they are copies of. Several processes of one machine share them.
+//! Complete copies of objects, named by the object. Processes on one machine share them.
 
 use super::CACHE;
 use crate::s3::{Bucket, Object};
@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
-/// An object is fetched in pieces of this size, so that memory does not grow with it, bytes.
+/// Objects are fetched in pieces of this size to limit memory, bytes.
 const PIECE: u64 = 8 << 20;
 
 /// The cache of this machine.
@@ -21,7 +21,7 @@ pub(super) struct Cache {
 }
 
 impl Cache {
-    /// The cache, with what killed processes left in it cleared away.
+    /// Opens the cache and removes leftovers of killed processes.
     pub(super) fn open() -> io::Result<&'static Cache> {
         static OPEN: OnceLock<Cache> = OnceLock::new();
         if let Some(cache) = OPEN.get() {
@@ -42,7 +42,7 @@ impl Cache {
         let cache = Cache { folder: folder.canonicalize()?, most_bytes };
         clean_folder(&cache.objects());
         for (view, _) in entries(&cache.folder.join("views")).filter(|(path, _)| is_leftover(path)) {
-            // Another process may clear it away at this moment.
+            // Another process may remove it at the same time.
             let _ = fs::remove_dir_all(view);
         }
         Ok(cache)
@@ -52,14 +52,14 @@ impl Cache {
         self.folder.join("objects")
     }
 
-    /// A new folder for the names and sizes of one process.
+    /// Creates a folder for the names and sizes of one process.
     pub(super) fn new_view(&self) -> io::Result<PathBuf> {
         let folder = temporary_name(&self.folder.join("views/view"));
         fs::create_dir(&folder)?;
         Ok(folder)
     }
 
-    /// Puts a whole copy of an object at `place`, which must be in a view of this cache.
+    /// Puts a complete copy of an object at `place`, which must be in a view of this cache.
     pub(super) fn put(
         &self,
         (bucket, name, object): (&Bucket, &str, &Object),
@@ -74,7 +74,7 @@ impl Cache {
             }
             match fs::hard_link(&copy, &link) {
                 Ok(()) => break,
-                // Another process needed the room.
+                // Another process needed the space.
                 Err(e) if e.kind() == io::ErrorKind::NotFound => continue,
                 Err(_) => {
                     fs::copy(&copy, &link)?;
@@ -82,7 +82,7 @@ impl Cache {
                 }
             }
         }
-        // Says when it was used last. The time of modification stays: somebody else may read it, and would take it for changed.
+        // Sets the last use. Keeps the modification time: another reader would take the file for changed.
         let used = FileTimes::new().set_accessed(SystemTime::now());
         let _ = File::open(&copy).and_then(|file| file.set_times(used));
         fs::rename(&link, place)
@@ -110,7 +110,7 @@ impl Cache {
                 file.write_all(&piece)?;
                 from = to;
             }
-            // A name that is there after a loss of power stands for the content.
+            // A name that exists after a power loss must have its content.
             file.sync_data()
         };
         let fetched = fill().and_then(|()| fs::rename(&temporary, copy));
@@ -120,11 +120,11 @@ impl Cache {
         fetched
     }
 
-    /// A file of the full size to fetch into, once there is room for it: copies that nobody reads go, the least recently used
-    /// first. An object that is larger than the cache is fetched all the same, alone.
+    /// Creates a file of the full size to fetch into. Makes space first by removing copies not being read, the least
+    /// recently used first. An object larger than the cache is still fetched, alone.
     fn reserve(&self, copy: &Path, bytes: u64) -> io::Result<(PathBuf, File)> {
         let lock = File::options().create(true).truncate(false).write(true).open(self.folder.join("lock"))?;
-        // On a file system without locks two processes may take a little more room.
+        // On a file system without locks, two processes may use a little more space.
         let _ = lock.lock();
         let with_metadata = |(path, _): (PathBuf, _)| Some((fs::metadata(&path).ok()?, path));
         let mut copies: Vec<(Metadata, PathBuf)> = entries(&self.objects()).filter_map(with_metadata).collect();
@@ -160,7 +160,7 @@ fn links(_about: &Metadata) -> u64 {
     1
 }
 
-/// Where the system keeps what can be had again.
+/// The cache folder of the system.
 fn usual_folder() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let cache = set("XDG_CACHE_HOME").or_else(|| Some(set("HOME")?.join(".cache")))?;
@@ -173,7 +173,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn room_is_made_by_the_least_recently_used_and_never_by_what_is_read_or_fetched() {
+    fn least_recently_used_copies_are_removed_but_none_in_use() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 100).unwrap();
         let long_ago = |seconds| SystemTime::now() - Duration::from_secs(seconds);

@@ -1,4 +1,4 @@
-//! The objects below a prefix as local files: names and sizes always, content while it is read.
+//! The objects below a prefix as local files: names and sizes always, content only while being read.
 
 use super::cache::Cache;
 use crate::error::CampaignError;
@@ -14,15 +14,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
 
-/// What ingest looks at to recognise a log, bytes.
+/// Size of the start of a log that ingest needs to recognise it, bytes.
 const HEAD: u64 = 64 << 10;
-/// The same where it is packed: a block of the packings that we know holds less.
+/// The same for compressed logs: a block of the supported compressions is smaller.
 const PACKED_HEAD: u64 = 2 << 20;
-/// Texts up to this size are read whole with the heads: test cards, and what describes a bag.
+/// Texts up to this size are read completely with the heads, bytes: test cards, and the metadata of a bag.
 const TEXT: u64 = 1 << 20;
 const PACKED: [&str; 5] = ["gz", "zst", "zstd", "bz2", "lz4"];
 
-/// A local folder, or file, that stands for the objects below an address.
+/// A local folder, or file, that represents the objects below an address.
 pub(crate) struct View {
     bucket: Bucket,
     cache: &'static Cache,
@@ -30,21 +30,21 @@ pub(crate) struct View {
     shown: PathBuf,
     /// Folder of this view alone; removed with it.
     own: PathBuf,
-    /// What stands for the address.
+    /// Local path that represents the address.
     root: PathBuf,
-    /// Objects by local path, as they were looked at last.
+    /// Objects by local path, from the last listing.
     objects: Mutex<BTreeMap<PathBuf, Object>>,
-    /// How many read a local file.
+    /// Number of readers of each local file.
     readers: Mutex<BTreeMap<PathBuf, Arc<Mutex<usize>>>>,
-    /// Whether the heads are there.
+    /// Whether the heads are fetched.
     has_heads: AtomicBool,
-    /// Archives whose directory is at their end stay whole until the heads are dropped.
+    /// Archives with their directory at the end, kept complete until the heads are dropped.
     whole: Mutex<Vec<PathBuf>>,
 }
 
 impl Drop for View {
     fn drop(&mut self) {
-        // If it cannot be removed, the next process does.
+        // If this fails, the next process removes it.
         let _ = fs::remove_dir_all(&self.own);
     }
 }
@@ -54,7 +54,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl View {
-    /// A view in which no file is known yet.
+    /// A view without any known file yet.
     pub(super) fn empty(address: &Path) -> Result<View, CampaignError> {
         let failed = |doing| move |source| StoreError { path: address.to_owned(), doing, source };
         let bucket = Bucket::of_url(address).map_err(failed("use"))?;
@@ -77,7 +77,7 @@ impl View {
         Ok(view)
     }
 
-    /// A view of all objects below an address, or of the one that has it.
+    /// A view of all objects below an address, or of the one object at it.
     pub(super) fn listed(address: &Path) -> Result<View, CampaignError> {
         let view = View::empty(address)?;
         let failed = |doing| move |source| StoreError { path: address.to_owned(), doing, source };
@@ -91,7 +91,7 @@ impl View {
             return Err(CampaignError::Asked(format!("{}: {what}", address.display())));
         }
         let above: BTreeSet<String> = found.iter().flat_map(|(name, _)| folders_of(name)).collect();
-        // Some programs mark a folder by an empty object of its name.
+        // Some programs mark a folder with an empty object of its name.
         found.retain(|(name, object)| object.bytes > 0 || !above.contains(name));
         if let Some((name, _)) = found.iter().find(|(name, _)| above.contains(name)) {
             let what = "is an object, and a folder of others; no file can be both";
@@ -121,7 +121,7 @@ impl View {
         &self.root
     }
 
-    /// Whether a local file is one of this view.
+    /// Whether a local file belongs to this view.
     pub(super) fn has(&self, local: &Path) -> bool {
         local.starts_with(&self.root)
     }
@@ -147,7 +147,7 @@ impl View {
         }
     }
 
-    pub(super) fn told(&self, text: &str) -> String {
+    pub(super) fn with_shown_names(&self, text: &str) -> String {
         text.replace(&*self.root.to_string_lossy(), &self.shown.to_string_lossy())
     }
 
@@ -183,7 +183,7 @@ impl View {
         self.object(local).ok().map(|object| object.modified)
     }
 
-    /// Writes the first bytes of an object into the local file that stands for it.
+    /// Writes the first bytes of an object into its local file.
     fn write_head(&self, local: &Path, object: &Object, bytes: u64) -> io::Result<Vec<u8>> {
         let bytes = bytes.min(object.bytes);
         if bytes == 0 {
@@ -227,7 +227,7 @@ impl View {
         if packed.iter().any(|magic| head.starts_with(magic)) && bytes < PACKED_HEAD {
             self.write_head(local, object, PACKED_HEAD)?;
         } else if head.starts_with(b"PK") {
-            // What a ZIP archive holds is said at its end.
+            // A ZIP archive has its directory at the end.
             self.hold(local, cancel)?;
             locked(&self.whole).push(local.to_owned());
         }
@@ -244,7 +244,7 @@ impl View {
         for (local, object) in locked(&self.objects).iter() {
             let is_read = self.reader_of(local).try_lock().map_or(true, |count| *count > 0);
             if !is_read {
-                // It takes room, and does no other harm, if it stays.
+                // If it stays, it only uses space.
                 let _ = make_stub(local, object.bytes);
             }
         }
@@ -254,13 +254,13 @@ impl View {
         Arc::clone(locked(&self.readers).entry(local.to_owned()).or_default())
     }
 
-    /// Makes a local file whole until what is returned goes.
+    /// Fetches the content of a local file, and keeps it until the returned value is dropped.
     pub(super) fn bring(&self, local: &Path, cancel: &AtomicBool) -> io::Result<Brought<'_>> {
         self.hold(local, cancel)?;
         Ok(Brought { view: self, local: local.to_owned() })
     }
 
-    /// Makes a local file whole until it is released as often.
+    /// Fetches the content of a local file, and keeps it until released as often as held.
     fn hold(&self, local: &Path, cancel: &AtomicBool) -> io::Result<()> {
         let readers = self.reader_of(local);
         let mut count = locked(&readers);
@@ -282,13 +282,13 @@ impl View {
         *count = count.saturating_sub(1);
         if *count == 0 {
             let bytes = locked(&self.objects).get(local).map_or(0, |object| object.bytes);
-            // A copy that stays takes room until the end of this process.
+            // A copy that stays uses space until the end of this process.
             let _ = make_stub(local, bytes);
         }
     }
 }
 
-/// A local file that is whole until this goes.
+/// A local file that has its content until this is dropped.
 pub(crate) struct Brought<'a> {
     view: &'a View,
     local: PathBuf,
@@ -300,7 +300,7 @@ impl Drop for Brought<'_> {
     }
 }
 
-/// A file of this size that takes no room, in the place of what is there.
+/// Replaces a file by a sparse one of this size.
 fn make_stub(local: &Path, bytes: u64) -> io::Result<()> {
     if let Some(folder) = local.parent() {
         fs::create_dir_all(folder)?;

@@ -1,32 +1,32 @@
-//! Content of a flight in a few bytes: the same flight in another container, or under another name, has the same.
+//! Fingerprint of a flight in a few bytes: equal for the same flight in another container, or under another name.
 
 use flight::{Channel, Flight, Quantity, Stamp};
 use record::{DuplicateFlight, FlightContent};
 use std::collections::BTreeMap;
 
-/// Rows that are looked at besides the first and the last: enough that no two flights agree in all of them.
+/// Rows sampled in addition to the first and the last: enough that no two flights agree in all of them.
 const SAMPLED: usize = 256;
-/// Hashes that a sketch keeps.
+/// Number of hashes in a sketch.
 const SKETCH: usize = 64;
-/// Fixes of a stretch.
+/// Number of fixes in a stretch.
 const STRETCH: usize = 4;
-/// Changes of place, among the rows that are looked at, by which a flight is known without its date.
+/// Changes of place among the sampled rows that identify a flight without its date.
 const LEAST_MOVES: usize = 4;
-/// A latitude or longitude counts in steps of 1e-7 degrees, as receivers give it, rad.
+/// Step of latitude and longitude, rad: 1e-7 degrees, the resolution of receivers.
 const ANGLE_STEP: f64 = 1e-7 * std::f64::consts::PI / 180.0;
-/// Other values in steps of a millimetre.
+/// Step of other values: one millimetre.
 const LENGTH_STEP_M: f64 = 1e-3;
-/// Times after the first fix in steps of a millisecond, ns.
+/// Step of times after the first fix, ns: one millisecond.
 const TIME_STEP_NS: i64 = 1_000_000;
 
-/// A hash of the position's updates: how many, and of some, first and last among them, the horizontal place and the time
-/// after the first. `None` if the flight has no such channel, or no row in it.
+/// A hash of the position's updates: their number, and for some of them including first and last, the horizontal place
+/// and the time after the first. `None` if the flight has no such channel, or no row in it.
 ///
-/// Neither the clock's begin nor the container, names or other channels are part of it. Heights are not, for a container may
-/// hold another kind of them.
+/// Clock epoch, container, names and other channels are not part of it. Heights are not either, because a container may
+/// hold another kind of height.
 ///
-/// A log whose place hardly changes is like every other log from there. Its hash holds the UTC of its first update as well;
-/// where that is not known there is none.
+/// A log that hardly moves looks like every other log from the same place. Its hash includes the UTC of its first
+/// update; if that is unknown, there is no hash.
 #[must_use]
 pub fn fingerprint(flight: &Flight, position_channel: &str) -> Option<String> {
     let channel = flight.channels.get(position_channel)?;
@@ -55,19 +55,19 @@ pub fn fingerprint(flight: &Flight, position_channel: &str) -> Option<String> {
     Some(hasher.finalize().to_hex().to_string())
 }
 
-/// To the nearest step; a time in the middle of two belongs to the later.
+/// Rounds to the nearest step; ties go to the later one.
 fn rounded_ms(after_ns: i64) -> i64 {
     after_ns.saturating_add(TIME_STEP_NS / 2).div_euclid(TIME_STEP_NS)
 }
 
-/// The first two components in steps that every container keeps.
+/// The first two components in steps that every container preserves.
 fn horizontal(channel: &Channel, row: usize) -> [i64; 2] {
     let step = if channel.quantity == Quantity::PositionGeodetic { ANGLE_STEP } else { LENGTH_STEP_M };
     let value = |axis: usize| channel.series.components().get(axis).and_then(|values| values.get(row));
     [0, 1].map(|axis| value(axis).map_or(0, |value| (value / step).round() as i64))
 }
 
-/// Print and sketch of a flight's position. `None` as for [`fingerprint`].
+/// Fingerprint and sketch of a flight's position. `None` as for [`fingerprint`].
 #[must_use]
 pub fn content_of(flight: &Flight, position_channel: &str) -> Option<FlightContent> {
     let fingerprint = fingerprint(flight, position_channel)?;
@@ -80,7 +80,7 @@ pub fn content_of(flight: &Flight, position_channel: &str) -> Option<FlightConte
     Some(FlightContent { fingerprint, fixes: rows.len() as u64, sketch })
 }
 
-/// Hash of a stretch of fixes: places, and the times between. `None` where nothing moves: there all flights are alike.
+/// Hash of a stretch of fixes: places, and the times between. `None` without motion, where all flights look alike.
 fn hash_of(channel: &Channel, stretch: &[usize]) -> Option<u64> {
     let stamps = channel.series.timeline().stamps();
     let begin = stamps.get(*stretch.first()?)?.0;
@@ -98,10 +98,10 @@ fn hash_of(channel: &Channel, stretch: &[usize]) -> Option<u64> {
     Some(u64::from_le_bytes(*hasher.finalize().as_bytes().first_chunk()?))
 }
 
-/// Share of the stretches of the shorter flight that the other has too, 0 to 1.
+/// Share of the stretches of the shorter flight that are also in the other, 0 to 1.
 #[must_use]
 pub fn shared_content(a: &FlightContent, b: &FlightContent) -> f64 {
-    // Of a full sketch only what lies below its largest hash is known.
+    // A full sketch is complete only below its largest hash.
     let known_to = |content: &FlightContent| {
         if content.sketch.len() < SKETCH { u64::MAX } else { content.sketch.last().copied().unwrap_or(0) }
     };
@@ -112,8 +112,8 @@ pub fn shared_content(a: &FlightContent, b: &FlightContent) -> f64 {
     if least == 0 { 0.0 } else { shared as f64 / least as f64 }
 }
 
-/// Flights that are there more than once, under other names or in other containers, whole or in part: of each the one with
-/// the most fixes counts. A flight without content is no duplicate of any.
+/// Flights that occur more than once, under other names or in other containers, whole or in part. The one with the most
+/// fixes counts. A flight without content is not a duplicate.
 #[must_use]
 pub fn duplicates<Id: AsRef<str>>(flights: &[(Id, Option<FlightContent>)]) -> Vec<DuplicateFlight> {
     let mut known: Vec<(&str, &FlightContent)> =
@@ -146,7 +146,7 @@ pub fn duplicates<Id: AsRef<str>>(flights: &[(Id, Option<FlightContent>)]) -> Ve
     found
 }
 
-/// Whether a flight is part of the other: copies with holes have some stretches, those across the holes, of their own.
+/// Whether a flight is part of the other. Copies with holes have some stretches of their own, across the holes.
 fn is_part(part: &FlightContent, whole: &FlightContent) -> bool {
     shared_content(part, whole) >= 0.5
 }

@@ -6,7 +6,7 @@ fn binding(map: &str) -> Binding {
     Binding { map: map.to_owned(), why: String::new(), others: vec![], channels: vec![] }
 }
 
-fn told() -> About {
+fn identified() -> About {
     let receiver = ReceiverIdentity {
         number: 1,
         model: Some("u-blox M8".to_owned()),
@@ -26,8 +26,8 @@ fn group(about: &About, rate_hz: f64) -> ReceiverGroup {
 }
 
 #[test]
-fn a_group_is_what_the_log_says_of_its_receiver() {
-    let group = group(&told(), 4.98);
+fn a_group_is_the_receiver_identity_from_the_log() {
+    let group = group(&identified(), 4.98);
     assert_eq!(group.name, "u-blox M8 3.01, 5 Hz, 115200 baud, ArduPilot DataFlash");
     assert!(group.told_by_log);
     let rate = group.parts.iter().find(|part| part.what == "rate").unwrap();
@@ -36,7 +36,7 @@ fn a_group_is_what_the_log_says_of_its_receiver() {
 }
 
 #[test]
-fn rates_that_are_nearly_the_same_are_one_group_and_others_are_not() {
+fn nearly_equal_rates_are_one_group_and_others_are_not() {
     let silent = About::default();
     let [a, b, c] = [4.98, 5.02, 10.0].map(|hz| group(&silent, hz));
     assert_eq!((&a.key, a.name.as_str()), (&b.key, "unknown receiver of map ardupilot, 5 Hz, ArduPilot DataFlash"));
@@ -50,9 +50,9 @@ fn rates_that_are_nearly_the_same_are_one_group_and_others_are_not() {
 }
 
 #[test]
-fn each_part_of_the_group_makes_another_group() {
+fn each_fact_of_the_key_makes_another_group() {
     let changed = |change: fn(&mut ReceiverIdentity)| {
-        let mut about = told();
+        let mut about = identified();
         about.receiver_identities.iter_mut().for_each(change);
         group(&about, 5.0).key
     };
@@ -64,8 +64,8 @@ fn each_part_of_the_group_makes_another_group() {
         changed(|r| r.rate_hz = Some(10.0)),
         changed(|r| r.baud = Some(230_400)),
     ];
-    // A logger that leaves fixes out does not change the receiver.
-    let decimated = group(&told(), 1.0);
+    // A logger that drops fixes does not change the receiver.
+    let decimated = group(&identified(), 1.0);
     assert_eq!(decimated.key, keys[0]);
     assert!(decimated.parts.iter().any(|part| part.what == "logged rate" && part.value == "1 Hz"));
     for (map, format, stamps) in [
@@ -73,13 +73,13 @@ fn each_part_of_the_group_makes_another_group() {
         ("ardupilot", "MCAP", StampKind::Measured),
         ("ardupilot", "ArduPilot DataFlash", StampKind::Logged),
     ] {
-        keys.push(group_of(&told(), &binding(map), format, "position.gps", Some(5.0), stamps).key);
+        keys.push(group_of(&identified(), &binding(map), format, "position.gps", Some(5.0), stamps).key);
     }
     let all = keys.len();
     keys.sort();
     keys.dedup();
     assert_eq!(keys.len(), all, "{keys:#?}");
-    // What means the same makes none.
+    // An equivalent spelling does not make another group.
     assert_eq!(changed(|r| r.model = Some("U-blox  m8".to_owned())), changed(|_| ()));
 }
 
@@ -89,12 +89,12 @@ fn the_second_position_is_of_the_second_receiver() {
         ["position.gps", "position.gps-2", "position.gps-0", "position.my-own"].map(receiver_number),
         [1, 2, 1, 1]
     );
-    let second = group_of(&told(), &binding("ardupilot"), "x", "position.gps-2", Some(5.0), StampKind::Logged);
+    let second = group_of(&identified(), &binding("ardupilot"), "x", "position.gps-2", Some(5.0), StampKind::Logged);
     assert!(!second.told_by_log);
 }
 
 #[test]
-fn the_kind_of_a_log_is_without_its_writer_and_that_of_the_original() {
+fn the_kind_of_a_log_is_that_of_the_original_without_its_writer() {
     for (format, kind) in [
         ("ArduPilot DataFlash (text)", "ArduPilot DataFlash"),
         ("MCAP, profile ros2, library rosbag2 0.1", "MCAP"),
@@ -139,15 +139,15 @@ fn print(flight: &Flight) -> String {
 }
 
 #[test]
-fn a_flight_has_one_print_on_every_clock_and_with_the_last_digits_rounded() {
+fn a_fingerprint_does_not_depend_on_clock_epoch_or_last_digits() {
     let plain = print(&flown(|_, _, _| ()));
-    // Another begin of the clock, and values that went through another way of writing them.
+    // Another clock epoch, and values that went through another number format.
     assert_eq!(plain, print(&flown(|_, _, ns| *ns -= 1_699_999_000_000_000_000)));
     assert_eq!(plain, print(&flown(|_, place, _| place[0] *= 1.0 + 1e-15)));
 }
 
 #[test]
-fn another_flight_has_another_print() {
+fn another_flight_has_another_fingerprint() {
     let plain = print(&flown(|_, _, _| ()));
     let others = [
         print(&flown(|row, place, _| place[0] += if row == 999 { 2e-7_f64.to_radians() } else { 0.0 })),
@@ -165,13 +165,13 @@ fn another_flight_has_another_print() {
 }
 
 #[test]
-fn logs_that_stand_at_one_place_are_copies_only_if_they_are_of_one_instant() {
+fn logs_at_rest_are_copies_only_if_they_start_at_the_same_instant() {
     const YEAR_NS: i64 = 365 * 86_400 * 1_000_000_000;
     let stand = |place: &mut [f64; 3]| (place[0], place[1]) = (0.5, 0.1);
     let [first, again, later] = [0, 0, YEAR_NS].map(|by| flown(move |_, place, ns| (stand(place), *ns += by).1));
     assert_eq!(print(&first), print(&again));
     assert_ne!(print(&first), print(&later));
-    // One fix is one place, wherever it is.
+    // A single fix has no motion, wherever it is.
     let one = |by: i64| {
         let mut flight = flown(move |_, _, ns| *ns += by);
         flight.channels.get_mut("position.gps").unwrap().held[1..].fill(true);
@@ -179,7 +179,7 @@ fn logs_that_stand_at_one_place_are_copies_only_if_they_are_of_one_instant() {
     };
     assert_eq!(print(&one(0)), print(&one(0)));
     assert_ne!(print(&one(0)), print(&one(1_000_000_000)));
-    // A log that does not know its date is no copy of any.
+    // A log without a date is not a copy of any.
     let mut undated = flown(|_, place, _| stand(place));
     let channel = undated.channels.get_mut("position.gps").unwrap();
     let stamps = channel.series.timeline().stamps().to_vec();
@@ -189,7 +189,7 @@ fn logs_that_stand_at_one_place_are_copies_only_if_they_are_of_one_instant() {
 }
 
 #[test]
-fn duplicates_count_once_and_the_first_by_name_counts() {
+fn of_duplicates_only_the_first_by_name_counts() {
     let content = |of: &str, fixes| Some(FlightContent { fingerprint: of.to_owned(), fixes, sketch: vec![] });
     let flights = [
         ("b.bag", content("1", 9)),
@@ -208,7 +208,7 @@ fn duplicates_count_once_and_the_first_by_name_counts() {
 }
 
 #[test]
-fn a_part_of_a_flight_is_a_duplicate_and_another_flight_on_the_same_path_is_not() {
+fn part_of_a_flight_is_a_duplicate_and_a_flight_on_the_same_path_is_not() {
     let of = |flight: &Flight| content_of(flight, "position.gps");
     let whole = flown(|_, _, _| ());
     let held = |rows: fn(usize) -> bool| {
@@ -218,18 +218,18 @@ fn a_part_of_a_flight_is_a_duplicate_and_another_flight_on_the_same_path_is_not(
         part
     };
     let [begin, holes] = [held(|row| row > 300), held(|row| row % 50 == 7)];
-    // The same path, as exact, flown with fixes at other times.
+    // Exactly the same path, flown with fixes at other times.
     let again = flown(|row, _, ns| *ns += (row as i64 * 7_919_333) % 40_000_000);
     let flights = [("again", of(&again)), ("begin", of(&begin)), ("holes", of(&holes)), ("whole", of(&whole))];
     let found = duplicates(&flights);
     assert_eq!(found.len(), 1, "{found:?}");
     assert_eq!((found[0].counts.as_str(), found[0].duplicates.join(" ").as_str()), ("whole", "begin holes"));
-    // A vehicle at rest has nothing to be known by.
+    // A vehicle at rest has nothing that identifies it.
     let still = flown(|_, place, _| (place[0], place[1]) = (0.5, 0.1));
     assert_eq!(of(&still).unwrap().sketch, Vec::<u64>::new());
 }
 
-/// Flights of a folder of real logs, by name, with what their receiver's position holds; none where it is absent.
+/// Flights of a folder of real logs, by name, with the content of their receiver's position; empty without the folder.
 fn real_flights(folder: &str) -> Vec<(String, Option<FlightContent>)> {
     use std::io::Write as _;
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/logs").join(folder);
@@ -247,18 +247,19 @@ fn real_flights(folder: &str) -> Vec<(String, Option<FlightContent>)> {
 }
 
 #[test]
-fn a_real_flight_has_one_print_in_every_container_and_real_flights_differ() {
+fn a_real_flight_has_one_fingerprint_in_every_container() {
     let tables = real_flights("ALFA");
     let containers = real_flights("derived-alfa");
     let print = |content: &Option<FlightContent>| content.as_ref().map(|content| content.fingerprint.clone());
     if let Some((_, table)) = tables.first() {
-        // Damaged copies have lost fixes, and are other content. Two have lost nothing: without index, and with junk behind.
+        // Damaged copies have lost fixes, and differ in content. Two have lost nothing: without index, and with
+        // trailing junk.
         let lost = |id: &str| id.contains("bitflip") || id.contains("trunc60");
         for (id, other) in &containers {
             assert_eq!(print(other) == print(table), !lost(id), "{id}");
         }
         assert_eq!(containers.iter().filter(|(id, _)| !lost(id)).count(), 14);
-        // All of them are one flight, also those that have lost a part.
+        // All of them are one flight, including those that have lost a part.
         let found = duplicates(&[tables, containers].concat());
         assert_eq!((found.len(), found[0].duplicates.len()), (1, 20), "{found:?}");
     }

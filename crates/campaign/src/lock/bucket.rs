@@ -1,8 +1,9 @@
-//! The lock of an output in a bucket: an object with the name of its owner, which the owner writes again each minute.
+//! The lock of an output in a bucket: an object with the name of its owner, which the owner rewrites every minute.
 //!
-//! It is made only if there is none, and every later write is over the object that the writer has seen, so that the server decides
-//! who has it. Whether an owner is silent is judged by the server's clock alone: by the time when the lock was written last, and
-//! that of an object which is written now. An owner whose process can be seen from here to have ended loses it at once.
+//! It is created only if it does not exist, and every later write replaces only the version that the writer has seen:
+//! the server decides who has it. Silence of an owner is judged only by the server's clock: by the last write of the
+//! lock, and that of an object written now. An owner whose process is visible from here and has ended loses it
+//! immediately.
 
 use super::{LOCK, OutputLock, Owner};
 use crate::error::CampaignError;
@@ -16,16 +17,17 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// The owner writes its lock again at this interval.
+/// The owner rewrites its lock at this interval.
 const HEARTBEAT: Duration = Duration::from_secs(60);
-/// An owner that has not written it for so long has ended. It has itself ceased to write before that (`UNSURE` of the store).
+/// An owner that has not written it for this long counts as ended. It stops writing outputs before that (`UNSURE` of
+/// the store).
 const SILENCE: Duration = Duration::from_secs(8 * 60);
-/// Others may take it or let go while it is looked at.
+/// Attempts, because others may take or release it during the check.
 const ATTEMPTS: usize = 5;
-/// The command line is told up to this length.
+/// The command line is reported up to this length.
 const LONGEST_COMMAND: usize = 200;
 
-/// Takes the lock, or says who has it.
+/// Takes the lock, or reports its owner.
 pub(super) fn take(root: &Path, storage: &BucketStorage, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
     let failed = |source| StoreError { path: root.join(LOCK), doing: "take the lock", source };
     let bucket = storage.objects();
@@ -51,7 +53,7 @@ pub(super) fn take(root: &Path, storage: &BucketStorage, desk: &Desk<'_>) -> Res
     Err(CampaignError::TryAgain(format!("{}: several runs want this output at once", root.display())))
 }
 
-/// Who is at work, if the owner of the lock is.
+/// The owner of the lock, if it is running.
 fn at_work(text: &[u8], object: &Object, storage: &BucketStorage, desk: &Desk<'_>) -> io::Result<Option<String>> {
     let owner = serde_json::from_slice::<Owner>(text).ok();
     if owner.as_ref().is_some_and(|owner| owner.released) {
@@ -59,7 +61,7 @@ fn at_work(text: &[u8], object: &Object, storage: &BucketStorage, desk: &Desk<'_
     }
     let name = owner.as_ref().map_or("its process is not known", |owner| owner.owner.as_str());
     let remark =
-        |why: &str| desk.tell(Event::Remark { text: format!("the lock of this output is taken over: {name} {why}") });
+        |why: &str| desk.send(Event::Remark { text: format!("the lock of this output is taken over: {name} {why}") });
     if owner.as_ref().and_then(Owner::has_ended) == Some(true) {
         remark("has ended without letting go");
         return Ok(None);
@@ -72,7 +74,7 @@ fn at_work(text: &[u8], object: &Object, storage: &BucketStorage, desk: &Desk<'_
     Ok(Some(format!("{name}; it was at work {} s ago", silent.as_secs())))
 }
 
-/// Writes the lock again until it is let go, or another run has taken it over.
+/// Rewrites the lock until it is released, or another run has taken it over.
 fn beat(bucket: &Bucket, mut owner: Owner, mut tag: String, fence: &Fence, stopped: &Receiver<()>) {
     let mut stop = false;
     while !stop {
@@ -86,7 +88,7 @@ fn beat(bucket: &Bucket, mut owner: Owner, mut tag: String, fence: &Fence, stopp
                 fence.renew(sent);
             }
             Ok(None) => return fence.shut(),
-            // The next beat may come through. The store writes nothing any more when none has for too long.
+            // The next heartbeat may succeed. After too long without one, the store stops writing.
             Err(_) => {}
         }
     }
@@ -94,13 +96,13 @@ fn beat(bucket: &Bucket, mut owner: Owner, mut tag: String, fence: &Fence, stopp
 }
 
 fn text_of(owner: &Owner) -> Vec<u8> {
-    // An owner has text keys and no way to fail.
+    // An owner has text keys and cannot fail.
     let mut text = serde_json::to_vec(owner).unwrap_or_default();
     text.push(b'\n');
     text
 }
 
-/// Process, host, user, start and command, for people.
+/// Process, host, user, start and command, for display.
 fn described() -> String {
     let user = ["USER", "LOGNAME"].iter().find_map(|name| std::env::var(name).ok()).unwrap_or_else(|| "unknown".into());
     let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();

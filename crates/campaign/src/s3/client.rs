@@ -1,7 +1,7 @@
-//! The only module that speaks to a bucket, and the only one that knows that this is done with futures.
+//! The only module that accesses a bucket, and the only one that uses futures.
 //!
-//! Whom to ask, and with which keys, is in the environment: `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_REGION`,
-//! `AWS_ENDPOINT_URL`, `AWS_ALLOW_HTTP` and the others that `object_store` knows.
+//! Endpoint and credentials come from the environment: `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_REGION`,
+//! `AWS_ENDPOINT_URL`, `AWS_ALLOW_HTTP` and the others that `object_store` supports.
 
 use super::SCHEME;
 use crate::disk::may_heal;
@@ -21,14 +21,14 @@ use std::sync::OnceLock;
 use std::time::{Duration, SystemTime};
 use tokio::runtime::{Builder, Runtime};
 
-/// A request that answers nothing for so long is tried again; the library's own 30 s are short for a large track.
+/// A request without an answer for this long is retried; the library's default of 30 s is short for a large track.
 const TIMEOUT: &str = "120s";
-/// No request is tried again after this time. Less than the lock gives an owner that does not renew it.
+/// No request is retried after this time. Shorter than the lock's limit for an owner that does not renew it.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A connection that nobody used for so long is not used again: the server may have closed it.
+/// A connection that was idle for this long is not reused: the server may have closed it.
 const IDLE: &str = "10s";
-/// A write under a condition whose answer is lost is sent again so often, after this time.
+/// Retries of a conditional write whose answer is lost, after [`PAUSE`].
 const MORE_ATTEMPTS: u32 = 2;
 const PAUSE: Duration = Duration::from_secs(1);
 
@@ -38,7 +38,7 @@ pub(crate) struct Bucket {
     client: AmazonS3,
     /// `s3://bucket`.
     url: String,
-    /// Without slashes at its ends; may be empty.
+    /// Without leading and trailing slashes; may be empty.
     prefix: String,
     /// Endpoint and bucket.
     place: String,
@@ -49,28 +49,28 @@ pub(crate) struct Bucket {
 pub(crate) struct Object {
     pub(crate) bytes: u64,
     pub(crate) tag: String,
-    /// By the clock of the server.
+    /// Modification time by the server's clock.
     pub(crate) modified: SystemTime,
 }
 
 impl Object {
-    /// What stands for the content until the object is replaced.
+    /// Identifies the content until the object is replaced.
     pub(crate) fn stamp(&self) -> FileStamp {
         FileStamp::of_object(self.bytes, &self.tag)
     }
 }
 
-/// When an object may be written.
+/// Condition for writing an object.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Written<'a> {
     Always,
-    /// If there is none.
+    /// The object does not exist.
     IfAbsent,
-    /// If it is still the one with this tag.
+    /// The object still has this tag.
     IfTagged(&'a str),
 }
 
-/// One thread at a time moves all requests; whoever waits for an answer is that thread.
+/// One thread at a time drives all requests: one that waits for an answer.
 fn runtime() -> io::Result<&'static Runtime> {
     static RUNTIME: OnceLock<Runtime> = OnceLock::new();
     if let Some(runtime) = RUNTIME.get() {
@@ -81,7 +81,7 @@ fn runtime() -> io::Result<&'static Runtime> {
 }
 
 impl Bucket {
-    /// Takes `s3://BUCKET/PREFIX` apart. Asks nobody yet.
+    /// Parses `s3://BUCKET/PREFIX`. Sends no request.
     pub(crate) fn of_url(path: &Path) -> io::Result<Bucket> {
         let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what.to_owned());
         let text = path.to_str().and_then(|text| text.strip_prefix(SCHEME)).ok_or_else(|| wrong("no s3:// address"))?;
@@ -107,12 +107,12 @@ impl Bucket {
         Ok(Bucket { client, url: format!("{SCHEME}{name}"), prefix: prefix.to_owned(), place })
     }
 
-    /// The address of an object, for people.
+    /// The address of an object, for display.
     pub(crate) fn url_of(&self, name: &str) -> String {
         format!("{}/{}", self.url, self.full(name))
     }
 
-    /// Whom is asked for which bucket: objects of two servers may have one name.
+    /// Endpoint and bucket: objects of two servers may have the same name.
     pub(crate) fn place(&self) -> &str {
         &self.place
     }
@@ -129,7 +129,7 @@ impl Bucket {
         Key::parse(self.full(name)).map_err(|e| io::Error::new(io::ErrorKind::InvalidInput, e.to_string()))
     }
 
-    /// Content and description of an object; `None` if there is none.
+    /// Content and metadata of an object; `None` if it does not exist.
     pub(crate) fn read(&self, name: &str) -> io::Result<Option<(Vec<u8>, Object)>> {
         let key = self.key(name)?;
         let work = async {
@@ -140,7 +140,7 @@ impl Bucket {
         found(runtime()?.block_on(work)).and_then(|found| found.map(|(bytes, object)| Ok((bytes, object?))).transpose())
     }
 
-    /// A piece of the object with this tag.
+    /// A byte range of the object with this tag.
     pub(crate) fn read_piece(&self, name: &str, tag: &str, piece: Range<u64>) -> io::Result<Vec<u8>> {
         let key = self.key(name)?;
         let options = GetOptions { if_match: Some(tag.to_owned()), range: Some(piece.into()), ..GetOptions::default() };
@@ -150,17 +150,17 @@ impl Bucket {
             Err(Error::Precondition { .. }) => {
                 Err(io::Error::new(io::ErrorKind::InvalidData, "the object was replaced while it was read"))
             }
-            Err(error) => Err(told(&error)),
+            Err(error) => Err(io_error(&error)),
         }
     }
 
-    /// How the server describes an object; `None` if there is none.
+    /// Metadata of an object from the server; `None` if it does not exist.
     pub(crate) fn describe(&self, name: &str) -> io::Result<Option<Object>> {
         let key = self.key(name)?;
         found(runtime()?.block_on(self.client.head(&key)))?.map(|meta| described(&meta)).transpose()
     }
 
-    /// Writes an object whole. Gives its tag, or `None` if the condition is not met.
+    /// Writes an object atomically. Returns its tag, or `None` if the condition is not met.
     pub(crate) fn write(&self, name: &str, bytes: &[u8], when: Written<'_>) -> io::Result<Option<String>> {
         let key = self.key(name)?;
         let mode = match when {
@@ -172,10 +172,11 @@ impl Bucket {
         let mut left = if matches!(when, Written::Always) { 0 } else { MORE_ATTEMPTS };
         loop {
             let work = self.client.put_opts(&key, bytes.to_vec().into(), options.clone());
-            match runtime()?.block_on(work).map_err(|error| (told(&error), error)) {
+            match runtime()?.block_on(work).map_err(|error| (io_error(&error), error)) {
                 Ok(answer) => return answer.e_tag.map(Some).ok_or_else(no_tag),
                 Err((_, Error::AlreadyExists { .. } | Error::Precondition { .. })) => return self.own(name, bytes),
-                // The library sends a write under a condition once, for it cannot know whether the first was its own.
+                // The library sends a conditional write only once, because it cannot know whether an existing object is
+                // its own.
                 Err((error, _)) if left > 0 && may_heal(&error) => std::thread::sleep(PAUSE),
                 Err((error, _)) => return Err(error),
             }
@@ -183,22 +184,22 @@ impl Bucket {
         }
     }
 
-    /// A request whose answer was lost is sent again, and finds what it wrote the first time.
+    /// The tag of an object that a lost first attempt already wrote with these bytes.
     fn own(&self, name: &str, bytes: &[u8]) -> io::Result<Option<String>> {
         Ok(self.read(name)?.filter(|(there, _)| there == bytes).map(|(_, object)| object.tag))
     }
 
-    /// Removes an object; that there is none is fine.
+    /// Removes an object, if it exists.
     pub(crate) fn remove(&self, name: &str) -> io::Result<()> {
         let key = self.key(name)?;
         found(runtime()?.block_on(self.client.delete(&key))).map(drop)
     }
 
-    /// Names of the objects and folders right below the prefix.
+    /// Names of the objects and folders directly below the prefix.
     pub(crate) fn first_names(&self) -> io::Result<Vec<OsString>> {
         let key = self.key("")?;
         let below = Some(&key).filter(|key| !key.as_ref().is_empty());
-        let found = runtime()?.block_on(self.client.list_with_delimiter(below)).map_err(|error| told(&error))?;
+        let found = runtime()?.block_on(self.client.list_with_delimiter(below)).map_err(|error| io_error(&error))?;
         let all = found.objects.iter().map(|meta| &meta.location).chain(&found.common_prefixes);
         Ok(all.filter_map(|key| Some(key.filename()?.into())).collect())
     }
@@ -209,7 +210,7 @@ impl Bucket {
         let below = Some(&key).filter(|key| !key.as_ref().is_empty());
         let found: Vec<ObjectMeta> = match runtime()?.block_on(self.client.list(below).try_collect()) {
             Ok(found) => found,
-            Err(error) => return Err(told(&error)),
+            Err(error) => return Err(io_error(&error)),
         };
         let strip = |key: &Key| match self.prefix.as_str() {
             "" => Some(key.as_ref().to_owned()),
@@ -220,7 +221,7 @@ impl Bucket {
     }
 }
 
-/// Content of one object by its address; `None` if there is none.
+/// Content of one object by its address; `None` if it does not exist.
 pub(crate) fn read_url(path: &Path) -> io::Result<Option<Vec<u8>>> {
     Ok(Bucket::of_url(path)?.read("")?.map(|(bytes, _)| bytes))
 }
@@ -238,15 +239,15 @@ fn no_tag() -> io::Error {
 fn found<T>(answer: Result<T, Error>) -> io::Result<Option<T>> {
     match answer {
         Ok(found) => Ok(Some(found)),
-        // A bucket that is not there is no object that is not there.
-        Err(error @ Error::NotFound { .. }) if reason(&error).contains("NoSuchBucket") => Err(told(&error)),
+        // A missing bucket is an error, unlike a missing object.
+        Err(error @ Error::NotFound { .. }) if reason(&error).contains("NoSuchBucket") => Err(io_error(&error)),
         Err(Error::NotFound { .. }) => Ok(None),
-        Err(error) => Err(told(&error)),
+        Err(error) => Err(io_error(&error)),
     }
 }
 
-/// An error of the library as one of the system: with what time may heal, [`may_heal`].
-fn told(error: &Error) -> io::Error {
+/// Converts an error of the library to a system error, so that [`may_heal`] recognises temporary ones.
+fn io_error(error: &Error) -> io::Error {
     let text = reason(error);
     let (kind, advice) = match error {
         Error::NotFound { .. } => (io::ErrorKind::NotFound, ""),
@@ -261,8 +262,7 @@ fn told(error: &Error) -> io::Error {
     io::Error::new(kind, format!("{text}{advice}"))
 }
 
-/// Whether the server answered that it does not want such a request, ever: codes 300 to 499, without those for "too many"
-/// and "too slow".
+/// Whether the server rejected the request permanently: codes 300 to 499, except those for "too many" and "too slow".
 fn is_refusal(text: &str) -> bool {
     let code = text.split_once("status code: ").and_then(|(_, rest)| rest.get(..3)?.parse::<u16>().ok());
     code.is_some_and(|code| (300..500).contains(&code) && ![408, 425, 429].contains(&code))
@@ -278,15 +278,15 @@ fn reason(error: &Error) -> String {
         chain.push(error.to_string());
         next = error.source();
     }
-    let mut told: Vec<&str> = vec![];
-    // An outer error mostly repeats the inner one.
+    let mut innermost: Vec<&str> = vec![];
+    // An outer error usually repeats the inner one.
     for (i, text) in chain.iter().enumerate() {
         let is_repeated = chain.get(i + 1).is_some_and(|inner| text.contains(inner.as_str()));
         if !is_repeated || i + 1 == chain.len() {
-            told.push(text);
+            innermost.push(text);
         }
     }
-    told.join(": ").split_whitespace().collect::<Vec<_>>().join(" ")
+    innermost.join(": ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -298,8 +298,8 @@ mod tests {
     }
 
     #[test]
-    fn what_time_may_heal_is_told_apart_from_what_it_does_not() {
-        let heals = |error: &Error| may_heal(&told(error));
+    fn temporary_errors_are_distinguished_from_permanent_ones() {
+        let heals = |error: &Error| may_heal(&io_error(error));
         assert!(heals(&generic("Server returned non-2xx status code: 503 Service Unavailable: SlowDown")));
         assert!(heals(&generic("Server returned non-2xx status code: 429 Too Many Requests")));
         assert!(heals(&generic("HTTP error: error sending request: connection refused")));
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_names_a_bucket_and_a_prefix_and_anything_else_is_refused() {
+    fn an_address_must_name_a_bucket_and_a_prefix() {
         let bucket = Bucket::of_url(Path::new("s3://lab/flights/may/")).unwrap();
         assert_eq!(bucket.url_of("a.bin"), "s3://lab/flights/may/a.bin");
         assert_eq!(Bucket::of_url(Path::new("s3://lab")).unwrap().url_of("a/b"), "s3://lab/a/b");

@@ -1,16 +1,16 @@
-//! Outputs in a bucket of S3.
+//! Outputs in an S3 bucket.
 //!
-//! A put is whole or absent, and lasts once it is answered, so that there are neither temporary names nor renames. What one
-//! writer must not take from another is written under a condition, which the server decides:
+//! A put is atomic, and durable once it is answered, so that there are neither temporary names nor renames. Some
+//! objects must not be overwritten by another writer. They are written under a condition, which the server decides:
 //!
-//! - the list that completes a result (`files.json`) only if there is none: the first writer wins;
+//! - the list that completes a result (`files.json`) only if it does not exist: the first writer wins;
 //! - the notes on the last run (`state.json`) only over those that this run has read;
-//! - the lock (`lock/bucket.rs`) only if there is none, or over one whose owner is gone.
+//! - the lock (`lock/bucket.rs`) only if it does not exist, or over one whose owner is gone.
 //!
-//! Pages, tables and the parts of a result are written without a condition: who writes them holds the lock, or writes the same
-//! bytes. Who has lost the lock, or could not renew it, writes nothing any more.
+//! Pages, tables and parts of a result are written without a condition: the writer holds the lock, or writes the same
+//! bytes. A writer that has lost the lock, or could not renew it, stops writing.
 //!
-//! A server that takes no notice of conditions would let two runs write over one another, so that one is refused at the start.
+//! A server that ignores conditions would let two runs overwrite each other, and is rejected at the start.
 
 use super::{Fill, Hashing, Keep, Kept, Only, Sink, Storage, StoreError, failed};
 use crate::memory::FileStamp;
@@ -22,22 +22,22 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
-/// Objects that only ask the server something lie here.
+/// Folder of objects that only test the server.
 const PROBES: &str = ".flightlag/probes";
 
-/// An owner that could not renew its lock for so long writes nothing any more. Others wait a minute longer.
+/// An owner that could not renew its lock for this long stops writing. Others wait a minute longer.
 const UNSURE: Duration = Duration::from_secs(4 * 60);
 
 /// Outputs below a prefix of a bucket.
 #[derive(Debug)]
 pub(crate) struct BucketStorage {
     bucket: Bucket,
-    /// Tags of the notes as this store read or wrote them last; `None` of one that was not there.
+    /// Tags of the notes as this store last read or wrote them; `None` for a missing one.
     read: Mutex<BTreeMap<String, Option<String>>>,
     fence: Fence,
 }
 
-/// Whether the lock is still held; open while nobody has taken one.
+/// Whether the lock is still held; open while no lock is taken.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Fence(Arc<Mutex<Option<Renewed>>>);
 
@@ -48,7 +48,7 @@ enum Renewed {
 }
 
 impl Fence {
-    /// The lock was renewed by a request that was sent at this time.
+    /// The lock was renewed by a request sent at this time.
     pub(crate) fn renew(&self, sent: Instant) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(Renewed::At(sent));
     }
@@ -58,7 +58,7 @@ impl Fence {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(Renewed::TakenOver);
     }
 
-    /// The lock was let go.
+    /// The lock was released.
     pub(crate) fn open(&self) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
@@ -74,7 +74,7 @@ impl Fence {
 }
 
 impl BucketStorage {
-    /// Opens it, and shows that it can be written to and that the server decides conditions.
+    /// Opens it, and checks that it is writable and that the server honours conditions.
     pub(super) fn open(root: &Path) -> Result<BucketStorage, StoreError> {
         let bucket = Bucket::of_url(root).map_err(|e| failed(root, "use", e))?;
         let storage = BucketStorage { bucket, read: Mutex::default(), fence: Fence::default() };
@@ -113,13 +113,13 @@ impl BucketStorage {
         self.fence.clone()
     }
 
-    /// The address, the same that was opened; for a thread of its own.
+    /// The bucket that was opened; for use in another thread.
     pub(crate) fn objects(&self) -> &Bucket {
         &self.bucket
     }
 
     fn note(&self, name: &str, tag: Option<String>) {
-        // Results are many, and are never written over one that was read.
+        // There are many results, and a result that was read is never overwritten.
         if !name.starts_with(".flightlag/") {
             return;
         }
@@ -180,7 +180,7 @@ impl Storage for BucketStorage {
         Ok(Some(all.into_iter().map(|(name, object)| (name, object.stamp())).collect()))
     }
 
-    /// By this machine's clock: it serves for days.
+    /// By this machine's clock, which is good enough for ages in days.
     fn age(&self, name: &str) -> Option<Duration> {
         self.bucket.describe(name).ok()??.modified.elapsed().ok()
     }
@@ -199,7 +199,7 @@ impl Storage for BucketStorage {
             ends.filter_map(|at| name.get(..at)).filter(|f| f.starts_with(folder)).map(str::to_owned).collect()
         };
         let folders: BTreeSet<String> = names.iter().flat_map(|name| above(name)).collect();
-        // A folder comes before what is in it, and so after it when they are turned round.
+        // A folder sorts before its content, and so after it in reverse order.
         names.extend(folders.into_iter().rev());
         Ok(names)
     }
@@ -209,10 +209,10 @@ impl Storage for BucketStorage {
         all.into_keys().filter(|name| !name.contains('/')).collect()
     }
 
-    /// There are no folders, only names with slashes.
+    /// A bucket has no folders, only names with slashes.
     fn remove_empty_folder(&self, _name: &str) {}
 
-    /// There are no temporary names. A probe of a killed run has no more than five bytes, and goes when it is a day old.
+    /// A bucket has no temporary names. A probe of a killed run has at most five bytes, and is removed when a day old.
     fn clean(&self) -> u64 {
         let old = |(name, object): (String, Object)| {
             let is_old = object.modified.elapsed().is_ok_and(|age| age > super::folder::ABANDONED);
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_lost_the_lock_or_could_not_renew_it_writes_nothing_more() {
+    fn a_writer_that_lost_or_could_not_renew_the_lock_stops_writing() {
         let fence = Fence::default();
         let seen_elsewhere = fence.clone();
         fence.check().unwrap();

@@ -1,9 +1,9 @@
 //! Outputs in a folder.
 //!
-//! Every write goes to a temporary name in the file's own folder, is synced, and renamed over the
-//! final name. Of results the folder is synced too.
-//! A plain rename, because NFS knows no `RENAME_NOREPLACE`; a second writer of a result writes
-//! the same bytes, so that it does not matter who comes last.
+//! Every write goes to a temporary name in the file's own folder, is synced, and renamed to the
+//! final name. For results the folder is synced too.
+//! The rename is a plain one, because NFS does not support `RENAME_NOREPLACE`. A second writer of a
+//! result writes the same bytes, so the order does not matter.
 
 use super::{Fill, Hashing, Keep, Kept, Only, Sink, Storage, StoreError, failed};
 use crate::disk::{Disk, disk};
@@ -16,13 +16,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime};
 
-/// Ends the name of a temporary file, `.name.host.system.pid-start.number.flightlag-tmp`.
+/// Suffix of a temporary file, `.name.host.system.pid-start.number.flightlag-tmp`.
 pub(super) const TEMPORARY: &str = "flightlag-tmp";
 
-/// Temporary files of other hosts and containers are taken for leftovers after this time.
+/// Temporary files of other hosts and containers count as leftovers after this time.
 pub(super) const ABANDONED: Duration = Duration::from_secs(24 * 3600);
 
-/// Size of the piece in which files are copied and hashed, bytes.
+/// Size of the buffer for copying and hashing files, bytes.
 const PIECE: usize = 1 << 16;
 
 /// An output folder.
@@ -33,7 +33,7 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    /// Opens the folder, makes it if it is missing, and shows by a test file that it can be written to.
+    /// Opens the folder, creates it if missing, and checks with a test file that it is writable.
     pub(super) fn open(root: &Path) -> Result<Folder, StoreError> {
         fs::create_dir_all(root).map_err(|e| failed(root, "make this folder", e))?;
         let probe = temporary_name(&root.join("probe"));
@@ -42,7 +42,7 @@ impl Folder {
         written.and(removed).map(|()| Folder::to_read(root))
     }
 
-    /// A folder that is there. Nothing is written to find out whether it can be.
+    /// An existing folder. Does not test whether it is writable.
     pub(super) fn to_read(root: &Path) -> Folder {
         Folder { root: root.to_owned(), disk: disk() }
     }
@@ -111,7 +111,7 @@ impl Storage for Folder {
         let placed = self.place(&temporary, &path, keep, fill);
         placed.map(Some).map_err(|error| {
             let _ = fs::remove_file(&temporary);
-            // People know the file by its final name.
+            // Users know the file by its final name.
             StoreError { path, ..error }
         })
     }
@@ -145,7 +145,7 @@ impl Storage for Folder {
     }
 
     fn remove_empty_folder(&self, name: &str) {
-        // Whatever is still in it is not ours, and stays.
+        // Fails if it contains files that are not ours, which stay.
         let _ = fs::remove_dir(self.path(name));
     }
 
@@ -162,7 +162,7 @@ fn found<T>(answer: io::Result<T>) -> io::Result<Option<T>> {
     }
 }
 
-/// Removes temporary files below a folder that nobody writes to any more; says how many.
+/// Removes abandoned temporary files below a folder; returns their number.
 pub(crate) fn clean_folder(folder: &Path) -> u64 {
     let of_entry = |(path, kind): (PathBuf, fs::FileType)| match kind.is_dir() {
         true => clean_folder(&path),
@@ -191,8 +191,8 @@ fn age(path: &Path) -> Option<Duration> {
     fs::metadata(path).ok()?.modified().ok()?.elapsed().ok()
 }
 
-/// Whether a temporary file or folder is one that nobody writes to any more: its process ended, or if that cannot be seen
-/// from here, it is old.
+/// Whether a temporary file or folder is abandoned: its process has ended, or if that is not visible from here, it is
+/// old.
 pub(crate) fn is_leftover(path: &Path) -> bool {
     let Some(name) = path.file_name().and_then(|n| n.to_str()).filter(|n| n.ends_with(TEMPORARY)) else { return false };
     match writer_of(name).and_then(|process| process.has_ended()) {
@@ -201,7 +201,7 @@ pub(crate) fn is_leftover(path: &Path) -> bool {
     }
 }
 
-/// The process that made a temporary file, as its name says.
+/// The process that made a temporary file, parsed from its name.
 fn writer_of(name: &str) -> Option<Process> {
     let mut parts = name.rsplit('.').skip(2);
     let (pid, started) = parts.next()?.split_once('-')?;
@@ -222,7 +222,7 @@ fn copy_all(from: &mut File, to: &mut impl Write) -> io::Result<()> {
     }
 }
 
-/// Whether this is the name of a temporary file of ours.
+/// Whether this is the name of one of our temporary files.
 pub(crate) fn is_temporary(name: &std::ffi::OsStr) -> bool {
     Path::new(name).extension().is_some_and(|e| e == TEMPORARY)
 }

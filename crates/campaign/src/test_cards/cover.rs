@@ -1,4 +1,4 @@
-//! Which cards are done, which have to be repeated, and which nobody has flown.
+//! Which cards are done, which must be repeated, and which were not flown.
 
 use super::TestCards;
 use record::{
@@ -7,7 +7,7 @@ use record::{
 };
 use std::collections::BTreeMap;
 
-/// Whether a flight is enough for its card, and why not. It is if it has a result and meets the criteria, or none are given.
+/// Whether a flight completes its card, and why not. It does if it has a result and meets the criteria, if any.
 pub(super) fn status(outcome: &Outcome, criteria: Option<&FlightCriteria>) -> (CardStatus, String) {
     let repeat = |why: String| (CardStatus::Repeat, why);
     match outcome {
@@ -27,7 +27,7 @@ pub(super) fn status(outcome: &Outcome, criteria: Option<&FlightCriteria>) -> (C
     repeat(format!("{word}: {}", which.join(", ")))
 }
 
-/// The cards of a flight, short.
+/// Short form of the cards of a flight.
 pub(crate) fn row_cards(test: &FlightTest) -> Vec<RowCard> {
     let short = |flown: &record::FlownCard| RowCard {
         number: flown.card.number.clone(),
@@ -39,7 +39,7 @@ pub(crate) fn row_cards(test: &FlightTest) -> Vec<RowCard> {
 }
 
 impl TestCards {
-    /// What the cards say of all flights; `None` if there are no cards.
+    /// Summary of the cards over all flights; `None` without cards.
     pub(crate) fn of_campaign(&self, rows: &[FlightRow]) -> Option<CampaignTest> {
         if self.campaign.is_none() && self.flights.is_empty() {
             return None;

@@ -1,4 +1,4 @@
-//! A test card file as its author writes it. Every table refuses keys that it does not know.
+//! A test card file as its author writes it. Every table rejects unknown keys.
 
 use jiff::civil::Date;
 use record::{TestAircraft, TestCard, TestConditions, TestInstrument, TestReport};
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Spanned;
 
-/// What is to be tested, with what, and by whom: of a campaign, or of one flight.
+/// What is tested, with what, and by whom: for a campaign, or for one flight.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -27,13 +27,13 @@ pub(super) struct TestCardFile {
     /// The aircraft and its configuration.
     #[serde(default)]
     pub(super) aircraft: TestAircraft,
-    /// Instrumentation, one row for each channel.
+    /// Instrumentation, one row per channel.
     #[serde(default)]
     pub(super) instrumentation: Vec<TestInstrument>,
     /// Conditions of the test.
     #[serde(default)]
     pub(super) conditions: TestConditions,
-    /// In the card of a campaign: what is planned. In that of a flight: what it flew.
+    /// In the card of a campaign: the planned test cards. In the card of a flight: those it flew.
     #[serde(default)]
     pub(super) card: Vec<TestCard>,
 }
@@ -42,15 +42,15 @@ impl TestCardFile {
     /// Reads a card.
     ///
     /// # Errors
-    /// Everything that is wrong with it, a line each, with file and line.
+    /// All its errors, one per line, with file and line.
     pub(super) fn parse(text: &str, path: &Path) -> Result<TestCardFile, String> {
         let file = SettingsFile::new(text, path);
-        let meant = file.read::<TestCardFile>().and_then(|card| {
-            // The same keys once more, with their places.
+        let card = file.read::<TestCardFile>().and_then(|card| {
+            // The same keys again, with their positions.
             file.read::<Places>()?.check(&file);
             Ok(card)
         });
-        file.finish(meant).map_err(|complaint| {
+        file.finish(card).map_err(|complaint| {
             let line = complaint.line.map(|line| format!(":{line}")).unwrap_or_default();
             format!("{}{line}: {}", path.display(), complaint.what)
         })
@@ -64,7 +64,7 @@ pub(crate) fn test_card_schema() -> String {
     format!("{:#}\n", schema.as_value())
 }
 
-/// The values that are checked, with their places in the file.
+/// The checked values, with their positions in the file.
 #[derive(Deserialize)]
 struct Places {
     schema: Spanned<u32>,
@@ -136,7 +136,7 @@ fn date(file: &SettingsFile<'_>, key: &str, value: Option<&Spanned<String>>) {
     }
 }
 
-/// A name must say something and be the only one of its kind.
+/// A name must not be empty and must be unique among its kind.
 fn names<'n>(file: &SettingsFile<'_>, key: &str, kind: &str, names: impl Iterator<Item = &'n Spanned<String>>) {
     let mut lines: BTreeMap<&str, usize> = BTreeMap::new();
     for name in names {

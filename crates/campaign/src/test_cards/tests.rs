@@ -33,7 +33,7 @@ const CAMPAIGN: &str = "schema = 1\ntitle = \"T\"\n[report]\nnumber = \"R1\"\nau
     [[card]]\nnumber = \"TC-2\"\ntitle = \"climb\"\n";
 
 #[test]
-fn a_card_is_no_log_and_one_that_belongs_to_no_flight_is_listed_with_the_reason() {
+fn a_card_is_not_a_log_and_one_without_a_flight_is_listed_with_the_reason() {
     let small = "schema = 1\n";
     let files =
         [("test-card.toml", small), ("a.test-card.toml", small), ("b/c.test-card.toml", small), ("notes.toml", small)];
@@ -54,13 +54,13 @@ fn a_card_is_no_log_and_one_that_belongs_to_no_flight_is_listed_with_the_reason(
 }
 
 #[test]
-fn a_flight_has_the_card_of_its_whole_name_or_of_its_name_without_the_ending() {
+fn a_card_is_named_after_the_flight_with_or_without_extension() {
     assert_eq!(names_of("x/a.b.mcap"), ["x/a.b.mcap.test-card.toml", "x/a.b.test-card.toml"]);
     assert_eq!(names_of("x.y/bag"), ["x.y/bag.test-card.toml", "x.y/bag.test-card.toml"]);
 }
 
 #[test]
-fn all_errors_of_all_cards_are_told_in_one_run_with_their_lines() {
+fn one_run_reports_all_errors_of_all_cards_with_their_lines() {
     let files = [
         (
             "test-card.toml",
@@ -69,7 +69,7 @@ fn all_errors_of_all_cards_are_told_in_one_run_with_their_lines() {
         ("a.test-card.toml", "schema = 1\n[aircraft]\nmas_kg = 3\n[[card]]\nnumber = \"1\"\ntitel = \"x\"\n"),
         ("b.test-card.toml", "schema = 1\n[[card]]\nnumber = \"1\"\ncriteria = \"none.toml\"\n"),
     ];
-    let told = found(&files, &["a.mcap", "b.mcap"]).0.unwrap_err().to_string();
+    let error = found(&files, &["a.mcap", "b.mcap"]).0.unwrap_err().to_string();
     for part in [
         "test-card.toml:1: schema must be 1",
         "test-card.toml:3: date = \"31.5.2026\": must be a date as 2026-05-31",
@@ -79,12 +79,12 @@ fn all_errors_of_all_cards_are_told_in_one_run_with_their_lines() {
         "a.test-card.toml:6: unknown key `titel`: did you mean `title`?",
         "none.toml",
     ] {
-        assert!(told.contains(part), "{part}\n{told}");
+        assert!(error.contains(part), "{part}\n{error}");
     }
 }
 
 #[test]
-fn a_flight_card_adds_to_that_of_the_campaign_and_overrules_it() {
+fn a_flight_card_extends_and_overrides_that_of_the_campaign() {
     let own = "schema = 1\n[report]\nauthor = \"B\"\n[[instrumentation]]\nchannel = \"position.gps\"\nserial = \"2\"\n\
                [[instrumentation]]\nchannel = \"velocity.ekf\"\n[[card]]\nnumber = \"TC-2\"\npriority = \"must\"\n";
     let cards = cards(&[("test-card.toml", CAMPAIGN), ("a1.test-card.toml", own)], &["a1.mcap", "b.mcap"]);
@@ -104,7 +104,7 @@ fn a_flight_card_adds_to_that_of_the_campaign_and_overrules_it() {
 }
 
 #[test]
-fn a_card_is_done_by_one_good_flight_repeated_for_want_of_one_and_missing_without_a_flight() {
+fn a_card_is_done_after_a_good_flight_else_to_repeat_or_missing() {
     let three = CAMPAIGN.replace("\"TC-2\"", "\"TC-2\"\nflights = [\"b*\"]\ncriteria = \"c.toml\"")
         + "[[card]]\nnumber = \"TC-3\"\n";
     let files = [("test-card.toml", three.as_str()), ("c.toml", &criteria(0))];
@@ -131,7 +131,7 @@ fn a_card_is_done_by_one_good_flight_repeated_for_want_of_one_and_missing_withou
 }
 
 #[test]
-fn a_flight_without_criteria_is_done_with_a_result_and_repeated_without_one() {
+fn without_criteria_a_card_is_done_with_a_result_else_to_repeat() {
     let because = |reason: &str| (CardStatus::Repeat, reason.to_owned());
     let reason = || "parked".to_owned();
     assert_eq!(status(&Outcome::Compensated, None), (CardStatus::Done, String::new()));
@@ -141,7 +141,7 @@ fn a_flight_without_criteria_is_done_with_a_result_and_repeated_without_one() {
 }
 
 #[test]
-fn the_hash_of_a_flight_changes_with_its_own_card_and_not_with_that_of_another() {
+fn the_hash_of_a_flight_changes_only_with_its_own_card() {
     let with =
         |a: &str| found(&[("a.test-card.toml", a), ("b.test-card.toml", "schema = 1\n")], &["a", "b", "c"]).0.unwrap();
     let (one, two) = (with("schema = 1\n"), with("schema = 1\ntitle = \"x\"\n"));
@@ -152,7 +152,7 @@ fn the_hash_of_a_flight_changes_with_its_own_card_and_not_with_that_of_another()
 }
 
 #[test]
-fn the_example_holds_every_key_of_the_schema_and_can_be_read() {
+fn the_example_is_valid_and_has_every_key_of_the_schema() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines");
     let path = folder.join("test-card.toml");
     let text = fs::read_to_string(&path).unwrap();

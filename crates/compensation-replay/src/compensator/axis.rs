@@ -1,39 +1,39 @@
-//! A whole record of one axis through a compensator.
+//! Runs a whole record of one axis through a compensator.
 
 use crate::compensator::{Compensator, FeedError};
 use record::StartRule;
 
-/// One axis of a flight: rising stamps, s, with velocities, m/s, and late positions, m.
+/// One axis of a flight: rising timestamps, s, with velocities, m/s, and late positions, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisSamples<'a> {
-    /// Stamps of the velocities, s.
+    /// Timestamps of the velocities, s.
     pub velocity_t: &'a [f64],
     /// Velocities, m/s.
     pub velocity: &'a [f64],
-    /// Stamps of the positions, s.
+    /// Timestamps of the positions, s.
     pub position_t: &'a [f64],
     /// Positions, m.
     pub position: &'a [f64],
 }
 
-/// Which velocity a compensator may know at a row.
+/// Which velocities a compensator may use at a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VelocityView {
-    /// None later than the row: what an aircraft knows.
+    /// No velocity later than the row: what an aircraft has.
     UpToNow,
-    /// Up to the first sample at or after the row, for compensators that interpolate: not causal by up to one velocity
-    /// interval, and the view of the design note's table 5.7.
+    /// Up to the first sample at or after the row, for compensators that interpolate. Not causal by up to one velocity
+    /// interval. Table 5.7 of the design note uses this view.
     Bracketing,
 }
 
-/// What came out.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replayed {
     /// Position at each row, m.
     pub output: Vec<Option<f64>>,
-    /// Samples that were refused.
+    /// Number of rejected samples.
     pub refused: u64,
-    /// Why the first of them was.
+    /// Reason for the first rejection.
     pub first_refusal: Option<FeedError>,
 }
 
@@ -46,9 +46,9 @@ impl Replayed {
     }
 }
 
-/// Feeds a record in the order of its stamps (velocity first where they are equal) and asks at every row, rising, s.
+/// Feeds a record in timestamp order (velocity first on ties) and reads the output at every row; rows rise, s.
 ///
-/// The compensator starts at the first velocity, with the newest position of before; rows before have no output.
+/// The compensator starts at the first velocity, with the newest earlier position. Earlier rows have no output.
 #[must_use]
 pub fn replay_axis(
     compensator: &mut dyn Compensator,

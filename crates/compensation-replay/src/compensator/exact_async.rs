@@ -10,20 +10,20 @@ use record::StartRule;
 struct Anchor {
     stamp: f64,
     position: f64,
-    /// The instant from which on velocity is added to it, s.
+    /// The instant from which velocity is added to it, s.
     from: f64,
-    /// I at that instant, if velocity has come so far.
+    /// I at that instant, if the velocity has reached it.
     integral: Option<f64>,
 }
 
-/// `x_est(t) = p_j + I(t) − I(t_j − Td)` with the newest position `p_j` stamped `t_j` (design note 5.1): dead reckoning from
-/// the instant at which the newest fix was true.
+/// `x_est(t) = p_j + I(t) − I(t_j − Td)` with the newest position `p_j` at timestamp `t_j` (design note 5.1): dead
+/// reckoning from the instant at which the newest fix was true.
 ///
-/// With velocity fed up to the first sample at or after `t` it gives the bits of [`ExactAsync`](crate::ExactAsync),
-/// which looks that far ahead (test `streaming_and_whole_record_agree_to_the_bit`). Without, velocity is held after its
-/// newest sample, which is what an aircraft has: on circuits with clean 4 Hz position and velocity 0.113 m rms is left
-/// instead of 0.020 m, with 10 Hz of an RTK receiver 0.036 m instead of 0.032 m, with 100 Hz velocity no difference
-/// (example `table_5_7`).
+/// With velocity fed up to the first sample at or after `t` it gives the same bits as
+/// [`ExactAsync`](crate::ExactAsync), which looks that far ahead (test `streaming_and_whole_record_agree_to_the_bit`).
+/// Otherwise velocity is held after its newest sample, as on an aircraft. The error on circuits is then 0.113 m rms
+/// instead of 0.020 m with clean 4 Hz position and velocity, 0.036 m instead of 0.032 m with 10 Hz of an RTK receiver,
+/// and the same with 100 Hz velocity (example `table_5_7`).
 #[derive(Debug, Clone)]
 pub struct StreamingAsync {
     delay_s: f64,
@@ -34,14 +34,14 @@ pub struct StreamingAsync {
 }
 
 impl StreamingAsync {
-    /// For positions late by `delay_s`, stamped up to `max_gap_s` before the newest velocity.
+    /// For positions late by `delay_s`, with timestamps up to `max_gap_s` before the newest velocity.
     #[must_use]
     pub fn new(delay_s: f64, max_gap_s: f64) -> StreamingAsync {
         let flown = VelocityIntegral::new(delay_s + max_gap_s);
         StreamingAsync { delay_s, flown, start: 0.0, rule: StartRule::Warm, anchor: None }
     }
 
-    /// From where velocity is added to a fix; cold: nothing was flown before the first velocity.
+    /// From where velocity is added to a fix; cold: at rest before the first velocity.
     fn from(&self, stamp: f64) -> f64 {
         let from = stamp - self.delay_s;
         if self.rule == StartRule::Cold { from.max(self.start) } else { from }

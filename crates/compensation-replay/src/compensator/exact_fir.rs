@@ -5,10 +5,10 @@ use crate::compensator::velocity_integral::VelocityIntegral;
 use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY, check};
 use record::StartRule;
 
-/// `x_est(t) = x_m(t) + ∫_{t−Td}^{t} v dτ` with the newest position for `x_m` (design note 5.1): `G(s) = (1 − e^{−s Td})/s`
-/// itself, for a velocity that is linear between its samples and held after the newest one.
+/// `x_est(t) = x_m(t) + ∫_{t−Td}^{t} v dτ` with the newest position for `x_m` (design note 5.1). This is
+/// `G(s) = (1 − e^{−s Td})/s` itself, for a velocity that is linear between its samples and held after the newest one.
 ///
-/// Like the filters it does not know how old a held position is; [`StreamingAsync`](crate::StreamingAsync) does.
+/// Like the filters it ignores the age of a held position; [`StreamingAsync`](crate::StreamingAsync) accounts for it.
 #[derive(Debug, Clone)]
 pub struct ExactFir {
     delay_s: f64,
@@ -18,7 +18,7 @@ pub struct ExactFir {
 }
 
 impl ExactFir {
-    /// For positions late by `delay_s`; outputs may be asked for up to `max_gap_s` before the newest velocity.
+    /// For positions late by `delay_s`; outputs may be requested up to `max_gap_s` before the newest velocity.
     #[must_use]
     pub fn new(delay_s: f64, max_gap_s: f64) -> ExactFir {
         ExactFir { delay_s, flown: VelocityIntegral::new(delay_s + max_gap_s), valid_from: 0.0, fix: None }

@@ -1,4 +1,4 @@
-//! Position with gain 1, plus the displacement that a filter makes of velocity.
+//! Position with gain 1, plus the displacement that a filter computes from velocity.
 
 use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY, check};
 use record::StartRule;
@@ -6,29 +6,29 @@ use std::fmt::Debug;
 
 /// A filter from velocity to the displacement during the delay.
 pub trait VelocityFilter: Debug + Clone + Send {
-    /// As in a pipeline.
+    /// Name as in a pipeline.
     fn name(&self) -> String;
 
-    /// The delay it stands for, s.
+    /// The delay it models, s.
     fn delay_s(&self) -> f64;
 
-    /// The first velocity, m/s. Cold: a ramp from zero over `step_s`; else as if it had always been flown.
+    /// Takes the first velocity, m/s. Cold: a ramp from zero over `step_s`; else as if it had always been flown.
     fn start(&mut self, velocity: f64, rule: StartRule, step_s: f64);
 
-    /// The next velocity, m/s, `h > 0` seconds after the last, however many; gives the displacement, m.
+    /// Takes the next velocity, m/s, any `h > 0` seconds after the last; returns the displacement, m.
     fn step(&mut self, h: f64, velocity: f64) -> f64;
 
     /// The displacement after the last step, m.
     fn displacement(&self) -> f64;
 
-    /// Its numbers, by name.
+    /// State values, by name.
     fn state(&self) -> Vec<StateValue>;
 }
 
 /// A [`VelocityFilter`] as a [`Compensator`]: `x_est = newest position + displacement at the newest velocity`.
 ///
-/// Between samples the output is held, as in a loop that runs when a sample comes. It is not told of the age of a held
-/// position: what holding adds to the delay stays in (design note 5.7), unless it is part of the delay given.
+/// Between samples the output is held, as in a loop that runs on each sample. The filter does not know the age of a
+/// held position, so the delay added by holding remains (design note 5.7), unless the given delay includes it.
 #[derive(Debug, Clone)]
 pub struct Filtered<F> {
     filter: F,
@@ -39,13 +39,13 @@ pub struct Filtered<F> {
 }
 
 impl<F: VelocityFilter> Filtered<F> {
-    /// With the nominal step (s) of a cold start.
+    /// Creates it with the nominal step (s) of a cold start.
     #[must_use]
     pub fn new(filter: F, step_s: f64) -> Filtered<F> {
         Filtered { filter, step_s, valid_from: 0.0, newest_velocity: None, fix: None }
     }
 
-    /// The displacement that is being added, m.
+    /// The displacement currently added, m.
     #[must_use]
     pub fn displacement(&self) -> f64 {
         self.filter.displacement()

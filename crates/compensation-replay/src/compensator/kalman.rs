@@ -5,36 +5,36 @@ use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY,
 use record::StartRule;
 use std::collections::VecDeque;
 
-/// Kalman filter of position, velocity and acceleration under white jerk, with positions of Td ago (design note 5.7):
-/// filtered up to the instant at which the newest position was true with both, from there on with velocity alone, then
-/// predicted to the instant asked for.
+/// Kalman filter of position, velocity and acceleration under white jerk, with positions delayed by Td (design note
+/// 5.7). It uses both inputs up to the instant at which the newest position was true, velocity alone from there on, and
+/// then predicts to the requested instant.
 ///
-/// The best that a causal compensator can do under its model: on circuits 0.127 m where the exact asynchronous form has
-/// 1.43 m (4 Hz position of 1 m), 0.0166 m where it has 0.142 m (INS at 100 Hz), 0.0131 m where it has 0.113 m (clean
-/// 4 Hz; example `table_5_7`). It smooths, so a jump of the position is taken over
-/// slowly, and its output is as good as its settings ([`fit_kalman`](crate::fit_kalman)). A new position costs one
-/// filter step for each velocity of the last Td. Cold and warm starts are the same: it begins at the first position,
-/// with wide beliefs. After `max_gap_s` without a position, velocities that old are final.
+/// The optimal causal compensator under its model. On circuits its error is 0.127 m where the exact asynchronous form
+/// has 1.43 m (4 Hz position of 1 m), 0.0166 m where it has 0.142 m (INS at 100 Hz), and 0.0131 m where it has 0.113 m
+/// (clean 4 Hz; example `table_5_7`). It smooths, so it follows a jump of the position slowly. Its output is as good as
+/// its settings ([`fit_kalman`](crate::fit_kalman)). A new position costs one filter step per velocity of the last Td.
+/// Cold and warm starts are the same: it starts at the first position, with a wide covariance. After `max_gap_s`
+/// without a position, velocities of that age are final.
 #[derive(Debug, Clone)]
 pub struct DelayedKalman {
     delay_s: f64,
     keep_s: f64,
     settings: KalmanSettings,
     start: Option<(f64, StartRule)>,
-    /// Instant and value of the newest velocity.
+    /// Timestamp and value of the newest velocity.
     newest: (f64, f64),
     fix_stamp: Option<f64>,
     /// Velocities after the tail.
     recent: VecDeque<(f64, f64)>,
-    /// All positions and the velocities up to the newest of them.
+    /// State after all positions and the velocities up to the newest of them.
     tail: Option<Belief>,
-    /// The tail with the recent velocities.
+    /// The tail updated with the recent velocities.
     head: Option<Belief>,
 }
 
 impl DelayedKalman {
-    /// For positions late by `delay_s`, stamped up to `max_gap_s` before the newest velocity. `None` if a setting is not
-    /// positive and finite.
+    /// For positions late by `delay_s`, with timestamps up to `max_gap_s` before the newest velocity. `None` if a
+    /// setting is not positive and finite.
     #[must_use]
     pub fn new(delay_s: f64, max_gap_s: f64, settings: KalmanSettings) -> Option<DelayedKalman> {
         settings.is_sound().then(|| DelayedKalman {
@@ -50,7 +50,7 @@ impl DelayedKalman {
         })
     }
 
-    /// Standard deviation of the output at `t`, m, if the settings are true.
+    /// Standard deviation of the output at `t`, m, if the settings are correct.
     #[must_use]
     pub fn sigma(&self, t: f64) -> Option<f64> {
         let mut head = self.head?;
@@ -58,7 +58,7 @@ impl DelayedKalman {
         Some(head.covariance[(0, 0)].max(0.0).sqrt())
     }
 
-    /// The tail moves on over the velocities up to `t`, which are forgotten.
+    /// Advances the tail over the velocities up to `t` and drops them.
     fn finish_until(&mut self, t: f64) {
         while let Some(&(at, v)) = self.recent.front().filter(|(at, _)| *at <= t) {
             if let Some(tail) = &mut self.tail {
@@ -69,7 +69,7 @@ impl DelayedKalman {
         }
     }
 
-    /// What is believed at the first position: its own value, and the velocity nearest to it.
+    /// Initial state at the first position: its own value, and the velocity nearest to it.
     fn first(&self, at: f64, position: f64) -> Belief {
         let nearest = self.recent.iter().copied().min_by(|a, b| (a.0 - at).abs().total_cmp(&(b.0 - at).abs()));
         let (t, v) = nearest.unwrap_or(self.newest);
@@ -102,7 +102,7 @@ impl Compensator for DelayedKalman {
             return Err(FeedError::NotLater { what: VELOCITY, t, previous: self.newest.0 + late });
         }
         self.newest = (t - late, velocity);
-        // A velocity of before the newest position's instant (later than the position itself) counts from there.
+        // A velocity from before the newest position's instant (arrived after the position) counts from there.
         let at = self.tail.map_or(t - late, |tail| tail.t.max(t - late));
         self.recent.push_back((at, velocity));
         if let Some(head) = &mut self.head {

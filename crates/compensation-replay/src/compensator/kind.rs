@@ -9,7 +9,7 @@ use crate::compensator::{
 use record::StartRule;
 use std::str::FromStr;
 
-/// Which compensator, as a pipeline names it.
+/// Compensator kind, as named in a pipeline.
 ///
 /// ```
 /// use compensation_replay::{CompensatorKind, Discretisation};
@@ -20,13 +20,13 @@ use std::str::FromStr;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CompensatorKind {
-    /// Position plus a Padé filter of velocity. \[1/1\] with Tustin is the paper's, to the bit.
+    /// Position plus a Padé filter of velocity. \[1/1\] with Tustin is the paper's, bit for bit.
     Pade {
         /// Degree of P.
         m: usize,
         /// Degree of Q.
         n: usize,
-        /// How it is made discrete.
+        /// Discretisation.
         rule: Discretisation,
     },
     /// [`ExactFir`].
@@ -41,28 +41,28 @@ pub enum CompensatorKind {
     RtsSmoother,
 }
 
-/// What a compensator needs to know beside its name.
+/// Parameters of a compensator besides its name.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CompensatorOptions {
     /// Delay of the position to remove, s; positive is late.
     pub delay_s: f64,
-    /// Nominal velocity step, s: what a cold start ramps up over.
+    /// Nominal velocity step, s: the duration of the ramp of a cold start.
     pub step_s: f64,
-    /// A position may be stamped this much before the newest velocity, s: the longest gap that is bridged.
+    /// Largest age of a position against the newest velocity, s: the longest gap that is bridged.
     pub max_gap_s: f64,
-    /// For the Kalman filter and the smoother; [`fit_kalman`](crate::fit_kalman) finds them.
+    /// For the Kalman filter and the smoother; estimated by [`fit_kalman`](crate::fit_kalman).
     pub kalman: Option<KalmanSettings>,
 }
 
 impl CompensatorOptions {
-    /// For a delay and a velocity step: gaps up to `2 Td` and never less than 2.5 steps, no Kalman settings.
+    /// For a delay and a velocity step: gaps up to `2 Td` and at least 2.5 steps, no Kalman settings.
     #[must_use]
     pub fn new(delay_s: f64, step_s: f64) -> CompensatorOptions {
         CompensatorOptions { delay_s, step_s, max_gap_s: (2.0 * delay_s).max(2.5 * step_s), kalman: None }
     }
 }
 
-/// Why there is no such compensator.
+/// Why the compensator cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CompensatorError {
     /// No compensator has this name.
@@ -70,18 +70,18 @@ pub enum CompensatorError {
     Unknown {
         /// The name.
         name: String,
-        /// The name that was probably meant, as a question after a semicolon; empty if none is near.
+        /// A suggested name, as a question after a semicolon; empty if no name is similar.
         meant: String,
     },
-    /// The Padé form is refused.
+    /// The Padé form is rejected.
     #[error("{name:?}: {reason}")]
     Pade {
         /// The name.
         name: String,
-        /// Why.
+        /// Reason.
         reason: PadeRefusal,
     },
-    /// A matched discretisation has a zero to place only at first order.
+    /// The matched rule places a zero at first order only.
     #[error("{name:?}: matched is of first order only; take foh")]
     MatchedOrder {
         /// The name.
@@ -93,7 +93,7 @@ pub enum CompensatorError {
         /// The name.
         name: String,
     },
-    /// A setting makes no sense.
+    /// A setting is invalid.
     #[error("{name}: {setting} must be positive and finite, not {value}")]
     Setting {
         /// The compensator.
@@ -103,28 +103,28 @@ pub enum CompensatorError {
         /// Its value.
         value: f64,
     },
-    /// Without noise levels there is no Kalman filter.
+    /// Kalman filters need noise levels.
     #[error("{name} needs jerk density and noise levels, all positive")]
     KalmanSettings {
         /// The name.
         name: String,
     },
-    /// The positions make no spline.
+    /// No spline fits the positions.
     #[error("{name}: {reason}")]
     Spline {
         /// The name.
         name: String,
-        /// Why.
+        /// Reason.
         reason: signal::SplineError,
     },
 }
 
-/// Forms that are offered by name; others up to \[8/8\] with n − 2 ≤ m ≤ n are understood.
+/// Forms offered by name; others up to \[8/8\] with n − 2 ≤ m ≤ n are also accepted.
 const OFFERED: [(usize, usize); 11] =
     [(0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (1, 3), (2, 3), (3, 3), (2, 4), (3, 4), (4, 4)];
 
 impl CompensatorError {
-    /// The same of the name that was typed, where that left something out.
+    /// The same error with the name as typed, if the user abbreviated it.
     fn called(self, typed: &str) -> CompensatorError {
         let name = typed.to_owned();
         match self {
@@ -136,7 +136,7 @@ impl CompensatorError {
 }
 
 impl CompensatorKind {
-    /// All that are offered, in the order of their merit: Padé by order, then exact, then the optimal ones.
+    /// All offered kinds, ordered by merit: Padé by order, then exact, then the optimal ones.
     #[must_use]
     pub fn all() -> Vec<CompensatorKind> {
         let rules = [Discretisation::Tustin, Discretisation::Foh, Discretisation::Zoh, Discretisation::Matched];
@@ -159,7 +159,7 @@ impl CompensatorKind {
         !matches!(self, CompensatorKind::OfflineShift | CompensatorKind::RtsSmoother)
     }
 
-    /// For a page.
+    /// Title for a page.
     #[must_use]
     pub fn title(self) -> String {
         match self {
@@ -181,10 +181,10 @@ impl CompensatorKind {
         }
     }
 
-    /// One that runs sample by sample, not started.
+    /// Builds a compensator that runs sample by sample, not started yet.
     ///
     /// # Errors
-    /// Not causal, or a setting that is missing or makes no sense.
+    /// Not causal, or a setting that is missing or invalid.
     pub fn build(self, options: &CompensatorOptions) -> Result<Box<dyn Compensator>, CompensatorError> {
         self.check(options)?;
         let (td, gap) = (options.delay_s, options.max_gap_s);
@@ -209,7 +209,7 @@ impl CompensatorKind {
     /// The modal filter of a Padé form.
     ///
     /// # Errors
-    /// Refused forms, a delay that is not positive, and all that are not Padé ([`CompensatorError::Unknown`]).
+    /// Rejected forms, a delay that is not positive, and kinds that are not Padé ([`CompensatorError::Unknown`]).
     pub fn filter(self, delay_s: f64) -> Result<ModalFilter, CompensatorError> {
         let CompensatorKind::Pade { m, n, rule } = self else {
             return Err(unknown(&format!("{self} as a filter")));
@@ -222,10 +222,10 @@ impl CompensatorKind {
         ModalFilter::new(&form, rule, delay_s).ok_or_else(|| self.setting("delay", delay_s))
     }
 
-    /// A whole record of one axis, causal or not: position at every row, m.
+    /// Replays a whole record of one axis, causal or not: position at every row, m.
     ///
     /// # Errors
-    /// As [`build`](CompensatorKind::build), and positions that make no spline.
+    /// As [`build`](CompensatorKind::build), and positions that no spline fits.
     pub fn replay(
         self,
         options: &CompensatorOptions,
@@ -282,15 +282,15 @@ impl std::fmt::Display for CompensatorKind {
 impl FromStr for CompensatorKind {
     type Err = CompensatorError;
 
-    /// `pade-<m>-<n>-<tustin|foh|zoh|matched>`, or one of the other names. Without a discretisation, `pade-1-1` is the
-    /// paper's and all others are `foh`.
+    /// `pade-<m>-<n>-<tustin|foh|zoh|matched>`, or one of the other names. The default discretisation is that of the
+    /// paper for `pade-1-1` and `foh` for all others.
     fn from_str(name: &str) -> Result<CompensatorKind, CompensatorError> {
         let others = CompensatorKind::all().into_iter().filter(|k| !matches!(k, CompensatorKind::Pade { .. }));
         if let Some(kind) = others.into_iter().find(|k| k.to_string() == name) {
             return Ok(kind);
         }
         let kind = pade(name).ok_or_else(|| unknown(name))?;
-        // A delay of 1 s: only whether there is such a filter.
+        // With a delay of 1 s: only checks that the filter exists.
         kind.filter(1.0).map_err(|error| error.called(name))?;
         Ok(kind)
     }

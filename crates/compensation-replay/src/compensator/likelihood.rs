@@ -1,37 +1,37 @@
-//! Noise and agility of a flight, from the flight.
+//! Noise and agility of a flight, estimated from the flight.
 
 use crate::compensator::AxisSamples;
 use crate::compensator::rts::{Event, events, first_belief};
 use crate::compensator::white_jerk::KalmanSettings;
 
-/// Settings that make the record most likely.
+/// Settings that maximise the likelihood of the record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KalmanFit {
-    /// Of all axes together.
+    /// The settings, common to all axes.
     pub settings: KalmanSettings,
     /// Minus the logarithm of the likelihood, without the constant.
     pub minus_log_likelihood: f64,
-    /// Filter runs that it took, each over all axes.
+    /// Number of filter runs, each over all axes.
     pub runs: usize,
 }
 
-/// Innovations that are not counted: the filter is still settling.
+/// Innovations that are skipped while the filter settles.
 const SETTLING: usize = 10;
 
 /// Range of log₁₀ of jerk density, position sigma and velocity sigma.
 const RANGE: [(f64, f64); 3] = [(-6.0, 8.0), (-4.0, 3.0), (-4.0, 2.0)];
 
-/// Where the search starts: 10 m²/s⁵, 0.3 m, 0.1 m/s.
+/// Start of the search: 10 m²/s⁵, 0.3 m, 0.1 m/s.
 const START: [f64; 3] = [1.0, -0.5, -1.0];
 
-/// Jerk density and white noise of position and velocity by maximum likelihood of the innovations, the same for all axes
+/// Jerk density and white noise of position and velocity by maximum likelihood of the innovations, common to all axes
 /// (compass search over the logarithms, from 1 decade down to 2 %).
 ///
-/// Noise that was put in is found within its sampling error (test
-/// `maximum_likelihood_finds_the_noise_that_was_put_in`), and the filter is then as good as a tuned one, within 4 %
-/// (example `table_5_7`). Without noise the search ends at its lower bounds, 1e-4 m and 1e-4 m/s.
+/// Simulated noise is recovered within its sampling error (test `maximum_likelihood_recovers_the_simulated_noise`), and
+/// the filter is then within 4 % of a tuned one (example `table_5_7`). Without noise the search ends at its lower
+/// bounds, 1e-4 m and 1e-4 m/s.
 ///
-/// The model knows white noise only: a position that wanders is taken for noisier motion. `None` if no axis has more than
+/// The model has white noise only: a wandering position looks like more agile motion. `None` if no axis has more than
 /// 10 samples after its first position.
 #[must_use]
 pub fn fit_kalman(axes: &[AxisSamples<'_>], delay_s: f64, velocity_delay_s: f64) -> Option<KalmanFit> {

@@ -5,21 +5,21 @@ use crate::compensator::{PadeForm, StateValue};
 use nalgebra::Complex;
 use record::StartRule;
 
-/// How the continuous filter is made a discrete one.
+/// How the continuous filter is discretised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Discretisation {
-    /// Trapezoid rule, as in the paper. At a constant step the bilinear transform.
+    /// Trapezoidal rule, as in the paper. At a constant step it equals the bilinear transform.
     Tustin,
     /// First-order hold: exact for a velocity that is linear between its samples. The best of the four.
     Foh,
-    /// Zero-order hold: the new sample counts from the next step on, half a step late.
+    /// Zero-order hold: the new sample takes effect at the next step, half a step late.
     Zoh,
-    /// Matched pole and zero at the Nyquist frequency; only of first order.
+    /// Matched pole and a zero at the Nyquist frequency; first order only.
     Matched,
 }
 
 impl Discretisation {
-    /// As in a pipeline.
+    /// Name as in a pipeline.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -31,7 +31,7 @@ impl Discretisation {
     }
 }
 
-/// `z⁺ = φ z + before · v_{k−1} + now · v_k` of one mode at one step.
+/// `z⁺ = φ z + before · v_{k−1} + now · v_k` for one mode and one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct StepGains {
     pub(crate) decay: Complex<f64>,
@@ -39,7 +39,7 @@ pub(crate) struct StepGains {
     pub(crate) now: Complex<f64>,
 }
 
-/// One mode: `z′ = λ z + v`, its share of the output `Re(share · z)`.
+/// One mode: `z′ = λ z + v`, which contributes `Re(share · z)` to the output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct ModeState {
     lambda: Complex<f64>,
@@ -52,12 +52,12 @@ struct ModeState {
 ///
 /// First-order hold, with `φ = e^{λh}`, λ = pole/Td:
 /// `z ← φ z + ((φ−1)/λ) v_{k−1} + ((φ−1−λh)/(λ²h)) (v_k − v_{k−1})`, `y = Σ Re(ρ z)`, conjugate pairs once with twice the
-/// residue. `(φ−1)/λ` and the like come from series where `|λh|` is small. Tustin, ZOH and matched differ in the three
-/// factors only; at a constant step all equal their direct forms to rounding (test
-/// `the_discrete_filters_are_the_vectors`), without the ill-conditioned coefficients of those.
+/// `(φ−1)/λ` and similar factors are computed from series if `|λh|` is small. Tustin, ZOH and matched differ only in
+/// the three factors. At a constant step all equal their direct forms to rounding (test
+/// `the_discrete_filters_match_the_vectors`), without the ill-conditioned coefficients of those.
 ///
-/// The factors of the last step are kept and used again for steps that differ by less than 1e-9 of it, which is what
-/// stamps in seconds lose to rounding.
+/// The factors of the last step are kept and reused for steps that differ by less than a relative 1e-9, which covers
+/// the rounding of timestamps in seconds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModalFilter {
     form: PadeForm,
@@ -70,7 +70,7 @@ pub struct ModalFilter {
 }
 
 impl ModalFilter {
-    /// At rest. `None` if the delay is not positive and finite, or matched is asked of a higher order.
+    /// Starts at rest. `None` if the delay is not positive and finite, or matched is requested for a higher order.
     #[must_use]
     pub fn new(form: &PadeForm, rule: Discretisation, delay_s: f64) -> Option<ModalFilter> {
         let first_order = form.degrees().1 == 1;
@@ -89,13 +89,13 @@ impl ModalFilter {
         Some(ModalFilter { form: form.clone(), rule, delay_s, step_s: 0.0, velocity: 0.0, output: 0.0, modes })
     }
 
-    /// Which form it discretises.
+    /// The discretised form.
     #[must_use]
     pub fn form(&self) -> &PadeForm {
         &self.form
     }
 
-    /// How.
+    /// The discretisation.
     #[must_use]
     pub fn rule(&self) -> Discretisation {
         self.rule
@@ -112,13 +112,13 @@ impl ModalFilter {
         self.modes.iter().map(|mode| (step_gains(self.rule, mode.lambda, h), mode.share)).collect()
     }
 
-    /// Warm state per m/s of velocity, mode by mode.
+    /// Warm state per m/s of velocity, for each mode.
     pub(crate) fn warm_gains(&self) -> Vec<Complex<f64>> {
         self.modes.iter().map(|mode| -mode.lambda.inv()).collect()
     }
 
-    /// `b` and `a` of `Σ a_i y[k−i] = Σ b_i v[k−i]`, `a_0 = 1`, at a constant step. For a page or for a controller of
-    /// first or second order; higher ones lose digits in this form.
+    /// `b` and `a` of `Σ a_i y[k−i] = Σ b_i v[k−i]`, `a_0 = 1`, at a constant step. For a page or a controller of first
+    /// or second order; higher orders lose digits in this form.
     #[must_use]
     pub fn direct_form(&self, h: f64) -> (Vec<f64>, Vec<f64>) {
         let all: Vec<(StepGains, Complex<f64>)> = self.gains_at(h).into_iter().flat_map(both).collect();
@@ -175,7 +175,7 @@ impl VelocityFilter for ModalFilter {
         let before = self.velocity;
         let mut output = 0.0;
         for mode in &mut self.modes {
-            // Written out: the C export does the same operations in the same order.
+            // Written out because the C export performs the same operations in the same order.
             let (z, g) = (mode.z, mode.gains);
             let re = (g.decay.re * z.re - g.decay.im * z.im) + (g.before.re * before + g.now.re * velocity);
             let im = (g.decay.re * z.im + g.decay.im * z.re) + (g.before.im * before + g.now.im * velocity);
@@ -221,13 +221,13 @@ pub(crate) fn step_gains(rule: Discretisation, lambda: Complex<f64>, h: f64) -> 
     }
 }
 
-/// Below this |λh| the series is taken.
+/// Below this |λh| the series is used.
 const SERIES_BELOW: f64 = 0.1;
 
-/// Ratio of each term of `Σ x^k/(k+2)!` to the one before, over x; what follows these is below 1e-19.
+/// Ratio of consecutive terms of `Σ x^k/(k+2)!`, divided by x; the remainder is below 1e-19.
 const RATIOS: [f64; 10] = [1.0 / 3.0, 0.25, 0.2, 1.0 / 6.0, 1.0 / 7.0, 0.125, 1.0 / 9.0, 0.1, 1.0 / 11.0, 1.0 / 12.0];
 
-/// `e^x`, `(e^x − 1)/x` and `(e^x − 1 − x)/x²`, without cancellation where x is small.
+/// `e^x`, `(e^x − 1)/x` and `(e^x − 1 − x)/x²`, without cancellation for small x.
 fn exponentials(x: Complex<f64>) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
     if x.im == 0.0 {
         let (decay, mean, ramp) = real_exponentials(x.re);
@@ -243,7 +243,7 @@ fn exponentials(x: Complex<f64>) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
     (decay, mean, (mean - 1.0) / x)
 }
 
-/// The same of a real pole.
+/// The same for a real pole.
 fn real_exponentials(x: f64) -> (f64, f64, f64) {
     if x.abs() < SERIES_BELOW {
         let ramp = RATIOS.iter().rev().fold(0.0, |sum, ratio| sum * x * ratio + 1.0) * 0.5;
@@ -278,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_factors_do_not_jump_where_series_and_formula_meet() {
+    fn the_factors_are_continuous_between_series_and_formula() {
         for angle in [2.0, 2.5, std::f64::consts::PI] {
             let [inside, outside] =
                 [SERIES_BELOW - 1e-13, SERIES_BELOW + 1e-13].map(|r| exponentials(Complex::from_polar(r, angle)));
@@ -286,12 +286,12 @@ mod tests {
             assert!((inside.1 - outside.1).norm() < 1e-12);
             assert!((inside.2 - outside.2).norm() < 2e-12);
         }
-        // A real pole takes its own way: the same as a pole hardly beside it.
+        // A real pole has its own code path: the result must equal that of a pole very close to it.
         for x in [-0.05, -0.099, -0.2, -3.0] {
-            let (real, beside) = (exponentials(x.into()), exponentials(Complex::new(x, 1e-13)));
-            assert!((real.0 - beside.0).norm() < 1e-12);
-            assert!((real.1 - beside.1).norm() < 1e-12);
-            assert!((real.2 - beside.2).norm() < 1e-12);
+            let (real, neighbour) = (exponentials(x.into()), exponentials(Complex::new(x, 1e-13)));
+            assert!((real.0 - neighbour.0).norm() < 1e-12);
+            assert!((real.1 - neighbour.1).norm() < 1e-12);
+            assert!((real.2 - neighbour.2).norm() < 1e-12);
         }
     }
 }

@@ -3,22 +3,22 @@
 use nalgebra::Complex;
 use std::f64::consts::{PI, TAU};
 
-/// Largest denominator degree: beyond it, residues of opposite sign cancel more digits than higher order gains.
+/// Largest denominator degree: above it, residues of opposite sign cancel more digits than the higher order gains.
 const MAX_DEGREE: usize = 8;
 
 /// An exact fraction in lowest terms, with a positive denominator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fraction {
-    /// Above the line.
+    /// Numerator.
     pub numerator: i64,
-    /// Below it.
+    /// Denominator.
     pub denominator: i64,
 }
 
 impl Fraction {
     fn new(numerator: i128, denominator: i128) -> Fraction {
         let common = gcd(numerator.unsigned_abs(), denominator.unsigned_abs()).max(1) as i128;
-        // Degrees up to 8: both fit with room to spare.
+        // For degrees up to 8 both fit easily.
         Fraction { numerator: (numerator / common) as i64, denominator: (denominator / common) as i64 }
     }
 
@@ -51,7 +51,7 @@ fn factorial(n: usize) -> i128 {
     (1..=n as i128).product()
 }
 
-/// Why there is no such filter.
+/// Why a filter is rejected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PadeRefusal {
     /// `R` must not grow with frequency.
@@ -62,7 +62,7 @@ pub enum PadeRefusal {
         /// Degree of Q.
         n: usize,
     },
-    /// Floating point would eat what the order gains.
+    /// Rounding would cancel the gain of the order.
     #[error("[{m}/{n}]: degrees above {MAX_DEGREE} lose their gain to rounding")]
     DegreeTooHigh {
         /// Degree of P.
@@ -82,24 +82,24 @@ pub enum PadeRefusal {
         /// Pole times Td, imaginary part.
         imaginary: f64,
     },
-    /// Stable, but louder than a delay: not `n − 2 ≤ m ≤ n`.
+    /// Stable, but with a gain above that of a delay: not `n − 2 ≤ m ≤ n`.
     #[error("[{m}/{n}] is not A-acceptable (that needs n − 2 ≤ m ≤ n): |R| reaches {peak:.3} at f·Td = {at_f_td:.2}")]
     NotAcceptable {
         /// Degree of P.
         m: usize,
         /// Degree of Q.
         n: usize,
-        /// Largest |R(jω)|; a delay has 1.
+        /// Largest |R(jω)|; that of a delay is 1.
         peak: f64,
-        /// Where it is, frequency times Td.
+        /// Frequency of that maximum, times Td.
         at_f_td: f64,
     },
 }
 
-/// A pole of G with its residue; one entry for a pair of conjugates.
+/// A pole of G with its residue; one entry per conjugate pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mode {
-    /// Pole times Td; imaginary part not negative.
+    /// Pole times Td; its imaginary part is not negative.
     pub pole: Complex<f64>,
     /// `N(x)/Q′(x)` at the pole: `G(s) = Σ residue / (s − pole/Td)`.
     pub residue: Complex<f64>,
@@ -116,9 +116,9 @@ impl Mode {
 /// `e^{−x} ≈ R(x) = P_m(x)/Q_n(x)` with `x = s Td`, which makes `(1 − e^{−s Td})/s ≈ G(s) = Td N(x)/Q(x)`,
 /// `N = (Q − P)/x` (design note 5.2): displacement during the delay from velocity.
 ///
-/// DC gain is Td for all. Against the exact form the error is `e^{−x} − R(x)` of the amplitude
-/// ([`error`](PadeForm::error)). Stable and never louder than a delay for `n − 2 ≤ m ≤ n` (the A-acceptable
-/// approximations; Hairer & Wanner, Solving ODEs II, theorem IV.4.12); all others are refused.
+/// The DC gain is always Td. Compared with the exact form the error is `e^{−x} − R(x)` of the amplitude
+/// ([`error`](PadeForm::error)). The forms with `n − 2 ≤ m ≤ n` are stable and their gain never exceeds that of a delay
+/// (the A-acceptable approximations; Hairer & Wanner, Solving ODEs II, theorem IV.4.12). All others are rejected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PadeForm {
     m: usize,
@@ -149,7 +149,7 @@ impl PadeForm {
             return Err(PadeRefusal::Unstable { m, n, real: pole.re, imaginary: pole.im });
         }
         if m + 2 < n {
-            let (peak, at_f_td) = form.loudest();
+            let (peak, at_f_td) = form.peak_gain();
             return Err(PadeRefusal::NotAcceptable { m, n, peak, at_f_td });
         }
         let (above, below) = (floats(&form.numerator), derivative(&floats(&form.q)));
@@ -185,13 +185,13 @@ impl PadeForm {
         &self.numerator
     }
 
-    /// Poles with residues, the slowest decay last.
+    /// Poles with residues, slowest decay last.
     #[must_use]
     pub fn modes(&self) -> &[Mode] {
         &self.modes
     }
 
-    /// `R(x)` at `x = j 2π f Td`: what stands in for the delay.
+    /// `R(x)` at `x = j 2π f Td`, the approximation of the delay.
     #[must_use]
     pub fn delay_at(&self, f_td: f64) -> Complex<f64> {
         let x = Complex::new(0.0, TAU * f_td);
@@ -213,8 +213,8 @@ impl PadeForm {
         all.iter().map(|a| all.iter().map(|b| pair(a, b)).sum::<f64>()).sum()
     }
 
-    /// Largest |R| on the imaginary axis and the f·Td where it is.
-    fn loudest(&self) -> (f64, f64) {
+    /// Largest |R| on the imaginary axis and its f·Td.
+    fn peak_gain(&self) -> (f64, f64) {
         let scan = (1..=4000).map(|k| f64::from(k) * 1e-3);
         scan.map(|f_td| (self.delay_at(f_td).norm(), f_td)).fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
     }
@@ -225,7 +225,7 @@ fn both_of_pair(mode: Mode) -> Vec<Mode> {
     if mode.pole.im == 0.0 { vec![mode] } else { vec![mode, conjugate] }
 }
 
-/// `(m+n−j)! m! / ((m+n)! j! (m−j)!) · sign^j` for j up to `own`, with `other` the other degree.
+/// `(m+n−j)! m! / ((m+n)! j! (m−j)!) · sign^j` for j up to `own`; `other` is the other degree.
 fn coefficients(own: usize, other: usize, sign: i128) -> Vec<Fraction> {
     let all = own + other;
     let term = |j: usize| {

@@ -1,12 +1,12 @@
-//! The paper's compensator among the others.
+//! The paper's compensator as an implementation of the common trait.
 
 use crate::compensator::StateValue;
 use crate::compensator::filtered::VelocityFilter;
 use crate::pade::PadeTustin;
 use record::StartRule;
 
-/// [`PadeTustin`] behind the trait, to the bit. Over a gap it takes the trapezoid rule with the long step, as the paper's
-/// own formula would.
+/// [`PadeTustin`] as a [`VelocityFilter`], bit for bit. Over a gap it applies the trapezoidal rule with the long step,
+/// as the paper's formula would.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PaperFilter {
     delay_s: f64,
@@ -15,7 +15,7 @@ pub(crate) struct PaperFilter {
 }
 
 impl PaperFilter {
-    /// At rest. `None` if the delay is not positive and finite.
+    /// Starts at rest. `None` if the delay is not positive and finite.
     pub(crate) fn new(delay_s: f64) -> Option<PaperFilter> {
         let positive = delay_s > 0.0 && delay_s.is_finite();
         positive.then(|| PaperFilter { delay_s, velocity: 0.0, filter: PadeTustin::warm(delay_s, 0.0) })

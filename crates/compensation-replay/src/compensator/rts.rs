@@ -1,4 +1,4 @@
-//! The smoother on shifted data: what is possible at all.
+//! The smoother on shifted data: the best possible result.
 
 use crate::compensator::AxisSamples;
 use crate::compensator::white_jerk::{Belief, KalmanSettings, transition};
@@ -9,11 +9,11 @@ use nalgebra::{Matrix3, Vector3};
 pub struct Smoothed {
     /// Position, m.
     pub position: f64,
-    /// Its standard deviation if the settings are true, m.
+    /// Its standard deviation, m, if the settings are correct.
     pub sigma: f64,
 }
 
-/// What is known or asked at an instant.
+/// A measurement or a request at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Event {
     Position(f64),
@@ -21,7 +21,7 @@ pub(crate) enum Event {
     Row(usize),
 }
 
-/// Samples at the instants they are of, and rows, in order of time.
+/// Samples at the instants at which they were true, and rows, in order of time.
 pub(crate) fn events(
     samples: &AxisSamples<'_>,
     delay_s: f64,
@@ -37,7 +37,7 @@ pub(crate) fn events(
     all
 }
 
-/// The belief at the first position of the events and the number of the event after it.
+/// The state at the first position of the events, and the number of the next event.
 pub(crate) fn first_belief(events: &[(f64, Event)], settings: &KalmanSettings) -> Option<(usize, Belief)> {
     let (at, t, p) = events.iter().enumerate().find_map(|(k, (t, e))| match e {
         Event::Position(p) => Some((k, *t, *p)),
@@ -56,12 +56,12 @@ struct Stage {
     row: Option<usize>,
 }
 
-/// Rauch–Tung–Striebel smoother (1965) of position, velocity and acceleration under white jerk, with every position
-/// at the instant it was true: uses the whole record, before and after. No compensator can be better under its model, so it
-/// is the bound beside which causal ones are shown.
+/// Rauch–Tung–Striebel smoother (1965) of position, velocity and acceleration under white jerk, with every position at
+/// the instant it was true. It uses the whole record, before and after. No compensator can be better under its model,
+/// so it is shown as the bound for causal ones.
 ///
-/// One entry for each row; `None` before the instant of the first position, and for all without positions or
-/// velocities or with settings that are not positive.
+/// One entry per row. `None` before the instant of the first position, and for all rows without positions or velocities
+/// or with settings that are not positive.
 #[must_use]
 pub fn rts_smooth(
     samples: &AxisSamples<'_>,
@@ -104,7 +104,7 @@ fn forward(events: &[(f64, Event)], first: Belief, settings: &KalmanSettings) ->
     stages
 }
 
-/// One step back in time, from the smoothed state of the later stage.
+/// One step backwards in time, from the smoothed state of the later stage.
 fn back(
     filtered: &Belief,
     predicted: &Belief,
@@ -117,7 +117,7 @@ fn back(
     }
     let forward = transition(h) * filtered.covariance;
     let Some(inverse) = predicted.covariance.cholesky() else {
-        // Nothing certain to learn from the later stage.
+        // The later stage adds no information.
         return (filtered.mean, filtered.covariance);
     };
     let gain = inverse.solve(&forward).transpose();

@@ -9,8 +9,8 @@ struct Knot {
     integral: f64,
 }
 
-/// `I(t) = ∫ v dτ` from the first sample, `v` linear between samples and constant after the newest one, kept for as long
-/// as asked. The same operations as [`signal::CumulativeIntegral`], so the same bits.
+/// `I(t) = ∫ v dτ` from the first sample, with `v` linear between samples and constant after the newest one, kept for a
+/// given time. It uses the same operations as [`signal::CumulativeIntegral`], so it gives the same bits.
 #[derive(Debug, Clone)]
 pub(crate) struct VelocityIntegral {
     keep_s: f64,
@@ -21,19 +21,19 @@ pub(crate) struct VelocityIntegral {
 }
 
 impl VelocityIntegral {
-    /// Of nothing yet; will know the last `keep_s` seconds.
+    /// Empty; will keep the last `keep_s` seconds.
     pub(crate) fn new(keep_s: f64) -> VelocityIntegral {
         VelocityIntegral { keep_s, knots: VecDeque::new(), before: 0.0, whole: true }
     }
 
-    /// The first sample; `before` is flown before it.
+    /// Takes the first sample; `before` is the velocity before it.
     pub(crate) fn start(&mut self, t: f64, v: f64, before: f64) {
         self.knots.clear();
         self.knots.push_back(Knot { t, v, integral: 0.0 });
         (self.before, self.whole) = (before, true);
     }
 
-    /// Stamp of the newest sample, s.
+    /// Timestamp of the newest sample, s.
     pub(crate) fn newest(&self) -> Option<f64> {
         self.knots.back().map(|k| k.t)
     }
@@ -43,12 +43,12 @@ impl VelocityIntegral {
         self.knots.back().map(|k| k.v)
     }
 
-    /// Known from here on, s; minus infinity as long as nothing was forgotten.
+    /// Start of the stored range, s; minus infinity as long as nothing was dropped.
     pub(crate) fn known_from(&self) -> f64 {
         if self.whole { f64::NEG_INFINITY } else { self.knots.front().map_or(f64::NEG_INFINITY, |k| k.t) }
     }
 
-    /// The next sample, later than the newest.
+    /// Takes the next sample, later than the newest.
     pub(crate) fn push(&mut self, t: f64, v: f64) {
         let integral = self.knots.back().map_or(0.0, |k| k.integral + 0.5 * (k.v + v) * (t - k.t));
         self.knots.push_back(Knot { t, v, integral });
@@ -58,7 +58,7 @@ impl VelocityIntegral {
         }
     }
 
-    /// `I(t)`, m; `None` before what is kept.
+    /// `I(t)`, m; `None` before the stored range.
     pub(crate) fn at(&self, t: f64) -> Option<f64> {
         let (first, last) = (self.knots.front()?, self.knots.back()?);
         if t >= last.t {
@@ -67,7 +67,7 @@ impl VelocityIntegral {
         if t < first.t {
             return self.whole.then_some(self.before * (t - first.t));
         }
-        // Even steps are hit at once, uneven ones by walking.
+        // With even steps the first guess is right, with uneven ones the search walks.
         let share = (t - first.t) / (last.t - first.t);
         let mut k = ((share * (self.knots.len() - 1) as f64) as usize).min(self.knots.len() - 2);
         while self.knots[k].t > t {

@@ -1,9 +1,9 @@
-//! A motion whose jerk is white noise, filtered.
+//! A motion with white-noise jerk, filtered.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// What a Kalman filter believes of motion and sensors.
+/// Model of motion and sensors for a Kalman filter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct KalmanSettings {
     /// Spectral density of the jerk, m²/s⁵.
@@ -17,13 +17,13 @@ pub struct KalmanSettings {
 }
 
 impl KalmanSettings {
-    /// Of the design note's circuit (table 5.7): 60 m²/s⁵.
+    /// Settings for the circuit of the design note (table 5.7): 60 m²/s⁵.
     #[must_use]
     pub fn circuit(position_sigma_m: f64, velocity_sigma_mps: f64) -> KalmanSettings {
         KalmanSettings { jerk_density: 60.0, position_sigma_m, velocity_sigma_mps, velocity_delay_s: 0.0 }
     }
 
-    /// Whether all numbers make sense.
+    /// Whether all numbers are valid.
     pub(crate) fn is_sound(&self) -> bool {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         positive(self.jerk_density)
@@ -33,7 +33,7 @@ impl KalmanSettings {
     }
 }
 
-/// Acceleration before anything is known of it, m/s², one sigma.
+/// Prior standard deviation of the acceleration, m/s².
 const ACCELERATION_SIGMA: f64 = 30.0;
 
 /// Position, velocity and acceleration at an instant, with their covariance.
@@ -44,12 +44,12 @@ pub(crate) struct Belief {
     pub(crate) covariance: Matrix3<f64>,
 }
 
-/// How the state moves over `h` seconds, which may be negative where only the mean is wanted.
+/// State transition over `h` seconds, which may be negative if only the mean is needed.
 pub(crate) fn transition(h: f64) -> Matrix3<f64> {
     Matrix3::new(1.0, h, 0.5 * h * h, 0.0, 1.0, h, 0.0, 0.0, 1.0)
 }
 
-/// What white jerk of density 1 adds in `h` seconds (design note 2).
+/// Process noise of white jerk of density 1 over `h` seconds (design note 2).
 fn unit_noise(h: f64) -> Matrix3<f64> {
     let (h2, h3) = (h * h, h * h * h);
     let (pp, pv, pa) = (h2 * h3 / 20.0, h2 * h2 / 8.0, h3 / 6.0);
@@ -57,7 +57,7 @@ fn unit_noise(h: f64) -> Matrix3<f64> {
 }
 
 impl Belief {
-    /// From a first position at `t` and a velocity measured `apart_s` away from it.
+    /// Initial state from a position at `t` and a velocity measured `apart_s` away from it.
     pub(crate) fn first(t: f64, position: f64, velocity: f64, apart_s: f64, settings: &KalmanSettings) -> Belief {
         let acceleration = ACCELERATION_SIGMA * ACCELERATION_SIGMA;
         let variances = Vector3::new(
@@ -68,7 +68,7 @@ impl Belief {
         Belief { t, mean: Vector3::new(position, velocity, 0.0), covariance: Matrix3::from_diagonal(&variances) }
     }
 
-    /// At `t`, not earlier.
+    /// Predicts to `t`, which is not earlier.
     pub(crate) fn predict(&mut self, t: f64, jerk_density: f64) {
         let h = t - self.t;
         if h != 0.0 {
@@ -79,7 +79,7 @@ impl Belief {
         self.t = t;
     }
 
-    /// A measurement of component `row` with noise `sigma`; gives the innovation and its variance.
+    /// Updates with a measurement of component `row` with noise `sigma`; returns the innovation and its variance.
     pub(crate) fn update(&mut self, row: usize, value: f64, sigma: f64) -> (f64, f64) {
         let innovation = value - self.mean[row];
         let column: Vector3<f64> = self.covariance.column(row).into_owned();
@@ -91,7 +91,7 @@ impl Belief {
         (innovation, variance)
     }
 
-    /// Position at another instant near by, m.
+    /// Position at another instant nearby, m.
     pub(crate) fn position_at(&self, t: f64) -> f64 {
         let h = t - self.t;
         self.mean[0] + h * (self.mean[1] + 0.5 * h * self.mean[2])

@@ -1,4 +1,4 @@
-//! How far the compensated position, and the reference, are ahead of raw along the track.
+//! Lead of the compensated position, and of the reference, over raw along the track.
 
 use super::{BINS, PATH_RESOLUTION};
 use crate::estimate::{EXACT_ASYNC, Positions};
@@ -8,27 +8,27 @@ use crate::score::Reference;
 use record::{Curve, Lead, LeadCurves, LeadTrack};
 use std::ops::Range;
 
-/// Below this ground speed a lead is no time, m/s,
+/// Below this ground speed a lead is not converted to time, m/s,
 const LEAST_SPEED_MPS: f64 = 2.0;
-/// nor below this share of the 95th percentile of the speed.
+/// nor below this fraction of the 95th percentile of the speed.
 const LEAST_SHARE: f64 = 0.25;
 
 /// The colour of a track changes by steps of this share of the largest lead.
 const COLOUR_STEP: f64 = 0.05;
-/// Points of a track beyond which it is drawn coarser, by these factors in turn.
+/// Maximum number of points of a track; if there are more, it is drawn coarser by these factors in turn.
 const MOST_OF_TRACK: usize = 8000;
 const COARSER: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
-/// `None` if the exact form gives out no position.
+/// `None` if the exact form has no output.
 pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Option<LeadCurves> {
     let raw = estimates.first()?;
     let exact = estimates.iter().find(|e| e.name == EXACT_ASYNC)?;
     let fresh = || (0..rows.t.len()).filter(|&row| rows.has_new_fix(row));
     let gap_s = gap(&fresh().map(|row| rows.t[row]).collect::<Vec<_>>())?;
-    // What was flown since the fix is no lead.
+    // The distance flown since the fix is not a lead.
     let ahead = |row: usize, of: [f64; 2]| {
-        let way = along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]])?;
-        Some(way - speed(rows, row) * rows.age_s(input, row))
+        let displacement = along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]])?;
+        Some(displacement - speed(rows, row) * rows.age_s(input, row))
     };
     let given = fresh().filter(|&row| exact.shown(rows, row));
     let compensated: Points =
@@ -54,7 +54,7 @@ pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Opti
     Some(lead)
 }
 
-/// How far something is ahead at some rows. A long flight has half a million.
+/// Leads at some rows. A long flight has half a million.
 #[derive(Default)]
 struct Points {
     row: Vec<u32>,
@@ -116,11 +116,11 @@ fn gap(times: &[f64]) -> Option<f64> {
     (times.len() > 2).then(|| 2.5 * median_step(times))
 }
 
-/// The part of a way along the velocity of a row, m; `None` where it stands still.
-fn along(rows: &Rows, row: usize, way: [f64; 2]) -> Option<f64> {
+/// Component of a displacement along the velocity of a row, m; `None` at standstill.
+fn along(rows: &Rows, row: usize, displacement: [f64; 2]) -> Option<f64> {
     let velocity = AXES.map(|k| rows.velocity[k][row]);
     let speed = velocity[0].hypot(velocity[1]);
-    (speed > 0.1).then(|| (way[0] * velocity[0] + way[1] * velocity[1]) / speed)
+    (speed > 0.1).then(|| (displacement[0] * velocity[0] + displacement[1] * velocity[1]) / speed)
 }
 
 /// Ranges of points without a gap between them.
@@ -138,7 +138,7 @@ fn strokes(rows: &Rows, points: &Points, gap_s: f64) -> Vec<Range<usize>> {
 fn curve(name: &str, rows: &Rows, points: &Points, gap_s: f64) -> Curve {
     let mut out = Curve { name: name.to_owned(), t_s: vec![], y: vec![], breaks: vec![], stands_for: 0 };
     let strokes = strokes(rows, points, gap_s);
-    // However many strokes: about as many points in all.
+    // About the same total number of points for any number of strokes.
     let bins = (BINS / strokes.len().max(1)).max(4);
     for stroke in strokes {
         let t: Vec<f64> = stroke.clone().map(|point| points.time_s(rows, point)).collect();
@@ -154,7 +154,7 @@ fn curve(name: &str, rows: &Rows, points: &Points, gap_s: f64) -> Curve {
     out
 }
 
-/// The compensated track at its fixes, thinned where neither the way nor the colour bends, and coarser until it has few points.
+/// The compensated track at its fixes, thinned where neither path nor colour bends, and limited in points.
 fn track(rows: &Rows, exact: &Positions, points: &Points, gap_s: f64) -> LeadTrack {
     let [north, east] = AXES.map(|k| points.rows().map(|row| exact.axes[k][row]).collect::<Vec<f64>>());
     let extent = |y: &[f64]| {
@@ -209,7 +209,7 @@ mod tests {
     use flight::Delay;
     use simulate::{FlightSettings, SensorSettings, simulate};
 
-    /// A flight whose position is 0.3 s late and of which 0.4 s are removed.
+    /// A flight whose position is 0.3 s late and from which 0.4 s are removed.
     fn played() -> record::LeadCurves {
         let settings = FlightSettings {
             duration_s: 90.0,
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_leads_by_what_is_late_and_the_compensated_position_by_what_is_removed() {
+    fn the_reference_leads_by_the_lateness_and_the_output_by_the_removed_delay() {
         let lead = played();
         let names: Vec<&str> = lead.of.iter().map(|of| of.over_time_m.name.as_str()).collect();
         assert_eq!(names[1..], ["reference"]);
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn the_track_says_its_lead_and_stands_for_every_fix() {
+    fn the_track_carries_its_lead_and_covers_every_fix() {
         let lead = played();
         let track = &lead.track;
         assert!(track.east_m.len() > 10 && track.east_m.len() < track.stands_for as usize);

@@ -70,13 +70,13 @@ fn one() -> FlightDelays {
 }
 
 #[test]
-fn values_follow_from_the_noise_of_the_pair_by_their_formulas() {
+fn values_follow_from_the_pair_noise_by_their_formulas() {
     let values = ekf_values(&one(), &BTreeMap::new());
     let [channel] = &values.channels[..] else { panic!() };
     assert_eq!((channel.rate_hz, channel.rests_on.as_str()), (Some(4.0), "position.gps against velocity.ekf"));
     close(channel.value(EkfValueKind::WhiteStd), 0.3, 0.3 / 80.0);
     close(channel.value(EkfValueKind::NoiseDensity), 0.15, 0.15 / 80.0);
-    // 2 axes × 400 s / 50 s = 16; a variance of n·D/τ of these is known to √(2τ/(nD)), its root to half of that.
+    // 2 axes × 400 s / 50 s = 16; a variance from n·D/τ of these has the uncertainty √(2τ/(nD)), its root half of that.
     close(channel.value(EkfValueKind::WanderStd), 1.5, 1.5 / 32.0_f64.sqrt());
     close(channel.value(EkfValueKind::WanderTimeConstant), 50.0, 50.0 * (2.0 / 16.0_f64).sqrt());
     // √(2 · 1.5² / 50) = 0.3.
@@ -88,7 +88,7 @@ fn values_follow_from_the_noise_of_the_pair_by_their_formulas() {
 }
 
 #[test]
-fn pieces_and_axes_are_pooled_by_their_seconds_and_their_spread_is_in_the_uncertainty() {
+fn pieces_are_pooled_by_duration_and_their_spread_adds_uncertainty() {
     let pieces = vec![
         piece((0.0, 100.0), [noise(0.1, None), noise(0.1, None)], [0.0; 2]),
         piece((150.0, 450.0), [noise(0.3, None), noise(0.3, None)], [0.0; 2]),
@@ -105,7 +105,7 @@ fn pieces_and_axes_are_pooled_by_their_seconds_and_their_spread_is_in_the_uncert
     assert_eq!(values.channels[0].remarks, ["no wander was found: the noise is white"]);
 }
 
-/// Three pairs of the position of the GPS that show a delay, one that does not, and one of its velocity.
+/// Three pairs of the GPS position that show a delay, one that does not, and one of its velocity.
 fn several() -> FlightDelays {
     let pieces = |white| vec![piece((0.0, 100.0), [noise(white, None); 2], [0.0; 2])];
     let mut refused = pair(PV, ("position.gps", "velocity.none"), (0.0, 1e-9), 1, vec![]);
@@ -123,7 +123,7 @@ fn several() -> FlightDelays {
 }
 
 #[test]
-fn the_pair_that_knows_the_delay_best_counts() {
+fn the_pair_with_the_most_certain_delay_is_used() {
     let values = ekf_values(&several(), &BTreeMap::new());
     let names: Vec<&str> = values.channels.iter().map(|c| c.rests_on.as_str()).collect();
     assert_eq!(names, ["position.gps against velocity.gps", "velocity.gps against attitude.ekf + specific-force.imu"]);
@@ -132,7 +132,7 @@ fn the_pair_that_knows_the_delay_best_counts() {
 }
 
 #[test]
-fn what_is_known_of_the_channel_goes_before() {
+fn facts_about_the_channel_take_precedence() {
     let lateness_s = Some((Estimate { value: 0.203, standard_uncertainty: Some(0.008) }, "the IMU".to_owned()));
     let facts = [("position.gps".to_owned(), EkfChannelFacts { rate_hz: Some(25.0), lateness_s })].into();
     let values = ekf_values(&several(), &facts);
@@ -155,7 +155,7 @@ fn a_wander_slower_than_the_record_is_a_random_walk() {
 }
 
 #[test]
-fn white_noise_that_the_fit_could_not_see_is_no_value() {
+fn unobservable_white_noise_gives_no_value() {
     // √(2 · 0.09 / 50) / √4 = 0.03 m from one sample to the next.
     let white = |white_std| {
         let pieces = vec![piece((0.0, 400.0), [noise(white_std, Some((0.3, 50.0))); 2], [0.0; 2])];
@@ -174,7 +174,7 @@ fn white_noise_that_the_fit_could_not_see_is_no_value() {
 }
 
 #[test]
-fn no_pair_gives_no_value_and_no_samples_no_panic() {
+fn no_pair_gives_no_value_and_no_samples_never_panic() {
     assert_eq!(ekf_values(&FlightDelays::default(), &BTreeMap::new()).channels, []);
     let delays = FlightDelays { pairs: vec![pair(PV, ("p", "v"), (0.1, 0.01), 0, vec![])] };
     let values = ekf_values(&delays, &BTreeMap::new());
@@ -182,7 +182,7 @@ fn no_pair_gives_no_value_and_no_samples_no_panic() {
 }
 
 #[test]
-fn the_export_reads_as_toml_with_a_formula_beside_each_value() {
+fn the_export_is_toml_with_a_formula_for_each_value() {
     let mut values = ekf_values(&one(), &BTreeMap::new());
     values.channels[0].rests_on = "a \"b\"\n\\".to_owned();
     let text = ekf_values_toml(&values);
@@ -197,7 +197,7 @@ fn the_export_reads_as_toml_with_a_formula_beside_each_value() {
     ] {
         assert!(text.lines().any(|found| found == line), "{line}\n{text}");
     }
-    // As the record names them.
+    // Named as in the record.
     for value in &values.channels[0].values {
         let name = serde_json::to_string(&value.kind).unwrap();
         assert!(text.contains(&format!("\n{} = {{", name.trim_matches('"'))), "{name}");

@@ -1,9 +1,9 @@
-//! The values as a text for people and programs.
+//! The values as text for people and programs.
 
 use record::{EkfChannel, EkfValue, EkfValueKind, EkfValues};
 use std::fmt::Write as _;
 
-/// The values as TOML, with the formula of each beside it. The same values give the same bytes.
+/// The values as TOML, each with its formula. The same values give the same bytes.
 #[must_use]
 pub fn ekf_values_toml(values: &EkfValues) -> String {
     let mut text = String::from(
@@ -37,7 +37,7 @@ fn fields(value: &EkfValue) -> String {
     format!("{{ value = {}{u}, unit = {} }}", number(value.value), quoted(&value.unit))
 }
 
-/// As the record writes it.
+/// Name as in the record.
 fn name(kind: EkfValueKind) -> &'static str {
     match kind {
         EkfValueKind::WhiteStd => "white-std",
@@ -50,7 +50,7 @@ fn name(kind: EkfValueKind) -> &'static str {
     }
 }
 
-/// Six digits: more no flight can tell. A float of TOML has a point or an exponent.
+/// Six digits: a flight cannot determine more. A TOML float has a point or an exponent.
 fn number(value: f64) -> String {
     format!("{value:.5e}")
 }

@@ -1,4 +1,4 @@
-//! The compensators that a pipeline asks for beside those that always run.
+//! The compensators that a pipeline requests in addition to the default ones.
 
 use crate::compensator::{
     AxisSamples, CompensatorError, CompensatorKind, CompensatorOptions, Replayed, VelocityView, fit_kalman,
@@ -10,11 +10,11 @@ use crate::settings::Settings;
 use flight::{Code, Notices, Severity};
 use std::ops::Range;
 
-/// Velocity samples that the noise of a flight is fitted to at most: ten minutes at 100 Hz.
+/// Maximum number of velocity samples for the noise fit: ten minutes at 100 Hz.
 const FIT_SAMPLES: usize = 60_000;
 
-/// All of [`Settings::compensators`] that give an output at some valid row, in that order; what they refuse, and where
-/// they are silent, is counted in `notices`.
+/// All of [`Settings::compensators`] that give an output at some valid row, in that order. `notices` counts what they
+/// reject and where they have no output.
 pub(super) fn further(
     input: &Input,
     settings: &Settings,
@@ -57,8 +57,8 @@ fn needs_noise(kind: CompensatorKind) -> bool {
     matches!(kind, CompensatorKind::Kalman | CompensatorKind::RtsSmoother)
 }
 
-/// Noise and agility from the middle of the longest segment, both axes. It sees that stretch whole, so a Kalman filter
-/// is as good here as one that was tuned beforehand on such a flight.
+/// Noise and agility from the middle of the longest segment, both axes. The fit sees that entire stretch, so a Kalman
+/// filter here is as good as one that was tuned beforehand on a similar flight.
 fn fit_noise(input: &Input, segments: &[Range<usize>], options: &mut CompensatorOptions, notices: &mut Notices) {
     let Some(longest) = segments.iter().max_by_key(|s| s.len()) else { return };
     let middle = longest.start + longest.len() / 2;
@@ -75,8 +75,8 @@ fn fit_noise(input: &Input, segments: &[Range<usize>], options: &mut Compensator
     notices.push(Code::KalmanNoiseFitted, at, part.len() as u64, text);
 }
 
-/// A part of the velocity with the positions from its start to one delay after its end. (Causal compensators are never
-/// told of a position later than their row.)
+/// A part of the velocity with the positions from its start to one delay after its end. (Causal compensators never
+/// receive a position later than their row.)
 fn samples<'a>(input: &'a Input, part: &Range<usize>, axis: usize, delay_s: f64) -> AxisSamples<'a> {
     let (velocity_t, fixes) = (&input.velocity.t[part.clone()], &input.position.t);
     let (first, last) = (velocity_t[0], velocity_t[velocity_t.len() - 1] + delay_s);
@@ -104,7 +104,7 @@ struct Bench<'a> {
     stretches: Vec<(Range<usize>, Range<usize>)>,
 }
 
-/// What went wrong in a run: samples that were refused, and the first reason of any trouble.
+/// Problems in a run: rejected samples, and the first reason for any problem.
 #[derive(Default)]
 struct Trouble {
     refused: u64,
@@ -128,22 +128,23 @@ impl Trouble {
 }
 
 impl Bench<'_> {
-    /// `None`, with a notice, if it has nothing to say at any valid row.
+    /// `None`, with a notice, if it has no output at any valid row.
     fn run(&self, kind: CompensatorKind, notices: &mut Notices) -> Option<Positions> {
         let mut trouble = Trouble::default();
         let outputs = AXES.map(|k| self.axis(kind, k, &mut trouble));
-        let silent: Vec<bool> = outputs[0].iter().zip(&outputs[1]).map(|(n, e)| n.is_none() || e.is_none()).collect();
-        self.report(kind, &silent, &trouble, notices);
-        self.rows.valid().find(|&row| !silent[row])?;
+        let no_output: Vec<bool> =
+            outputs[0].iter().zip(&outputs[1]).map(|(n, e)| n.is_none() || e.is_none()).collect();
+        self.report(kind, &no_output, &trouble, notices);
+        self.rows.valid().find(|&row| !no_output[row])?;
         let axes = AXES.map(|k| {
-            let given = outputs[k].iter().zip(&self.raw[k]).zip(&silent);
-            given.map(|((x, raw), silent)| x.filter(|_| !silent).unwrap_or(*raw)).collect()
+            let given = outputs[k].iter().zip(&self.raw[k]).zip(&no_output);
+            given.map(|((x, raw), no_output)| x.filter(|_| !no_output).unwrap_or(*raw)).collect()
         });
         let (name, title, delay) = (kind.to_string(), title(kind), self.settings.delay);
-        Some(Positions { name, title, delay, axes, further: Some(kind), silent })
+        Some(Positions { name, title, delay, axes, further: Some(kind), no_output })
     }
 
-    /// Position at every row, started anew in every segment.
+    /// Position at every row; restarts in every segment.
     fn axis(&self, kind: CompensatorKind, axis: usize, trouble: &mut Trouble) -> Vec<Option<f64>> {
         let mut out = vec![None; self.rows.t.len()];
         for (part, rows) in &self.stretches {
@@ -160,14 +161,14 @@ impl Bench<'_> {
         out
     }
 
-    fn report(&self, kind: CompensatorKind, silent: &[bool], trouble: &Trouble, notices: &mut Notices) {
+    fn report(&self, kind: CompensatorKind, no_output: &[bool], trouble: &Trouble, notices: &mut Notices) {
         let why = trouble.first.as_ref().map(|first| format!(" ({first})")).unwrap_or_default();
         if trouble.refused > 0 {
             let text = format!("samples, counted per axis, that {kind} refused{why}");
             notices.push(Code::NoOutput.at(Severity::Warning), "", trouble.refused, text);
         }
-        let missing = |row: &usize| silent[*row] && self.rows.has_output(*row);
-        let rows = (0..silent.len()).filter(missing);
+        let missing = |row: &usize| no_output[*row] && self.rows.has_output(*row);
+        let rows = (0..no_output.len()).filter(missing);
         if let Some(first) = rows.clone().next() {
             let at = format!("t = {:.3} s", self.rows.t[first]);
             let text = format!("rows at which {kind} has no output: not shown and not scored{why}");
@@ -176,7 +177,7 @@ impl Bench<'_> {
     }
 }
 
-/// For a page; what no aircraft could run says so.
+/// Title for a page; marks what no aircraft could run.
 fn title(kind: CompensatorKind) -> String {
     match kind {
         CompensatorKind::OfflineShift => "p(t + Td), spline (not causal: bound)".to_owned(),

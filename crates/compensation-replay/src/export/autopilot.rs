@@ -3,55 +3,55 @@
 use flight::Delay;
 use std::fmt::Write;
 
-/// Against what the position's delay was measured.
+/// What the position's delay was measured against.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MeasuredAgainst {
-    /// The autopilot's inertial sensors or a clock of its own: what the parameters mean.
+    /// The autopilot's inertial sensors or its own clock: the meaning of the parameters.
     Inertial,
-    /// A velocity that is itself late by an unknown time: only the difference is known.
+    /// A velocity with unknown lateness: only the difference is known.
     UnknownVelocity,
-    /// A velocity that is itself late by this much, s.
+    /// A velocity with this lateness, s.
     Velocity(Delay),
 }
 
 /// Whether a parameter can hold the value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ParameterFit {
-    /// The value and its interval are inside the parameter's range.
+    /// The value and its interval are within the parameter's range.
     Fits,
-    /// The value is inside, its interval reaches out.
+    /// The value is within the range, its interval is not.
     AtTheEdge,
-    /// The value is outside; the parameter cannot remove the delay.
+    /// The value is out of range; the parameter cannot remove the delay.
     OutOfRange,
-    /// It rounds to zero, which this parameter takes as "automatic".
+    /// It rounds to zero, which this parameter treats as "automatic".
     RoundsToAutomatic,
 }
 
 /// A parameter with the value to set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AutopilotParameter {
-    /// PX4 or ArduPilot, with the versions that know the name.
+    /// PX4 or ArduPilot, with the versions that have this name.
     pub firmware: &'static str,
-    /// Its name there.
+    /// Name of the parameter.
     pub name: &'static str,
     /// Value to set, whole milliseconds, ties to even; not clipped to the range.
     pub value_ms: i64,
     /// Interval of ±2 standard uncertainties, ms, rounded outwards; `None` without an uncertainty.
     pub interval_ms: Option<[i64; 2]>,
-    /// Lowest and highest value that the firmware takes, ms.
+    /// Range accepted by the firmware, ms.
     pub range_ms: [i64; 2],
     /// Whether the value fits.
     pub fit: ParameterFit,
 }
 
-/// What to set, and what to beware of.
+/// What to set, and warnings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AutopilotAdvice {
-    /// The delay that the values stand for: of the receiver behind the inertial sensors, s.
+    /// The delay that the values represent: that of the receiver after the inertial sensors, s.
     pub delay: Delay,
     /// Parameters by firmware.
     pub parameters: Vec<AutopilotParameter>,
-    /// Sentences, the most important first.
+    /// Sentences, most important first.
     pub warnings: Vec<String>,
 }
 
@@ -72,8 +72,8 @@ const EKF2_DELAY_MAX_DEFAULT_MS: i64 = 200;
 /// Parameters for a delay with its standard uncertainty (s, k = 1).
 ///
 /// These parameters shift the whole fix, position and velocity together, against the inertial sensors. A delay measured
-/// against the receiver's own velocity is the difference of the two and becomes a parameter only with the velocity's
-/// own delay added.
+/// against the receiver's own velocity is the difference of the two. It becomes a parameter only after adding the
+/// velocity's own delay.
 #[must_use]
 pub fn autopilot_advice(delay: Delay, uncertainty_s: Option<f64>, against: MeasuredAgainst) -> AutopilotAdvice {
     let total = match against {
@@ -148,7 +148,7 @@ fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]
 }
 
 impl AutopilotAdvice {
-    /// Plain text, a line for each parameter and each warning.
+    /// Plain text, one line per parameter and warning.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = String::new();
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_becomes_whole_milliseconds_with_its_interval_rounded_outwards() {
+    fn delays_round_to_milliseconds_and_intervals_round_outwards() {
         let advice = advice(118.4, 3.1);
         for name in ["EKF2_GPS_DELAY", "SENS_GPS0_DELAY", "SENS_GNSS0_DELAY", "GPS1_DELAY_MS", "GPS_DELAY_MS"] {
             let parameter = named(&advice, name);
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_parameter_cannot_hold_is_said_and_not_clipped() {
+    fn a_value_out_of_range_is_reported_and_not_clipped() {
         let late = advice(400.0, 2.0);
         assert!(late.parameters.iter().all(|p| p.fit == ParameterFit::OutOfRange && p.value_ms == 400));
         assert!(late.text().contains("GPS1_DELAY_MS takes 0 to 250 ms") && late.text().contains("EKF2_DELAY_MAX"));
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_of_two_delays_needs_the_velocitys_own() {
+    fn a_relative_delay_needs_the_velocity_delay() {
         let delay = Delay::from_seconds(0.1).unwrap();
         let known = MeasuredAgainst::Velocity(Delay::from_seconds(0.05).unwrap());
         let advice = autopilot_advice(delay, None, known);

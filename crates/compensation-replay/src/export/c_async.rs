@@ -1,15 +1,16 @@
-//! The exact asynchronous form in C: a ring of the last velocities, and the age of the fix as an input.
+//! The exact asynchronous form in C: a ring of the last velocities, with the age of the fix as an input.
 
 use super::c_source::{CExport, CSource, ExportError, provenance};
 
-/// Most velocities that a small C file should own.
+/// Maximum number of velocities for a small C file.
 const MOST_SAMPLES: f64 = 65_535.0;
 
-/// `x_est = p + I(t) − I(t − age − Td)`, velocity linear between its samples, as [`StreamingAsync`](crate::StreamingAsync) has it.
+/// `x_est = p + I(t) − I(t − age − Td)` with piecewise linear velocity, as in
+/// [`StreamingAsync`](crate::StreamingAsync).
 ///
-/// The integral is computed from the ring at each fix and goes on by trapezoids, so that rounding does not grow with the length
-/// of the flight. It differs from the replay by rounding: below 1e-11 m in `double` and 1e-4 m in `float` for Td = 0.4 s at
-/// 100 Hz and velocities to 20 m/s (test `the_ring_in_c_agrees_with_the_replay`).
+/// The integral is computed from the ring at each fix and continued by trapezoids, so rounding does not grow with the
+/// length of the flight. It differs from the replay by rounding: below 1e-11 m in `double` and 1e-4 m in `float` for Td
+/// = 0.4 s at 100 Hz and velocities to 20 m/s (test `the_ring_in_c_agrees_with_the_replay`).
 pub(super) fn export(export: &CExport) -> Result<CSource, ExportError> {
     let samples = ((export.delay_s + export.max_age_s) / export.step_s).ceil() + 2.0;
     if !(export.max_age_s >= 0.0 && samples <= MOST_SAMPLES) {

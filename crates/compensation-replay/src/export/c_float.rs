@@ -1,11 +1,11 @@
-//! Numbers as C writes them.
+//! Numbers in C notation.
 
-/// The type of all numbers of an exported compensator.
+/// The numeric type of an exported compensator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CFloat {
     /// 24 bits, for a controller without double hardware.
     Float,
-    /// 53 bits: the bits of the replay.
+    /// 53 bits: bit-identical to the replay.
     Double,
 }
 
@@ -19,7 +19,7 @@ impl CFloat {
         }
     }
 
-    /// A finite number as a hexadecimal literal of C99, every bit of it; rounded to 24 bits for `float`.
+    /// A finite number as an exact C99 hexadecimal literal; rounded to 24 bits for `float`.
     pub(crate) fn literal(self, x: f64) -> String {
         match self {
             CFloat::Float => format!("{}f", hexadecimal(f64::from(x as f32))),
@@ -49,7 +49,7 @@ mod tests {
 
     /// As printed by `printf("%a")` of glibc.
     #[test]
-    fn literals_are_those_of_printf() {
+    fn literals_match_printf() {
         for (x, expected) in [
             (1.0, "0x1p+0"),
             (-3.0, "-0x1.8p+1"),

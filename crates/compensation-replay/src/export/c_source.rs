@@ -6,22 +6,22 @@ use crate::export::c_float::CFloat;
 use nalgebra::Complex;
 use std::fmt::Write;
 
-/// What to export, and where its delay comes from.
+/// What to export, with the source of its delay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CExport {
     /// A Padé form or `exact-async`; all others need the whole record or matrices.
     pub kind: CompensatorKind,
-    /// Prefix of all C names and name of the files; letters, digits and underscores.
+    /// Prefix of all C identifiers and file names; letters, digits and underscores.
     pub prefix: String,
     /// Delay to remove, s; positive is late.
     pub delay_s: f64,
     /// Its standard uncertainty (k = 1), s, if known.
     pub delay_uncertainty_s: Option<f64>,
-    /// Where the delay comes from, for the comment.
+    /// Source of the delay, for the comment.
     pub delay_source: String,
-    /// The fixed step at which the controller will call it, s.
+    /// The fixed call interval of the controller, s.
     pub step_s: f64,
-    /// Oldest fix that `exact-async` takes, s; the ring of velocities is as long. Of no use to a Padé form.
+    /// Oldest fix that `exact-async` accepts, s; sets the length of the velocity ring. A Padé form ignores it.
     pub max_age_s: f64,
     /// Type of all numbers.
     pub real: CFloat,
@@ -40,10 +40,10 @@ pub struct CSource {
     pub source: String,
 }
 
-/// Why there is no C file.
+/// Why no C file can be written.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ExportError {
-    /// It is no filter with a few numbers of state.
+    /// Not a filter with a few numbers of state.
     #[error(
         "{name} cannot be written as C: choose a Padé form such as pade-1-1-tustin or pade-2-2-foh, or exact-async"
     )]
@@ -51,38 +51,38 @@ pub enum ExportError {
         /// The compensator.
         name: String,
     },
-    /// The compensator itself is refused.
+    /// The compensator itself is rejected.
     #[error(transparent)]
     Compensator(#[from] CompensatorError),
-    /// The step makes no sense.
+    /// The step is invalid.
     #[error("a step of {0} s: it must be positive and finite")]
     Step(f64),
-    /// The ring of velocities would be too long, or the age makes no sense.
+    /// The ring of velocities would be too long, or the age is invalid.
     #[error("fixes up to {max_age_s} s old: the age must be zero or more, and delay and age at most {most} steps")]
     Age {
-        /// What was asked for, s.
+        /// Requested age, s.
         max_age_s: f64,
-        /// Most velocities that are kept.
+        /// Maximum number of velocities.
         most: u32,
     },
-    /// Not a name in C.
+    /// Not a C identifier.
     #[error("{0:?} is not a C name: a letter, then letters, digits or underscores, at most 31")]
     Prefix(String),
 }
 
-/// The compensator as C99: a struct with its state, `init_warm`, `init_cold`, `step` and `position`, and for `exact-async`
-/// also `fix`. No library is needed, not
-/// even `libm`: a step is additions, multiplications and, for the paper's, one division.
+/// The compensator as C99: a struct with its state, `init_warm`, `init_cold`, `step` and `position`, and for
+/// `exact-async` also `fix`. It needs no library, not even `libm`: a step is additions, multiplications and, for the
+/// paper's, one division.
 ///
-/// With `double` and without fused multiply-add it gives the bits of the replay at the same step (test
-/// `double_in_c_gives_the_bits_of_the_replay`, on x86-64 with cc -std=c99); with `float` it differs by the rounding of 24
-/// bits: for Td = 0.4 s at 100 Hz and velocities to 20 m/s by 5e-6 m for \[1/1\] and 1.2e-5 m for \[4/4\] (test
+/// With `double` and without fused multiply-add it gives the same bits as the replay at the same step (test
+/// `double_in_c_gives_the_bits_of_the_replay`, on x86-64 with cc -std=c99). With `float` it differs by the rounding of
+/// 24 bits: for Td = 0.4 s at 100 Hz and velocities to 20 m/s by 5e-6 m for \[1/1\] and 1.2e-5 m for \[4/4\] (test
 /// `float_in_c_differs_by_rounding`).
 ///
-/// The same settings give the same text: no date, no host.
+/// The same settings give the same text: it contains no date and no host.
 ///
 /// # Errors
-/// Compensators that are no Padé form, refused forms, steps and names that make no sense.
+/// Compensators that are not a Padé form, rejected forms, and invalid steps and names.
 pub fn export_c(export: &CExport) -> Result<CSource, ExportError> {
     if !(export.step_s > 0.0 && export.step_s.is_finite()) {
         return Err(ExportError::Step(export.step_s));
@@ -113,9 +113,9 @@ pub fn export_c(export: &CExport) -> Result<CSource, ExportError> {
 
 /// The parts in which compensators differ.
 struct Body {
-    /// Numbers of state beside velocity and displacement.
+    /// Number of states besides velocity and displacement.
     modes: usize,
-    /// What the constants are, for the comment.
+    /// Meaning of the constants, for the comment.
     method: Vec<String>,
     warm: String,
     cold: String,
@@ -177,7 +177,7 @@ fn modal(export: &CExport) -> Result<Body, ExportError> {
 /// A real pole, or a pair of conjugate ones.
 struct Mode {
     k: usize,
-    /// Times Td.
+    /// Pole times Td.
     pole: Complex<f64>,
     gains: StepGains,
     share: Complex<f64>,
@@ -328,7 +328,7 @@ void {prefix}_init_cold({prefix}_t *c, {real} velocity)
     )
 }
 
-/// Real modes never touch their imaginary part: it is set once.
+/// Real modes never use their imaginary part: it is set once.
 fn zero_imaginary(body: &Body) -> String {
     (0..body.modes)
         .filter(|k| !body.step.contains(&format!("c->im[{k}]")))
@@ -345,7 +345,7 @@ fn of_filter(export: &CExport, body: &Body) -> String {
     provenance(export, &title, &[step], &body.method)
 }
 
-/// The comment on top of both files.
+/// The comment at the top of both files.
 pub(super) fn provenance(export: &CExport, title: &str, usage: &[String], method: &[String]) -> String {
     let uncertainty = export
         .delay_uncertainty_s
@@ -370,7 +370,7 @@ pub(super) fn provenance(export: &CExport, title: &str, usage: &[String], method
     format!("/*\n{text} */\n")
 }
 
-/// On one line, in ASCII, and never the end of a comment.
+/// On one line, in ASCII, and without the end of a comment.
 fn comment_text(text: &str) -> String {
     let plain: String = text.chars().map(|c| if c.is_ascii_graphic() || c == ' ' { c } else { '?' }).collect();
     plain.replace("*/", "* /").replace("/*", "/ *")

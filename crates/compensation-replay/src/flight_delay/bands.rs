@@ -1,8 +1,8 @@
-//! The delay in slow and in fast motion apart.
+//! The delay in slow and in fast motion separately.
 //!
-//! A pure delay is the same at every frequency; what lies behind a filter is not. Whitened residuals and their
-//! derivatives by the delay are smoothed by a moving average; its length is chosen so that smooth and rest say about
-//! equally much of the delay.
+//! A pure delay is the same at every frequency; that of a filter is not. Whitened residuals and their derivatives by
+//! the delay are smoothed by a moving average. Its length is chosen so that the smooth part and the rest carry about
+//! equal information on the delay.
 
 use signal::{ComponentFit, DelayFit};
 
@@ -15,20 +15,20 @@ pub(crate) struct Bands {
     pub(crate) fast_s: f64,
     /// Standard uncertainty of their difference, s.
     pub(crate) apart_u_s: f64,
-    /// Where the moving average has lost half the power, Hz.
+    /// Frequency at which the moving average halves the power, Hz.
     pub(crate) border_hz: f64,
 }
 
-/// A band with less of the whole information than this says nothing.
+/// A band with less than this share of the information is not used.
 const LEAST_SHARE: f64 = 0.1;
-/// Lengths of the moving average that are tried, samples to either side.
+/// Candidate lengths of the moving average, samples to each side.
 const HALF_LENGTHS: [usize; 11] = [1, 2, 3, 5, 8, 12, 20, 32, 50, 80, LONGEST];
 const LONGEST: usize = 120;
-/// Whitened residuals beyond this are cut.
+/// Whitened residuals are clipped here.
 const CUT: f64 = 3.0;
 
 impl Bands {
-    /// `None` where nearly all that the motion says lies in one band.
+    /// `None` if nearly all information is in one band.
     pub(crate) fn of(fit: &DelayFit) -> Option<Bands> {
         let series: Vec<Series> = fit.components.iter().filter_map(Series::of).collect();
         let averages: Vec<Average> = series.iter().map(|s| Average::of(&s.derivative)).collect();
@@ -45,7 +45,7 @@ impl Bands {
         for s in &series {
             let smooth = Average::of(&s.derivative).over(half);
             let rest: Vec<f64> = s.derivative.iter().zip(&smooth).map(|(d, l)| d - l).collect();
-            // The transpose of the average, applied to the smoothed derivative: what e is multiplied by.
+            // The transpose of the average, applied to the smoothed derivative: the factor of e.
             let by_slow = Average::of(&smooth).over(half);
             let by_fast: Vec<f64> = rest.iter().zip(Average::of(&rest).over(half)).map(|(r, l)| r - l).collect();
             slow.add(&smooth, &by_slow, &s.residual);
@@ -85,7 +85,7 @@ impl Sums {
     }
 }
 
-/// Of one component: whitened residual and derivative by the delay, offset and drift taken out.
+/// For one component: whitened residual and derivative by the delay, with offset and drift removed.
 struct Series {
     residual: Vec<f64>,
     derivative: Vec<f64>,
@@ -146,11 +146,11 @@ fn slow_share(averages: &[Average], half: usize) -> f64 {
     if slow + fast > 0.0 { slow / (slow + fast) } else { 0.0 }
 }
 
-/// Moving averages of a series over any length.
+/// Moving averages of a series with any length.
 struct Average<'a> {
     values: &'a [f64],
-    /// Sum of the values before each and of all, with as many zeros in front, and the sum of all behind, as the longest
-    /// average reaches.
+    /// Cumulative sums, with leading zeros before the first value and the total repeated after the last, as far as the
+    /// longest average reaches.
     sums: Vec<f64>,
 }
 
@@ -167,7 +167,7 @@ impl Average<'_> {
         Average { values, sums }
     }
 
-    /// Mean over `half` samples to either side, zeros beyond the ends: symmetric, so that it is its own transpose.
+    /// Mean over `half` samples to each side, with zeros outside the ends: symmetric, so it is its own transpose.
     fn over(&self, half: usize) -> Vec<f64> {
         let n = self.values.len();
         let length = (2 * half + 1) as f64;

@@ -1,5 +1,5 @@
-//! Velocity against acceleration where the accelerometers are biased: flights of scenario A of the delay network's
-//! prototype (`science/network/simulate.py`), whose velocity is 150 ms late.
+//! Velocity against acceleration with biased accelerometers: flights of scenario A of the delay network's prototype
+//! (`science/network/simulate.py`), with a velocity that is 150 ms late.
 
 use super::fit::fit_shared;
 use super::local::BodyAxes;
@@ -52,7 +52,7 @@ fn horizontal(roll: f64, pitch: f64, yaw: f64) -> [[f64; 3]; 3] {
     ]
 }
 
-/// Velocity at 5 Hz, acceleration turned to north and east at 50 Hz, and the body axes with it.
+/// Velocity at 5 Hz, acceleration turned to north and east at 50 Hz, and the body axes.
 fn flown(seed: u64) -> (Horizontal, Horizontal, BodyAxes) {
     let mut random = Random(Pcg64::seed_from_u64(seed));
     let n = (LENGTH_S / STEP_S) as usize;
@@ -114,7 +114,7 @@ fn fitted(seed: u64, with_bias: bool) -> DelayFit {
     fit_shared(&measurements, &DelaySettings { search_s: (-0.2, 0.6), ..DelaySettings::default() }, 0.0).unwrap()
 }
 
-/// rms of the errors, s, and of the errors over what is claimed of them.
+/// rms of the errors, s, and of the errors over their standard uncertainties.
 fn errors(trials: u64, with_bias: bool) -> (f64, f64) {
     let mut sums = (0.0, 0.0);
     for seed in 0..trials {
@@ -126,9 +126,9 @@ fn errors(trials: u64, with_bias: bool) -> (f64, f64) {
     (sums.0.sqrt(), sums.1.sqrt())
 }
 
-/// The prototype's least squares: 1.25 ms with the columns of the bias, 25 ms without (12 flights).
+/// The prototype's least squares: 1.25 ms with the bias columns, 25 ms without (12 flights).
 #[test]
-fn a_bias_in_body_axes_does_not_pass_for_a_delay() {
+fn a_bias_in_body_axes_is_not_mistaken_for_a_delay() {
     let (with, claimed) = errors(24, true);
     let (without, _) = errors(6, false);
     assert!(with < 2.5e-3 && without > 3.0 * with, "{with} {without}");
@@ -136,7 +136,7 @@ fn a_bias_in_body_axes_does_not_pass_for_a_delay() {
     assert!((claimed - 1.0).abs() < 0.58, "{claimed}");
 }
 
-/// The bias itself is found: a quarter of its deviation is left over, or less.
+/// The bias itself is estimated: at most a quarter of its deviation remains.
 #[test]
 fn the_bias_is_found_with_the_delay() {
     let fit = fitted(65_001, true);

@@ -1,40 +1,40 @@
-//! A first delay that offsets, resets and outliers do not mislead.
+//! A first delay that is robust against offsets, resets and outliers.
 
 use super::pieces::Stretch;
 use crate::input::{AXES, Horizontal};
 use signal::Reference;
 
-/// Displacements are taken over at least this, s, and at most three times as long.
+/// Displacements span at least this, s, and at most three times this.
 const BASE_S: f64 = 3.0;
-/// Displacements that are looked at.
+/// Number of displacements that are compared.
 const ENOUGH: usize = 400;
-/// Fewest displacements that say something.
+/// Least number of displacements for a result.
 const LEAST: usize = 5;
-/// Step of the delays, s; the second channel is known at instants so far apart.
+/// Step of the delays and of the grid of the second channel, s.
 const STEP_S: f64 = 0.05;
-/// Minima nearer to each other than this are one, s.
+/// Minima closer to each other than this count as one, s.
 const APART_S: f64 = 0.5;
-/// A minimum that is higher than the lowest by no more than this share is as good: the one nearest to no delay is taken.
+/// A minimum within this factor of the lowest is equally good; the one nearest to zero delay is used.
 const AS_GOOD: f64 = 1.1;
-/// And by no more than this, m or m/s: rounding.
+/// The same as an absolute limit, m or m/s: rounding.
 const ROUNDING: f64 = 1e-3;
 
-/// Points of the second channel that are made at once.
+/// Number of points of the second channel that are computed at once.
 const POINTS_OF_A_PART: usize = 1 << 14;
 
-/// Where a pair of channels agrees.
+/// Coarse delay at which a pair of channels agrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Coarse {
     /// s
     pub(crate) delay_s: f64,
-    /// Another delay that fits as well, s, as where the motion repeats itself.
+    /// Another delay that fits equally well, s, for example when the motion repeats itself.
     pub(crate) rival_s: Option<f64>,
-    /// The best lies at the end of the delays searched.
+    /// Whether the best is at the end of the search range.
     pub(crate) at_edge: bool,
 }
 
-/// The delay from `search_s.0` to `search_s.1` at which displacements over three seconds agree best, in the mean of their
-/// absolute differences. `None` if there are none.
+/// The delay from `search_s.0` to `search_s.1` at which displacements over three seconds agree best, by the mean of
+/// their absolute differences. `None` if there are no displacements.
 pub(crate) fn coarse_delay(first: &Horizontal, stretches: &[Stretch], search_s: (f64, f64)) -> Option<Coarse> {
     let curve = misfits(first, stretches, search_s);
     let value = |k: usize| curve.get(k).copied().unwrap_or(f64::INFINITY);
@@ -43,7 +43,7 @@ pub(crate) fn coarse_delay(first: &Horizontal, stretches: &[Stretch], search_s: 
         let around = k.saturating_sub((APART_S / STEP_S) as usize)..=(k + (APART_S / STEP_S) as usize);
         value(*k).is_finite() && around.into_iter().all(|j| value(j) >= value(*k))
     };
-    // A minimum may lie half a step beside its point, where the curve is lower by as much as it rises to a neighbour.
+    // A minimum may be half a step away from its grid point and lower by up to the rise to a neighbour.
     let floor = |k: usize| {
         let neighbours = [k.checked_sub(1).map_or(f64::INFINITY, value), value(k + 1)];
         let steepest = neighbours.into_iter().filter(|v| v.is_finite()).fold(value(k), f64::max);
@@ -59,7 +59,7 @@ pub(crate) fn coarse_delay(first: &Horizontal, stretches: &[Stretch], search_s: 
     Some(Coarse { delay_s: vertex(&value, best).mul_add(STEP_S, delay(best)), rival_s, at_edge })
 }
 
-/// Where the parabola through a point of a curve and its neighbours has its least, in steps from the point.
+/// Minimum of the parabola through a point of a curve and its neighbours, in steps from the point.
 fn vertex(value: &dyn Fn(usize) -> f64, k: usize) -> f64 {
     let Some(before) = k.checked_sub(1).map(value) else { return 0.0 };
     let (here, after) = (value(k), value(k + 1));
@@ -67,7 +67,7 @@ fn vertex(value: &dyn Fn(usize) -> f64, k: usize) -> f64 {
     if bend > 0.0 && bend.is_finite() { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
 }
 
-/// The mean absolute difference of displacements at each delay; infinite where too few can be compared.
+/// Mean absolute difference of displacements at each delay; infinite if too few can be compared.
 fn misfits(first: &Horizontal, stretches: &[Stretch], (from, to): (f64, f64)) -> Vec<f64> {
     let points = ((to - from) / STEP_S).round().clamp(0.0, 1e5) as usize + 1;
     let ends = ends(first);
@@ -78,7 +78,7 @@ fn misfits(first: &Horizontal, stretches: &[Stretch], (from, to): (f64, f64)) ->
         let moved = AXES.map(|axis| first.axes[axis][b] - first.axes[axis][a]);
         let near = grids.partition_point(|g| g.end < ta - to);
         for grid in grids[near..].iter().take_while(|g| g.start <= tb - from) {
-            // Delays at which both ends lie within the stretch.
+            // Delays at which both ends are within the stretch.
             let lowest = ((tb - grid.end - from) / STEP_S).ceil().max(0.0);
             let highest = ((ta - grid.start - from) / STEP_S).floor().min(points as f64 - 1.0);
             if lowest > highest {
@@ -87,8 +87,8 @@ fn misfits(first: &Horizontal, stretches: &[Stretch], (from, to): (f64, f64)) ->
             let (places_a, places_b) = (grid.place(ta - from), grid.place(tb - from));
             for k in lowest as usize..=highest as usize {
                 let apart = |axis: usize| {
-                    let said = grid.value(axis, places_b, k) - grid.value(axis, places_a, k);
-                    (moved[axis] - said).abs()
+                    let predicted = grid.value(axis, places_b, k) - grid.value(axis, places_a, k);
+                    (moved[axis] - predicted).abs()
                 };
                 sums[k] += apart(0) + apart(1);
                 counts[k] += 1;
@@ -115,7 +115,7 @@ fn ends(first: &Horizontal) -> Vec<(usize, usize)> {
     ends.into_iter().step_by(every).collect()
 }
 
-/// The second channel over one stretch, at even instants.
+/// The second channel over one stretch, on an even grid.
 struct Grid {
     start: f64,
     end: f64,
@@ -129,13 +129,13 @@ impl Grid {
         let values = AXES.map(|axis| {
             let mut values = vec![0.0; points];
             let reference: &dyn Reference = &*stretch[axis];
-            // Part by part: of days of flight the instants and rates alone would be hundreds of megabytes.
+            // Part by part: for days of flight the instants and rates alone would take hundreds of megabytes.
             for (part, values) in values.chunks_mut(POINTS_OF_A_PART).enumerate() {
                 let instant = |k: usize| start + STEP_S * (part * POINTS_OF_A_PART + k) as f64;
                 let instants: Vec<f64> = (0..values.len()).map(|k| instant(k).min(end)).collect();
                 let mut rates = vec![0.0; values.len()];
                 reference.fill(&instants, values, &mut rates);
-                // Beyond the end on the last slope, so that a line between two points is right up to the end.
+                // Extrapolated after the end with the last slope, so that interpolation is right up to the end.
                 for (k, (value, rate)) in values.iter_mut().zip(rates).enumerate() {
                     let beyond = instant(k) - end;
                     if beyond > 0.0 {
@@ -148,7 +148,7 @@ impl Grid {
         Grid { start, end, values }
     }
 
-    /// Where the instant `t` less no delay lies: point, and share of a step beyond it.
+    /// Grid point and fraction of a step for the instant `t` at zero delay.
     fn place(&self, t: f64) -> (i64, f64) {
         let steps = (t - self.start) / STEP_S;
         (steps.floor() as i64, steps - steps.floor())
@@ -171,7 +171,7 @@ mod tests {
     use super::super::pieces::references;
     use super::*;
 
-    /// Turns that do not repeat, 15 m/s; fixes `late` s late at 5 Hz, velocity at 20 Hz.
+    /// Turns that do not repeat, at 15 m/s; fixes at 5 Hz that are `late` s late, velocity at 20 Hz.
     fn flown(late: f64, repeat: bool) -> (Horizontal, Horizontal) {
         let heading =
             move |t: f64| if repeat { 0.6 * t } else { 0.9 * (0.31 * t).sin() + 0.7 * (0.117 * t).cos() * t.sqrt() };
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn delays_from_minus_two_to_twelve_seconds_are_found_to_a_twentieth() {
+    fn delays_from_minus_two_to_twelve_seconds_are_found_to_50_ms() {
         for late in [-2.0, -0.51, 0.0, 0.17, 0.4, 2.5, 6.0, 12.0] {
             let (first, second) = flown(late, false);
             let coarse = found(&first, &second, (-2.5, 13.0));
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn circles_have_a_rival_one_turn_later_and_the_delay_near_zero_is_taken() {
+    fn circles_have_a_rival_one_turn_later_and_the_delay_near_zero_wins() {
         let (first, second) = flown(0.4, true);
         let coarse = found(&first, &second, (-2.5, 13.0));
         let turn = std::f64::consts::TAU / 0.6;
@@ -232,13 +232,13 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_beyond_the_search_is_at_its_edge() {
+    fn a_delay_outside_the_search_is_at_its_edge() {
         let (first, second) = flown(3.0, false);
         assert!(found(&first, &second, (-1.0, 1.5)).at_edge);
     }
 
     #[test]
-    fn records_that_do_not_overlap_have_none() {
+    fn records_without_overlap_have_no_delay() {
         let (first, mut second) = flown(0.4, false);
         second.t.iter_mut().for_each(|t| *t += 1e4);
         assert_eq!(

@@ -1,27 +1,27 @@
-//! Samples that are no part of the motion: glitches, and resets after which everything is elsewhere.
+//! Samples that are not part of the motion: glitches, and resets after which the position is shifted.
 
-/// Samples on either side that say where a sample should be.
+/// Number of samples on each side that predict where a sample should be.
 const NEIGHBOURS: usize = 5;
-/// Samples of the stretch whose scatter a sample is judged by.
+/// Number of samples whose scatter a sample is compared with.
 const STRETCH: usize = 200;
-/// A glitch or reset is this many local robust deviations large. A Student's t with 3 degrees of freedom, which is what
-/// fixes among buildings look like, is beyond it in one sample of 5000.
+/// Least size of a glitch or reset in local robust deviations. A Student's t with 3 degrees of freedom, which fixes
+/// among buildings resemble, exceeds it in one sample of 5000.
 const LARGE: f64 = 15.0;
-/// And this many times what one sample in a hundred reaches in this flight: heavy tails are noise, not events.
+/// Also least multiple of the 99th percentile in this flight: heavy tails are noise, not events.
 const ABOVE_TAIL: f64 = 3.0;
-/// The step into a reset is this many times every other step around it: a manoeuvre takes several.
+/// The step into a reset exceeds every other step around it by this factor: a manoeuvre takes several.
 const SUDDEN: f64 = 3.0;
 
-/// What `values` (residuals: slow, but for noise) show beside noise.
+/// Disturbances in `values` (slow residuals plus noise).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Disturbances {
     /// Rows that jump away and back.
     pub(crate) glitches: Vec<usize>,
-    /// Rows from which on everything is elsewhere.
+    /// Rows from which on the position is shifted.
     pub(crate) resets: Vec<usize>,
 }
 
-/// Glitches of at least `least`, and resets by at least `least`, in samples in order of time.
+/// Glitches and resets of at least `least`, in samples in order of time.
 pub(crate) fn disturbances(values: &[f64], least: f64) -> Disturbances {
     let glitches = glitches(values, least);
     let kept: Vec<usize> = (0..values.len()).filter(|k| glitches.binary_search(k).is_err()).collect();
@@ -30,7 +30,7 @@ pub(crate) fn disturbances(values: &[f64], least: f64) -> Disturbances {
     Disturbances { glitches, resets }
 }
 
-/// Rows far from the median of their neighbours, where the neighbours before and after agree.
+/// Rows far from the median of their neighbours, if the neighbours before and after agree.
 fn glitches(values: &[f64], least: f64) -> Vec<usize> {
     let n = values.len();
     let median = |range: std::ops::Range<usize>| median_of_few(&values[range]);
@@ -50,7 +50,7 @@ fn glitches(values: &[f64], least: f64) -> Vec<usize> {
     (0..n).filter(|&k| size[k].abs() > bar(k) && away[k].1 < 0.3 * size[k].abs()).collect()
 }
 
-/// Rows where the median of what follows differs from that of what was, by one sudden step.
+/// Rows where the median after differs from the median before by a single sudden step.
 fn resets(values: &[f64], least: f64) -> Vec<usize> {
     let n = values.len();
     if n < 2 * NEIGHBOURS {
@@ -68,7 +68,7 @@ fn resets(values: &[f64], least: f64) -> Vec<usize> {
     let scatter = local_scatter(&shifts);
     let candidates: Vec<usize> =
         (1..n).filter(|&k| shifts[k].abs() > least.max(LARGE * scatter(k)) && sudden(k)).collect();
-    // What candidates make of their neighbourhood is not the usual tail.
+    // The surroundings of candidates are excluded from the usual tail.
     let near = |k: usize| {
         let next = candidates.partition_point(|c| c + NEIGHBOURS < k);
         candidates.get(next).is_some_and(|c| *c <= k + NEIGHBOURS)
@@ -97,13 +97,13 @@ fn median_of_few(values: &[f64]) -> Option<f64> {
     }
 }
 
-/// What one in a hundred of `values` reaches.
+/// The 99th percentile of `values`.
 fn tail_of(values: &[f64]) -> f64 {
     let sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
     super::gate::percentile(&sizes, 0.99)
 }
 
-/// Robust standard deviation of the stretch about a row.
+/// Robust standard deviation of the samples around a row.
 fn local_scatter(values: &[f64]) -> impl Fn(usize) -> f64 {
     let stretches = values.len().div_ceil(STRETCH).max(1);
     let around = |s: usize| s.saturating_sub(1) * STRETCH..((s + 2) * STRETCH).min(values.len());
@@ -130,7 +130,7 @@ mod tests {
         for seed in 0..5 {
             let found = disturbances(&heavy(5000, seed), 0.5);
             assert_eq!(found.resets, [0; 0]);
-            // One in 5000 is expected beyond the bar.
+            // One in 5000 is expected above the limit.
             assert!(found.glitches.len() <= 8, "{:?}", found.glitches.len());
         }
     }
@@ -144,7 +144,7 @@ mod tests {
 
     /// The first two solutions of a receiver that has just started.
     #[test]
-    fn a_wild_beginning_is_cut_off() {
+    fn a_wild_start_is_removed() {
         let mut values = heavy(2000, 9);
         values.iter_mut().take(2).for_each(|v| *v -= 280.0);
         assert_eq!(disturbances(&values, 0.5).resets, [2]);
@@ -158,9 +158,9 @@ mod tests {
         assert!(found.glitches.contains(&500) && found.resets.is_empty(), "{found:?}");
     }
 
-    /// What is left of a hard turn at a wrong delay: metres within a second, but in several steps.
+    /// Residual of a hard turn at a wrong delay: metres within a second, but in several steps.
     #[test]
-    fn a_manoeuvre_is_neither() {
+    fn a_manoeuvre_is_neither_glitch_nor_reset() {
         let mut rng = Pcg64::seed_from_u64(1);
         let values: Vec<f64> = (0..3000)
             .map(|k| {
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_of_few_is_the_median() {
+    fn the_median_of_few_values_is_correct() {
         let values = heavy(9, 3);
         for n in 0..=NEIGHBOURS {
             let few = &values[..n];
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_in_nothing() {
+    fn empty_input_has_no_disturbances() {
         for n in 0..12 {
             assert_eq!(disturbances(&vec![1.0; n], 0.5), Disturbances::default());
         }

@@ -1,4 +1,4 @@
-//! What a fit's own checks say against it: alarms, the gravest first, and an interval that is wider where the model failed.
+//! Checks of a fit against itself: alarms, most serious first, and a wider interval if the model failed.
 
 use super::bands::Bands;
 use super::fit::View;
@@ -6,14 +6,14 @@ use super::skew::Skew;
 use record::{DelayHomogeneity, DelayOverTime, DelayPairKind, Estimate, MeasuredDelay, WindowDelay};
 use signal::{Reading, mean_of};
 
-/// An error of the recovery beyond this many standard uncertainties is an alarm.
+/// An error of the recovery above this many standard uncertainties is an alarm.
 const NOT_RECOVERED: f64 = 3.3;
-/// Two bands of frequency that differ by more than this many standard uncertainties do not agree.
+/// Two frequency bands that differ by more than this many standard uncertainties disagree.
 const BANDS_APART: f64 = 3.3;
-/// White noise of a position and of a velocity beyond which no receiver in order is, m and m/s.
+/// White noise of a position and a velocity above that of any working receiver, m and m/s.
 const WILD_NOISE: [f64; 2] = [5.0, 1.5];
 
-/// Widens and adds alarms. `skew` is what the fit found of a lopsided lateness.
+/// Widens the interval and adds alarms. `skew` is a lopsided lateness found by the fit.
 pub(crate) fn doubt(
     found: &mut MeasuredDelay,
     view: &View,
@@ -23,7 +23,7 @@ pub(crate) fn doubt(
     let varying = over_time.filter(|o| o.kind.varies());
     let mut wider_s = match varying {
         Some(varying) => mean_of_varying(found, varying),
-        // Both say how unlike the parts of the flight are.
+        // Both describe how much the parts of the flight differ.
         None => over_time
             .map_or(0.0, |o| o.level_widening_s.max(by_unplaced_change(found, o)))
             .max(by_window(found.homogeneity, &found.over_time)),
@@ -50,10 +50,10 @@ pub(crate) fn doubt(
     widen(found, wider_s);
 }
 
-/// Gives the mean over the flight of a delay that changes, and what its range adds to the uncertainty. The fit of one delay
-/// settles on a part of the flight and takes the rest for outliers.
+/// Uses the mean of a varying delay over the flight and adds its range to the uncertainty. A constant fit settles on
+/// one part of the flight and treats the rest as outliers.
 fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
-    // They are of the same fit, and would give the delay of that part for every speed.
+    // They belong to the same fit, and would give the delay of that part for every speed.
     found.splits.clear();
     let range_s = varying.span_s / 12_f64.sqrt();
     let Estimate { value, standard_uncertainty: Some(u) } = varying.level_s else { return range_s };
@@ -67,14 +67,14 @@ fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
     u.hypot(range_s)
 }
 
-/// What a change adds that is seen and cannot be placed: how far the varying fit is from the constant one, and how little it
-/// knows.
+/// Uncertainty from a change that is detected but cannot be located: the distance of the varying fit from the constant
+/// one, and the uncertainty of the former.
 fn by_unplaced_change(found: &MeasuredDelay, over_time: &DelayOverTime) -> f64 {
     let Estimate { value, standard_uncertainty: Some(u) } = over_time.level_s else { return 0.0 };
     if over_time.unplaced_change { (value - found.delay_s.value).hypot(u) } else { 0.0 }
 }
 
-/// What the scatter of the windows adds to the uncertainty of their mean.
+/// Uncertainty of the mean from the scatter of the windows.
 fn by_window(homogeneity: Option<DelayHomogeneity>, windows: &[WindowDelay]) -> f64 {
     if !homogeneity.is_some_and(|h| h.scatters()) {
         return 0.0;
@@ -86,7 +86,7 @@ fn by_window(homogeneity: Option<DelayHomogeneity>, windows: &[WindowDelay]) -> 
     mean_of(&windows).map_or(0.0, |mean| (mean.standard_uncertainty.powi(2) - of_equals).max(0.0).sqrt())
 }
 
-/// Slow and fast motion apart.
+/// Compares slow and fast motion.
 fn by_frequency(found: &mut MeasuredDelay, view: &View) -> f64 {
     let Some(bands) = Bands::of(view.fit) else { return 0.0 };
     let (apart_s, u) = (bands.fast_s - bands.slow_s, bands.apart_u_s);
@@ -186,9 +186,9 @@ mod tests {
     }
 
     #[test]
-    fn windows_that_scatter_widen_the_interval_to_that_of_a_mean_of_unlike_readings() {
-        // Standard deviation 3 of three windows, Student's 97.5 % quantile with two degrees of freedom; without scatter
-        // the mean would be known to 1/√3.
+    fn scattered_windows_widen_the_interval_to_that_of_their_mean() {
+        // Standard deviation 3 of three windows, Student's 97.5 % quantile with two degrees of freedom. Without scatter
+        // the uncertainty of the mean would be 1/√3.
         let unlike: f64 = 3.0 / 3_f64.sqrt() * 4.302_653 / 1.959_964;
         let expected = (unlike.powi(2) - 1.0 / 3.0).sqrt();
         let wider = by_window(agreement(1.2e-4), &windows(&[-3.0, 0.0, 3.0]));
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_that_agree_widen_nothing() {
+    fn windows_that_agree_do_not_widen_the_interval() {
         assert_eq!(by_window(agreement(0.02), &windows(&[-2.0, 0.0, 2.0])), 0.0);
         assert_eq!(by_window(None, &windows(&[0.0])), 0.0);
     }

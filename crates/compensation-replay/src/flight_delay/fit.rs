@@ -1,4 +1,4 @@
-//! The fit of one pair, and all that went into it.
+//! The fit of one pair, with its inputs.
 
 use super::FlightDelaySettings;
 use super::local::Prepared;
@@ -8,8 +8,8 @@ use flight::Flight;
 use record::Estimate;
 use signal::{DelayError, DelayFit, DelaySettings, FoundNoise, Gain, Measurement, NoiseModel, fit_delay_with_noise};
 
-/// [`signal::fit_delay`], once more with the noise that all components share, if theirs are alike, and that walks at least as fast
-/// as `walk` says (variance gained per second, unit²/s): the integral of a noisy rate does.
+/// [`signal::fit_delay`], repeated with common noise for all components if theirs is similar, and with a random walk at
+/// least as fast as `walk` (variance gained per second, unit²/s), as the integral of a noisy rate has.
 pub(crate) fn fit_shared(
     measurements: &[Measurement],
     settings: &DelaySettings,
@@ -24,30 +24,30 @@ pub(crate) fn fit_shared(
     })
 }
 
-/// `noise`, or with a wander that gains `walk` each second and lasts far longer than the record, where it gains less.
+/// `noise`, or, if it walks too slowly, with a wander that gains `walk` per second and outlasts the record.
 fn at_least_walking(noise: &NoiseModel, t: &[f64], walk: f64) -> NoiseModel {
     const LONG: f64 = 10.0;
     const TRUSTED: f64 = 0.5;
     let own = if noise.wander_std > 0.0 { gained(noise) } else { 0.0 };
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return *noise };
-    // What the likelihood found is trusted where it walks about as fast; a wander that is shorter and larger is more.
+    // The estimate is kept if it walks about as fast, or if its wander is shorter and larger.
     if own >= TRUSTED * walk || noise.wander_std.powi(2) >= walk * (last - first) {
         return *noise;
     }
     let time_constant_s = LONG * (last - first);
-    // A walk with offset and drift taken out has the mean variance walk·T/15: what the fit took for white noise.
+    // After removing offset and drift, a walk has the mean variance walk·T/15, which the fit took for white noise.
     let total = noise.white_std.powi(2) + noise.wander_std.powi(2);
     let white_std = (total - walk * (last - first) / 15.0).max(0.25 * total).sqrt();
     NoiseModel { wander_std: (0.5 * walk * time_constant_s).sqrt(), time_constant_s, white_std }
 }
 
-/// Variance that a wander gains in a second while it is young, unit²/s.
+/// Variance gained per second by a wander while it is young, unit²/s.
 fn gained(m: &NoiseModel) -> f64 {
     2.0 * m.wander_std * m.wander_std / m.time_constant_s
 }
 
-/// What the noise of a rate integrates to: variance per second, of white noise of the size that fourth differences show,
-/// which motion hardly reaches.
+/// Random walk from integrating the noise of a rate: variance per second of white noise, with its size from fourth
+/// differences, which motion hardly affects.
 pub(crate) fn walk_of(rate: &Horizontal, usual_step_s: Option<f64>) -> f64 {
     let step_s = usual_step_s.unwrap_or(0.0);
     let size = |axis: usize| {
@@ -58,9 +58,9 @@ pub(crate) fn walk_of(rate: &Horizontal, usual_step_s: Option<f64>) -> f64 {
     size * size * step_s
 }
 
-/// The noise that all components share, if theirs are alike: one from twice the data is known better than two. On the
-/// circuits of `flight_delay_study` that wander (60 s) 95 % intervals covered 91.8, 92.5 and 94 % without this, 93.8,
-/// 94.8 and 94.2 % with it (400 trials, ± 1.2 %).
+/// Common noise of all components, if theirs is similar: an estimate from twice the data is more certain than two. On
+/// the circuits of `flight_delay_study` that wander (60 s) 95 % intervals covered 91.8, 92.5 and 94 % without this, and
+/// 93.8, 94.8 and 94.2 % with it (400 trials, ± 1.2 %).
 fn pooled(found: &[FoundNoise]) -> Option<NoiseModel> {
     let noises: Vec<NoiseModel> = found.iter().map(|c| c.model).collect();
     let n: f64 = found.iter().map(|c| c.t_used.len() as f64).sum();
@@ -80,7 +80,7 @@ fn pooled(found: &[FoundNoise]) -> Option<NoiseModel> {
     })
 }
 
-/// The pieces as the estimator takes them: north and east of each, one after the other.
+/// The pieces as input to the estimator: north and east of each in turn.
 pub(crate) struct Record<'a> {
     pub(crate) components: Vec<Component<'a>>,
     drift: bool,
@@ -89,7 +89,7 @@ pub(crate) struct Record<'a> {
 /// North or east of a piece.
 pub(crate) struct Component<'a> {
     pub(crate) t: Vec<f64>,
-    /// Less its mean, which the offset takes up.
+    /// Values less their mean, which the offset absorbs.
     pub(crate) y: Vec<f64>,
     reference: &'a dyn signal::Reference,
 }
@@ -122,7 +122,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// A fit with everything that was fitted.
+/// A fit with all its inputs.
 pub(crate) struct View<'a> {
     pub(crate) flight: &'a Flight,
     pub(crate) prepared: &'a Prepared,

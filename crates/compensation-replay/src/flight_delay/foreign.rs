@@ -1,20 +1,20 @@
-//! Whether one channel moves as another says, and if it does not, what would make it.
+//! Whether one channel moves like another, and if not, what change would make it match.
 
 use super::pieces::{Names, Piece, Stretch};
 use crate::input::{AXES, Horizontal};
 
-/// A pair whose displacements disagree by more than this share does not belong together.
+/// Channels whose displacements disagree by more than this share do not belong together.
 const MOST_UNEXPLAINED: f64 = 0.5;
-/// Another unit or other axes are named where they leave so little.
+/// A different unit or other axes are suggested if they leave at most this share.
 const EXPLAINED: f64 = 0.2;
-/// Fewer displacements say nothing.
+/// Fewer displacements give no result.
 const LEAST_STEPS: usize = 3;
 /// Delays at which other units and axes are tried, s.
 const SEARCHED_S: (f64, f64) = (-1.0, 3.0);
 const TRIED: u32 = 40;
-/// A ratio is taken for that of two units within this, as a logarithm.
+/// Logarithmic tolerance for recognising the ratio of two units.
 const NEAR: f64 = 0.1;
-/// Ratios by which values are wrong whose unit is taken for another: what they are in, and as what they are read.
+/// Ratios from mistaken units: the actual unit, and the unit assumed.
 const UNITS: [(f64, &str, &str); 7] = [
     (3.6, "km/h", "m/s"),
     (1.943_844, "knots", "m/s"),
@@ -27,7 +27,7 @@ const UNITS: [(f64, &str, &str); 7] = [
 
 /// The second channel with other axes and another scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Way {
+struct AxesMatch {
     swapped: bool,
     signs: [f64; 2],
     /// The second channel over the first.
@@ -35,28 +35,29 @@ struct Way {
     unexplained: f64,
 }
 
-/// What is compared.
+/// Inputs of the comparison.
 pub(crate) struct Compared<'a> {
     pub(crate) first: &'a Horizontal,
     pub(crate) pieces: &'a [Piece],
     pub(crate) stretches: &'a [Stretch<'a>],
-    /// At which the pair fits best.
+    /// Delay at which the pair fits best.
     pub(crate) delay_s: f64,
 }
 
 impl Compared<'_> {
-    /// Share of the displacement (rms) of the first that the second leaves over, over 5, 10 or 20 s, whichever is least: noise
-    /// counts less the longer, drift the shorter. Of a flight too short for three of these, over a fifth of its longest piece.
+    /// Rms share of the displacement of the first channel that the second does not explain, over 5, 10 or 20 s,
+    /// whichever is least: over longer spans noise matters less, over shorter ones drift. For a flight too short for
+    /// three of these, over a fifth of its longest piece.
     pub(crate) fn unexplained_share(&self) -> Option<f64> {
         let over = |base_s: f64| unexplained_of(&self.steps(base_s, self.delay_s));
         [5.0, 10.0, 20.0].into_iter().filter_map(over).min_by(f64::total_cmp).or_else(|| over(self.longest_s() / 5.0))
     }
 
-    /// Why such a pair is no measurement of a delay, and what would make it one.
+    /// Why such a pair does not measure a delay, and what would fix it.
     pub(crate) fn refusal(&self, share: Option<f64>, names: &Names) -> Option<String> {
         let Names { first, second } = names;
         let share = share.filter(|share| *share > MOST_UNEXPLAINED)?;
-        let check = self.way().and_then(|way| way.words(names));
+        let check = self.best_match().and_then(|found| found.words(names));
         Some(format!(
             "{first} does not move as {second} says: {:.0} % of its displacement is left over at the best delay. {}",
             100.0 * share,
@@ -64,19 +65,19 @@ impl Compared<'_> {
         ))
     }
 
-    /// The scale and the axes that fit best: of channels that do not belong together the best delay may be any.
-    fn way(&self) -> Option<Way> {
+    /// The best scale and axes, at any delay: for channels that do not belong together the best delay is arbitrary.
+    fn best_match(&self) -> Option<AxesMatch> {
         let base_s = 5.0_f64.min(self.longest_s() / 5.0);
         let tried = (0..=TRIED).map(|i| SEARCHED_S.0 + (SEARCHED_S.1 - SEARCHED_S.0) * f64::from(i) / f64::from(TRIED));
-        let ways = tried.chain([self.delay_s]).filter_map(|delay_s| way_of(&self.steps(base_s, delay_s)));
-        ways.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
+        let matches = tried.chain([self.delay_s]).filter_map(|delay_s| match_of(&self.steps(base_s, delay_s)));
+        matches.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
     }
 
     fn longest_s(&self) -> f64 {
         self.pieces.iter().map(|piece| piece.duration_s(self.first)).fold(0.0, f64::max)
     }
 
-    /// Displacements over at least `base_s` of the first channel, and what the second says of them.
+    /// Displacements over at least `base_s` of the first channel, and those predicted by the second.
     fn steps(&self, base_s: f64, delay_s: f64) -> Vec<Step> {
         let first = self.first;
         let mut steps = vec![];
@@ -101,8 +102,8 @@ impl Compared<'_> {
     }
 }
 
-impl Way {
-    /// What would make the pair move alike; `None` if this does not, or changes nothing.
+impl AxesMatch {
+    /// What would make the pair match; `None` if this does not, or changes nothing.
     fn words(&self, Names { first, second }: &Names) -> Option<String> {
         let (factor, verb, wrong) = match self.ratio >= 1.0 {
             true => (self.ratio, "divided", second),
@@ -126,7 +127,7 @@ impl Way {
     }
 }
 
-/// A displacement of the first channel, and what the second says of it.
+/// A displacement of the first channel, and that predicted by the second.
 type Step = ([f64; 2], [f64; 2]);
 
 fn squared([north, east]: [f64; 2]) -> f64 {
@@ -135,52 +136,58 @@ fn squared([north, east]: [f64; 2]) -> f64 {
 
 fn unexplained_of(steps: &[Step]) -> Option<f64> {
     let moved2: f64 = steps.iter().map(|(moved, _)| squared(*moved)).sum();
-    let missed2: f64 = steps.iter().map(|(moved, said)| squared(AXES.map(|axis| moved[axis] - said[axis]))).sum();
+    let missed2: f64 =
+        steps.iter().map(|(moved, predicted)| squared(AXES.map(|axis| moved[axis] - predicted[axis]))).sum();
     (steps.len() >= LEAST_STEPS && moved2 > 0.0).then(|| (missed2 / moved2).sqrt())
 }
 
-fn way_of(steps: &[Step]) -> Option<Way> {
+fn match_of(steps: &[Step]) -> Option<AxesMatch> {
     let moved2: f64 = steps.iter().map(|(moved, _)| squared(*moved)).sum();
-    let said2: f64 = steps.iter().map(|(_, said)| squared(*said)).sum();
-    if steps.len() < LEAST_STEPS || moved2 == 0.0 || said2 == 0.0 {
+    let predicted2: f64 = steps.iter().map(|(_, predicted)| squared(*predicted)).sum();
+    if steps.len() < LEAST_STEPS || moved2 == 0.0 || predicted2 == 0.0 {
         return None;
     }
-    let way = |swapped: bool, signs: [f64; 2]| {
-        let cross = |(moved, said): &Step| {
-            let said = if swapped { [said[1], said[0]] } else { *said };
-            signs[0] * moved[0] * said[0] + signs[1] * moved[1] * said[1]
+    let matched = |swapped: bool, signs: [f64; 2]| {
+        let cross = |(moved, predicted): &Step| {
+            let predicted = if swapped { [predicted[1], predicted[0]] } else { *predicted };
+            signs[0] * moved[0] * predicted[0] + signs[1] * moved[1] * predicted[1]
         };
-        let agreed = steps.iter().map(cross).sum::<f64>().max(0.0) / (moved2 * said2).sqrt();
-        Way { swapped, signs, ratio: (said2 / moved2).sqrt(), unexplained: (1.0 - agreed * agreed).max(0.0).sqrt() }
+        let agreed = steps.iter().map(cross).sum::<f64>().max(0.0) / (moved2 * predicted2).sqrt();
+        AxesMatch {
+            swapped,
+            signs,
+            ratio: (predicted2 / moved2).sqrt(),
+            unexplained: (1.0 - agreed * agreed).max(0.0).sqrt(),
+        }
     };
     let signs = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
-    let ways = [false, true].into_iter().flat_map(|swapped| signs.map(|signs| way(swapped, signs)));
-    ways.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
+    let matches = [false, true].into_iter().flat_map(|swapped| signs.map(|signs| matched(swapped, signs)));
+    matches.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Steps round circles, of which the second channel says `said`: what is said of it where it is refused.
-    fn circles(said: impl Fn([f64; 2]) -> [f64; 2]) -> Option<String> {
+    /// Steps around circles, with the second channel given by `predicted`: the refusal, if any.
+    fn circles(predicted: impl Fn([f64; 2]) -> [f64; 2]) -> Option<String> {
         let moved = |k: u32| [20.0 * f64::from(k).cos(), 20.0 * (1.3 * f64::from(k)).sin()];
-        let steps: Vec<Step> = (0..60).map(|k| (moved(k), said(moved(k)))).collect();
+        let steps: Vec<Step> = (0..60).map(|k| (moved(k), predicted(moved(k)))).collect();
         let refused = unexplained_of(&steps).unwrap() > MOST_UNEXPLAINED;
         refused.then(|| {
-            way_of(&steps).unwrap().words(&Names { first: "position", second: "velocity" }).unwrap_or_default()
+            match_of(&steps).unwrap().words(&Names { first: "position", second: "velocity" }).unwrap_or_default()
         })
     }
 
     #[test]
-    fn what_moves_alike_is_not_refused() {
+    fn matching_channels_are_not_refused() {
         assert_eq!(circles(|moved| moved), None);
         assert_eq!(circles(|[n, e]| [1.1 * n, 1.1 * e]), None);
     }
 
     #[test]
-    fn a_refusal_says_which_unit_and_which_axes_would_fit() {
-        for (said, words) in [
+    fn a_refusal_names_the_unit_and_axes_that_would_fit() {
+        for (refusal, words) in [
             (
                 circles(|[n, e]| [3.6 * n, 3.6 * e]),
                 "0 % would be left over if velocity were divided by 3.60, as if velocity were in km/h and read as m/s:",
@@ -196,13 +203,13 @@ mod tests {
                 "were exchanged, and north of velocity were negated, and velocity were divided by 7.00:",
             ),
         ] {
-            let refusal = said.unwrap();
+            let refusal = refusal.unwrap();
             assert!(refusal.contains(words), "{refusal}");
         }
     }
 
     #[test]
-    fn what_fits_in_no_way_is_given_none() {
+    fn channels_that_match_in_no_way_get_no_suggestion() {
         assert_eq!(circles(|[n, e]| [n * e, n - 3.0 * e]), Some(String::new()));
     }
 }

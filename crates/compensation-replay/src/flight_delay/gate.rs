@@ -9,10 +9,10 @@ use signal::DelayFit;
 /// Shortest record that is tried, s.
 const SHORTEST_S: f64 = 5.0;
 
-/// The motion as gates and advice see it.
+/// Summary of the motion for gates and advice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Motion {
-    /// 95th percentile of the second channel's rate less a steady change, mean over a second, m/s (m/s² for accelerations).
+    /// 95th percentile of the second channel's rate less a trend, mean over a second, m/s (m/s² for accelerations).
     pub(crate) unsteady: f64,
     /// Σ‖P⊥v‖² over the samples of the first channel.
     pub(crate) power: f64,
@@ -20,17 +20,17 @@ pub(crate) struct Motion {
     pub(crate) acceleration: bool,
 }
 
-/// Rates are averaged over this to tell motion from noise, s.
+/// Rates are averaged over this to separate motion from noise, s.
 const MEAN_S: f64 = 1.0;
-/// With less unsteady motion a vehicle stands still or flies straight on, m/s or m/s².
+/// Below this unsteady motion a vehicle is stationary or flies straight, m/s or m/s².
 const LEAST_UNSTEADY: f64 = 0.3;
 /// 95th percentile of the length of two normal numbers.
 const RAYLEIGH_95: f64 = 2.448;
-/// Motion must be so many times what noise makes of it.
+/// Least ratio of the motion to the apparent motion from noise.
 const ABOVE_NOISE: f64 = 1.5;
 
-/// What the noise of a rate (m/s or m/s²) alone would make of [`Motion::unsteady`]: of white noise of the size that second
-/// differences show.
+/// [`Motion::unsteady`] from the noise of a rate (m/s or m/s²) alone: white noise with the size shown by second
+/// differences.
 pub(crate) fn noise_of_motion(rate: &Horizontal, usual_step_s: Option<f64>) -> f64 {
     let step_s = usual_step_s.unwrap_or(MEAN_S);
     let bends = |axis: usize| -> f64 {
@@ -56,7 +56,7 @@ pub(crate) fn motion(
         let t: Vec<f64> = piece.rows.iter().map(|&k| first.t[k] - delay_s).collect();
         let before: Vec<f64> = t.iter().map(|t| inside(t - 0.5 * MEAN_S)).collect();
         let after: Vec<f64> = t.iter().map(|t| inside(t + 0.5 * MEAN_S)).collect();
-        let beside = AXES.map(|axis| {
+        let unsteady = AXES.map(|axis| {
             let filled = |instants: &[f64]| {
                 let (mut values, mut rates) = (vec![0.0; t.len()], vec![0.0; t.len()]);
                 stretches[piece.stretch][axis].fill(instants, &mut values, &mut rates);
@@ -64,16 +64,16 @@ pub(crate) fn motion(
             };
             let (a, b) = (filled(&before), filled(&after));
             let mean = |k: usize| (b[k] - a[k]) / (after[k] - before[k]).max(0.1 * MEAN_S);
-            line_taken_out(&t, (0..t.len()).map(mean).collect())
+            without_line(&t, (0..t.len()).map(mean).collect())
         });
-        power += beside.iter().flatten().map(|v| v * v).sum::<f64>();
-        sizes.extend(beside[0].iter().zip(&beside[1]).map(|(n, e)| n.hypot(*e)));
+        power += unsteady.iter().flatten().map(|v| v * v).sum::<f64>();
+        sizes.extend(unsteady[0].iter().zip(&unsteady[1]).map(|(n, e)| n.hypot(*e)));
     }
     Motion { unsteady: percentile(&sizes, 0.95), power, acceleration }
 }
 
-/// `y` less its best straight line over `t`.
-fn line_taken_out(t: &[f64], mut y: Vec<f64>) -> Vec<f64> {
+/// `y` less its best-fit straight line over `t`.
+fn without_line(t: &[f64], mut y: Vec<f64>) -> Vec<f64> {
     let n = t.len().max(1) as f64;
     let (tm, ym) = (t.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
     let tt: f64 = t.iter().map(|t| (t - tm).powi(2)).sum();
@@ -83,7 +83,7 @@ fn line_taken_out(t: &[f64], mut y: Vec<f64>) -> Vec<f64> {
     y
 }
 
-/// What the motion offers, before anything is fitted.
+/// Excitation by the motion, before any fit.
 pub(crate) fn excitation(
     first: &Horizontal,
     pieces: &[Piece],
@@ -99,12 +99,12 @@ pub(crate) fn excitation(
             let (mut values, mut v) = (vec![0.0; t.len()], vec![0.0; t.len()]);
             stretches[piece.stretch][axis].fill(&instants, &mut values, &mut v);
             all += v.iter().map(|v| v * v).sum::<f64>();
-            moving += beside_a_line(&t, &v);
+            moving += squares_about_a_line(&t, &v);
         }
     }
     DelayExcitation {
         samples: pieces.iter().map(|p| p.rows.len() as u64).sum(),
-        // The sum of nothing is -0.
+        // An empty sum is -0.
         duration_s: 0.0 + pieces.iter().map(|piece| piece.duration_s(first)).sum::<f64>(),
         pieces: pieces.len() as u64,
         speed_p95_mps: percentile(speed, 0.95),
@@ -123,8 +123,8 @@ pub(crate) fn percentile(values: &[f64], share: f64) -> f64 {
     *below + position.fract() * (next - *below)
 }
 
-/// Sum of squares of `y` beside its best straight line over `t`.
-pub(crate) fn beside_a_line(t: &[f64], y: &[f64]) -> f64 {
+/// Sum of squares of `y` about its best-fit straight line over `t`.
+pub(crate) fn squares_about_a_line(t: &[f64], y: &[f64]) -> f64 {
     let n = t.len() as f64;
     let mean = |x: &[f64]| x.iter().sum::<f64>() / n;
     let (tm, ym) = (mean(t), mean(y));
@@ -174,15 +174,15 @@ pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64
     })
 }
 
-/// Below this, noise may pass for motion, m/s.
+/// Below this, noise may look like motion, m/s.
 const SLOW_MPS: f64 = 1.0;
-/// Standard uncertainty that advice aims at, s.
+/// Target standard uncertainty of the advice, s.
 const AIM_S: f64 = 0.025;
-/// Speed that turns are advised at, at least, m/s.
+/// Least speed for which turns are advised, m/s.
 const TURNS_MPS: f64 = 3.0;
 
-/// What to fly so that the delay is known to [`AIM_S`], if the noise stays as it is: a fix in a turn at the speed U says as
-/// much as U²/(what a fix is known to)².
+/// What to fly so that the delay is known to [`AIM_S`] with the same noise: a fix in a turn at the speed U has the
+/// information U²/(uncertainty of a fix)².
 fn what_to_fly(known_s: f64, offer: &DelayExcitation, motion: &Motion) -> String {
     if motion.acceleration {
         return "Fly circles to the left and to the right for two minutes, and change speed between them".to_owned();
@@ -207,15 +207,15 @@ fn what_to_fly(known_s: f64, offer: &DelayExcitation, motion: &Motion) -> String
     )
 }
 
-/// Nobody flies circles for longer than this, min.
+/// Longest advised duration of circles, min.
 const LONGEST_ADVICE_MIN: f64 = 60.0;
 
 /// Σ‖P⊥v‖²/Σ‖v‖² below which a flight is called nearly straight.
 const STRAIGHT: f64 = 0.05;
 
-/// Least rate of specific force that is an acceleration for a delay, Hz.
+/// Least rate of specific force for an acceleration that can measure a delay, Hz.
 const LEAST_FORCE_HZ: f64 = 10.0;
-/// And least ratio of it to the frequency below which 95 % of the acceleration lies.
+/// Least ratio of that rate to the frequency below which 95 % of the acceleration lies.
 const LEAST_FORCE_RATIO: f64 = 4.0;
 
 /// Why an acceleration is sampled too slowly to be a datum (delay network, section 3); `None` if it is not.
@@ -224,12 +224,12 @@ pub(crate) fn too_slow_for_datum(force: &Horizontal) -> Option<String> {
     if rate_hz < LEAST_FORCE_HZ {
         return Some(format!("the IMU is logged at {rate_hz:.1} Hz, and at least {LEAST_FORCE_HZ} Hz are needed"));
     }
-    // Vibration above 5 Hz is no motion that a velocity could follow.
+    // Vibration above 5 Hz is not motion that a velocity could follow.
     let below = |axis: usize| {
         let spectrum = signal::power_spectrum(&force.axes[axis], rate_hz);
         let motion = spectrum.frequency_hz.iter().zip(&spectrum.power).filter(|(f, _)| **f <= MOTION_HZ);
         let mut power: Vec<(f64, f64)> = motion.map(|(f, p)| (*f, *p)).collect();
-        // What the upper half holds throughout is noise.
+        // The level that the upper half has throughout is noise.
         let upper: Vec<f64> = power[power.len() / 2..].iter().map(|p| p.1).collect();
         let floor = signal::median_by_selection(&upper).unwrap_or(0.0) / MEDIAN_OF_EXPONENTIAL;
         power.iter_mut().for_each(|p| p.1 = (p.1 - floor).max(0.0));
@@ -258,7 +258,7 @@ const MEDIAN_OF_EXPONENTIAL: f64 = std::f64::consts::LN_2;
 /// Accelerations above this are vibration, Hz.
 const MOTION_HZ: f64 = 5.0;
 
-/// Why stamps that several rows share cannot show a delay; `stamps_s` is what they are good for, s.
+/// Why timestamps shared by several rows cannot show a delay; `stamps_s` is their standard uncertainty, s.
 pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Option<String> {
     (stamps_s > settings.worst_sigma_s).then(|| {
         format!(
@@ -270,7 +270,7 @@ pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Op
     })
 }
 
-/// Why this fit is no measurement, and what would make it one.
+/// Why this fit is not a measurement, and what would make it one.
 pub(crate) fn refuse_fit(
     fit: &DelayFit,
     offer: &DelayExcitation,
@@ -305,7 +305,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn channels_without_common_time_are_told_so_and_not_as_minus_zero_seconds() {
+    fn channels_without_overlap_are_not_reported_as_minus_zero_seconds() {
         let nothing = excitation(&Horizontal::default(), &[], &[], 0.0, &[0.0]);
         assert_eq!(format!("{:.1}", nothing.duration_s), "0.0");
         let motion = Motion { unsteady: 0.0, power: 0.0, acceleration: false };

@@ -1,19 +1,19 @@
-//! Known delays put into the flight itself, and found again.
+//! Known delays injected into the flight itself and measured again.
 //!
-//! The first half is left as it is, the second half is handed on later. The two are fitted apart, so that their
-//! difference must be what was put in. A half that shows no delay on its own gives no finding; a delay that is not the
-//! same in both halves shows here as well.
+//! The first half is unchanged, the second half is delayed. The two are fitted separately, so their difference must
+//! equal the injected delay. A half that shows no delay on its own gives no finding. A delay that differs between the
+//! halves shows here as well.
 
 use super::fit::{View, estimate};
 use record::FlightInjection;
 use signal::{DelayFit, DelaySettings, DelayStart, Measurement, fit_delay_near, student_quantile};
 
-/// Fewest samples of a component that take part in a half.
+/// Least number of samples of a component in a half.
 const LEAST_ROWS: usize = 20;
 
-/// One finding for each delay of the settings that could be put in.
+/// One finding for each delay of the settings that could be injected.
 pub(crate) fn injections(view: &View, settings: &DelaySettings) -> Vec<FlightInjection> {
-    let Some(split_s) = half_said(view.fit) else { return vec![] };
+    let Some(split_s) = half_information(view.fit) else { return vec![] };
     let halves = Halves { view, settings, whole: view.record.measurements(), split_s };
     let Some(before) = halves.fit(false, 0.0) else { return vec![] };
     view.settings.inject_s.iter().filter_map(|&injected_s| halves.injection(&before, injected_s)).collect()
@@ -28,10 +28,10 @@ struct Halves<'a> {
 }
 
 impl Halves<'_> {
-    /// One half, handed on later by `delay_s`.
+    /// Fits one half, delayed by `delay_s`.
     fn fit(&self, later: bool, delay_s: f64) -> Option<DelayFit> {
         let view = self.view;
-        // The noise is that of the whole: only the delay is to be found again.
+        // The noise is that of the whole flight: only the delay is estimated again.
         let part = |c: usize| {
             let m = &self.whole[c];
             let cut = m.t.partition_point(|t| *t < self.split_s);
@@ -62,17 +62,19 @@ impl Halves<'_> {
     }
 }
 
-/// The instant before and after which the motion says as much: half of the squared slope about each component's mean.
-fn half_said(fit: &DelayFit) -> Option<f64> {
-    let mut said: Vec<(f64, f64)> = vec![];
+/// The instant that splits the information in half: half of the squared slope about each component's mean.
+fn half_information(fit: &DelayFit) -> Option<f64> {
+    let mut information: Vec<(f64, f64)> = vec![];
     for c in &fit.components {
         let mean = c.slope.iter().sum::<f64>() / c.slope.len().max(1) as f64;
-        said.extend(c.t_used.iter().zip(&c.slope).map(|(t, v)| (*t, (v - mean).powi(2) / c.noise.std().powi(2))));
+        information
+            .extend(c.t_used.iter().zip(&c.slope).map(|(t, v)| (*t, (v - mean).powi(2) / c.noise.std().powi(2))));
     }
-    said.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f64 = said.iter().map(|s| s.1).sum();
+    information.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = information.iter().map(|s| s.1).sum();
     let mut sum = 0.0;
-    said.iter()
+    information
+        .iter()
         .find(|s| {
             sum += s.1;
             2.0 * sum >= total

@@ -1,4 +1,4 @@
-//! The two channels of a pair in seconds and metres: north and east of one place, held rows left out.
+//! The two channels of a pair in seconds and metres: local north and east, held rows skipped.
 
 use super::pairs::{Pair, Second};
 use crate::input::Horizontal;
@@ -7,44 +7,44 @@ use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quanti
 use nalgebra::Vector3;
 use record::DelayOrigin;
 
-/// Fixes farther than this from the median fix are no part of the flight, m.
+/// Fixes farther than this from the median fix are not part of the flight, m.
 const FARTHEST_M: f64 = 1e6;
-/// With fewer samples of either channel nothing is tried.
+/// With fewer samples of either channel no measurement is tried.
 pub(crate) const LEAST_SAMPLES: usize = 20;
 
-/// A pair ready to be cut into pieces.
+/// A pair ready to be split into pieces.
 pub(crate) struct Prepared {
     pub(crate) origin: DelayOrigin,
-    /// What is measured.
+    /// The measured channel.
     pub(crate) first: Horizontal,
     /// A rate to be integrated, or a track.
     pub(crate) second: Horizontal,
     /// Whether the second is a rate.
     pub(crate) integrate: bool,
-    /// North and east of each body axis at the samples of the second: where a bias of the accelerometers points.
+    /// North and east of each body axis at the samples of the second: directions of an accelerometer bias.
     pub(crate) body: Option<BodyAxes>,
-    /// Ground speed over time, m/s, if a velocity or a track tells it.
+    /// Ground speed over time, m/s, if a velocity or a track provides it.
     pub(crate) speed: (Vec<f64>, Vec<f64>),
-    /// One sample of the first in so many takes part.
+    /// One in this many samples of the first is used.
     pub(crate) one_in: usize,
-    /// Standard uncertainty of a delay for the stamps' sake, s: of each channel as of a time that may be anywhere within a
-    /// step before or behind its stamp (JCGM 100:2008, 4.3.7), where several rows shared one.
+    /// Standard uncertainty of a delay due to shared timestamps, s. Each channel counts as measured anywhere within a
+    /// step before or after its timestamp (JCGM 100:2008, 4.3.7) where several rows shared one.
     pub(crate) stamps_s: f64,
 }
 
-/// With how many samples a pair is measured.
+/// Limits on the number of samples for a pair.
 #[derive(Clone, Copy)]
 pub(crate) struct Most {
-    /// Of the first channel, and how many a second.
+    /// For the first channel, and its limit per second.
     pub(crate) of_first: (usize, f64),
-    /// Of the second channel.
+    /// For the second channel.
     pub(crate) of_second: usize,
 }
 
 /// Body axes forward, right and down, each with its north and its east component.
 pub(crate) type BodyAxes = [[Vec<f64>; 2]; 3];
 
-/// What the samples of a channel are called.
+/// Name of the samples of a channel.
 fn counted(quantity: Quantity, rows: usize) -> &'static str {
     let of_position = matches!(quantity, Quantity::PositionGeodetic | Quantity::PositionNed);
     match (of_position, rows) {
@@ -59,7 +59,7 @@ fn channel_of<'a>(flight: &'a Flight, name: &str) -> Result<&'a Channel, String>
     flight.channels.get(name).ok_or_else(|| format!("no channel {name}"))
 }
 
-/// Reads the channels of `pair`, with at most so many samples; says in words why that cannot be.
+/// Reads the channels of `pair`, up to the given numbers of samples; or returns in words why that is impossible.
 pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut Notices) -> Result<Prepared, String> {
     let first = channel_of(flight, &pair.first)?;
     let second = channel_of(flight, pair.second.channels()[0])?;
@@ -90,7 +90,7 @@ pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut No
     })
 }
 
-/// What the stamps of all channels of the pair are good for, s, if these can be compared.
+/// Standard uncertainty of the timestamps of all channels of the pair, s, if these can be compared.
 fn stamps_s(flight: &Flight, pair: &Pair) -> Result<f64, String> {
     let clock = channel_of(flight, &pair.first)?.series.timeline().clock();
     let mut stamps_s = 0_f64;
@@ -102,7 +102,7 @@ fn stamps_s(flight: &Flight, pair: &Pair) -> Result<f64, String> {
     Ok(stamps_s)
 }
 
-/// The second channel, of about `most` samples; of an acceleration with the body axes.
+/// The second channel, with about `most` samples; for an acceleration with the body axes.
 fn second_of(
     flight: &Flight,
     pair: &Pair,
@@ -127,7 +127,7 @@ fn second_of(
     })
 }
 
-/// Refuses a channel of another clock than that of the first one, a short one, and one without its first two components.
+/// Rejects a channel on another clock than the first one, a short one, and one without its first two components.
 fn check(channel: &Channel, name: &str, first: &str, clock: Clock) -> Result<(), String> {
     let other = channel.series.timeline().clock();
     if other != clock {
@@ -146,7 +146,7 @@ fn check(channel: &Channel, name: &str, first: &str, clock: Clock) -> Result<(),
     Ok(())
 }
 
-/// The fix whose latitude is the median: a real one, wherever the others went.
+/// The fix with the median latitude: a real fix, unaffected by outliers.
 fn median_fix(channel: &Channel) -> Geodetic {
     let mut rows = channel.update_rows();
     let latitude = channel.series.component(0);
@@ -161,13 +161,13 @@ fn geodetic(channel: &Channel, row: usize) -> Geodetic {
     Geodetic { latitude: at(0), longitude: at(1), height: if channel.present[2] { at(2) } else { 0.0 } }
 }
 
-/// Where and when zero is.
+/// Origin in place and time.
 struct Axes<'a> {
     origin: Stamp,
     frame: Option<&'a LocalFrame>,
 }
 
-/// The first two components of these rows; of a geodetic position north and east, m.
+/// The first two components of these rows; for a geodetic position north and east, m.
 fn located(
     (channel, name): (&Channel, &str),
     rows: impl Iterator<Item = usize>,
@@ -199,7 +199,7 @@ fn located(
     out.horizontal()
 }
 
-/// A velocity in the axes of the frame, so that its integral is a difference of local positions. It is turned at the
+/// A velocity in the axes of the frame, so that its integral is a difference of local positions. It is rotated at the
 /// newest fix of `position` that is part of the flight.
 fn turned(velocity: &Channel, position: &Channel, axes: &Axes<'_>, mut out: Averaged<2>) -> Horizontal {
     let frame = axes.frame.filter(|_| position.quantity == Quantity::PositionGeodetic);
@@ -227,8 +227,8 @@ fn turned(velocity: &Channel, position: &Channel, axes: &Axes<'_>, mut out: Aver
     out.horizontal()
 }
 
-/// Specific force in north and east: gravity has no part there. Attitude is interpolated between its samples; where
-/// there is none, no acceleration.
+/// Specific force in north and east, which gravity does not affect. Attitude is interpolated between its samples;
+/// without attitude there is no acceleration.
 fn rotated(force: &Channel, attitude: &Channel, origin: Stamp, mut out: Averaged<8>) -> (Horizontal, BodyAxes) {
     let turns = attitude.series.timeline().stamps();
     let stamps = force.series.timeline().stamps();
@@ -257,7 +257,7 @@ fn quaternion(channel: &Channel, row: usize) -> Quaternion {
     [0, 1, 2, 3].map(|k| channel.series.component(k)[row])
 }
 
-/// On the short way from `a` to `b`; `None` if that is no rotation.
+/// Interpolated on the short arc from `a` to `b`; `None` if that is not a rotation.
 fn between(a: Quaternion, b: Quaternion, share: f64) -> Option<Quaternion> {
     let sign = if (0..4).map(|k| a[k] * b[k]).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
     let q: Quaternion = std::array::from_fn(|k| (1.0 - share) * a[k] + share * sign * b[k]);
@@ -275,7 +275,7 @@ fn turn([w, x, y, z]: Quaternion, v: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| v[k] + 2.0 * outer[k])
 }
 
-/// Ground speed by whichever channel tells it: a velocity, or the track's steps.
+/// Ground speed from the channel that provides it: a velocity, or the track's steps.
 fn speed_of(pair: &Pair, first: &Horizontal, second: &Horizontal) -> (Vec<f64>, Vec<f64>) {
     let of = |v: &Horizontal| (v.t.clone(), v.axes[0].iter().zip(&v.axes[1]).map(|(n, e)| n.hypot(*e)).collect());
     match &pair.second {
@@ -285,7 +285,7 @@ fn speed_of(pair: &Pair, first: &Horizontal, second: &Horizontal) -> (Vec<f64>, 
     }
 }
 
-/// Speed over at least two seconds, so that noise does not pass for motion.
+/// Speed over at least two seconds, so that noise does not look like motion.
 fn steps(track: &Horizontal) -> (Vec<f64>, Vec<f64>) {
     const BASE_S: f64 = 2.0;
     let mut before = 0;

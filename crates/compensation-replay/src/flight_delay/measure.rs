@@ -1,4 +1,4 @@
-//! One pair of channels, from the flight to the finding.
+//! Measures one pair of channels, from the flight to the finding.
 
 use super::coarse::{self, Coarse};
 use super::fit::{Record, View, estimate, fit_shared, walk_of};
@@ -13,12 +13,12 @@ use record::{DelayExcitation, DelayNoise, DelayOverTime, DelayPiece, Estimate, F
 use signal::{ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, OtherMinimum};
 use std::borrow::Cow;
 
-/// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
+/// Standard uncertainties at which a change is detected at 5 % with 80 % probability: 1.96 + 0.84.
 const DETECTABLE: f64 = 2.8;
-/// Standard deviations on both sides that hold 95 % of a normal distribution.
+/// Standard deviations on each side that hold 95 % of a normal distribution.
 const NORMAL_95: f64 = 1.96;
 
-/// What the pair says, with everything that was left out on the way.
+/// Result of the pair; notices list everything that was skipped on the way.
 pub(crate) fn measure(
     flight: &Flight,
     pair: &Pair,
@@ -46,10 +46,10 @@ pub(crate) fn measure(
     let second_look = Look { most_samples: settings.most_samples, most_hz: f64::INFINITY, enough_s: f64::INFINITY };
     let mut found = Err(NoDelay::MoreSamples);
     for look in [first_look, second_look] {
-        let mut said = Notices::new();
-        found = delay_of(flight, pair, look, settings, &mut said, &mut finding);
+        let mut own = Notices::new();
+        found = delay_of(flight, pair, look, settings, &mut own, &mut finding);
         if !matches!(found, Err(NoDelay::MoreSamples)) {
-            notices.extend_unsaid(said);
+            notices.extend_unsaid(own);
             break;
         }
     }
@@ -61,12 +61,12 @@ pub(crate) fn measure(
     finding
 }
 
-/// How closely a pair is looked at.
+/// How thoroughly a pair is measured.
 #[derive(Clone, Copy)]
 struct Look {
     most_samples: usize,
     most_hz: f64,
-    /// A delay known less well is measured again with more samples, if there are more, s.
+    /// A delay that is more uncertain is measured again with more samples, if there are more, s.
     enough_s: f64,
 }
 
@@ -77,9 +77,9 @@ impl Look {
     }
 }
 
-/// Why a look gave no delay.
+/// Why a look found no delay.
 enum NoDelay {
-    /// A closer look may.
+    /// A closer look may find one.
     MoreSamples,
     Because(String),
 }
@@ -121,11 +121,11 @@ fn delay_of(
     Ok(if pair.reversed { turned_round(measured) } else { measured })
 }
 
-/// The second channel as the first is compared with it.
+/// The second channel, prepared for the comparison with the first.
 struct Compared<'a> {
     /// Without spikes.
     second: Cow<'a, Horizontal>,
-    /// A fast velocity, whose white noise is averaged before it is integrated.
+    /// A fast velocity, with its white noise averaged before integration.
     smoothed: Option<Horizontal>,
     /// Usual interval, s.
     step_s: Option<f64>,
@@ -151,23 +151,23 @@ impl<'a> Compared<'a> {
         Compared { second, smoothed, step_s, is_velocity }
     }
 
-    /// What is integrated or interpolated.
+    /// The channel that is integrated or interpolated.
     fn moving(&self) -> &Horizontal {
         self.smoothed.as_ref().unwrap_or(&self.second)
     }
 
-    /// White noise of a rate, that may pass for motion.
+    /// White noise of a rate, which may look like motion.
     fn noise(&self, prepared: &Prepared) -> f64 {
         if prepared.integrate { gate::noise_of_motion(&self.second, self.step_s) } else { 0.0 }
     }
 
-    /// What the white noise of a velocity integrates to.
+    /// Random walk from integrating the white noise of a velocity.
     fn walk(&self) -> f64 {
         if self.is_velocity { walk_of(&self.second, self.step_s) } else { 0.0 }
     }
 }
 
-/// What the fits need.
+/// Inputs of the fits.
 struct Known<'a> {
     flight: &'a Flight,
     pair: &'a Pair,
@@ -179,7 +179,7 @@ struct Known<'a> {
 }
 
 impl<'a> Known<'a> {
-    /// The delay about `coarse`, as the fit has it: not turned round.
+    /// The delay near `coarse`, in the direction of the fit.
     fn measured(
         &self,
         mut coarse: Coarse,
@@ -204,7 +204,7 @@ impl<'a> Known<'a> {
         let compared = foreign::Compared { first, pieces: &cut, stretches, delay_s: fit.delay_s };
         offer.unexplained_share = compared.unexplained_share();
         if let Some(reason) = compared.refusal(offer.unexplained_share, &self.names) {
-            // Of channels that do not move alike no delay scatters or drifts, unless it is seen to change.
+            // If channels do not move alike, no scatter or drift is reported, unless a change is detected.
             finding.varies.take_if(|varies| !varies.kind.varies());
             return Err(refusal(reason, finding.varies.as_ref()).into());
         }
@@ -226,8 +226,9 @@ impl<'a> Known<'a> {
         gate::refuse_motion(offer, &motion, noise, &self.prepared.speed.1).map_or(Ok(motion), Err)
     }
 
-    /// The delay that may vary, unless `varies` has it from an earlier look, and the constant one. Fixes of bursts are taken
-    /// out of `cut`, and `coarse` follows the varying delay where that is elsewhere: then the constant fit is made again.
+    /// The varying delay, unless `varies` has it from an earlier look, and the constant one. Fixes of bursts are
+    /// removed from `cut`. If the varying delay is elsewhere, `coarse` follows it. In both cases the constant fit is
+    /// repeated.
     fn fit(
         &self,
         cut: &mut [Piece],
@@ -239,11 +240,11 @@ impl<'a> Known<'a> {
             Some(_) => None,
         };
         let walk = self.compared.walk();
-        // At the same time, because the varying delay seldom asks for another constant fit.
+        // In parallel, because the varying delay seldom requires another constant fit.
         let (over_time, constant) = rayon::join(over_time, || self.constant(cut, coarse, walk));
         *varies = over_time.or(varies.take());
         let Some(over_time) = varies else { return constant };
-        let fewer = varies::leave_out(cut, &self.prepared.first.t, over_time);
+        let fewer = varies::skip_bursts(cut, &self.prepared.first.t, over_time);
         let elsewhere = varies::start(coarse, over_time);
         if !fewer && elsewhere.is_none() {
             return constant;
@@ -259,7 +260,7 @@ impl<'a> Known<'a> {
     }
 }
 
-/// A delay that is seen to change, or to differ between parts of the flight, is the better reason.
+/// A delay that changes, or differs between parts of the flight, is the better reason.
 fn refusal(reason: String, varies: Option<&DelayOverTime>) -> String {
     let seen = |varies: &DelayOverTime| match varies.kind.varies() {
         true => Some(varies.words.clone()),
@@ -271,14 +272,14 @@ fn refusal(reason: String, varies: Option<&DelayOverTime>) -> String {
     }
 }
 
-/// Half the width of the delays that a fit looks at, s.
+/// Half the search range of a fit, s.
 const HALF_SEARCH_S: f64 = 0.6;
 
 pub(super) fn about(delay_s: f64) -> (f64, f64) {
     (delay_s - HALF_SEARCH_S, delay_s + HALF_SEARCH_S)
 }
 
-/// Settings of a fit about this delay.
+/// Settings of a fit around this delay.
 pub(super) fn settings_about(delay_s: f64) -> DelaySettings {
     DelaySettings {
         search_s: about(delay_s),
@@ -289,7 +290,7 @@ pub(super) fn settings_about(delay_s: f64) -> DelaySettings {
     }
 }
 
-/// The coarse delay in the range of the settings, or in the wide one if it is at the edge of the first.
+/// The coarse delay in the range of the settings, or in the wide range if it is at the edge of the first.
 fn coarse_delay(
     first: &Horizontal,
     stretches: &[Stretch],
@@ -317,19 +318,19 @@ fn coarse_delay(
     Ok(wide)
 }
 
-/// By so much −2 ln L must be lower at a rival for it to be believed instead of the delay nearer to none,
+/// Least decrease of −2 ln L at a rival to be preferred over the delay nearer to zero,
 const WORTH_A_RIVAL: f64 = 12.0;
-/// and by so much what is left over, m or m/s (rms): less is rounding and interpolation.
+/// and least decrease of the residual, m or m/s (rms): less is rounding and interpolation.
 const WORTH_A_RIVAL_RMS: f64 = 1e-3;
 
-/// What a fit leaves over, unit of the first channel.
-fn left_over(fit: &DelayFit) -> f64 {
+/// Residual of a fit, unit of the first channel.
+fn residual_rms(fit: &DelayFit) -> f64 {
     let all = || fit.components.iter().flat_map(|c| &c.residuals);
     (all().map(|e| e * e).sum::<f64>() / all().count().max(1) as f64).sqrt()
 }
 
-/// The fit about the coarse delay, or about its rival if that explains the samples clearly better. The one not taken is
-/// the second minimum.
+/// The fit around the coarse delay, or around its rival if that explains the samples clearly better. The other one
+/// becomes the second minimum.
 fn fit_of_rivals(
     measurements: &[Measurement],
     (settings, walk): (&DelaySettings, f64),
@@ -347,7 +348,7 @@ fn fit_of_rivals(
         return Ok(fit);
     };
     let mut excess = there - here;
-    if excess < -WORTH_A_RIVAL && left_over(&rival) < left_over(&fit) - WORTH_A_RIVAL_RMS {
+    if excess < -WORTH_A_RIVAL && residual_rms(&rival) < residual_rms(&fit) - WORTH_A_RIVAL_RMS {
         std::mem::swap(&mut fit, &mut rival);
         excess = -excess;
     }
@@ -358,7 +359,7 @@ fn fit_of_rivals(
     Ok(fit)
 }
 
-/// The fit without weights where lateness is lopsided: its mean is meant.
+/// The unweighted fit if lateness is lopsided, to obtain its mean.
 fn mean_of_skewed(
     measurements: &[Measurement],
     settings: &DelaySettings,
@@ -370,7 +371,7 @@ fn mean_of_skewed(
     let start =
         DelayStart { delay_s: fit.delay_s, noise: fit.components.iter().map(|c| c.noise).collect(), keep_noise: false };
     match signal::fit_delay_near(measurements, &DelaySettings { robust: false, ..*settings }, &start) {
-        // As near to each other as this, it does not matter which is meant.
+        // If the two are this close, it does not matter which is reported.
         Ok(mean) if mean.converged && (mean.delay_s - fit.delay_s).abs() > 2.0 * mean.standard_uncertainty_s => {
             let found = skew::Skew { typical_s: fit.delay_s };
             (DelayFit { second_minimum: fit.second_minimum, ..mean }, Some(found))
@@ -383,7 +384,7 @@ impl View<'_> {
     fn finding(&self, delay_settings: &DelaySettings, in_detail: bool) -> MeasuredDelay {
         let fit = self.fit;
         let over = over_time::over_time(self);
-        // Stamps err alike throughout a flight: what compares parts of it, or fits, does without.
+        // Timestamp errors are constant throughout a flight, so comparisons of parts or fits ignore them.
         let stamps_s = self.prepared.stamps_s;
         let uncertainty_s = fit.standard_uncertainty_s.hypot(stamps_s);
         let [from, to] = fit.interval(0.95);
@@ -417,7 +418,7 @@ impl View<'_> {
         }
     }
 
-    /// Another minimum within three units of chi-squared, of which the noise has as many as the larger uncertainty says.
+    /// Another minimum within three units of chi-squared, scaled by the larger uncertainty.
     fn rival(&self) -> Option<f64> {
         let noise = (self.fit.standard_uncertainty_s / self.fit.hessian_s).powi(2);
         self.fit.second_minimum.filter(|m| m.excess < 3.0 * noise).map(|m| m.delay_s)
@@ -448,7 +449,7 @@ fn piece((piece, fits): (&Piece, &[ComponentFit])) -> DelayPiece {
     }
 }
 
-/// The finding of the fit the other way round: all delays change sign.
+/// The finding of the reversed fit: all delays change sign.
 fn turned_round(mut m: MeasuredDelay) -> MeasuredDelay {
     let turn = |e: &mut Estimate| e.value = -e.value;
     let turn_interval = |i: &mut [f64; 2]| *i = [-i[1], -i[0]];

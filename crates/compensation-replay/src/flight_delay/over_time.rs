@@ -1,24 +1,24 @@
-//! Whether the delay stays the same.
+//! Whether the delay is constant.
 
 use super::fit::{View, estimate};
 use record::{DelayHomogeneity, DelayStep, WindowDelay};
 use signal::{DelayWindow, SegmentDelay, delay_windows, homogeneity};
 
-/// Steps in which the end of a window is looked for.
+/// Steps in which the end of a window is searched.
 const TILES: usize = 120;
-/// Windows that a flight is cut into: no more than these, and no fewer if it says as much.
+/// Maximum number of windows of a flight, and the minimum if there is enough information.
 const MOST_WINDOWS: f64 = 24.0;
 const FEWEST_WINDOWS: f64 = 4.0;
 
-/// What windows say.
+/// Results of the windows.
 pub(crate) struct OverTime {
     pub(crate) windows: Vec<WindowDelay>,
     pub(crate) homogeneity: Option<DelayHomogeneity>,
     pub(crate) alarm: Option<String>,
 }
 
-/// The delay in windows that do not overlap, each as long as it takes to know the delay as well as the settings aim at
-/// (between 4 and 24 windows' worth), with offsets and drifts of its own.
+/// The delay in windows that do not overlap, each with its own offsets and drifts. Each is as long as needed for the
+/// target uncertainty of the settings (with between 4 and 24 windows in total).
 pub(crate) fn over_time(view: &View) -> OverTime {
     let whole = view.fit.standard_uncertainty_s;
     let aim = view.settings.window_sigma_s.clamp(whole * FEWEST_WINDOWS.sqrt(), whole * MOST_WINDOWS.sqrt());
@@ -71,7 +71,7 @@ fn alarm(h: &DelayHomogeneity, alarm_p: f64) -> Option<String> {
     })
 }
 
-/// The border of two windows at which the means before and after differ most; its p-value is Bonferroni's.
+/// The window border where the means before and after differ most; its p-value is Bonferroni-corrected.
 fn largest_step(windows: &[DelayWindow]) -> Option<DelayStep> {
     let mean = |part: &[DelayWindow]| {
         let weight = |w: &DelayWindow| w.standard_uncertainty_s.powi(-2);

@@ -1,24 +1,24 @@
-//! Which channels of a flight can be compared, and what their delay means.
+//! Pairs of comparable channels of a flight, and the meaning of their delay.
 
 use super::FlightDelaySettings;
 use flight::{Flight, Quantity};
 use record::DelayPairKind;
 
-/// How the second channel becomes a reference.
+/// How the second channel serves as a reference.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Second {
-    /// ∫ velocity.
+    /// Integrated velocity.
     Velocity(String),
-    /// ∫ of the specific force turned by the attitude.
+    /// Integral of the specific force rotated by the attitude.
     Acceleration { attitude: String, specific_force: String },
-    /// A track.
+    /// A track, interpolated.
     Position(String),
     /// A velocity, as it is.
     Rate(String),
 }
 
 impl Second {
-    /// Name as the finding has it.
+    /// Name as in the finding.
     pub(crate) fn name(&self) -> String {
         match self {
             Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => name.clone(),
@@ -26,7 +26,7 @@ impl Second {
         }
     }
 
-    /// Its channels, the one whose samples are used first.
+    /// Its channels, starting with the one whose samples are used.
     pub(crate) fn channels(&self) -> Vec<&str> {
         match self {
             Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => vec![name],
@@ -39,21 +39,21 @@ impl Second {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Pair {
     pub(crate) kind: DelayPairKind,
-    /// Channel that is measured.
+    /// The measured channel.
     pub(crate) first: String,
     pub(crate) second: Second,
-    /// The fit runs the other way round: the second channel of the finding is `first` here and δ changes sign.
+    /// The fit is reversed: the second channel of the finding is `first` here and δ changes sign.
     pub(crate) reversed: bool,
 }
 
 impl Pair {
-    /// Names as the finding has them.
+    /// Names as in the finding.
     pub(crate) fn names(&self) -> (String, String) {
         let second = self.second.name();
         if self.reversed { (second, self.first.clone()) } else { (self.first.clone(), second) }
     }
 
-    /// What δ means and what it hides.
+    /// Meaning of δ and what it cannot show.
     pub(crate) fn meaning(&self) -> String {
         let (first, second) = self.names();
         match self.kind {
@@ -80,7 +80,7 @@ impl Pair {
     }
 }
 
-/// Channel names of the kinds that take part.
+/// Channel names by kind.
 struct Channels<'a> {
     positions: Vec<&'a str>,
     reference_positions: Vec<&'a str>,
@@ -90,7 +90,7 @@ struct Channels<'a> {
     accelerations: Vec<(&'a str, &'a str)>,
 }
 
-/// All comparisons that the channels of the flight allow, in the order of the finding.
+/// All comparisons that the channels of the flight allow, in the order of the findings.
 pub(crate) fn pairs_of(flight: &Flight, settings: &FlightDelaySettings) -> Vec<Pair> {
     let channels = Channels::of(flight, settings);
     let mut pairs = [
@@ -108,7 +108,7 @@ fn names_of<'a>(flight: &'a Flight, wanted: &[Quantity]) -> Vec<&'a str> {
     flight.channels.iter().filter(|(_, c)| wanted.contains(&c.quantity)).map(|(name, _)| name.as_str()).collect()
 }
 
-/// Attitudes that are tried with one specific force.
+/// Maximum number of attitudes tried with one specific force.
 const MOST_ATTITUDES: usize = 4;
 
 fn accelerations(flight: &Flight) -> Vec<(&str, &str)> {
@@ -116,7 +116,7 @@ fn accelerations(flight: &Flight) -> Vec<(&str, &str)> {
     names_of(flight, &[Quantity::SpecificForce])
         .into_iter()
         .flat_map(|force| {
-            // Attitudes of the same device before any other; which one serves best is seen from the delays.
+            // Attitudes of the same device come first; the delays show which one serves best.
             let mut usable: Vec<&str> = attitudes.iter().copied().filter(|a| same_clock(flight, a, force)).collect();
             usable.sort_by_key(|a| source(a) != source(force));
             usable.into_iter().take(MOST_ATTITUDES).map(move |attitude| (attitude, force))
@@ -144,7 +144,7 @@ impl<'a> Channels<'a> {
         Channels { positions, reference_positions, velocities, reference_velocities, accelerations }
     }
 
-    /// Reference velocities without a reference position, which would say all that they say.
+    /// Reference velocities without a reference position, which would make them redundant.
     fn lone_reference_velocities(&self) -> impl Iterator<Item = &&'a str> {
         let has_position = |v: &str| self.reference_positions.iter().any(|p| source(p) == source(v));
         self.reference_velocities.iter().filter(move |v| !has_position(v))
@@ -180,7 +180,7 @@ impl<'a> Channels<'a> {
     }
 
     fn pairs_with_accelerations(&self, velocity: &str) -> Vec<Pair> {
-        // A filter's velocity is made from this IMU and says little of it: one attitude is enough.
+        // A filter's velocity is made from this IMU and carries little information on it: one attitude is enough.
         let mut forces: Vec<&str> = vec![];
         let mut out = vec![];
         for (attitude, force) in &self.accelerations {
@@ -217,7 +217,7 @@ impl<'a> Channels<'a> {
     }
 }
 
-/// What is behind the first dot of a channel's name.
+/// The part of a channel's name after the first dot.
 fn source(name: &str) -> &str {
     name.split_once('.').map_or(name, |(_, source)| source)
 }

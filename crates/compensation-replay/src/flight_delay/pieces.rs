@@ -1,4 +1,4 @@
-//! The record cut where an offset ends: at gaps of the second channel, and at resets.
+//! Splits the record where an offset ends: at gaps of the second channel, and at resets.
 
 use super::FlightDelaySettings;
 use super::disturbance::disturbances;
@@ -9,11 +9,11 @@ use flight::{Code, Notices, Severity};
 use signal::Reference;
 use std::ops::Range;
 
-/// Fewest samples of a piece that is worth an offset of its own.
+/// Least number of samples for a piece with its own offset.
 pub(crate) const LEAST_ROWS: usize = 20;
-/// Pieces that are fitted together; more would cost an offset and a noise each and add little.
+/// Maximum number of pieces in a fit; more would cost an offset and a noise each and add little.
 const MOST_PIECES: usize = 12;
-/// Smallest reset or glitch that is looked for, m or m/s.
+/// Smallest reset or glitch that is detected, m or m/s.
 const LEAST_RESET: f64 = 0.3;
 
 /// A stretch with one offset.
@@ -21,14 +21,14 @@ const LEAST_RESET: f64 = 0.3;
 pub(crate) struct Piece {
     /// Rows of the first channel.
     pub(crate) rows: Vec<usize>,
-    /// Which stretch of the second channel it is compared with.
+    /// Index of the stretch of the second channel that it is compared with.
     pub(crate) stretch: usize,
-    /// What began it; empty for the first.
+    /// Why it starts here; empty for the first.
     pub(crate) begun_by: String,
 }
 
 impl Piece {
-    /// From its first row to its last, s; `first` is the first channel.
+    /// Duration from its first row to its last, s; `first` is the first channel.
     pub(crate) fn duration_s(&self, first: &Horizontal) -> f64 {
         match *self.rows.as_slice() {
             [a, .., b] => first.t[b] - first.t[a],
@@ -46,9 +46,9 @@ pub(crate) struct Names<'a> {
     pub(crate) second: &'a str,
 }
 
-/// Leaves out single samples of a rate that no vehicle can follow: away and back by more than 100 m/s² (or 20 robust
-/// deviations of what its second difference usually is, whichever is more). Each would shift its integral for good. `body`
-/// loses the same samples.
+/// Drops single samples of a rate that no vehicle can follow: a jump away and back by more than 100 m/s² (or 20 robust
+/// deviations of the second difference, whichever is more). Each would shift the integral permanently. `body` loses the
+/// same samples.
 pub(crate) fn without_spikes(
     rate: &Horizontal,
     body: &mut Option<BodyAxes>,
@@ -80,17 +80,19 @@ pub(crate) fn without_spikes(
     Some(Horizontal { t: keep(&rate.t), axes: [keep(&rate.axes[0]), keep(&rate.axes[1])] })
 }
 
-/// Steps of a velocity up to which its samples are smoothed, s: at 20 Hz a hard turn loses a centimetre.
+/// Largest step of a velocity that is smoothed, s: at 20 Hz a hard turn loses a centimetre.
 const SMOOTHED_S: f64 = 0.05;
-/// Weights of a sample and its neighbours: none is left of noise that changes its sign from sample to sample.
+/// Weights of a sample and its neighbours: noise that alternates in sign from sample to sample is removed entirely.
 const BINOMIAL: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
-/// A velocity (m/s, stamps in s) smoothed over five samples; samples next to a gap stay. `None` where its usual step is longer than
-/// [`SMOOTHED_S`], or where stamps are so uneven that the smoothed ones would cross their neighbours.
+/// A velocity (m/s, timestamps in s) smoothed over five samples; samples next to a gap are unchanged. `None` if its
+/// usual step is longer than [`SMOOTHED_S`], or if timestamps are so uneven that the smoothed ones would cross their
+/// neighbours.
 ///
-/// Between two samples the integral of white noise has another variance than at a sample. A fit of the delay takes the smaller
-/// one for a better agreement, and ends at multiples of the step with an uncertainty that is far too small. The smoothed
-/// velocity has hardly any noise from sample to sample, and its integral none that depends on where it is read.
+/// Between two samples the integral of white noise has another variance than at a sample. A fit of the delay mistakes
+/// the smaller variance for better agreement and ends at multiples of the step, with an uncertainty that is far too
+/// small. The smoothed velocity has hardly any noise from sample to sample, and the noise of its integral does not
+/// depend on where it is read.
 pub(crate) fn smoothed(velocity: &Horizontal, step_s: Option<f64>) -> Option<Horizontal> {
     let longest_s = 1.5 * (BINOMIAL.len() - 1) as f64 * step_s.filter(|step| *step <= SMOOTHED_S)?;
     let mean = |x: &[f64]| x.iter().zip(BINOMIAL).map(|(x, weight)| x * weight).sum::<f64>();
@@ -98,7 +100,7 @@ pub(crate) fn smoothed(velocity: &Horizontal, step_s: Option<f64>) -> Option<Hor
     let mut out = velocity.clone();
     for (k, t) in velocity.t.windows(BINOMIAL.len()).enumerate() {
         if t[BINOMIAL.len() - 1] - t[0] <= longest_s {
-            // The mean of the stamps too: uneven ones shift no sample.
+            // The timestamps are averaged too, so uneven ones shift no sample.
             out.t[k + half] = t[0] + t.iter().zip(BINOMIAL).map(|(t_k, weight)| weight * (t_k - t[0])).sum::<f64>();
             for axis in AXES {
                 out.axes[axis][k + half] = mean(&velocity.axes[axis][k..k + BINOMIAL.len()]);
@@ -108,7 +110,7 @@ pub(crate) fn smoothed(velocity: &Horizontal, step_s: Option<f64>) -> Option<Hor
     out.t.windows(2).all(|pair| pair[0] < pair[1]).then_some(out)
 }
 
-/// Rows between which the second channel has no gap longer than `gap_s`.
+/// Ranges of rows in which the second channel has no gap longer than `gap_s`.
 pub(crate) fn stretches(t: &[f64], gap_s: f64) -> Vec<Range<usize>> {
     let mut out: Vec<Range<usize>> = vec![];
     for k in 0..t.len() {
@@ -121,22 +123,22 @@ pub(crate) fn stretches(t: &[f64], gap_s: f64) -> Vec<Range<usize>> {
     out
 }
 
-/// The longest gap that is bridged: 2.5 usual intervals, and half a second.
+/// The longest gap that is bridged: 2.5 usual intervals, at least half a second.
 pub(crate) fn longest_gap(usual_step_s: Option<f64>, settings: &FlightDelaySettings) -> f64 {
     settings.bridge_s.unwrap_or((2.5 * usual_step_s.unwrap_or(0.0)).max(0.5))
 }
 
-/// The median interval between stamps, s; `None` without any.
+/// The median interval between timestamps, s; `None` without any.
 pub(crate) fn usual_step_s(t: &[f64]) -> Option<f64> {
     let steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
     signal::median_by_selection(&steps)
 }
 
-/// What an accelerometer's bias is known to before the fit, m/s²: tilt errors of some degrees look like one.
+/// Prior standard deviation of an accelerometer's bias, m/s²: tilt errors of some degrees look like one.
 const BIAS_PRIOR_MPS2: f64 = 0.5;
 
-/// References over the stretches. With `body` axes a bias along each of them is fitted with the delay: in a turn a bias
-/// ahead is parallel to the jerk, and would pass for a delay (delay network, section 9).
+/// References over the stretches. With `body` axes a bias along each of them is fitted with the delay: in a turn a
+/// forward bias is parallel to the jerk and would look like a delay (delay network, section 9).
 pub(crate) fn references<'a>(
     second: &'a Horizontal,
     stretches: &[Range<usize>],
@@ -157,7 +159,7 @@ pub(crate) fn references<'a>(
     stretches.iter().map(|s| AXES.map(|axis| of(s, axis))).collect()
 }
 
-/// Which stretch holds each row of the first channel at the delay `delay_s`.
+/// Index of the stretch that covers each row of the first channel at the delay `delay_s`.
 fn stretch_of(first: &Horizontal, stretches: &[Stretch], delay_s: f64) -> Vec<Option<usize>> {
     let mut s = 0;
     first
@@ -172,7 +174,7 @@ fn stretch_of(first: &Horizontal, stretches: &[Stretch], delay_s: f64) -> Vec<Op
         .collect()
 }
 
-/// What began the `k`-th piece of a stretch, in words; nothing for the first of all.
+/// Why the `k`-th piece of a stretch starts, in words; empty for the very first.
 fn begun_by(k: usize, stretch: usize, stretches: &[Stretch], names: &Names) -> String {
     match (k, stretch) {
         (0, 0) => String::new(),
@@ -184,7 +186,7 @@ fn begun_by(k: usize, stretch: usize, stretches: &[Stretch], names: &Names) -> S
     }
 }
 
-/// How many samples are left out, and what cuts the record how often.
+/// Number of skipped samples and of cuts, by cause.
 #[derive(Default)]
 struct Cuts {
     glitches: u64,
@@ -194,7 +196,7 @@ struct Cuts {
 }
 
 impl Cuts {
-    fn say(&self, names: &Names, notices: &mut Notices) {
+    fn report(&self, names: &Names, notices: &mut Notices) {
         let Cuts { glitches, wild, resets, gaps } = self;
         if *glitches > 0 {
             let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
@@ -208,12 +210,12 @@ impl Cuts {
             );
             notices.push(Code::SamplesLeftOut, names.first, *wild, text);
         }
-        say_split(names.first, *resets, "reset(s)", notices);
-        say_split(names.second, *gaps, "gap(s) or clock jump(s)", notices);
+        report_split(names.first, *resets, "reset(s)", notices);
+        report_split(names.second, *gaps, "gap(s) or clock jump(s)", notices);
     }
 }
 
-/// Cuts the first channel into pieces about the delay `delay_s`; every cut and every sample left out is said.
+/// Splits the first channel into pieces for the delay `delay_s`; reports every cut and every skipped sample.
 pub(crate) fn pieces(
     prepared: &Prepared,
     stretches: &[Stretch],
@@ -223,9 +225,9 @@ pub(crate) fn pieces(
 ) -> Vec<Piece> {
     let first = &prepared.first;
     let mut home = stretch_of(first, stretches, delay_s);
-    leave_out_rest(&mut home, prepared, names, notices);
+    skip_rest(&mut home, prepared, names, notices);
     let mut out: Vec<Piece> = vec![];
-    let mut said = Cuts { gaps: (stretches.len() as u64).saturating_sub(1), ..Cuts::default() };
+    let mut counts = Cuts { gaps: (stretches.len() as u64).saturating_sub(1), ..Cuts::default() };
     for (stretch, references) in stretches.iter().enumerate() {
         let rows: Vec<usize> = (0..first.t.len()).filter(|&k| home[k] == Some(stretch)).collect();
         if rows.is_empty() {
@@ -233,7 +235,7 @@ pub(crate) fn pieces(
         }
         let residuals = AXES.map(|axis| residuals(first, &*references[axis], axis, &rows, delay_s));
         let flaws = Flaws::of(&residuals, disturbed(first, &residuals, &rows, &prepared.speed));
-        flaws.count(&mut said);
+        flaws.count(&mut counts);
         let mut cuts = vec![0];
         cuts.extend(&flaws.resets);
         cuts.push(rows.len());
@@ -243,19 +245,19 @@ pub(crate) fn pieces(
             out.push(Piece { rows: kept, stretch, begun_by });
         }
     }
-    said.say(names, notices);
+    counts.report(names, notices);
     keep_the_best(out, first, names, notices)
 }
 
-fn say_split(name: &str, count: u64, what: &str, notices: &mut Notices) {
+fn report_split(name: &str, count: u64, what: &str, notices: &mut Notices) {
     if count > 0 {
         let text = format!("{name}: {count} {what}: the record is cut there, each part has its own offset");
         notices.push(Code::RecordSplit, name, count, text);
     }
 }
 
-/// Takes samples at rest before and after the motion from their stretches.
-fn leave_out_rest(home: &mut [Option<usize>], prepared: &Prepared, names: &Names, notices: &mut Notices) {
+/// Removes samples at rest before and after the motion from their stretches.
+fn skip_rest(home: &mut [Option<usize>], prepared: &Prepared, names: &Names, notices: &mut Notices) {
     let (from, to) = moving_part(&prepared.speed);
     let at_rest = |t: f64| t < from - REST_KEPT_S || t > to + REST_KEPT_S;
     let of_rest = home.iter_mut().zip(&prepared.first.t).filter(|(h, t)| h.is_some() && at_rest(**t));
@@ -266,11 +268,11 @@ fn leave_out_rest(home: &mut [Option<usize>], prepared: &Prepared, names: &Names
     }
 }
 
-/// What is wrong with the rows of a stretch.
+/// Defects in the rows of a stretch.
 struct Flaws {
-    /// Rows that take no part.
+    /// Rows that are not used.
     away: Vec<bool>,
-    /// Those of them in which both channels contradict each other.
+    /// Those of them in which the two channels contradict each other.
     wild: Vec<bool>,
     resets: Vec<usize>,
 }
@@ -305,11 +307,11 @@ fn residuals(first: &Horizontal, reference: &dyn Reference, axis: usize, rows: &
     rows.iter().zip(&values).map(|(&k, value)| first.axes[axis][k] - value).collect()
 }
 
-/// Rest that is kept before and after the motion, s.
+/// Duration of rest that is kept before and after the motion, s.
 const REST_KEPT_S: f64 = 10.0;
 
 /// First and last instant in motion: the ends of the first and last five seconds whose median speed is above 1 m/s.
-/// Standing still says nothing of a delay, but its noise is another than that in flight.
+/// Rest carries no information on a delay, and its noise differs from that in flight.
 fn moving_part((t, speed): &(Vec<f64>, Vec<f64>)) -> (f64, f64) {
     const LOOK_S: f64 = 5.0;
     const MOVES_MPS: f64 = 1.0;
@@ -329,14 +331,14 @@ fn moving_part((t, speed): &(Vec<f64>, Vec<f64>)) -> (f64, f64) {
     if first { (f64::NEG_INFINITY, f64::INFINITY) } else { (from, to) }
 }
 
-/// Samples in which the scatter of a stretch is taken.
+/// Number of samples over which the scatter of a stretch is computed.
 const BLOCK: usize = 50;
-/// A block that scatters so many times as much as the middle one in motion is no measurement of this flight.
+/// A block with more than this multiple of the median scatter in motion is not a measurement of this flight.
 const WILD: f64 = 8.0;
-/// And by at least this from sample to sample, m or m/s.
+/// And at least this from sample to sample, m or m/s.
 const LEAST_WILD: f64 = 1.0;
 
-/// Rows of blocks that scatter wildly from sample to sample.
+/// Rows of blocks with wild scatter from sample to sample.
 fn disturbed(
     first: &Horizontal,
     residuals: &[Vec<f64>; 2],

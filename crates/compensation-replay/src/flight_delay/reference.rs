@@ -1,20 +1,20 @@
-//! What a channel is compared with: the integral of a rate, or a track between its samples.
+//! Reference for a channel: the integral of a rate, or a track between its samples.
 
 use signal::{Cursor, Reference, SharedColumn};
 
 /// `∫ v dτ` from the first sample, with `v` linear between samples: continuous with its derivative, exact, and as
-/// symmetric in time as the samples are, so that interpolation shifts nothing.
+/// symmetric in time as the samples, so interpolation causes no shift.
 pub(crate) struct Integral<'a> {
     t: &'a [f64],
-    /// Integral and rate at the begin of each interval, and half the slope of the rate within it; the last one goes on as
-    /// it ended.
+    /// Integral and rate at the start of each interval, and half the slope of the rate within it; the last one is
+    /// extrapolated.
     pieces: Vec<[f64; 3]>,
-    /// What else is fitted with it.
+    /// Further columns that are fitted with it.
     shared: Vec<(Integral<'a>, f64)>,
 }
 
 impl<'a> Integral<'a> {
-    /// Of `v` (unit/s) at the rising times `t` (s); both as long as each other and not empty.
+    /// Integral of `v` (unit/s) at the rising times `t` (s); both of the same length and not empty.
     pub(crate) fn new(t: &'a [f64], v: &[f64]) -> Integral<'a> {
         let mut sum = 0.0;
         let mut pieces = Vec::with_capacity(t.len());
@@ -27,7 +27,7 @@ impl<'a> Integral<'a> {
         Integral { t, pieces, shared: vec![] }
     }
 
-    /// With the integrals of `rates`, whose coefficients are known to `prior_std` before the fit, as shared columns.
+    /// Adds the integrals of `rates` as shared columns; `prior_std` is the prior deviation of their coefficients.
     pub(crate) fn with_shared(mut self, rates: &[&[f64]], prior_std: f64) -> Integral<'a> {
         self.shared = rates.iter().map(|v| (Integral::new(self.t, v), prior_std)).collect();
         self
@@ -62,7 +62,7 @@ impl Reference for Integral<'_> {
     }
 }
 
-/// A track through its samples: cubic between two of them, the slope at each that of the parabola through it and its
+/// A track through its samples: cubic between two of them; the slope at each is that of the parabola through it and its
 /// neighbours.
 pub(crate) struct Interpolated<'a> {
     t: &'a [f64],
@@ -71,7 +71,7 @@ pub(crate) struct Interpolated<'a> {
 }
 
 impl<'a> Interpolated<'a> {
-    /// Through `y` at the rising times `t` (s); both as long as each other and not empty.
+    /// Through `y` at the rising times `t` (s); both of the same length and not empty.
     pub(crate) fn new(t: &'a [f64], y: &'a [f64]) -> Interpolated<'a> {
         let rise = |k: usize| (y[k + 1] - y[k]) / (t[k + 1] - t[k]);
         let last = t.len() - 1;
@@ -128,8 +128,8 @@ fn ends(t: &[f64]) -> (f64, f64) {
     (t[0], t[t.len() - 1])
 }
 
-/// The interval `[t[k], t[k + 1])` that holds `at`; the first before all, the last knot after all. Even stamps are
-/// found at once.
+/// The interval `[t[k], t[k + 1])` that holds `at`; the first before all, the last knot after all. With even timestamps
+/// the first guess is right.
 fn interval(t: &[f64], at: f64) -> usize {
     let last = t.len() - 1;
     let (first, end) = ends(t);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn many_instants_at_once_are_as_one_by_one() {
+    fn many_instants_at_once_match_single_ones() {
         let y = T.map(|t| (3.0 * t).sin());
         let (integral, track) = (Integral::new(&T, &y), Interpolated::new(&T, &y));
         let instants = [-1.0, 0.0, 0.2, 0.305, 0.31, 1.0, 1.9, 0.3, 8.0, 9.0, 10.0];

@@ -1,5 +1,5 @@
-//! How late tracks are against the integral of one velocity: the fit of [`super::measure_delays`] and nothing around it,
-//! for outputs of compensators.
+//! Lateness of tracks against the integral of one velocity, for outputs of compensators: only the fit of
+//! [`super::measure_delays`], without its checks.
 
 use super::FlightDelaySettings;
 use super::coarse::coarse_delay;
@@ -13,27 +13,27 @@ use flight::{Clock, Notices};
 use record::DelayOrigin;
 use signal::{DelayFit, NoiseModel};
 
-/// What the fit says of a track.
+/// Result of the fit of a track.
 #[derive(Debug, Clone)]
 pub(crate) struct TrackFit {
-    /// s; positive is late against the velocity.
+    /// Delay, s; positive is late against the velocity.
     pub(crate) delay_s: f64,
     pub(crate) standard_uncertainty_s: f64,
     pub(crate) interval_95_s: [f64; 2],
-    /// Of both axes.
+    /// Samples of both axes.
     pub(crate) samples: u64,
     /// Track less integral, m/s: north and east, with standard uncertainty; mean over the pieces by their samples.
     pub(crate) drift: [(f64, f64); 2],
-    /// Of the longest piece.
+    /// Noise of the longest piece.
     pub(crate) noise: [NoiseModel; 2],
     /// Length of that piece, s.
     pub(crate) span_s: f64,
 }
 
-/// Most speeds that are looked at.
+/// Maximum number of speeds.
 const SPEEDS: usize = 6_000;
 
-/// Fits tracks one after the other against the same velocity (m/s).
+/// Fits several tracks in turn against the same velocity (m/s).
 pub(crate) struct TrackFitter {
     prepared: Prepared,
 }
@@ -42,11 +42,11 @@ impl TrackFitter {
     pub(crate) fn new(velocity: &Horizontal) -> TrackFitter {
         let second = pieces::without_spikes(velocity, &mut None, "velocity", &mut Notices::new());
         let second = second.unwrap_or_else(|| velocity.clone());
-        // Speed tells rest from motion only.
+        // Speed is only needed to separate rest from motion.
         let every = second.t.len().div_ceil(SPEEDS).max(1);
         let speeds = second.axes[0].iter().zip(&second.axes[1]).map(|(n, e)| n.hypot(*e)).step_by(every);
         let speed = (second.t.iter().copied().step_by(every).collect(), speeds.collect());
-        // Only differences of times matter here, and tracks are compared by the same stamps.
+        // Only time differences matter here, and tracks are compared on the same timestamps.
         let origin = DelayOrigin { origin_ns: 0, clock: Clock::Elapsed };
         let first = Horizontal::default();
         TrackFitter {
@@ -54,7 +54,7 @@ impl TrackFitter {
         }
     }
 
-    /// The delay of `track` (m), looked for about `expected_s`, or why it cannot be told.
+    /// The delay of `track` (m), searched around `expected_s`, or why it cannot be measured.
     pub(crate) fn fit(&mut self, track: Horizontal, expected_s: f64) -> Result<TrackFit, String> {
         let search_s = about(expected_s);
         let settings = FlightDelaySettings { search_s, ..FlightDelaySettings::default() };
@@ -71,7 +71,7 @@ impl TrackFitter {
         let coarse = coarse_delay(&prepared.first, &stretches, search_s)
             .ok_or("output and velocity do not overlap for long enough at any delay searched")?
             .delay_s;
-        // What is masked was said where the delays of the flight are measured.
+        // Masking was already reported when the delays of the flight were measured.
         let cut = pieces::pieces(prepared, &stretches, coarse, &names, &mut Notices::new());
         let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse, &prepared.speed.1);
         let motion = gate::motion(&prepared.first, &cut, &stretches, coarse, false);

@@ -1,17 +1,17 @@
-//! Lateness that is lopsided: a queue makes some fixes much later than most and none earlier.
+//! Lopsided lateness: a queue makes some fixes much later than most and none earlier.
 //!
-//! Huber's weights hold such fixes back and give the typical delay; what compensation has to remove in the mean is the
-//! mean, which plain least squares gives.
+//! Huber's weights suppress such fixes and give the typical delay. Compensation has to remove the mean on average,
+//! which plain least squares gives.
 
 use signal::DelayFit;
 
-/// A sum of signed squares this many times its standard deviation is no chance.
+/// A sum of signed squares above this many standard deviations is not due to chance.
 const SURE: f64 = 3.3;
 
-/// What was found of a lopsided lateness.
+/// A detected lopsided lateness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Skew {
-    /// Delay with far samples held back, s.
+    /// Delay with outlying samples suppressed, s.
     pub(crate) typical_s: f64,
 }
 
@@ -25,8 +25,8 @@ impl Skew {
     }
 }
 
-/// Whether whitened residuals along the motion are lopsided: the sum of their squares with their signs over its own standard
-/// deviation, which is about standard normal where they are symmetric, whatever their tails.
+/// Whether whitened residuals along the motion are lopsided: the sum of their signed squares over its own standard
+/// deviation, which is about standard normal for symmetric residuals with any tails.
 pub(crate) fn is_skewed(fit: &DelayFit) -> bool {
     if fit.downweighted_share <= 0.0 {
         return false;
@@ -35,7 +35,7 @@ pub(crate) fn is_skewed(fit: &DelayFit) -> bool {
     for c in &fit.components {
         let size = (c.slope.iter().map(|v| v * v).sum::<f64>() / c.slope.len().max(1) as f64).sqrt();
         for ((z, w), v) in c.whitened.iter().zip(&c.weights).zip(&c.slope) {
-            // As the noise would have it, without the weight; where the motion is fast, lateness shows.
+            // The unweighted residual in units of the noise; lateness shows where the motion is fast.
             let along = -(z / w.sqrt()) * (v / size).clamp(-1.0, 1.0);
             sum += along * along.abs();
             squares += along.powi(4);

@@ -1,4 +1,4 @@
-//! The delay by operating point: by speed, and by the quality that the receiver reported.
+//! The delay by operating point: by speed, and by the quality reported by the receiver.
 
 use super::fit::{View, estimate};
 use flight::{Channel, Quantity, Stamp};
@@ -6,16 +6,16 @@ use nalgebra::{DMatrix, DVector};
 use record::{DelayGroup, DelaySplit};
 use signal::ComponentFit;
 
-/// A group with less of the whole information than this says nothing.
+/// A group with less than this share of the information is not used.
 const LEAST_INFORMATION: f64 = 1e-3;
-/// Groups of a split.
+/// Maximum number of groups of a split.
 const MOST_GROUPS: usize = 4;
-/// Speeds that differ by less than this ratio (95th to 5th percentile) are one operating point.
+/// Speeds that differ by less than this ratio (95th to 5th percentile) are a single operating point.
 const LEAST_RANGE: f64 = 1.3;
-/// Beginnings of the names of scalar channels that tell how good a fix is.
+/// Prefixes of the names of scalar channels that describe the quality of a fix.
 const QUALITY: [&str; 6] = ["satellites", "fix", "hdop", "horizontal-accuracy", "position-accuracy", "quality"];
 
-/// A split by speed, and one for each quality channel.
+/// A split by speed, and one per quality channel.
 pub(crate) fn splits(view: &View) -> Vec<DelaySplit> {
     let (t, speed) = &view.prepared.speed;
     let mut out: Vec<DelaySplit> = by_quantiles(view, t, speed).into_iter().collect();
@@ -27,7 +27,7 @@ pub(crate) fn splits(view: &View) -> Vec<DelaySplit> {
     out
 }
 
-/// Three groups of equally many samples by speed.
+/// Three groups with equal numbers of samples by speed.
 fn by_quantiles(view: &View, t: &[f64], speed: &[f64]) -> Option<DelaySplit> {
     let of_rows = at_rows(view, t, speed);
     let mut sorted: Vec<f64> = of_rows.iter().flatten().copied().collect();
@@ -40,7 +40,7 @@ fn by_quantiles(view: &View, t: &[f64], speed: &[f64]) -> Option<DelaySplit> {
     split(view, "ground speed, m/s".to_owned(), &of_rows, &|v| borders.iter().filter(|b| v > **b).count(), 3)
 }
 
-/// A group for each value, or for each quarter of the samples if there are many.
+/// A group per value, or per quarter of the samples if there are many values.
 fn by_value(view: &View, name: &str, channel: &Channel) -> Option<DelaySplit> {
     if channel.series.timeline().clock() != view.prepared.origin.clock || channel.series.is_empty() {
         return None;
@@ -62,7 +62,7 @@ fn by_value(view: &View, name: &str, channel: &Channel) -> Option<DelaySplit> {
     split(view, name.to_owned(), &of_rows, &group, groups)
 }
 
-/// The newest value at each row of each component, the first one before all.
+/// The newest value at each row of each component; the first value before all.
 fn at_rows(view: &View, t: &[f64], values: &[f64]) -> Vec<Vec<f64>> {
     let newest = |at: &f64| values[t.partition_point(|x| x <= at).saturating_sub(1)];
     if values.is_empty() {
@@ -71,17 +71,17 @@ fn at_rows(view: &View, t: &[f64], values: &[f64]) -> Vec<Vec<f64>> {
     view.fit.components.iter().map(|c| c.t_used.iter().map(newest).collect()).collect()
 }
 
-/// Whitened residuals of the fit and their derivatives by the delay of each group, offsets and drifts taken out.
+/// Whitened residuals of the fit and their derivatives by the delay of each group, with offsets and drifts removed.
 struct Rows {
     residual: Vec<f64>,
-    /// Group by group, as long as the residual.
+    /// One per group, each as long as the residual.
     derivatives: Vec<Vec<f64>>,
 }
 
-/// One delay for each group, offsets, drifts and noise in common: one Gauss–Newton step from the delay of all, on rows
-/// made white, with Huber weights of its own. The step errs by half the acceleration times its square. Only differences
-/// between groups are taken from it. A delay that changes smoothly with the value looks like wander in part: groups then
-/// come out closer to each other than they are (of 60 ms between slow and fast 25 ms were seen).
+/// One delay per group, with common offsets, drifts and noise: one Gauss–Newton step from the joint delay, on whitened
+/// rows, with its own Huber weights. The error of the step is half the acceleration times its square; only differences
+/// between groups are used. A delay that changes smoothly with the value partly looks like wander: the groups then
+/// appear closer than they are (25 ms instead of 60 ms between slow and fast were observed).
 fn split(
     view: &View,
     by: String,
@@ -135,11 +135,11 @@ impl Rows {
         Some(())
     }
 
-    /// The groups of `kept`: information, and the step from the delay of all; the scale of the whitened residuals.
+    /// For the groups of `kept`: information, step from the joint delay, and the scale of the whitened residuals.
     fn solve(&self, kept: &[usize]) -> Option<(DMatrix<f64>, DVector<f64>, f64)> {
         const HUBER: f64 = 1.345;
         const ROUNDS: usize = 8;
-        // Of a standard uncertainty.
+        // In standard uncertainties.
         const STEADY: f64 = 0.01;
         let mut weights = vec![1.0; self.residual.len()];
         let mut last: Option<(DMatrix<f64>, DVector<f64>, f64)> = None;
@@ -167,7 +167,7 @@ impl Rows {
     }
 }
 
-/// Solves for the groups that say something.
+/// Solves for the groups with enough information.
 fn finish(view: &View, by: String, found: &[DelayGroup], rows: &Rows) -> Option<DelaySplit> {
     let information = |g: usize| rows.derivatives[g].iter().map(|d| d * d).sum::<f64>();
     let total: f64 = (0..found.len()).map(information).sum();
@@ -178,7 +178,7 @@ fn finish(view: &View, by: String, found: &[DelayGroup], rows: &Rows) -> Option<
     let (a, step, scale) = rows.solve(&kept)?;
     let inflation = scale * view.fit.standard_uncertainty_s / view.fit.hessian_s;
     let covariance = a.clone().cholesky()?.inverse();
-    // Chi-squared of the differences: what one step for all leaves over.
+    // Chi-squared of the differences: the residual after one common step for all.
     let ones = DVector::from_element(kept.len(), 1.0);
     let common = (&a * &step).sum() / (&a * &ones).sum();
     let apart = step.map(|x| x - common);

@@ -1,4 +1,4 @@
-//! Whether the delay of a position stays the same: the varying fit comes first (delay over time).
+//! Whether the delay of a position is constant: the varying fit comes first (delay over time).
 
 use super::FlightDelaySettings;
 use super::coarse::Coarse;
@@ -12,8 +12,8 @@ use record::{DelayOverTime, DelayPairKind};
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// What the position says over time against `second`, the velocity or reference track of its pair; `None` for other pairs,
-/// and for outputs of filters.
+/// Delay over time of the position against `second`, the velocity or reference track of its pair; `None` for other
+/// pairs, and for outputs of filters.
 pub(crate) fn over_time(
     pair: &Pair,
     prepared: &Prepared,
@@ -72,7 +72,7 @@ fn velocity_of(track: &Horizontal) -> Option<Horizontal> {
     Some(Horizontal { t: track.t.clone(), axes: [slopes(&track.axes[0]), slopes(&track.axes[1])] })
 }
 
-/// After a pause this long a receiver is another: it may have been switched off, s.
+/// After a longer pause a receiver may have restarted with another delay, s.
 const LONGEST_PAUSE_S: f64 = 120.0;
 
 /// Rows of the longest part, by fixes, without a long pause of either channel.
@@ -96,9 +96,10 @@ fn longest_part(t: &[f64], velocity_t: &[f64]) -> Range<usize> {
     best
 }
 
-/// Takes the fixes that came in a burst out: they share a stamp, not the lateness of the others. Single late fixes stay:
-/// they are part of the mean lateness, and robust weights hold them back where they are not. Whether any was taken out.
-pub(crate) fn leave_out(pieces: &mut [Piece], t: &[f64], over_time: &DelayOverTime) -> bool {
+/// Removes the fixes that arrived in a burst: they share a timestamp but not the lateness of the others. Single late
+/// fixes stay: they are part of the mean lateness, and robust weights suppress them otherwise. Returns whether any was
+/// removed.
+pub(crate) fn skip_bursts(pieces: &mut [Piece], t: &[f64], over_time: &DelayOverTime) -> bool {
     let mut out: Vec<usize> = vec![];
     for burst in &over_time.bursts {
         let first = t.partition_point(|x| *x < burst.start_s);
@@ -113,7 +114,7 @@ pub(crate) fn leave_out(pieces: &mut [Piece], t: &[f64], over_time: &DelayOverTi
     true
 }
 
-/// Where else the constant fit is to be looked for: about the level of the varying one, if that is known and elsewhere.
+/// Another start for the constant fit: the level of the varying one, if that is known and elsewhere.
 pub(crate) fn start(coarse: &Coarse, over_time: &DelayOverTime) -> Option<Coarse> {
     let level = over_time.level_s;
     let known = level.standard_uncertainty.is_some_and(|u| u < LEVEL_KNOWN_S) && over_time.two_delays_fit.is_none();
@@ -122,9 +123,9 @@ pub(crate) fn start(coarse: &Coarse, over_time: &DelayOverTime) -> Option<Coarse
     (known && elsewhere).then_some(there)
 }
 
-/// A level known better than this says where to look, s.
+/// A level with less uncertainty than this is used as a start, s,
 const LEVEL_KNOWN_S: f64 = 0.05;
-/// If it is farther from the coarse delay than this, s.
+/// if it is farther from the coarse delay than this, s.
 const ELSEWHERE_S: f64 = 0.3;
 
 #[cfg(test)]
@@ -132,12 +133,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_longest_part_without_a_pause_of_either_channel_is_taken() {
+    fn the_longest_part_without_a_pause_of_either_channel_is_used() {
         let t: Vec<f64> = (0..1000).map(f64::from).collect();
         let all: Vec<f64> = (0..2000).map(|k| 0.5 * f64::from(k)).collect();
         assert_eq!(longest_part(&t, &all), 0..1000);
         let paused: Vec<f64> = all.iter().copied().filter(|t| !(300.0..500.0).contains(t)).collect();
-        assert_eq!(longest_part(&t, &paused), 0..500, "up to where velocity is back; without it a fix says nothing");
+        assert_eq!(
+            longest_part(&t, &paused),
+            0..500,
+            "up to where velocity is back; without it a fix carries no information"
+        );
         let late: Vec<f64> = all.iter().copied().filter(|t| !(100.0..300.0).contains(t)).collect();
         assert_eq!(longest_part(&t, &late), 300..1000);
         let broken: Vec<f64> = t.iter().map(|t| if *t < 400.0 { *t } else { t + 500.0 }).collect();

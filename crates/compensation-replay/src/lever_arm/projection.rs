@@ -1,12 +1,12 @@
-//! Products of the parts of two series that no offset and drift of a piece explains.
+//! Products of two series after removing the offset and drift of each piece.
 
 use super::Sample;
 use std::collections::BTreeMap;
 
-/// Sums of one piece, of both axes: all that the products need.
+/// Sums of one piece over both axes, sufficient for the products.
 #[derive(Default)]
 struct Piece {
-    /// Of the first sample: sums of times near zero lose nothing.
+    /// Time of the first sample: sums of times near zero lose no precision.
     begin_s: f64,
     /// Σw, Σwt, Σwt².
     time: [f64; 3],
@@ -70,7 +70,7 @@ impl Projected {
 }
 
 impl Piece {
-    /// Of one series with the velocity: what the regression on 1 and t explains is taken out.
+    /// Product of one series with the velocity, without what the regression on 1 and t explains.
     fn product(&self, axis: &Axis, series: usize, drift: bool) -> f64 {
         let [w, wt, wtt] = self.time;
         if w <= 0.0 {

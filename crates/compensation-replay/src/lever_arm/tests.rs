@@ -40,13 +40,13 @@ fn motion(path: &Path) -> LeverMotion<'_> {
 }
 
 #[test]
-fn in_turns_at_constant_speed_the_shift_is_the_way_by_the_speed() {
+fn in_turns_at_constant_speed_the_shift_is_the_arm_over_the_speed() {
     for speed in [3.0, 11.0, 40.0] {
         let circle = path(70.0, 0.1, |t| TAU * t / 23.0, |_| speed);
         let found = lever_sensitivity(&motion(&circle)).unwrap();
         assert!((found.shift_s_per_m + 1.0 / speed).abs() < 1e-12, "{found:?}");
         assert!((found.speed_mps().unwrap() - speed).abs() < 1e-9);
-        // With the nose across the path the antenna ahead is one beside it, and the one at the right one behind.
+        // With the nose across the path, an antenna ahead is one to the side, and one to the right is one to the rear.
         let across = [circle.velocity[1].iter().map(|e| -e).collect::<Vec<f64>>(), circle.velocity[0].clone()];
         let nose = Some([&across[0][..], &across[1][..]]);
         let crabbed = lever_sensitivity(&LeverMotion { nose, ..motion(&circle) }).unwrap();
@@ -65,21 +65,21 @@ fn speeds_alone_give_the_ratio_of_their_sums() {
 }
 
 #[test]
-fn where_the_path_is_straight_and_steady_nothing_can_be_said() {
+fn a_straight_and_steady_path_gives_no_sensitivity() {
     let straight = path(60.0, 0.1, |_| 0.3, |_| 15.0);
     assert_eq!(lever_sensitivity(&motion(&straight)), None);
     assert_eq!(lever_sensitivity(&LeverMotion::default()), None);
-    // A straight path with a speed that varies says: the nose does not move, so an arm is an offset and shifts nothing.
+    // A straight path with varying speed: the nose direction is constant, so an arm is an offset and shifts nothing.
     let varied = path(60.0, 0.1, |_| 0.3, |t| 15.0 + 5.0 * (t / 3.0).sin());
     assert!(lever_sensitivity(&motion(&varied)).unwrap().shift_s_per_m.abs() < 1e-9);
 }
 
 #[test]
-fn each_piece_has_an_offset_and_a_drift_of_its_own() {
+fn each_piece_has_its_own_offset_and_drift() {
     let circle = path(60.0, 0.1, |t| TAU * t / 23.0, |t| 9.0 + 4.0 * (t / 5.0).sin());
     let piece: Vec<usize> = circle.time_s.iter().map(|t| usize::from(*t > 31.0)).collect();
     let both = lever_sensitivity(&LeverMotion { piece: &piece, ..motion(&circle) }).unwrap();
-    // By hand: the products of each piece alone, added up.
+    // By hand: the separate products of each piece, summed.
     let mut sums = [0.0; 2];
     for number in 0..2 {
         let weight: Vec<f64> = piece.iter().map(|p| if *p == number { 2.0 } else { 0.0 }).collect();
@@ -109,12 +109,12 @@ fn channel(quantity: Quantity, time_s: &[f64], components: Vec<Vec<f64>>) -> Cha
 }
 
 /// Small noise without a generator: phases that do not repeat.
-fn hiss(row: usize, scale: f64) -> f64 {
+fn pseudo_noise(row: usize, scale: f64) -> f64 {
     let row = row as f64;
     scale * ((row * 12.9898).sin() * 43_758.545).sin()
 }
 
-/// What the delay network's pair says of a receiver 0.2 s late whose antenna is `arm_m` ahead.
+/// Delay of a receiver 0.2 s late with an antenna `arm_m` ahead, as measured by the delay network's pair.
 fn measured(flown: &Path, arm_m: f64) -> f64 {
     let late = 4;
     let rows: Vec<usize> = (late..flown.time_s.len()).step_by(2).collect();
@@ -124,7 +124,9 @@ fn measured(flown: &Path, arm_m: f64) -> f64 {
             let of = |row: &usize| {
                 let then = row - late;
                 let speed = flown.velocity[0][then].hypot(flown.velocity[1][then]);
-                flown.place[axis][then] + arm_m * flown.velocity[axis][then] / speed + hiss(3 * row + axis, 0.05)
+                flown.place[axis][then]
+                    + arm_m * flown.velocity[axis][then] / speed
+                    + pseudo_noise(3 * row + axis, 0.05)
             };
             rows.iter().map(of).collect()
         })
@@ -141,8 +143,8 @@ fn measured(flown: &Path, arm_m: f64) -> f64 {
 }
 
 #[test]
-fn the_shift_is_what_the_estimator_of_delays_shows() {
-    // Constant speed: −88 ms for 1 m at 11.36 m/s is what a simulation of the campaign showed. And one that varies.
+fn the_shift_matches_the_delay_estimator() {
+    // Constant speed: a simulation of the campaign showed −88 ms for 1 m at 11.36 m/s. And a varying speed.
     type Case = (&'static str, fn(f64) -> f64, f64);
     let cases: [Case; 3] = [
         ("steady", |_| 11.36, 0.5),
@@ -151,10 +153,13 @@ fn the_shift_is_what_the_estimator_of_delays_shows() {
     ];
     for (name, speed, within_ms) in cases {
         let flown = path(120.0, 0.05, |t| 1.5 * (TAU * t / 17.0).sin() + t / 25.0, speed);
-        let said = 1e3 * lever_sensitivity(&motion(&flown)).unwrap().shift_s_per_m;
-        let seen = 1e3 * (measured(&flown, 1.0) - measured(&flown, 0.0));
-        println!("{name}: said {said:.2} ms, seen {seen:.2} ms");
-        assert!((said - seen).abs() < within_ms, "{name}: said {said:.2} ms, seen {seen:.2} ms");
+        let predicted = 1e3 * lever_sensitivity(&motion(&flown)).unwrap().shift_s_per_m;
+        let measured_ms = 1e3 * (measured(&flown, 1.0) - measured(&flown, 0.0));
+        println!("{name}: predicted {predicted:.2} ms, measured {measured_ms:.2} ms");
+        assert!(
+            (predicted - measured_ms).abs() < within_ms,
+            "{name}: predicted {predicted:.2} ms, measured {measured_ms:.2} ms"
+        );
     }
 }
 
@@ -170,21 +175,21 @@ fn about(arms: &[(&str, f64, f64)]) -> About {
 }
 
 #[test]
-fn the_arm_is_from_the_point_where_velocity_is_taken() {
+fn the_arm_starts_at_the_point_of_the_velocity() {
     let set = about(&[("gps", 0.5, 0.1), ("imu", 0.2, 0.0), ("gps-2", -0.4, 0.0)]);
     let forward = |receiver, point| antenna_arm(&set, receiver, point).map(|arm| (arm.forward_m * 1e9).round() / 1e9);
     assert_eq!(forward(1, VelocityPoint::Antenna), Some(0.0));
     assert_eq!(forward(1, VelocityPoint::Origin), Some(0.5));
     assert_eq!(forward(1, VelocityPoint::Imu), Some(0.3));
     assert_eq!(forward(2, VelocityPoint::Origin), Some(-0.4));
-    // Parameters at their default of zero say nothing.
+    // Parameters at their default of zero are not a configuration.
     let unset = about(&[("gps", 0.0, 0.0), ("imu", 0.2, 0.0)]);
     assert_eq!(antenna_arm(&unset, 1, VelocityPoint::Imu), None);
     assert_eq!(antenna_arm(&About::default(), 1, VelocityPoint::Antenna).map(|arm| arm.forward_m), Some(0.0));
 }
 
 #[test]
-fn the_correction_takes_the_shift_out_and_its_uncertainty_in() {
+fn the_correction_removes_the_shift_and_adds_its_uncertainty() {
     let sensitivity = LeverSensitivity { shift_s_per_m: -0.1, sideways_s_per_m: 0.0, samples: 1 };
     let arm =
         AntennaArm { forward_m: 0.5, right_m: 0.3, tolerance_m: 0.03_f64.sqrt(), from: "the pipeline".to_owned() };

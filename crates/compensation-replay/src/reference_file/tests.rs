@@ -23,7 +23,7 @@ fn two_files() -> (Flight, Flight) {
     (log, second)
 }
 
-/// The channels with a clock that shows `offset_s` more at its first stamp and gains `drift`.
+/// The channels on a clock that is ahead by `offset_s` at its first timestamp and gains `drift`.
 fn with_clock(flight: &Flight, clock: Clock, offset_s: f64, drift: f64) -> Flight {
     let mut out = Flight::default();
     for (name, channel) in &flight.channels {
@@ -41,7 +41,7 @@ fn own(log: &Flight, second: &Flight, rule: ClockRule) -> ClockOffset {
     }
 }
 
-/// Error of the stamps that the offset gives, s, at the first, the middle and the last row.
+/// Error of the timestamps with this offset, s, at the first, the middle and the last row.
 fn errors(second: &Flight, moved: &Flight, clock: &ClockOffset) -> Vec<f64> {
     let stamps = |f: &Flight| f.channels["position.ppk"].series.timeline().stamps().to_vec();
     let (truth, own) = (stamps(second), stamps(moved));
@@ -50,7 +50,7 @@ fn errors(second: &Flight, moved: &Flight, clock: &ClockOffset) -> Vec<f64> {
 }
 
 #[test]
-fn the_offset_of_another_clock_is_found_with_an_interval_that_holds() {
+fn the_offset_of_another_clock_is_found_within_its_interval() {
     let (log, second) = two_files();
     for offset_s in [0.0, 3601.25, -98_765.4] {
         let other = with_clock(&second, Clock::Elapsed, offset_s, 0.0);
@@ -70,7 +70,7 @@ fn the_drift_of_another_clock_is_found() {
     let found = own(&log, &other, ClockRule::Auto);
     let drift = found.drift.unwrap();
     assert!((drift.value + 400e-6).abs() < 3.0 * drift.standard_uncertainty.unwrap(), "{drift:?}");
-    // 48 ms from begin to end without the drift.
+    // 48 ms from start to end without the drift.
     assert!(errors(&second, &other, &found).iter().all(|e| e.abs() < 8e-3), "{found:?}");
 }
 
@@ -97,7 +97,7 @@ fn two_files_that_count_utc_share_a_clock_whatever_their_time_scale() {
 }
 
 #[test]
-fn a_file_of_another_day_has_a_clock_of_its_own() {
+fn a_file_of_another_day_has_its_own_clock() {
     let (log, second) = two_files();
     let log = with_clock(&log, Clock::Unix, 1_700_000_000.0, 0.0);
     let summer_time = with_clock(&second, Clock::Unix, 1_700_003_600.0, 0.0);
@@ -106,7 +106,7 @@ fn a_file_of_another_day_has_a_clock_of_its_own() {
 }
 
 #[test]
-fn what_cannot_be_related_says_why() {
+fn unrelated_clocks_are_rejected_with_the_reason() {
     let (log, second) = two_files();
     let settings = FlightDelaySettings::default();
     let reason = |log: &Flight, second: &Flight, rule| match relate_clocks(log, second, &wanted(), rule, &settings) {
@@ -123,7 +123,7 @@ fn what_cannot_be_related_says_why() {
     let other = simulate(&FlightSettings { duration_s: 200.0, seed: 77, ..FlightSettings::default() }).unwrap();
     let mut foreign = Flight::default();
     let mut track = other.to_flight().unwrap().channels.remove("position.truth").unwrap();
-    // East and north exchanged, and mirrored: no part of it is flown in the log.
+    // East and north exchanged, and mirrored: no part of it was flown in the log.
     let timeline = track.series.timeline().clone();
     let [n, e, d] = [0, 1, 2].map(|k| track.series.component(k).to_vec());
     let n: Vec<f64> = n.iter().rev().map(|x| x - n[0]).collect();
@@ -133,7 +133,7 @@ fn what_cannot_be_related_says_why() {
     assert!(text.contains("is it of the same flight?") || text.contains("the motion repeats itself"), "{text}");
 }
 
-/// What the filter of a quadcopter or a receiver's Doppler gives, without a position.
+/// Output of a quadcopter's filter or a receiver's Doppler velocity, without a position.
 #[test]
 fn a_second_file_may_hold_a_velocity_alone() {
     let (mut log, second) = two_files();
@@ -148,7 +148,7 @@ fn a_second_file_may_hold_a_velocity_alone() {
 }
 
 #[test]
-fn a_shared_clock_that_the_motion_contradicts_is_refused_with_what_lies_between() {
+fn a_shared_clock_contradicted_by_the_motion_is_refused_with_the_gap() {
     let (log, second) = two_files();
     let relate =
         |second: &Flight| relate_clocks(&log, second, &wanted(), ClockRule::Same, &FlightDelaySettings::default());

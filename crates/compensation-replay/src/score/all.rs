@@ -16,10 +16,10 @@ use crate::validity::{DelayModel, Delays, ValidityBand};
 use record::{CompensatorScore, Estimate, Finding, HelpfulBand, ReferenceScore, ReplayScores, ResidualDelay};
 use std::ops::Range;
 
-/// Share of the raw error that still counts as help.
+/// Share of the raw error that still counts as helpful.
 const HELP: f64 = 0.1;
 
-/// What is known of a replay when it is scored.
+/// Inputs of the scoring.
 pub(crate) struct Played<'a> {
     pub(crate) input: &'a Input,
     pub(crate) settings: &'a Settings,
@@ -27,22 +27,22 @@ pub(crate) struct Played<'a> {
     pub(crate) rows: &'a Rows,
     /// Raw first.
     pub(crate) tracks: &'a [Positions],
-    /// Predicted way, 2-D rms, m.
-    pub(crate) way_m: f64,
+    /// Predicted displacement, 2-D rms, m.
+    pub(crate) travelled_m: f64,
 }
 
 type Fit = Result<TrackFit, String>;
 
 const NO_REFERENCE: &str = "the log holds no independent position";
 
-/// How much later than the velocity a track should be, s: a right compensation leaves Tp − Td − Tv (delay network, section 1).
+/// Expected lateness of a track against the velocity, s: Tp − Td − Tv if correct (delay network, section 1).
 fn apart_s(track: &Positions, settings: &Settings) -> f64 {
     let td = settings.delay.seconds();
     let raw_s = settings.position_minus_velocity_s.map_or(td, |e| e.value);
     if track.is_raw() { raw_s } else { raw_s - td }
 }
 
-/// The same, with what the compensator itself leaves.
+/// The same, including the error of the compensator itself.
 fn expected(track: &Positions, settings: &Settings, ground: &Ground<'_>, updates: &Updates) -> Estimate {
     let apart = settings.position_minus_velocity_s;
     if track.is_raw() {
@@ -55,7 +55,7 @@ fn expected(track: &Positions, settings: &Settings, ground: &Ground<'_>, updates
     Estimate { value, standard_uncertainty: Some(u.hypot(0.5 * truncation)) }
 }
 
-/// What came of the tests of all tracks.
+/// Results of the tests of all tracks.
 struct Tests<'a> {
     played: &'a Played<'a>,
     updates: Updates<'a>,
@@ -81,8 +81,8 @@ pub(crate) fn scores(played: &Played, innovations: Innovations) -> ReplayScores 
     ReplayScores {
         compensators: scored.map(|(k, correlation)| tests.score(k, &ground, correlation)).collect(),
         predicted_axes_rms_m: AXES.map(|k| {
-            let way = rows.predicted(input, settings, k);
-            mean_over(rows, |r| way[r].powi(2)).sqrt()
+            let displacement = rows.predicted(input, settings, k);
+            mean_over(rows, |r| displacement[r].powi(2)).sqrt()
         }),
         straight_legs: tests.legs.finding(),
         opposite_passes: tests.passes.finding(),
@@ -126,14 +126,14 @@ impl<'a> Tests<'a> {
     }
 
     fn ground<'b>(&'b self, late: &'b Late) -> Ground<'b> {
-        let Played { input, settings, rows, way_m, .. } = *self.played;
+        let Played { input, settings, rows, travelled_m, .. } = *self.played;
         let td = settings.delay.seconds();
         Ground {
             speed_mps: mean_over(rows, |r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum()).sqrt(),
             delay_s: td,
             delay_u_s: settings.delay_uncertainty_s,
             age_s: (rows.mean_age_s(input), mean_over(rows, |r| rows.age_s(input, r).powi(2))),
-            way_m,
+            travelled_m,
             raw_fit: self.fits[0].as_ref().map_err(String::as_str),
             motion: self.motion.as_ref().map_err(String::as_str),
             left_s: late.position_s.map(|e| Estimate { value: e.value - td, ..e }),
@@ -142,7 +142,7 @@ impl<'a> Tests<'a> {
         }
     }
 
-    /// Of the `k`-th track.
+    /// Score of the `k`-th track.
     fn score(&self, k: usize, ground: &Ground<'_>, step_correlation: Finding<Estimate>) -> CompensatorScore {
         let Played { settings, rows, tracks, .. } = *self.played;
         let (raw, track, updates) = (&tracks[0], &tracks[k], &self.updates);
@@ -163,8 +163,8 @@ impl<'a> Tests<'a> {
     }
 }
 
-/// Delays of the tracks against the integral of velocity. The paper's filter that is told of the mean age is late by less
-/// than nothing at a fresh fix, on purpose, so it is left out.
+/// Delays of the tracks against the integral of velocity. The paper's filter with the mean age added is deliberately
+/// early at a fresh fix, so it is excluded.
 fn fits(input: &Input, settings: &Settings, tracks: &[Positions], updates: &Updates) -> Vec<Fit> {
     let mut fitter = TrackFitter::new(&input.velocity);
     let fit = |track: &Positions| {
@@ -193,7 +193,7 @@ fn residual_finding(fit: &Fit, expected_s: Estimate) -> Finding<ResidualDelay> {
     }
 }
 
-/// What the exact form is late against the reference beyond what it is late against the velocity.
+/// Lateness of the exact form against the reference in excess of its lateness against the velocity.
 fn velocity_delay(fit: &Fit, score: &Finding<ReferenceScore>) -> Finding<Estimate> {
     let against_reference = match score {
         Finding::Found(score) => &score.residual_delay_s,
@@ -215,11 +215,11 @@ struct Late {
     velocity_s: Finding<Estimate>,
 }
 
-/// Share of a delay set wrongly that the turns of the flight may put into the velocity's delay, as the reference shows it.
+/// Largest share of a wrongly set delay that turns may add to the velocity's delay against the reference.
 const TURNED: f64 = 0.1;
 
-/// What is known of the flight and its group from one datum; else the reference, where it sees the velocity late; else the
-/// position against the velocity, whose own lateness nobody knows then.
+/// From the lateness of the flight and its group against one datum. Otherwise from the reference, if it shows that the
+/// velocity is late. Otherwise from the position against the velocity, whose own lateness is then unknown.
 fn late(raw_s: Option<Estimate>, by_reference_s: &Finding<Estimate>, settings: &Settings) -> Late {
     if let (Some(position_s), Some(velocity_s)) = (settings.position_lateness_s, settings.velocity_lateness_s) {
         return Late { position_s: Some(position_s), velocity_s: Finding::Found(velocity_s) };
@@ -239,7 +239,7 @@ fn late(raw_s: Option<Estimate>, by_reference_s: &Finding<Estimate>, settings: &
     Late { position_s, velocity_s: by_reference_s.clone() }
 }
 
-/// What of the residual delay and the velocity's own one is seen to differ from zero, s.
+/// The residual delay and the velocity's own delay, as far as they differ significantly from zero, s.
 fn band_delays(residual: Option<Estimate>, velocity: &Finding<Estimate>) -> (f64, f64) {
     let seen =
         |e: &Estimate| if e.standard_uncertainty.is_some_and(|u| e.value.abs() > 2.0 * u) { e.value } else { 0.0 };
@@ -277,9 +277,9 @@ fn band(track: &Positions, (left_s, velocity_s): (f64, f64), motion: &Result<Mot
 
 /// Raw less a track at the valid rows, rms north and east.
 fn differences(raw: &Positions, track: &Positions, rows: &Rows) -> [Estimate; 2] {
-    let said = rows.valid().filter(|&row| track.speaks(row));
+    let shown = rows.valid().filter(|&row| track.has_own_output(row));
     let square = |r: usize, axis: usize| (raw.axes[axis][r] - track.axes[axis][r]).powi(2);
-    let blocks = Blocks::of(said.clone().count(), said.map(|r| [square(r, 0), square(r, 1), 1.0]));
+    let blocks = Blocks::of(shown.clone().count(), shown.map(|r| [square(r, 0), square(r, 1), 1.0]));
     let nothing = Estimate { value: 0.0, standard_uncertainty: None };
     AXES.map(|axis| blocks.size(|sums| root_mean([sums[axis], sums[2]])).unwrap_or(nothing))
 }

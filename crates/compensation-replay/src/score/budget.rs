@@ -1,4 +1,4 @@
-//! What the error of a compensator should be, term by term (design note 5.6).
+//! Expected error of a compensator, term by term (design note 5.6).
 
 use super::motion::Motion;
 use super::updates::knows_age;
@@ -9,17 +9,17 @@ use nalgebra::Complex;
 use record::{BudgetTerm, ErrorBudget, Estimate, Finding};
 use std::f64::consts::{PI, TAU};
 
-/// A wander whose size is known lasts this many of its time constants.
+/// The size of a wander is known if the record lasts this many of its time constants.
 const TIME_CONSTANTS: f64 = 10.0;
 
-/// What stands in for the delay in a compensator, if that can be told.
+/// The delay model of a compensator, if known.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum StandIn {
     /// Nothing: raw.
     Nothing,
     Pade(PadeForm),
     Exact,
-    /// It follows the data: no fixed transfer function.
+    /// It adapts to the data: no fixed transfer function.
     Adaptive,
 }
 
@@ -39,7 +39,7 @@ impl StandIn {
     }
 }
 
-/// What the terms are made of; everything in SI, 2-D rms where it is a length.
+/// Inputs of the terms; everything in SI, 2-D rms for lengths.
 pub(crate) struct Ground<'a> {
     /// Ground speed, rms.
     pub(crate) speed_mps: f64,
@@ -49,17 +49,17 @@ pub(crate) struct Ground<'a> {
     pub(crate) delay_u_s: Option<f64>,
     /// Age of the fix over the rows: mean, and mean of its square.
     pub(crate) age_s: (f64, f64),
-    /// What velocity predicts for the way in delay and age.
-    pub(crate) way_m: f64,
+    /// Displacement during delay and age predicted from velocity.
+    pub(crate) travelled_m: f64,
     /// Raw against the integral of velocity.
     pub(crate) raw_fit: Result<&'a TrackFit, &'a str>,
     pub(crate) motion: Result<&'a Motion, &'a str>,
-    /// How late the position is, less the delay that is set. (What an output shows itself is that times the cosine of
-    /// what the track turns in Td, for the way missed was flown then and not now.)
+    /// Lateness of the position less the set delay. (The output itself shows this times the cosine of the turn of the
+    /// track in Td, because the missing displacement was flown then and not now.)
     pub(crate) left_s: Option<Estimate>,
-    /// Of the velocity itself.
+    /// Lateness of the velocity itself.
     pub(crate) velocity_delay_s: &'a Finding<Estimate>,
-    /// Rows are made of held velocities at this step, s.
+    /// Rows use velocities held at this step, s.
     pub(crate) row_step_s: f64,
 }
 
@@ -104,34 +104,36 @@ impl Ground<'_> {
         ErrorBudget { terms, total_m, known_m, measured_m }
     }
 
-    /// What is left of the delay, where this flight shows it.
-    fn seen_s(&self) -> Option<Estimate> {
+    /// Residual delay, if this flight shows it.
+    fn residual_delay_s(&self) -> Option<Estimate> {
         self.left_s.filter(|r| r.standard_uncertainty.is_some_and(|u| r.value.abs() > 2.0 * u))
     }
 
-    /// The way flown in the delay and the age of the fix: in the delay of this flight if it shows another one than that
-    /// set, as [`Ground::mismatch`] takes it.
+    /// The displacement during the delay and the age of the fix. If this flight shows a different delay than the set
+    /// one, that delay is used, as in [`Ground::mismatch`].
     fn not_removed(&self) -> BudgetTerm {
         let name = "delay, not removed";
         let set_s = self.delay_s + self.age_s.0;
-        match self.seen_s().filter(|_| set_s > 0.0) {
+        match self.residual_delay_s().filter(|_| set_s > 0.0) {
             Some(seen) => term(
                 name,
-                Finding::Found(self.way_m * ((set_s + seen.value) / set_s).abs()),
+                Finding::Found(self.travelled_m * ((set_s + seen.value) / set_s).abs()),
                 "distance flown in Td and the age of the fix, from velocity, in proportion to the lateness of the position, \
                  which differs from the delay set by more than two standard uncertainties",
             ),
-            None => {
-                term(name, Finding::Found(self.way_m), "distance flown in Td and the age of the fix, from velocity")
-            }
+            None => term(
+                name,
+                Finding::Found(self.travelled_m),
+                "distance flown in Td and the age of the fix, from velocity",
+            ),
         }
     }
 
-    /// U·δTd: as found in this flight if it is there, else as the source of Td states it.
+    /// U·δTd: as measured in this flight if available, else as stated by the source of Td.
     fn mismatch(&self) -> BudgetTerm {
         let name = "delay set wrongly, U·δTd";
         let own_u = self.left_s.and_then(|r| r.standard_uncertainty);
-        match (self.seen_s(), self.delay_u_s, own_u) {
+        match (self.residual_delay_s(), self.delay_u_s, own_u) {
             (Some(seen), _, _) => term(
                 name,
                 Finding::Found(self.speed_mps * seen.value.abs()),
@@ -149,8 +151,8 @@ impl Ground<'_> {
         }
     }
 
-    /// `a·Td·Tv`: to first order a late velocity costs nothing where the delay is set to the position's own (delay network,
-    /// section 1); what was flown in Td is taken `Tv` too early.
+    /// `a·Td·Tv`: to first order a late velocity costs nothing if the delay is set to the position's own (delay
+    /// network, section 1); the displacement during Td is evaluated `Tv` too early.
     fn velocity_delay(&self) -> BudgetTerm {
         let name = "delay of the velocity itself, a·Td·Tv";
         let late_s = match self.velocity_delay_s {
@@ -188,8 +190,8 @@ impl Ground<'_> {
         self.of_motion(&format!("truncation of [{m}/{n}]"), size, source)
     }
 
-    /// The delay that truncation looks like in the motion of this flight, s: the δ for which `jωδ` is nearest to what is
-    /// left, by power. None for raw and the exact forms.
+    /// The delay that truncation resembles in the motion of this flight, s: the δ for which `jωδ` is closest to the
+    /// residual, by power. Zero for raw and the exact forms.
     pub(crate) fn truncation_delay_s(&self, track: &Positions) -> f64 {
         match (StandIn::of(track), self.motion) {
             (StandIn::Pade(form), Ok(motion)) => {
@@ -203,7 +205,7 @@ impl Ground<'_> {
         }
     }
 
-    /// `√(T·g·S_v)` over both axes, T the time that velocity is integrated over.
+    /// `√(T·g·S_v)` over both axes, where T is the integration time of the velocity.
     fn velocity_noise(&self, gain: f64, track: &Positions) -> BudgetTerm {
         let over_s = track.delay.seconds() * gain + if knows_age(track) { self.age_s.0 } else { 0.0 };
         let size = |motion: &Motion| {
@@ -238,7 +240,7 @@ impl Ground<'_> {
         term(name, self.raw_fit.map_or_else(|why| Finding::CannotTell(format!("not known: {why}")), size), source)
     }
 
-    /// Wander of the fixes, unless velocity's own noise explains it or nobody can tell whose it is.
+    /// Wander of the fixes, unless the velocity's own noise explains it or its origin is unknown.
     fn position_wander(&self) -> BudgetTerm {
         let name = "wander of the position";
         let source = "slow scatter of the fixes about the integrated velocity, less what the white noise of the velocity \
@@ -264,20 +266,20 @@ impl Ground<'_> {
         term(name, size, source)
     }
 
-    /// U·rms(age), less the mean that the compensator was told of.
+    /// U·rms(age), less the mean age that is included in the compensator's delay.
     fn hold(&self, track: &Positions) -> BudgetTerm {
-        let told = track.delay.seconds() - self.delay_s;
-        let left2 = self.age_s.1 - 2.0 * told * self.age_s.0 + told * told;
+        let included_s = track.delay.seconds() - self.delay_s;
+        let left2 = self.age_s.1 - 2.0 * included_s * self.age_s.0 + included_s * included_s;
         let source = "U times the rms of the age of the held fix, which the compensator does not know";
         term("position held between fixes", Finding::Found(self.speed_mps * left2.max(0.0).sqrt()), source)
     }
 }
 
-/// What a Padé filter leaves of a motion, share of its amplitude: `e^{−jωTd} + jω G − 1`.
+/// Error of a Padé filter, as a share of the amplitude of a motion: `e^{−jωTd} + jω G − 1`.
 struct Left<'a> {
     form: &'a PadeForm,
     delay_s: f64,
-    /// Tustin at step h sees ω as 2/h·tan(ωh/2); `None` for other rules, which are taken as continuous.
+    /// Tustin at step h sees ω as 2/h·tan(ωh/2); `None` for other rules, which are treated as continuous.
     tustin_step_s: Option<f64>,
 }
 

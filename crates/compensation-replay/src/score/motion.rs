@@ -1,4 +1,4 @@
-//! How the motion of a flight is spread over frequency, and what of its velocity is noise.
+//! Frequency content of the motion of a flight, and the noise in its velocity.
 
 use crate::input::{AXES, Horizontal};
 use record::{Finding, MotionSpectrum};
@@ -6,24 +6,24 @@ use signal::{Spectrum, power_spectrum};
 use std::f64::consts::{LN_2, TAU};
 use std::ops::Range;
 
-/// Rates above this are averaged down to about it, Hz, or to four times one over the delay if that is more.
+/// Rates above this are averaged down to about it, Hz, or to four times the inverse delay if that is more.
 const RATE_HZ: f64 = 20.0;
 /// Shortest stretch with a spectrum, s.
 const SHORTEST_S: f64 = 20.0;
 /// Bins of the record per decade.
 const PER_DECADE: f64 = 12.0;
-/// Lines closer than this ratio are taken together: 10^0.01.
+/// Lines closer than this ratio are combined: 10^0.01.
 const NEAR: f64 = 1.023_292_992_280_754;
-/// Frequencies above this share of the highest one say what is noise.
+/// Frequencies above this share of the highest one determine the noise.
 const NOISE_ABOVE: f64 = 2.0 / 3.0;
 
 /// Spectrum of the velocity over its longest stretch.
 pub(crate) struct Motion {
     /// (m/s)² in each line, north and east.
     pub(crate) spectra: [Spectrum; 2],
-    /// Of that, noise in each line.
+    /// Noise in each line.
     floor: [f64; 2],
-    /// Frequency and power less noise of both axes, neighbours within a hundredth of a decade together.
+    /// Frequency and power less noise of both axes, with neighbours within a hundredth of a decade combined.
     excess: Vec<(f64, f64)>,
     duration_s: f64,
     /// Usual step of the velocity, s.
@@ -41,7 +41,7 @@ impl Motion {
             ));
         }
         let t = &velocity.t[longest.clone()];
-        // Steps of the whole stretch, so that even stamps are met and nothing is smoothed by interpolation.
+        // Steps of the whole stretch, so that an even grid hits the samples and interpolation smooths nothing.
         let step_s = crate::rows::median_step(t);
         let count = (duration_s / step_s).round().max(1.0);
         let step_s = duration_s / count;
@@ -71,7 +71,7 @@ impl Motion {
         })
     }
 
-    /// Mean of 2-D |v″|², (m/s³)²: what linear interpolation of the velocity cannot follow.
+    /// Mean of 2-D |v″|², (m/s³)²: the part that linear interpolation of the velocity cannot follow.
     pub(crate) fn bend2(&self) -> f64 {
         self.weighted(|f| (TAU * f).powi(4))
     }
@@ -119,8 +119,8 @@ fn evenly(t: &[f64], y: &[f64], step_s: f64, count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Power less noise of both axes: single lines where they are far apart, sums over a hundredth of a decade where they are
-/// near, at the mean of their frequencies.
+/// Power less noise of both axes: single lines if they are far apart, sums over a hundredth of a decade if they are
+/// close, at the mean of their frequencies.
 fn excess([north, east]: &[Spectrum; 2], [floor_n, floor_e]: &[f64; 2]) -> Vec<(f64, f64)> {
     let lines = north.frequency_hz.iter().zip(north.power.iter().zip(&east.power));
     let mut out: Vec<(f64, f64, f64)> = vec![];
@@ -138,8 +138,8 @@ fn excess([north, east]: &[Spectrum; 2], [floor_n, floor_e]: &[f64; 2]) -> Vec<(
     out.into_iter().map(|(sum, power, count)| (sum / count, power)).collect()
 }
 
-/// Noise in each line, from the median of the highest third: noise of a line is exponential, so its mean is the median
-/// over ln 2, and few tones do not lift it.
+/// Noise in each line, from the median of the highest third. The noise of a line is exponentially distributed, so its
+/// mean is the median over ln 2, and a few tones do not raise it.
 fn noise_floor(spectrum: &Spectrum) -> f64 {
     let n = spectrum.power.len();
     let mut high = spectrum.power[((n as f64 * NOISE_ABOVE) as usize).min(n)..].to_vec();

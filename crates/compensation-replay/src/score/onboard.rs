@@ -1,4 +1,4 @@
-//! The compensated position that the aircraft computed in flight, beside what the replay computes.
+//! The compensated position computed by the aircraft in flight, compared with the replay.
 
 use super::Played;
 use super::jackknife::{jackknife, percentiles};
@@ -12,16 +12,16 @@ use crate::thin::Averaged;
 use flight::{Channel, Code, Flight, Notices, Quantity, WGS84_A};
 use record::{Finding, OnboardAgainst, OnboardComparison};
 
-/// Delays after which a filter of first order has forgotten its start to 10⁻⁶ and better: e^(−2·8).
+/// Delays after which a first-order filter has forgotten its start to better than 10⁻⁶: e^(−2·8).
 const FORGOTTEN: f64 = 8.0;
-/// Stamps that are this near to a row's are the row's, s.
+/// Timestamps this close to a row's count as the row's, s.
 const SAME_S: f64 = 1e-6;
-/// Samples that show the grid of their values.
+/// Number of samples used to find the quantum of their values.
 const GRID_SAMPLES: usize = 4_000;
-/// Single precision of a position in metres, and of degrees.
+/// Relative precision of single-precision metres and degrees.
 const SINGLE: f64 = 6e-8;
 
-/// `None` if the log holds no such channel.
+/// `None` if the log has no such channel.
 pub(crate) fn onboard(flight: &Flight, played: &Played, notices: &mut Notices) -> Option<Finding<OnboardComparison>> {
     let (name, channel) = flight.first_of(&played.settings.onboard)?;
     Some(compare(name, channel, played).map_or_else(
@@ -89,15 +89,15 @@ fn start_s(settings: &Settings) -> f64 {
     FORGOTTEN * settings.delay.seconds()
 }
 
-/// A sample and where in the rows it lies.
+/// A sample and its place in the rows.
 struct Pair {
     sample: usize,
     row: usize,
-    /// Of the way to the next row.
+    /// Fraction of the way to the next row.
     share: f64,
 }
 
-/// Samples within the valid rows; between two rows only where both hold the same fix.
+/// Samples within the valid rows; between two rows only if both hold the same fix.
 fn pairs(onboard: &Horizontal, rows: &Rows) -> Vec<Pair> {
     let mut out = vec![];
     let mut next = 0;
@@ -124,7 +124,7 @@ fn pairs(onboard: &Horizontal, rows: &Rows) -> Vec<Pair> {
 
 fn against(track: &Positions, onboard: &Horizontal, pairs: &[Pair], played: &Played) -> Option<OnboardAgainst> {
     let rows = played.rows;
-    let said = |p: &&Pair| track.speaks(p.row) && (p.share == 0.0 || track.speaks(p.row + 1));
+    let shown = |p: &&Pair| track.has_own_output(p.row) && (p.share == 0.0 || track.has_own_output(p.row + 1));
     let difference = |p: &Pair| {
         AXES.map(|k| {
             let y = &track.axes[k];
@@ -138,7 +138,7 @@ fn against(track: &Positions, onboard: &Horizontal, pairs: &[Pair], played: &Pla
         let last = starts.partition_point(|s| *s <= rows.t[p.row]).checked_sub(1);
         last.is_some_and(|k| rows.t[p.row] - starts[k] < start_s)
     };
-    let (start, after): (Vec<&Pair>, Vec<&Pair>) = pairs.iter().filter(said).partition(|p| is_start(p));
+    let (start, after): (Vec<&Pair>, Vec<&Pair>) = pairs.iter().filter(shown).partition(|p| is_start(p));
     let mut sizes: Vec<f64> = after.iter().map(|p| length(difference(p))).collect();
     if sizes.is_empty() {
         return None;
@@ -164,7 +164,7 @@ fn against(track: &Positions, onboard: &Horizontal, pairs: &[Pair], played: &Pla
     })
 }
 
-/// When filters start: with the first sample, and after every gap of the velocity, s.
+/// Instants at which filters start: the first sample, and after every gap of the velocity, s.
 fn starts(pairs: &[Pair], rows: &Rows, input: &Input) -> Vec<f64> {
     let longest = 2.5 * median_step(&input.velocity.t);
     let mut out = vec![rows.t[pairs[0].row]];
@@ -172,7 +172,7 @@ fn starts(pairs: &[Pair], rows: &Rows, input: &Input) -> Vec<f64> {
     out
 }
 
-/// Half a quantum on each axis and the digits that single precision keeps.
+/// Half a quantum on each axis plus the rounding of single precision.
 fn tolerance(channel: &Channel, used: &[usize], onboard: &Horizontal, geodetic: bool) -> (f64, String) {
     let metres = |k: usize| match (geodetic, k) {
         (false, _) => 1.0,
@@ -185,7 +185,7 @@ fn tolerance(channel: &Channel, used: &[usize], onboard: &Horizontal, geodetic: 
     });
     let extent = onboard.axes.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
     let rounding = SINGLE * extent.max(1.0) * 4.0;
-    // One quantum on each axis: half of it from rounding, half from what is rounded lying at the edge.
+    // One quantum on each axis: half of it from rounding, half from values at the edge of rounding.
     let tolerance_m = length(quantum) + rounding;
     let text = format!(
         "one step of its values on each axis ({:.4} m north, {:.4} m east) and single precision at {extent:.0} m from the \

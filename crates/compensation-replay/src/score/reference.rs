@@ -15,21 +15,21 @@ const BANDS_HZ: [f64; 10] = [0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 25.0
 const SPECTRUM_HZ: f64 = 10.0;
 /// Shortest stretch with a spectrum, s.
 const SHORTEST_S: f64 = 20.0;
-/// Speeds that differ by less than this ratio (95th to 5th percentile) are one.
+/// Speeds that differ by less than this ratio (95th to 5th percentile) count as one.
 const LEAST_RANGE: f64 = 1.3;
-/// Rows that the delay against the reference is told from at most.
+/// Maximum number of rows for the delay against the reference.
 const DELAY_ROWS: usize = 3_000;
 
-/// Everything that is scored against one reference.
+/// Precomputed parts of all scores against one reference.
 pub(crate) struct Judge<'a> {
     reference: &'a Reference,
     rows: &'a Rows,
     velocity: &'a Horizontal,
-    /// Ground speeds, m/s, from and to; empty if all are alike.
+    /// Ground speed bins, m/s, from and to; empty if all speeds are similar.
     pub(crate) speeds_mps: Vec<[f64; 2]>,
-    /// Hz, from and to.
+    /// Frequency bands, Hz, from and to.
     pub(crate) bands_hz: Vec<[f64; 2]>,
-    /// Which rows of the reference the spectrum is of, and how many make a mean.
+    /// Rows of the reference used for the spectrum, and how many are averaged.
     stretch: Result<(std::ops::Range<usize>, usize), String>,
     /// Usual step of the rows, s.
     step_s: f64,
@@ -40,7 +40,7 @@ impl<'a> Judge<'a> {
         let step_s = median_step(&rows.t);
         let stretch = stretch(reference, rows, step_s);
         let rate_hz = stretch.as_ref().map_or(0.0, |(_, block)| 1.0 / (step_s * *block as f64));
-        // A band of which next to nothing lies below half the rate says nothing.
+        // A band that is almost entirely above half the rate carries no information.
         let bands = BANDS_HZ.windows(2).map(|w| [w[0], w[1].min(0.5 * rate_hz)]).filter(|b| 1.05 * b[0] < b[1]);
         Judge {
             reference,
@@ -57,15 +57,16 @@ impl<'a> Judge<'a> {
         AXES.map(|k| self.rows.velocity[k][row])
     }
 
-    /// `late_s`: about how late the track is.
+    /// `late_s`: approximate lateness of the track.
     pub(crate) fn score(&self, track: &Positions, late_s: f64) -> Finding<ReferenceScore> {
-        let said: Vec<usize> = (0..self.reference.row.len()).filter(|&i| track.speaks(self.reference.row[i])).collect();
-        let errors: Vec<[f64; 2]> = said
+        let shown: Vec<usize> =
+            (0..self.reference.row.len()).filter(|&i| track.has_own_output(self.reference.row[i])).collect();
+        let errors: Vec<[f64; 2]> = shown
             .iter()
             .map(|&i| AXES.map(|k| track.axes[k][self.reference.row[i]] - self.reference.axes[k][i]))
             .collect();
-        let velocities: Vec<[f64; 2]> = said.iter().map(|&i| self.velocity_at(self.reference.row[i])).collect();
-        let score = self.score_of(&errors, &velocities, track, &said, late_s);
+        let velocities: Vec<[f64; 2]> = shown.iter().map(|&i| self.velocity_at(self.reference.row[i])).collect();
+        let score = self.score_of(&errors, &velocities, track, &shown, late_s);
         found(score, "no valid row has a reference at the same time")
     }
 
@@ -74,14 +75,14 @@ impl<'a> Judge<'a> {
         errors: &[[f64; 2]],
         velocities: &[[f64; 2]],
         track: &Positions,
-        said: &[usize],
+        shown: &[usize],
         late_s: f64,
     ) -> Option<ReferenceScore> {
         let mut sizes: Vec<f64> = errors.iter().map(|e| length(*e)).collect();
         let by_speed = self.by_speed(&sizes, velocities);
         let quantiles = percentiles(&mut sizes, &[0.5, 0.68, 0.95, 0.99, 1.0]);
         let sums = errors.iter().zip(velocities).map(|(e, v)| {
-            // Where it stands still there is no track to be along.
+            // At standstill there is no direction along the track.
             let speed = length(*v);
             let (moves, along, across) =
                 if speed > 0.1 { (1.0, dot(*e, *v) / speed, to_the_right(*v, *e) / speed) } else { (0.0, 0.0, 0.0) };
@@ -105,7 +106,7 @@ impl<'a> Judge<'a> {
             by_speed,
             bands_rms_m: self.bands(track),
             residual_delay_s: found(
-                self.delay(track, said, late_s),
+                self.delay(track, shown, late_s),
                 "the flight has too little motion to show a delay",
             ),
         })
@@ -125,7 +126,7 @@ impl<'a> Judge<'a> {
             Ok((range, block)) => (range.clone(), *block),
             Err(why) => return Finding::CannotTell(why.clone()),
         };
-        if range.clone().any(|i| !track.speaks(self.reference.row[i])) {
+        if range.clone().any(|i| !track.has_own_output(self.reference.row[i])) {
             return Finding::CannotTell("it has no output at some rows of the stretch".to_owned());
         }
         let spectra = AXES.map(|k| {
@@ -140,11 +141,11 @@ impl<'a> Judge<'a> {
         Finding::Found(self.bands_hz.iter().map(|band| inside(band).sqrt()).collect())
     }
 
-    /// `e = −δ v̄` with the mean velocity v̄ of the last δ (Simpson's rule), offsets taken out: least squares, with the
+    /// `e = −δ v̄` with the mean velocity v̄ of the last δ (Simpson's rule), offsets removed: least squares, with the
     /// jackknife's uncertainty.
-    fn delay(&self, track: &Positions, said: &[usize], late_s: f64) -> Option<Estimate> {
-        let every = said.len().div_ceil(DELAY_ROWS).max(1);
-        let rows: Vec<usize> = said.iter().copied().step_by(every).collect();
+    fn delay(&self, track: &Positions, shown: &[usize], late_s: f64) -> Option<Estimate> {
+        let every = shown.len().div_ceil(DELAY_ROWS).max(1);
+        let rows: Vec<usize> = shown.iter().copied().step_by(every).collect();
         let round = |about_s: f64| {
             let row = |&i: &usize| {
                 let row = self.reference.row[i];
@@ -158,7 +159,7 @@ impl<'a> Judge<'a> {
             })
         };
         let first = round(late_s)?;
-        // A mean over another time changes what it is by the square of the error only.
+        // Averaging over another time changes the result only by the square of the error.
         if (first.value - late_s).abs() > 0.02 { round(first.value) } else { Some(first) }
     }
 
@@ -195,7 +196,7 @@ fn stretch(reference: &Reference, rows: &Rows, step_s: f64) -> Result<(std::ops:
     Ok((longest, (1.0 / (SPECTRUM_HZ * step_s)).round().max(1.0) as usize))
 }
 
-/// Three bins with as many rows each; none if speed hardly changes.
+/// Three bins with equal numbers of rows; none if speed hardly changes.
 fn speeds(reference: &Reference, rows: &Rows) -> Vec<[f64; 2]> {
     let mut all: Vec<f64> = reference.row.iter().map(|&r| length([rows.velocity[0][r], rows.velocity[1][r]])).collect();
     if all.len() < 60 {

@@ -9,24 +9,24 @@ use crate::input::AXES;
 use record::{Estimate, Finding, Hysteresis, OppositePasses, StraightLegs, StraightScore};
 use std::collections::BTreeMap;
 
-/// Along-track way before raw over the way flown in a second: `Td · Σ d·w / Σ w·w` with `d` = output − raw and `w` what
-/// velocity flew in the delay, so that turns do not shorten it.
+/// Along-track distance ahead of raw over the displacement in a second: `Td · Σ d·w / Σ w·w` with `d` = output − raw
+/// and `w` the displacement from velocity during the delay, so turns do not shorten it.
 pub(crate) fn lead(updates: &Updates, raw: &Positions, track: &Positions) -> Finding<Estimate> {
     if track.is_raw() {
         return Finding::CannotTell("the lead is that over raw".to_owned());
     }
     let given = track.delay.seconds();
     let rows: Vec<[f64; 2]> = (0..updates.rows.len())
-        .filter(|&i| updates.speaks(track, i))
+        .filter(|&i| updates.has_own_output(track, i))
         .map(|i| {
-            let way = updates.way(i, updates.moved_on_s(track, i));
-            [dot(minus(updates.at(track, i), updates.at(raw, i)), way), dot(way, way)]
+            let travelled = updates.travelled(i, updates.extrapolated_s(track, i));
+            [dot(minus(updates.at(track, i), updates.at(raw, i)), travelled), dot(travelled, travelled)]
         })
         .collect();
     found(jackknife(&rows, |[dw, ww]| given * dw / ww), "no valid fix in motion")
 }
 
-/// Correlation of the steps at the fixes with the way flown between them.
+/// Correlation of the steps at the fixes with the displacement between them.
 pub(crate) fn step_correlation(innovations: &Innovations, track: &Positions) -> Finding<Estimate> {
     if let Some(CompensatorKind::Kalman | CompensatorKind::OfflineShift | CompensatorKind::RtsSmoother) = track.further
     {
@@ -51,25 +51,25 @@ pub(crate) fn step_correlation(innovations: &Innovations, track: &Positions) -> 
 const WITHIN_M: f64 = 15.0;
 /// Directions that differ by less than 180° − 20° are not opposite.
 const OPPOSITE: f64 = -0.939_692_620_785_908_4;
-/// Slower is no pass, m/s.
+/// Slower motion is not a pass, m/s.
 const LEAST_SPEED_MPS: f64 = 2.0;
 
-/// Two fixes over the same place in opposite directions, as velocity tells it.
+/// Two fixes over the same place in opposite directions, according to velocity.
 struct Meeting {
     there: usize,
     back: usize,
-    /// Velocity there less velocity back.
+    /// Velocity on the way out less velocity on the way back.
     closing: [f64; 2],
-    /// Place there less place back, m.
+    /// Position on the way out less position on the way back, m.
     apart: [f64; 2],
 }
 
-/// Pairs of passes, each with the fixes that meet.
+/// Pairs of passes, each with its meeting fixes.
 pub(crate) struct Passes(Vec<Vec<Meeting>>);
 
 impl Passes {
-    /// Where velocity brings the aircraft back against its own direction. Velocity's drift against the fixes is taken
-    /// out by a straight line.
+    /// Finds where velocity brings the aircraft back in the opposite direction. Velocity's drift against the fixes is
+    /// removed as a straight line.
     pub(crate) fn of(updates: &Updates, raw: &Positions) -> Passes {
         let place = without_drift(updates, raw);
         let cell = |p: [f64; 2]| p.map(|x| (x / WITHIN_M).floor() as i64);
@@ -93,7 +93,7 @@ impl Passes {
                 let closing = minus(updates.velocity[there], updates.velocity[back]);
                 let meeting = Meeting { there, back, closing, apart: minus(place[there], place[back]) };
                 match pairs.last_mut() {
-                    Some(pair) if goes_on(pair, &meeting) => pair.push(meeting),
+                    Some(pair) if continues_pair(pair, &meeting) => pair.push(meeting),
                     _ => pairs.push(vec![meeting]),
                 }
             }
@@ -124,7 +124,7 @@ impl Passes {
         self.0.iter().map(of_pair).sum::<f64>() / self.0.len() as f64
     }
 
-    /// Mean with the spread of the pairs as uncertainty, of three or more.
+    /// Mean with the spread of the pairs as uncertainty, for three or more.
     fn estimate(&self, of: impl Fn(&Meeting) -> f64) -> Estimate {
         let n = self.0.len() as f64;
         let value = self.mean(&of);
@@ -134,12 +134,17 @@ impl Passes {
         Estimate { value, standard_uncertainty: known.then(|| (spread / (n * (n - 1.0))).sqrt()) }
     }
 
-    /// How far the passes of a track stand apart, beyond what velocity says.
+    /// Distance between the passes of a track, in excess of that from velocity.
     pub(crate) fn hysteresis(&self, updates: &Updates, track: &Positions, expected_s: f64) -> Finding<Hysteresis> {
         if let Finding::CannotTell(why) = self.finding() {
             return Finding::CannotTell(why);
         }
-        if self.0.iter().flatten().any(|m| !updates.speaks(track, m.there) || !updates.speaks(track, m.back)) {
+        if self
+            .0
+            .iter()
+            .flatten()
+            .any(|m| !updates.has_own_output(track, m.there) || !updates.has_own_output(track, m.back))
+        {
             return Finding::CannotTell("it has no output on some of the passes".to_owned());
         }
         let offset = |m: &Meeting| minus(minus(updates.at(track, m.there), updates.at(track, m.back)), m.apart);
@@ -151,12 +156,12 @@ impl Passes {
     }
 }
 
-/// Whether a meeting is the next one of the same two passes.
-fn goes_on(pair: &[Meeting], next: &Meeting) -> bool {
+/// Whether a meeting continues the same two passes.
+fn continues_pair(pair: &[Meeting], next: &Meeting) -> bool {
     pair.last().is_some_and(|last| next.back - last.back <= 3 && last.there.abs_diff(next.there) <= 6)
 }
 
-/// Places without the straight line by which the fixes run away from them, segment by segment.
+/// Integrated positions less the straight line by which the fixes drift from them, segment by segment.
 fn without_drift(updates: &Updates, raw: &Positions) -> Vec<[f64; 2]> {
     let mut out = updates.place.clone();
     let mut first = 0;
@@ -184,21 +189,21 @@ fn slope(t: &[f64], y: &[f64]) -> f64 {
 
 // Straight legs
 
-/// A straight leg has less acceleration across, m/s².
+/// A straight leg has less lateral acceleration than this, m/s².
 const LATERAL_MPS2: f64 = 0.5;
-/// Half of the stretch that an acceleration is told from, s.
+/// Half of the interval for an acceleration, s.
 const HALF_S: f64 = 0.5;
-/// Fewest fixes of a leg.
+/// Least number of fixes of a leg.
 const LEAST_FIXES: usize = 6;
 
-/// Runs of fixes on straight legs, each with at least one delay of straight flight before.
+/// Runs of fixes on straight legs, each after at least one delay of straight flight.
 pub(crate) struct Legs {
     runs: Vec<std::ops::Range<usize>>,
     duration_s: f64,
 }
 
 impl Legs {
-    /// From the velocity alone: fixes about which velocity does not turn.
+    /// From the velocity alone: fixes around which velocity does not turn.
     pub(crate) fn of(updates: &Updates, delay_s: f64) -> Legs {
         let straight: Vec<bool> = (0..updates.rows.len()).map(|i| is_straight(updates, i)).collect();
         let mut runs: Vec<std::ops::Range<usize>> = vec![];
@@ -241,15 +246,15 @@ impl Legs {
         if let Finding::CannotTell(why) = self.finding() {
             return Finding::CannotTell(why);
         }
-        let fixes = || self.runs.iter().cloned().flatten().filter(|&i| updates.speaks(track, i));
+        let fixes = || self.runs.iter().cloned().flatten().filter(|&i| updates.has_own_output(track, i));
         let moved = |i: usize| minus(updates.at(track, i), updates.at(raw, i));
-        let ways = fixes().map(|i| (moved(i), updates.way(i, updates.moved_on_s(track, i))));
+        let travelled = fixes().map(|i| (moved(i), updates.travelled(i, updates.extrapolated_s(track, i))));
         let (excess, across): (Vec<f64>, Vec<f64>) =
-            ways.map(|(d, w)| (dot(d, w) / length(w) - length(w), to_the_right(w, d) / length(w))).unzip();
+            travelled.map(|(d, w)| (dot(d, w) / length(w) - length(w), to_the_right(w, d) / length(w))).unzip();
         let noise: Vec<[f64; 2]> = self
             .runs
             .iter()
-            .filter(|run| (run.start..run.end).all(|i| updates.speaks(track, i)))
+            .filter(|run| (run.start..run.end).all(|i| updates.has_own_output(track, i)))
             .flat_map(|run| {
                 let [of_track, of_raw] = [track, raw].map(|p| scatter_across(updates, p, run));
                 of_track.into_iter().zip(of_raw).map(|(a, b)| [a * a, b * b])
@@ -265,7 +270,7 @@ impl Legs {
     }
 }
 
-/// Acceleration across from three places half a second apart.
+/// Lateral acceleration from three positions half a second apart.
 fn is_straight(updates: &Updates, i: usize) -> bool {
     let v = updates.velocity[i];
     let speed = length(v);
@@ -276,7 +281,7 @@ fn is_straight(updates: &Updates, i: usize) -> bool {
     acceleration.is_some_and(|a| to_the_right(v, a).abs() / speed <= LATERAL_MPS2)
 }
 
-/// What is left across the leg beside a parabola over time, m.
+/// Residual across the leg about a parabola over time, m.
 fn scatter_across(updates: &Updates, track: &Positions, run: &std::ops::Range<usize>) -> Vec<f64> {
     let heading = run.clone().fold([0.0; 2], |sum, i| AXES.map(|k| sum[k] + updates.velocity[i][k]));
     let (from, to) = (updates.t(run.start), updates.t(run.end - 1));
@@ -301,7 +306,7 @@ fn scatter_across(updates: &Updates, track: &Positions, run: &std::ops::Range<us
     y
 }
 
-/// A finding, or why not.
+/// A finding, or the reason for none.
 pub(crate) fn found<T>(value: Option<T>, why: &str) -> Finding<T> {
     value.map_or_else(|| Finding::CannotTell(why.to_owned()), Finding::Found)
 }

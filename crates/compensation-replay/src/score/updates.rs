@@ -1,4 +1,4 @@
-//! The rows at which a fix is new: what all scores without a reference look at.
+//! The rows with a new fix, used by all scores without a reference.
 
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions};
@@ -7,19 +7,19 @@ use crate::rows::Rows;
 use signal::CumulativeIntegral;
 use std::ops::Range;
 
-/// Most fixes that are looked at: an hour at 1.6 Hz, ten minutes at 10 Hz; of more, every second, third, … is.
+/// Maximum number of fixes: an hour at 1.6 Hz, ten minutes at 10 Hz; with more, every second, third, … is used.
 const MOST: usize = 6_000;
 
-/// Valid rows at which a fix is new.
+/// Valid rows with a new fix.
 pub(crate) struct Updates<'a> {
     pub(crate) rows: Vec<usize>,
     input: &'a Input,
     all: &'a Rows,
     /// Velocity at each.
     pub(crate) velocity: Vec<[f64; 2]>,
-    /// Way flown from the start of the segment, m: where velocity alone puts the aircraft.
+    /// Displacement from the start of the segment, m: the position from velocity alone.
     pub(crate) place: Vec<[f64; 2]>,
-    /// Of each segment, with its first and last stamp.
+    /// For each segment, with its first and last timestamp.
     integrals: Vec<([CumulativeIntegral<'a>; 2], [f64; 2])>,
 }
 
@@ -53,18 +53,18 @@ impl<'a> Updates<'a> {
         AXES.map(|k| track.axes[k][self.rows[i]])
     }
 
-    pub(crate) fn speaks(&self, track: &Positions, i: usize) -> bool {
-        track.speaks(self.rows[i])
+    pub(crate) fn has_own_output(&self, track: &Positions, i: usize) -> bool {
+        track.has_own_output(self.rows[i])
     }
 
-    /// For how long a track moves its raw position on, s: the delay it was given, and if it knows how old the fix is,
-    /// that too.
-    pub(crate) fn moved_on_s(&self, track: &Positions, i: usize) -> f64 {
+    /// Time over which a track extrapolates its raw position, s: the given delay, plus the age of the fix if the
+    /// compensator knows it.
+    pub(crate) fn extrapolated_s(&self, track: &Positions, i: usize) -> f64 {
         let age = if knows_age(track) { self.all.age_s(self.input, self.rows[i]) } else { 0.0 };
         track.delay.seconds() + age
     }
 
-    /// Mean age of the fixes that a track does not know of, s.
+    /// Mean age of the fixes that a track does not know, s.
     pub(crate) fn unknown_age_s(&self, track: &Positions) -> f64 {
         if knows_age(track) || track.is_raw() || self.rows.is_empty() {
             return 0.0;
@@ -72,16 +72,16 @@ impl<'a> Updates<'a> {
         self.rows.iter().map(|&r| self.all.age_s(self.input, r)).sum::<f64>() / self.rows.len() as f64
     }
 
-    /// What velocity flew in the last `over_s` seconds before a row, m: Simpson's rule over three velocities, so no
-    /// integral that a compensator may share.
-    pub(crate) fn way(&self, i: usize, over_s: f64) -> [f64; 2] {
+    /// Displacement from velocity in the last `over_s` seconds before a row, m: Simpson's rule over three velocities,
+    /// independent of any integral that a compensator uses.
+    pub(crate) fn travelled(&self, i: usize, over_s: f64) -> [f64; 2] {
         let t = self.t(i);
         let middle = both_at(&self.input.velocity, t - 0.5 * over_s);
         let first = both_at(&self.input.velocity, t - over_s);
         AXES.map(|k| over_s / 6.0 * (first[k] + 4.0 * middle[k] + self.velocity[i][k]))
     }
 
-    /// Acceleration from the places `half_s` before and after, m/s²; `None` at the ends of a segment.
+    /// Acceleration from the positions `half_s` before and after, m/s²; `None` at the ends of a segment.
     pub(crate) fn acceleration(&self, i: usize, half_s: f64) -> Option<[f64; 2]> {
         let ([north, east], [first, last]) = &self.integrals[self.segment(i)?];
         let t = self.t(i);
@@ -89,14 +89,14 @@ impl<'a> Updates<'a> {
         (t - half_s >= *first && t + half_s <= *last).then(|| [bend(north), bend(east)])
     }
 
-    /// A track as the estimator takes it.
+    /// A track as input to the estimator.
     pub(crate) fn horizontal(&self, track: &Positions) -> Horizontal {
-        let said: Vec<usize> = self.rows.iter().copied().filter(|&r| track.speaks(r)).collect();
-        let t = said.iter().map(|&r| self.all.t[r]).collect();
-        let axes = AXES.map(|k| said.iter().map(|&r| track.axes[k][r]).collect());
-        // A raw fix belongs to its own stamp, not to the row that sees it first.
+        let shown: Vec<usize> = self.rows.iter().copied().filter(|&r| track.has_own_output(r)).collect();
+        let t = shown.iter().map(|&r| self.all.t[r]).collect();
+        let axes = AXES.map(|k| shown.iter().map(|&r| track.axes[k][r]).collect());
+        // A raw fix belongs to its own timestamp, not to the first row that sees it.
         let t = if track.is_raw() {
-            said.iter().map(|&r| self.all.t[r] - self.all.age_s(self.input, r)).collect()
+            shown.iter().map(|&r| self.all.t[r] - self.all.age_s(self.input, r)).collect()
         } else {
             t
         };
@@ -104,7 +104,7 @@ impl<'a> Updates<'a> {
     }
 }
 
-/// Whether a compensator knows how old its fix is, and carries it to the row.
+/// Whether a compensator knows the age of its fix, and carries it to the row.
 pub(crate) fn knows_age(track: &Positions) -> bool {
     match track.further {
         Some(CompensatorKind::Pade { .. } | CompensatorKind::ExactFir) => false,
@@ -136,7 +136,7 @@ pub(crate) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// `b` to the right of `a`, times the length of `a`.
+/// Component of `b` to the right of `a`, times the length of `a`.
 pub(crate) fn to_the_right(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }

@@ -1,4 +1,4 @@
-//! What is scored: the rows of each fix against a reference, or the step at each fix.
+//! Scored items: the rows of each fix against a reference, or the step at each fix.
 
 use super::Sweeper;
 use crate::input::AXES;
@@ -16,28 +16,28 @@ pub(super) fn integral(t: &[f64], y: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The rows of one fix, or the step from the fix before.
+/// The rows of one fix, or the step from the previous fix.
 #[derive(Debug, Clone)]
 struct Item {
-    /// The fix: place in the stamps.
+    /// The fix: index into the timestamps.
     at: u32,
-    /// Its rows end here, and begin where those of the item before end.
+    /// End of its rows, which start at the end of the previous item's.
     until: u32,
-    /// Mean over the rows of what the integral should be, north and east, m.
+    /// Mean target value of the integral over the rows, north and east, m.
     mean: [f64; 2],
-    /// Σ of the squared distances to that mean, m².
+    /// Σ of the squared distances from that mean, m².
     scatter: f64,
 }
 
-/// What is scored with every delay.
+/// Scored items, for every delay.
 #[derive(Debug, Clone)]
 pub(super) struct Items {
-    /// Whether errors are scored, or steps from the stamp before.
+    /// Whether errors are scored, or steps from the previous timestamp.
     pub(super) against_reference: bool,
-    /// Stamps of the fixes that take part, rising, s.
+    /// Timestamps of the fixes used, rising, s.
     stamps: Vec<f64>,
     items: Vec<Item>,
-    /// What the integral should be at each row, m.
+    /// Target value of the integral at each row, m.
     rows: Vec<[f64; 2]>,
 }
 
@@ -46,7 +46,7 @@ impl Items {
         self.items.len()
     }
 
-    /// Rows or fixes.
+    /// Number of rows or fixes.
     pub(super) fn samples(&self) -> usize {
         self.rows.len()
     }
@@ -69,7 +69,7 @@ impl Items {
         })
     }
 
-    /// Every n-th, so that about `most` are left.
+    /// Every n-th item, so that about `most` remain.
     pub(super) fn thinned(&self, most: usize) -> Items {
         let every = self.items.len().div_ceil(most.max(1)).max(1);
         let mut out = Items { stamps: vec![], items: vec![], rows: vec![], ..*self };
@@ -83,7 +83,7 @@ impl Items {
         out
     }
 
-    /// Place of a stamp that is not before the last one.
+    /// Index of a timestamp that is not before the last one.
     fn stamp(&mut self, t: f64) -> u32 {
         if self.stamps.last() != Some(&t) {
             self.stamps.push(t);
@@ -92,10 +92,10 @@ impl Items {
     }
 }
 
-/// How far the integral is from what it should be in one item, and how fast that changes with the delay.
+/// Error of the integral in one item, and its derivative by the delay.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Miss {
-    /// Rows.
+    /// Number of rows.
     pub(super) rows: f64,
     /// Mean over the rows, north and east, m.
     pub(super) error: [f64; 2],
@@ -103,14 +103,14 @@ pub(super) struct Miss {
     pub(super) rate: [f64; 2],
 }
 
-/// What velocity has flown up to an instant, m, and itself there, m/s.
+/// Integral of velocity up to an instant, m, and the velocity there, m/s.
 #[derive(Debug, Clone, Copy, Default)]
 struct Flown {
-    way: [f64; 2],
+    displacement: [f64; 2],
     velocity: [f64; 2],
 }
 
-/// The newest of at least two samples at `instant`, and never the last one; looked for from `at` on, in growing strides.
+/// The newest of at least two samples at `instant`, never the last one; searched from `at` on, in growing strides.
 fn newest(t: &[f64], at: usize, instant: f64) -> usize {
     let mut stride = 1;
     while at + stride < t.len() && t[at + stride] <= instant {
@@ -137,7 +137,7 @@ impl Sweeper {
             .zip(flown)
             .enumerate()
             .map(|(i, (&row, flown))| {
-                AXES.map(|k| self.input.position.axes[k][rows.fix(row)] + flown.way[k] - reference.axes[k][i])
+                AXES.map(|k| self.input.position.axes[k][rows.fix(row)] + flown.displacement[k] - reference.axes[k][i])
             })
             .collect();
         let group = |row: usize| (rows.fix(row), rows.segment(row));
@@ -150,7 +150,7 @@ impl Sweeper {
         Some(items)
     }
 
-    /// Steps at the fixes whose flight since the fix before the velocity has seen whole, for delays from `low` to `high`.
+    /// Steps at the fixes with velocity for the whole flight since the previous fix, for delays from `low` to `high`.
     pub(super) fn steps(&self, (low, high): (f64, f64)) -> Items {
         let position = &self.input.position;
         let mut items = Items { against_reference: false, stamps: vec![], items: vec![], rows: vec![] };
@@ -188,11 +188,11 @@ impl Sweeper {
             let (since, step) = (instant - t[at], t[at + 1] - t[at]);
             let slope = AXES.map(|k| (v[k][at + 1] - v[k][at]) / step);
             let velocity = AXES.map(|k| v[k][at] + slope[k] * since);
-            Flown { way: AXES.map(|k| self.flown[k][at] + 0.5 * since * (v[k][at] + velocity[k])), velocity }
+            Flown { displacement: AXES.map(|k| self.flown[k][at] + 0.5 * since * (v[k][at] + velocity[k])), velocity }
         })
     }
 
-    /// What every item misses with this delay.
+    /// Errors of all items with this delay.
     pub(super) fn misses<'a>(&'a self, items: &'a Items, delay_s: f64) -> impl Iterator<Item = Miss> + 'a {
         let mut flown = self.flown_by(items.stamps.iter().map(move |t| t - delay_s));
         let (mut walked, mut before, mut now) = (0, Flown::default(), Flown::default());
@@ -205,7 +205,7 @@ impl Sweeper {
             let from = if items.against_reference { Flown::default() } else { before };
             Miss {
                 rows: rows.len() as f64,
-                error: AXES.map(|k| item.mean[k] - (now.way[k] - from.way[k])),
+                error: AXES.map(|k| item.mean[k] - (now.displacement[k] - from.displacement[k])),
                 rate: AXES.map(|k| now.velocity[k] - from.velocity[k]),
             }
         })

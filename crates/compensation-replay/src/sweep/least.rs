@@ -1,21 +1,21 @@
-//! The delay of the least error against a reference, and how well it is known.
+//! The delay with the least error against a reference, and its uncertainty.
 
 use super::Sweeper;
 use super::items::{Items, Miss};
 use crate::input::AXES;
 use record::{Estimate, Finding, SweepMethod, SweepOptimum};
 
-/// Delays that are looked at, s.
+/// Search range, s.
 const SEARCH_S: (f64, f64) = (-1.0, 1.5);
 const SEARCH_STEP_S: f64 = 0.02;
-/// Fixes that the first search looks at.
+/// Maximum number of fixes in the first search.
 const SEARCHED: usize = 2000;
-/// Blocks of the jackknife. On 400 circuits of 90 s whose noise wanders over 1 s, 95 % intervals held the truth 379 times
-/// with ten blocks, 372 times with twenty: blocks must be long against the wander.
+/// Blocks of the jackknife. On 400 circuits of 90 s with noise that wanders over 1 s, 95 % intervals held the truth 379
+/// times with ten blocks, 372 times with twenty: blocks must be long compared with the wander.
 const BLOCKS: usize = 10;
 /// A flight whose velocity is steadier than this cannot tell a delay from an offset (design note 4).
 const LEAST_MOVING_SHARE: f64 = 0.05;
-/// A delay known less well is none, s.
+/// A delay that is more uncertain is rejected, s.
 const WORST_SIGMA_S: f64 = 0.05;
 const ROUNDS: usize = 20;
 
@@ -54,7 +54,7 @@ impl Sweeper {
         })
     }
 
-    /// The best of the delays that are looked at.
+    /// The best of the searched delays.
     fn searched(&self) -> Result<f64, String> {
         let items = self.errors(SEARCH_S).filter(|i| i.len() >= 2 * BLOCKS).ok_or_else(few)?.thinned(SEARCHED);
         let (from, to) = SEARCH_S;
@@ -67,7 +67,7 @@ impl Sweeper {
         Ok(best)
     }
 
-    /// Gauss and Newton from `near`; `None` if they leave it.
+    /// Gauss–Newton from `near`; `None` if it leaves the neighbourhood.
     fn descended(&self, items: &Items, near: f64) -> Option<f64> {
         let mut delay_s = near;
         for _ in 0..ROUNDS {
@@ -105,14 +105,14 @@ impl Sums {
         })
     }
 
-    /// By how much the delay is too small.
+    /// Correction to the delay.
     fn step(self) -> f64 {
         -self.gradient / self.curvature
     }
 }
 
 /// Standard error of the delay by a delete-one jackknife over consecutive blocks (Künsch 1989), one Gauss–Newton step
-/// each: valid while errors are correlated over much less than a block.
+/// each: valid if errors are correlated over much less than a block.
 fn jackknife(misses: &[Miss]) -> f64 {
     let all = Sums::of(misses.iter().copied());
     let n = misses.len();
@@ -126,7 +126,7 @@ fn jackknife(misses: &[Miss]) -> f64 {
     (spread * (BLOCKS - 1) as f64 / BLOCKS as f64).sqrt()
 }
 
-/// Share of the squared velocity that is not its mean.
+/// Share of the squared velocity about its mean.
 fn moving_share(misses: impl Iterator<Item = Miss>) -> f64 {
     let (mut rows, mut all, mut sum) = (0.0, 0.0, [0.0; 2]);
     for m in misses {

@@ -1,4 +1,4 @@
-//! What the delay estimator minimises, as a curve.
+//! The objective of the delay estimator, as a curve.
 
 use record::ObjectiveCurve;
 use signal::{DelayFit, Measurement, delay_objective_above};
@@ -6,12 +6,12 @@ use signal::{DelayFit, Measurement, delay_objective_above};
 /// Points over the whole search, and near the minimum.
 const WIDE_POINTS: usize = 51;
 const NEAR_POINTS: usize = 11;
-/// Samples of a component that the curve over the whole search is drawn from.
+/// Number of samples of a component for the curve over the whole search.
 const WIDE_SAMPLES: usize = 600;
-/// The near curve reaches so many standard uncertainties to either side.
+/// The near curve extends this many standard uncertainties to each side.
 const NEAR_U: f64 = 5.0;
 
-/// −2 ln L above its least, over the search and near the minimum; noise as fitted, offsets and drifts free.
+/// −2 ln L above its minimum, over the search and near the minimum; noise as fitted, offsets and drifts free.
 pub(crate) fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64, f64)) -> ObjectiveCurve {
     let half = NEAR_U * fit.standard_uncertainty_s;
     let delay_s = grid(from, to, WIDE_POINTS, fit.delay_s);
@@ -33,7 +33,7 @@ fn grid(from: f64, to: f64, points: usize, best: f64) -> Vec<f64> {
     all
 }
 
-/// The same curve with its least at 0: fewer samples may have it elsewhere than the fit.
+/// The same curve with its minimum at 0: with fewer samples the minimum may differ from that of the fit.
 fn from_zero(mut values: Vec<f64>) -> Vec<f64> {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     values.iter_mut().for_each(|v| *v -= least);

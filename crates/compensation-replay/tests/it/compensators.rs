@@ -1,4 +1,4 @@
-//! Every compensator against the acceptance vectors, closed formulas and flights whose truth is known.
+//! Every compensator against the acceptance vectors, closed formulas and flights with known truth.
 
 use crate::like_flights::LikeFlight;
 use compensation_replay::{
@@ -47,13 +47,13 @@ fn build(name: &str, td: f64, h: f64) -> Box<dyn Compensator> {
     kind(name).build(&CompensatorOptions { kalman, ..CompensatorOptions::new(td, h) }).unwrap()
 }
 
-/// Every causal one that is offered, by name.
+/// Every offered causal compensator, by name.
 fn causal() -> Vec<String> {
     CompensatorKind::all().into_iter().filter(|k| k.causal()).map(|k| k.to_string()).collect()
 }
 
 #[test]
-fn the_rational_forms_are_the_vectors_exactly() {
+fn the_rational_forms_match_the_vectors_exactly() {
     for (name, expected) in vectors()["pade"]["forms"].as_object().unwrap() {
         let form = form(name);
         for (what, found) in [("P", form.p()), ("Q", form.q()), ("N", form.numerator())] {
@@ -77,7 +77,7 @@ fn the_rational_forms_are_the_vectors_exactly() {
 }
 
 #[test]
-fn the_modal_forms_are_the_vectors() {
+fn the_modal_forms_match_the_vectors() {
     for (name, expected) in vectors()["modal_form"]["forms"].as_object().unwrap() {
         let (poles, residues) = (&expected["poles_times_Td"], &expected["residues"]);
         let known: Vec<(Vec<f64>, Vec<f64>)> = poles
@@ -97,7 +97,7 @@ fn the_modal_forms_are_the_vectors() {
 }
 
 #[test]
-fn the_errors_over_frequency_are_the_vectors() {
+fn the_errors_over_frequency_match_the_vectors() {
     let table = &vectors()["freq_error"];
     for row in table["rows"].as_array().unwrap() {
         let f_td = row["f_times_Td"].as_f64().unwrap();
@@ -109,7 +109,7 @@ fn the_errors_over_frequency_are_the_vectors() {
 }
 
 #[test]
-fn the_errors_on_a_circle_are_the_closed_form() {
+fn the_errors_on_a_circle_match_the_closed_form() {
     for row in vectors()["circle_error"]["rows"].as_array().unwrap() {
         let [radius, speed, one, two] = ["R", "U", "pade11", "pade22"].map(|k| row[k].as_f64().unwrap());
         let f_td = speed / radius * 0.4 / std::f64::consts::TAU;
@@ -118,9 +118,9 @@ fn the_errors_on_a_circle_are_the_closed_form() {
     }
 }
 
-/// The filter on a circle at 1 kHz: what first-order hold leaves beyond the closed form is `Td h² max|v″|/12 < 3e-7 m`.
+/// The filter on a circle at 1 kHz: first-order hold adds `Td h² max|v″|/12 < 3e-7 m` to the closed form.
 #[test]
-fn the_discrete_filters_leave_on_a_circle_what_the_closed_form_says() {
+fn the_discrete_filter_errors_on_a_circle_match_the_closed_form() {
     for row in vectors()["circle_error"]["rows"].as_array().unwrap() {
         let [radius, speed, one, two] = ["R", "U", "pade11", "pade22"].map(|k| row[k].as_f64().unwrap());
         let (td, h, omega) = (0.4, 0.001, speed / radius);
@@ -141,7 +141,7 @@ fn the_discrete_filters_leave_on_a_circle_what_the_closed_form_says() {
 }
 
 #[test]
-fn the_discrete_filters_are_the_vectors() {
+fn the_discrete_filters_match_the_vectors() {
     let all = &vectors()["filters_Td0p4_dt0p01"];
     for (name, expected) in all["filters"].as_object().unwrap() {
         let (degrees, rule_name) = name.split_once(' ').unwrap();
@@ -167,7 +167,7 @@ fn the_discrete_filters_are_the_vectors() {
 }
 
 #[test]
-fn irregular_steps_are_the_vectors() {
+fn irregular_steps_match_the_vectors() {
     let case = &vectors()["foh_variable_dt"];
     let (t, v) = (numbers(&case["t"]), numbers(&case["v"]));
     for name in ["1-1", "1-2", "2-2", "3-3", "4-4"] {
@@ -238,9 +238,9 @@ fn streaming_and_whole_record_agree_to_the_bit() {
     }
 }
 
-/// A gap is a straight line of velocity: the same as if its samples had been logged on that line.
+/// A gap is a straight line of velocity: the same as if the samples on that line had been logged.
 #[test]
-fn a_gap_is_a_straight_line_for_all_that_are_exact_on_one() {
+fn a_gap_is_a_straight_line_for_forms_exact_on_a_line() {
     let line = |t: f64| 15.0 - 2.0 * (t - 1.0);
     let velocity =
         |t: f64| if (1.0..=1.7).contains(&t) { line(t) } else { line(t.clamp(1.0, 1.7)) + (t - 1.0).min(0.0) };
@@ -262,7 +262,7 @@ fn a_gap_is_a_straight_line_for_all_that_are_exact_on_one() {
 }
 
 #[test]
-fn a_warm_start_on_a_straight_has_no_error_and_a_cold_one_forgets() {
+fn a_warm_start_on_a_straight_is_exact_and_a_cold_one_converges() {
     for name in causal() {
         let (td, h, speed) = (0.4, 0.01, 20.0);
         for (start, settled_at) in [(StartRule::Warm, 0.0), (StartRule::Cold, 12.0)] {
@@ -275,7 +275,7 @@ fn a_warm_start_on_a_straight_has_no_error_and_a_cold_one_forgets() {
                 }
                 compensator.position(t, speed * (t - td)).unwrap();
                 if t >= settled_at {
-                    // Zero-order hold is half a step late by design, which a straight does not show.
+                    // Zero-order hold is half a step late by design, which does not show on a straight.
                     close(compensator.output(t).unwrap(), speed * t, 1e-9, &format!("{name} {start:?} at {t} s"));
                 }
             }
@@ -284,14 +284,14 @@ fn a_warm_start_on_a_straight_has_no_error_and_a_cold_one_forgets() {
 }
 
 #[test]
-fn a_cold_start_of_the_paper_lacks_what_the_note_says() {
+fn a_cold_start_of_the_paper_lacks_the_documented_displacement() {
     let mut compensator = build("pade-1-1-foh", 0.4, 0.001);
     compensator.start(0.0, 20.0, StartRule::Cold).unwrap();
     compensator.position(0.0, 0.0).unwrap();
     for k in 1..=1000 {
         let t = f64::from(k) * 0.001;
         compensator.velocity(t, 20.0).unwrap();
-        // The ramp over one step puts the start half a step back.
+        // The ramp over one step moves the start back by half a step.
         let expected = 8.0 * (1.0 - (-2.0 * (t + 0.0005) / 0.4).exp());
         close(compensator.output(t).unwrap(), expected, 1e-5, &format!("{t} s"));
     }
@@ -314,7 +314,7 @@ fn no_output_until_td_of_velocity_has_been_seen() {
 }
 
 #[test]
-fn what_is_refused_leaves_the_state_as_it_was() {
+fn rejected_samples_leave_the_state_unchanged() {
     for name in causal() {
         let mut compensator = build(&name, 0.4, 0.01);
         assert_eq!(compensator.output(0.0), None);
@@ -325,7 +325,7 @@ fn what_is_refused_leaves_the_state_as_it_was() {
             "{name}"
         );
         compensator.start(0.0, 10.0, StartRule::Warm).unwrap();
-        assert_eq!(compensator.output(0.0), None, "{name}: nothing without a position");
+        assert_eq!(compensator.output(0.0), None, "{name}: no output without a position");
         compensator.velocity(0.01, 11.0).unwrap();
         compensator.position(0.005, 3.0).unwrap();
         let before = (compensator.output(0.02), compensator.state());
@@ -344,7 +344,7 @@ fn what_is_refused_leaves_the_state_as_it_was() {
 }
 
 #[test]
-fn a_snapshot_goes_on_with_the_same_bits() {
+fn a_snapshot_continues_with_the_same_bits() {
     let (t, v) = irregular(300);
     for name in causal() {
         let mut original = build(&name, 0.4, 0.02);
@@ -376,7 +376,7 @@ fn a_jump_of_the_position_passes_with_gain_one() {
         compensator.position(0.0, 1.0).unwrap();
         compensator.velocity(0.1, 5.0).unwrap();
         let before = compensator.output(0.1).unwrap();
-        // Where the asynchronous form was by then, and 40 m more.
+        // The asynchronous form's position at that time, plus 40 m.
         let flown = if name == "exact-async" { 0.5 } else { 0.0 };
         compensator.position(0.1, 41.0 + flown).unwrap();
         close(compensator.output(0.1).unwrap() - before, 40.0, 1e-12, &name);
@@ -384,7 +384,7 @@ fn a_jump_of_the_position_passes_with_gain_one() {
 }
 
 #[test]
-fn unstable_and_improper_forms_are_refused_with_the_reason() {
+fn unstable_and_improper_forms_are_rejected_with_the_reason() {
     match PadeForm::new(0, 5) {
         Err(PadeRefusal::Unstable { real, imaginary, .. }) => {
             close(real, 0.2398, 5e-5, "real part");
@@ -405,9 +405,9 @@ fn unstable_and_improper_forms_are_refused_with_the_reason() {
     }
 }
 
-/// A-acceptable and stable are one and the same set here: n − 2 ≤ m ≤ n.
+/// A-acceptable and stable are the same set here: n − 2 ≤ m ≤ n.
 #[test]
-fn every_form_up_to_degree_eight_is_stable_and_never_louder_than_a_delay_or_refused() {
+fn every_form_to_degree_eight_is_stable_with_gain_below_one_or_rejected() {
     for n in 1..=8_usize {
         for m in 0..=n {
             match PadeForm::new(m, n) {
@@ -426,7 +426,7 @@ fn every_form_up_to_degree_eight_is_stable_and_never_louder_than_a_delay_or_refu
 }
 
 #[test]
-fn names_are_read_back_as_they_are_written() {
+fn names_survive_a_round_trip() {
     for known in CompensatorKind::all() {
         assert_eq!(known.to_string().parse::<CompensatorKind>().unwrap(), known);
     }
@@ -438,7 +438,7 @@ fn names_are_read_back_as_they_are_written() {
 }
 
 #[test]
-fn those_that_need_the_whole_record_say_so() {
+fn noncausal_kinds_are_rejected_with_the_reason() {
     for name in ["offline-shift", "rts-smoother"] {
         assert!(!kind(name).causal());
         let refused = kind(name).build(&CompensatorOptions::new(0.4, 0.01));
@@ -462,9 +462,9 @@ fn every_diagonal_form_has_the_noise_gain_of_the_delay() {
     }
 }
 
-/// The same in the discrete filters: energy of the answer to one unit sample is `Td·h` (1 + O(h/Td)).
+/// The same for the discrete filters: the energy of the response to one unit sample is `Td·h` (1 + O(h/Td)).
 #[test]
-fn the_discrete_filters_amplify_noise_as_the_theorem_says() {
+fn the_discrete_filters_amplify_noise_as_in_the_theorem() {
     let (td, h) = (0.4, 0.002);
     let energy = |name: &str| {
         let mut compensator = build(name, td, h);
@@ -488,7 +488,7 @@ fn the_discrete_filters_amplify_noise_as_the_theorem_says() {
 }
 
 #[test]
-fn the_shift_offline_is_the_position_that_comes_later() {
+fn the_offline_shift_is_the_position_that_arrives_later() {
     let stamps: Vec<f64> = (0..100).map(|k| 0.1 * f64::from(k)).collect();
     let cubic = |t: f64| 0.1 * t.powi(3) - t * t + 4.0;
     let p: Vec<f64> = stamps.iter().map(|t| cubic(t - 0.4)).collect();
@@ -503,13 +503,13 @@ fn the_shift_offline_is_the_position_that_comes_later() {
     }
 }
 
-/// Circuit of 66 s, 4 Hz positions of 0.3 m and 10 Hz velocity of 0.1 m/s.
+/// Circuit of 66 s, with 4 Hz positions of 0.3 m and 10 Hz velocity of 0.1 m/s.
 fn noisy_circuit() -> LikeFlight {
     LikeFlight::of_rates(LikeCase::F, 0, (4.0, 0.3, 10.0, 0.1), 66.0)
 }
 
 #[test]
-fn maximum_likelihood_finds_the_noise_that_was_put_in() {
+fn maximum_likelihood_recovers_the_simulated_noise() {
     let flight = noisy_circuit();
     let fit = fit_kalman(&[flight.samples(0), flight.samples(1)], 0.4, 0.0).unwrap();
     // 2 × 264 positions and 2 × 660 velocities: standard errors of 1/√(2n) = 3.1 % and 1.9 %, wider for what motion and
@@ -520,9 +520,9 @@ fn maximum_likelihood_finds_the_noise_that_was_put_in() {
     assert!(fit_kalman(&[], 0.4, 0.0).is_none());
 }
 
-/// The smoother is what the streaming filter would be if it knew the future, and says how good it is.
+/// The smoother is the streaming filter with knowledge of the future, and states its own accuracy.
 #[test]
-fn the_smoother_bounds_the_filter_and_both_know_how_good_they_are() {
+fn the_smoother_bounds_the_filter_and_both_state_their_accuracy() {
     let flight = noisy_circuit();
     let settings = KalmanSettings::circuit(0.3, 0.1);
     let options = CompensatorOptions { kalman: Some(settings), ..CompensatorOptions::new(0.4, 0.05) };
@@ -542,10 +542,10 @@ fn the_smoother_bounds_the_filter_and_both_know_how_good_they_are() {
     close(filter.sigma(now).unwrap() * 2f64.sqrt(), causal, 0.35 * causal, "sigma of the filter, both axes");
 }
 
-/// Velocities after the newest position's instant are filtered again when a position comes: the result must be that
-/// of one filter over the samples in order of their instants, which the smoother's last row is.
+/// Velocities after the newest position's instant are filtered again when a position arrives. The result must equal
+/// that of one filter over the samples in order of their instants, which is the smoother's last row.
 #[test]
-fn the_delayed_filter_is_the_filter_in_order_of_instants() {
+fn the_delayed_filter_equals_a_filter_in_order_of_instants() {
     let flight = noisy_circuit();
     let settings = KalmanSettings::circuit(0.3, 0.1);
     let options = CompensatorOptions { kalman: Some(settings), ..CompensatorOptions::new(0.4, 0.05) };
@@ -566,8 +566,8 @@ fn the_delayed_filter_is_the_filter_in_order_of_instants() {
     }
 }
 
-/// Table 5.7, recursive compensators. The circuits are drawn by another generator than the note's, so the share of turns
-/// differs; raw errors differ by less than 1 %, and what scales with turning by a little more.
+/// Table 5.7, recursive compensators. The circuits come from another generator than the note's, so the share of turns
+/// differs. Raw errors differ by less than 1 %, and what scales with turning by slightly more.
 #[test]
 fn table_5_7_holds_for_clean_fast_data() {
     let flights: Vec<LikeFlight> = (0..2).map(|seed| LikeFlight::of(LikeCase::A, seed)).collect();
@@ -599,8 +599,8 @@ fn table_5_7_holds_for_a_clean_slow_receiver() {
     }
     close(rms("exact-fir", VelocityView::Bracketing), 2.471, 0.03 * 2.471, "exact-fir");
     close(rms("exact-async", VelocityView::Bracketing), 0.0197, 0.15 * 0.0197, "exact-async");
-    // The note's figure looks one velocity interval ahead. What an aircraft gets is the held velocity's:
-    // a·τ²/2 over the 0.25 s, 0.14 m rms in the turns.
+    // The note's figure looks one velocity interval ahead. An aircraft gets that of the held velocity: a·τ²/2 over the
+    // 0.25 s, 0.14 m rms in the turns.
     let causal = rms("exact-async", VelocityView::UpToNow);
     assert!((0.05..0.2).contains(&causal), "{causal}");
 }

@@ -1,4 +1,4 @@
-//! Starts, gaps, resets, refusals.
+//! Starts, gaps, resets, rejections.
 
 use crate::flights::{along_a_parallel, channel, circle, late};
 use compensation_replay::{Refusal, ReplayedTrack, RowState, Settings, Track, TrackColumn, TrackRows, replay};
@@ -38,7 +38,7 @@ fn error(replay: &compensation_replay::Replay, name: &str) -> f64 {
 
 #[test]
 fn compensation_with_the_wrong_sign_would_double_the_error() {
-    // On the circle the raw error is 2 R sin(ω Td / 2); the compensated one nearly nothing.
+    // On the circle the raw error is 2 R sin(ω Td / 2), and the compensated one nearly zero.
     let found = replay(&circle(0.4, 60.0, 100.0, 100.0), &settings()).unwrap();
     let raw = 60.0 * (17.5 / 30.0 * 0.4_f64 / 2.0).sin();
     assert!((error(&found, "raw") - raw).abs() < 1e-3);
@@ -46,18 +46,18 @@ fn compensation_with_the_wrong_sign_would_double_the_error() {
 }
 
 #[test]
-fn two_hundred_kilometres_along_a_parallel_stay_right() {
+fn two_hundred_kilometres_along_a_parallel_stay_correct() {
     let found = replay(&along_a_parallel(0.4, 1000.0), &settings()).unwrap();
-    // 80 m on the parallel; the tangent plane of the origin sees it under up to 1.8°.
+    // 80 m on the parallel; the tangent plane of the origin is tilted by up to 1.8° there.
     assert!((error(&found, "raw") - 80.0).abs() < 80.0 * 5e-4);
-    // The velocity is turned at the late fix: 80 m · tan 60° / R · 80 m = 1.7 mm.
+    // The velocity is rotated at the late fix: 80 m · tan 60° / R · 80 m = 1.7 mm.
     assert!(error(&found, "exact-async") < 2e-3, "{}", error(&found, "exact-async"));
     let north = numbers(&found.track, "raw_north_m");
     assert!(north.last().unwrap().unwrap() > 2_500.0, "the meridians converge: {:?}", north.last());
 }
 
 #[test]
-fn the_compensated_latitude_and_longitude_are_where_the_aircraft_is() {
+fn the_compensated_latitude_and_longitude_are_correct() {
     let found = replay(&along_a_parallel(0.4, 500.0), &settings()).unwrap();
     let latitude = numbers(&found.track, "exact_async_latitude_deg");
     // As above, 1.7 mm = 1.6e-8 deg.
@@ -65,7 +65,7 @@ fn the_compensated_latitude_and_longitude_are_where_the_aircraft_is() {
 }
 
 #[test]
-fn a_cold_start_lacks_what_the_textbook_says() {
+fn a_cold_start_lacks_the_textbook_displacement() {
     let mut flight = circle(0.4, 60.0, 100.0, 100.0);
     let straight = |t: f64, late: f64| [20.0 * (t - late), 0.0, 0.0];
     edit(&mut flight, "position.gps", |rows| rows.iter_mut().for_each(|(t, p)| *p = straight(*t, 0.4)));
@@ -91,7 +91,7 @@ fn a_cold_start_lacks_what_the_textbook_says() {
 }
 
 #[test]
-fn a_long_velocity_gap_starts_anew_and_a_short_one_is_bridged() {
+fn a_long_velocity_gap_restarts_and_a_short_one_is_bridged() {
     let mut flight = circle(0.4, 60.0, 100.0, 100.0);
     edit(&mut flight, "velocity.gps", |rows| {
         rows.retain(|(t, _)| !(20.0..23.0).contains(t) && !(40.0..40.5).contains(t))
@@ -101,7 +101,7 @@ fn a_long_velocity_gap_starts_anew_and_a_short_one_is_bridged() {
     assert_eq!((coverage.restarts, coverage.bridged_gaps), (1, 1));
     let counted: u64 = coverage.invalid.iter().map(|r| r.count).sum();
     assert_eq!(coverage.valid_rows + counted, coverage.rows);
-    // Of 60 s: less 3 s of gap, less twice 0.4 s of warm-up, less the bridged 0.5 s without rows.
+    // From 60 s, minus 3 s of gap, minus twice 0.4 s of warm-up, minus the bridged 0.5 s without rows.
     assert!((coverage.valid_s - 55.7).abs() < 0.03, "{}", coverage.valid_s);
     // After the gap 0.4 s of warm-up at 100 Hz, as at the start.
     assert_eq!(coverage.invalid[0].count, 80);
@@ -145,7 +145,7 @@ fn one_reset_of_the_position_is_marked_and_passed_on() {
 }
 
 #[test]
-fn swapped_axes_are_suspected_aloud() {
+fn swapped_axes_are_reported() {
     let mut flight = circle(0.4, 60.0, 10.0, 100.0);
     assert!(replay(&flight, &settings()).unwrap().notices.iter().all(|n| n.severity == Severity::Info));
     edit(&mut flight, "velocity.gps", |rows| rows.iter_mut().for_each(|(_, v)| v.swap(0, 1)));
@@ -154,16 +154,16 @@ fn swapped_axes_are_suspected_aloud() {
 }
 
 #[test]
-fn the_difference_is_what_velocity_predicts() {
+fn the_difference_matches_the_velocity_prediction() {
     let found = replay(&circle(0.4, 60.0, 10.0, 100.0), &settings()).unwrap().record;
-    // v · (Td + age) against the chord flown: 1 − sinc(ω Td/2) is below 0.5 % here.
+    // v · (Td + age) compared with the chord flown: 1 − sinc(ω Td/2) is below 0.5 % here.
     let predicted = found.predicted_rms_m.value;
     let exact = found.compensators.last().unwrap().raw_minus_this_rms_m.value;
     assert!((exact / predicted - 1.0).abs() < 0.006, "{exact} {predicted}");
 }
 
 #[test]
-fn the_uncertainty_of_the_delay_reaches_the_correction() {
+fn the_delay_uncertainty_propagates_to_the_correction() {
     let flight = circle(0.4, 60.0, 100.0, 100.0);
     let found = replay(&flight, &Settings { delay_uncertainty_s: Some(0.01), ..settings() }).unwrap().record;
     let u = found.compensators[1].raw_minus_this_rms_m.standard_uncertainty.unwrap();
@@ -182,7 +182,7 @@ fn every_spike_of_the_raw_position_is_in_its_curve() {
 }
 
 #[test]
-fn a_flight_that_stands_still_is_refused_with_the_reason() {
+fn a_stationary_flight_is_rejected_with_the_reason() {
     let mut flight = circle(0.4, 60.0, 10.0, 100.0);
     edit(&mut flight, "velocity.gps", |rows| rows.iter_mut().for_each(|(_, v)| *v = [0.1, 0.0, 0.0]));
     let refusal = replay(&flight, &settings()).unwrap_err();
@@ -190,7 +190,7 @@ fn a_flight_that_stands_still_is_refused_with_the_reason() {
 }
 
 #[test]
-fn what_is_missing_is_named() {
+fn missing_channels_are_named() {
     let mut flight = circle(0.4, 60.0, 10.0, 100.0);
     flight.channels.remove("velocity.gps");
     let text = replay(&flight, &settings()).unwrap_err().to_string();
@@ -200,14 +200,14 @@ fn what_is_missing_is_named() {
 }
 
 #[test]
-fn channels_that_do_not_meet_in_time_are_refused() {
+fn channels_without_overlap_are_rejected() {
     let mut flight = circle(0.4, 60.0, 10.0, 100.0);
     edit(&mut flight, "velocity.gps", |rows| rows.iter_mut().for_each(|(t, _)| *t += 1e6));
     assert!(matches!(replay(&flight, &settings()), Err(Refusal::NoOverlap { .. })));
 }
 
 #[test]
-fn a_flight_too_short_for_one_valid_row_is_refused_and_not_scored_as_zero() {
+fn a_flight_without_a_valid_row_is_rejected_and_not_scored_as_zero() {
     let refusal = replay(&circle(0.4, 0.3, 20.0, 100.0), &settings()).unwrap_err();
     assert!(matches!(refusal, Refusal::NothingValid { .. }), "{refusal}");
 }
@@ -236,7 +236,7 @@ fn a_logger_that_writes_whole_seconds_cannot_show_a_shorter_delay() {
 }
 
 #[test]
-fn rows_of_a_regular_clock_are_not_called_rounded_and_no_number_has_seventeen_digits() {
+fn rows_on_a_regular_clock_are_not_rounded_and_digits_are_limited() {
     let said = |irregular: bool| {
         let mut flight = circle(0.3, 60.0, 10.0, 10.0);
         for name in ["position.gps", "velocity.gps"] {
@@ -271,8 +271,8 @@ fn interrupted_circle() -> Flight {
 }
 
 #[test]
-fn a_further_compensator_starts_anew_in_every_segment_under_every_start_rule() {
-    // With a fix at every velocity the FIR form is the asynchronous one.
+fn further_compensators_restart_in_every_segment_with_every_start_rule() {
+    // With a fix at every velocity the FIR form equals the asynchronous one.
     for start in [StartRule::Warm, StartRule::InvalidUntilTd, StartRule::Cold] {
         let settings = Settings { start, ..with_further(&["exact-fir", "pade-2-2-foh"]) };
         let found = replay(&interrupted_circle(), &settings).unwrap();
@@ -290,7 +290,7 @@ fn a_further_compensator_starts_anew_in_every_segment_under_every_start_rule() {
 }
 
 #[test]
-fn what_always_runs_has_the_same_bits_with_further_compensators_and_is_not_run_twice() {
+fn default_compensators_run_once_with_the_same_bits_next_to_others() {
     let flight = interrupted_circle();
     let alone = replay(&flight, &settings()).unwrap();
     let names = ["pade-1-1-tustin", "pade-3-3-foh", "exact-async", "pade-2-2-foh", "exact-fir", "pade-3-3-foh"];
@@ -304,7 +304,7 @@ fn what_always_runs_has_the_same_bits_with_further_compensators_and_is_not_run_t
     for (name, column) in &alone.track.whole().columns {
         assert_eq!(with_more.column(name), Some(column), "{name}");
     }
-    // In the figures, the first two of the further ones and no more.
+    // In the figures, only the first two of the further ones.
     assert_eq!(more.record.track.len(), before + 2);
     assert_eq!(more.record.track[..before], alone.record.track);
     let (drawn, usual) = (&more.record.axes[0], &alone.record.axes[0]);
@@ -314,7 +314,7 @@ fn what_always_runs_has_the_same_bits_with_further_compensators_and_is_not_run_t
 }
 
 #[test]
-fn what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end() {
+fn noncausal_compensators_are_marked_and_stop_where_the_fixes_end() {
     let found = replay(&circle(0.4, 20.0, 10.0, 20.0), &with_further(&["offline-shift", "rts-smoother"])).unwrap();
     let further = &found.record.compensators[4..];
     assert_eq!(further.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["offline-shift", "rts-smoother"]);
@@ -323,7 +323,7 @@ fn what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end() {
         assert_eq!(c.step_at_fix_rms_m, None);
         assert!(c.error_rms_m.unwrap().value < 1e-3, "{c:?}");
     }
-    // The last 0.4 s of the rows have no fix that comes 0.4 s later.
+    // The last 0.4 s of the rows have no fix 0.4 s later.
     let east = numbers(&found.track, "offline_shift_east_m");
     let silent = east.iter().rev().take_while(|x| x.is_none()).count();
     assert!((7..=9).contains(&silent), "{silent}");
@@ -334,7 +334,7 @@ fn what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end() {
 }
 
 #[test]
-fn the_kalman_filter_with_noise_fitted_to_the_flight_is_better_than_what_passes_noise_on() {
+fn a_fitted_kalman_filter_beats_forms_that_pass_noise_on() {
     let mut flight = circle(0.4, 40.0, 10.0, 20.0);
     let mut generator = rand_pcg::Pcg64::seed_from_u64(7);
     let noise = Normal::new(0.0, 0.5).unwrap();
@@ -347,27 +347,27 @@ fn the_kalman_filter_with_noise_fitted_to_the_flight_is_better_than_what_passes_
     });
     let found = replay(&flight, &with_further(&["kalman", "rts-smoother"])).unwrap();
     let [exact, kalman, bound] = ["exact-async", "kalman", "rts-smoother"].map(|name| error(&found, name));
-    // The exact form passes the noise of 400 fixes on with gain 1: 0.5 √2 m, known to 2.5 %.
+    // The exact form passes the noise of 400 fixes on with gain 1: 0.5 √2 m, with an uncertainty of 2.5 %.
     assert!((exact / (0.5 * 2f64.sqrt()) - 1.0).abs() < 0.12, "{exact}");
     assert!(kalman < 0.5 * exact && bound < kalman, "Kalman {kalman}, bound {bound}, exact {exact}");
 }
 
 #[test]
-fn the_latitude_in_the_track_is_the_exact_forms_whatever_runs_beside() {
+fn the_track_latitude_is_the_exact_forms_whatever_else_runs() {
     let flight = along_a_parallel(0.4, 60.0);
     let more = replay(&flight, &with_further(&["pade-0-1-zoh", "offline-shift"])).unwrap();
     let alone = replay(&flight, &settings()).unwrap();
     for name in ["exact_async_latitude_deg", "exact_async_longitude_deg"] {
         assert_eq!(numbers(&more.track, name), numbers(&alone.track, name));
     }
-    // Where the offline shift has nothing to say its column is empty, and that of the exact form is not.
+    // Where the offline shift has no output its column is empty, but that of the exact form is not.
     assert_eq!(numbers(&more.track, "offline_shift_east_m").last(), Some(&None));
     assert!(numbers(&more.track, "exact_async_longitude_deg").last().unwrap().is_some());
 }
 
-/// Of a long record neighbouring velocities are averaged and the newest fixes kept: what is removed, and what is left, stay.
+/// In a long record neighbouring velocities are averaged and the newest fixes kept: removed and residual errors stay.
 #[test]
-fn a_record_of_very_many_samples_is_averaged_and_its_errors_stay() {
+fn a_very_long_record_is_averaged_and_its_errors_stay() {
     let flight = circle(0.4, 60.0, 100.0, 100.0);
     let all = replay(&flight, &settings()).unwrap();
     let averaged = replay(&flight, &Settings { most_samples: 2001, ..settings() }).unwrap();
@@ -379,7 +379,7 @@ fn a_record_of_very_many_samples_is_averaged_and_its_errors_stay() {
     assert!(reference.starts_with("position.truth: 3 neighbouring samples"), "{reference}");
     assert!(all.notices.iter().all(|n| n.code != "samples-left-out"));
     assert_eq!((averaged.record.coverage.rows, averaged.record.coverage.fixes), (2001, 2002));
-    // Of three samples the middle one is where their mean is, and its fix is as old as it was.
+    // Of three samples the middle one is at their mean, and the age of its fix is unchanged.
     let column = |replayed: &compensation_replay::Replay, name: &str| numbers(&replayed.track, name);
     let (t, age) = (column(&averaged, "t_s"), column(&averaged, "fix_age_s"));
     let fix = |t: &Option<f64>, age: &Option<f64>| 100.0 * (t.unwrap() - age.unwrap());
@@ -392,7 +392,7 @@ fn a_record_of_very_many_samples_is_averaged_and_its_errors_stay() {
 }
 
 #[test]
-fn the_parts_of_a_track_are_the_rows_of_the_whole() {
+fn the_parts_of_a_track_match_the_whole() {
     let track = replay(&interrupted_circle(), &settings()).unwrap().track;
     let (whole, rows) = (track.whole(), track.rows());
     let parts: Vec<Track> = (0..rows).step_by(999).map(|from| track.part(from..rows.min(from + 999))).collect();

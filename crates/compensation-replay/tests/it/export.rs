@@ -1,4 +1,4 @@
-//! The exported C, compiled and run beside the replay.
+//! The exported C, compiled, run and compared with the replay.
 
 use compensation_replay::{
     CExport, CFloat, CSource, CompensatorKind, CompensatorOptions, ExportError, PadeForm, PadeTustin, VelocityFilter,
@@ -35,7 +35,7 @@ fn export(kind: &str, real: CFloat) -> CExport {
     }
 }
 
-/// Turns, a step and stillness, m/s: sums of sines that both sides read as literals.
+/// Turns, a step and standstill, m/s: sums of sines that both sides read as literals.
 fn velocities() -> Vec<f64> {
     (0..600)
         .map(|k| {
@@ -87,7 +87,7 @@ fn write(folder: &Path, source: &CSource) {
     std::fs::write(folder.join(&source.source_name), &source.source).unwrap();
 }
 
-/// Compiles with every warning an error, runs, reads what it prints.
+/// Compiles with warnings as errors, runs, and reads the printed values.
 fn run(cc: &str, export: &CExport, program: &str) -> Vec<f64> {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), &export_c(export).unwrap());
@@ -145,7 +145,7 @@ fn double_in_c_gives_the_bits_of_the_replay() {
         let (found, expected) = (run(cc, &export, &program(&export.prefix, export.real)), replayed(export.kind));
         assert_eq!(found.len(), expected.len(), "{name}");
         let differ = found.iter().zip(&expected).filter(|(a, b)| a.to_bits() != b.to_bits() && a != b).count();
-        // -0 and +0 are one number. Elsewhere than x86-64 a compiler may fuse: 2 ulp of the largest displacement.
+        // -0 and +0 count as equal. Other machines than x86-64 may fuse: 2 ulp of the largest displacement.
         if cfg!(target_arch = "x86_64") {
             assert_eq!(differ, 0, "{name}: {differ} of {} differ", found.len());
         }
@@ -179,7 +179,7 @@ fn float_in_c_differs_by_rounding() {
 }
 
 #[test]
-fn the_files_say_where_they_come_from() {
+fn the_files_name_their_source() {
     let source = export_c(&export("pade-2-2-foh", CFloat::Double)).unwrap();
     for text in [&source.header, &source.source] {
         for part in
@@ -192,7 +192,7 @@ fn the_files_say_where_they_come_from() {
     }
     assert!(source.source.contains("#include \"pade_2_2_foh_double.h\""));
     assert!(!source.source.contains("math.h"));
-    // The direct form of the note, in the comment.
+    // The direct form from the note, in the comment.
     assert!(source.header.contains("b = ") && source.header.contains("-1.85374"), "{}", source.header);
     assert_eq!(source, export_c(&export("pade-2-2-foh", CFloat::Double)).unwrap());
     let unknown = CExport { delay_uncertainty_s: None, ..export("pade-1-1", CFloat::Float) };
@@ -200,7 +200,7 @@ fn the_files_say_where_they_come_from() {
 }
 
 #[test]
-fn what_cannot_be_exported_is_refused_with_the_reason() {
+fn unsupported_exports_are_rejected_with_the_reason() {
     for name in ["exact-fir", "kalman", "offline-shift", "rts-smoother"] {
         let refused = export_c(&export(name, CFloat::Double));
         assert!(matches!(refused, Err(ExportError::NotAFilter { .. })), "{name}");
@@ -228,9 +228,9 @@ fn what_cannot_be_exported_is_refused_with_the_reason() {
     assert!(refused.to_string().contains("unstable"), "{refused}");
 }
 
-/// The filter that was exported is the one that the replay builds by the same name.
+/// The exported filter equals the one that the replay builds by the same name.
 #[test]
-fn the_replay_of_the_same_name_adds_the_same_displacement() {
+fn the_replay_filter_of_the_same_name_adds_the_same_displacement() {
     for name in KINDS {
         let kind: CompensatorKind = name.parse().unwrap();
         let mut compensator = kind.build(&CompensatorOptions::new(TD, STEP)).unwrap();
@@ -240,18 +240,18 @@ fn the_replay_of_the_same_name_adds_the_same_displacement() {
         for (k, v) in v.iter().enumerate().skip(1) {
             compensator.velocity(k as f64 * STEP, *v).unwrap();
             let found = compensator.output(k as f64 * STEP).unwrap();
-            // Stamps in seconds round the step in its last bits.
+            // Timestamps in seconds round the step in its last bits.
             assert!((found - expected[k]).abs() < 1e-11, "{name} step {k}: {found} instead of {}", expected[k]);
         }
     }
 }
 
-/// Fixes at 4 Hz that arrive 30 ms old at the velocity loop; positions and ages are literals on both sides.
+/// Fixes at 4 Hz that are 30 ms old when they reach the velocity loop; positions and ages are literals on both sides.
 fn fixes() -> Vec<(usize, f64, f64)> {
     (1..=23).map(|k| (25 * k, 100.0 + 3.0 * (k as f64).sin(), 0.03)).collect()
 }
 
-/// Prints the position after every step once there is one; of refused fixes nothing is seen.
+/// Prints the position after every step once there is one; rejected fixes are not printed.
 fn ring_program(prefix: &str, real: CFloat) -> String {
     let list = |x: Vec<f64>| x.iter().map(|x| format!("{x:.17e}")).collect::<Vec<_>>().join(", ");
     let (velocity, fixes) = (list(velocities()), fixes());
@@ -311,8 +311,8 @@ fn ring_replayed() -> Vec<f64> {
     out
 }
 
-/// Double: sums of up to 600 terms of 20 m. Float: each of the 43 additions of a fix and the 25 after it rounds up to 10 m, and
-/// the late position itself is rounded.
+/// Double: sums of up to 600 terms of 20 m. Float: each of the 43 additions for a fix and the 25 after it rounds values
+/// up to 10 m, and the late position itself is rounded.
 #[test]
 fn the_ring_in_c_agrees_with_the_replay() {
     let expected = ring_replayed();

@@ -1,4 +1,4 @@
-//! Delays found in flights whose truth is known.
+//! Delays measured on flights with known truth.
 
 use crate::flights::{channel, circle};
 use compensation_replay::{FlightDelaySettings, measure_delays};
@@ -34,7 +34,7 @@ fn only(flight: &Flight, settings: &FlightDelaySettings) -> (PairDelay, Notices)
     (delays.pairs.remove(0), notices)
 }
 
-/// A flight with position and velocity alone.
+/// A flight with only a position and a velocity.
 fn flown(settings: &FlightSettings) -> Flight {
     let mut flight = simulate(settings).unwrap().to_flight().unwrap();
     flight.channels.remove("position.truth");
@@ -51,7 +51,7 @@ fn receiver(seed: u64) -> FlightSettings {
     }
 }
 
-/// A copy of a channel with each row mapped, or left out.
+/// A copy of a channel with each row mapped or dropped.
 fn changed(c: &Channel, mut map: impl FnMut(usize, f64, [f64; 3]) -> Option<(f64, [f64; 3])>) -> Channel {
     let origin = c.series.timeline().first().unwrap();
     let rows: Vec<(f64, [f64; 3])> = c
@@ -93,9 +93,9 @@ fn the_circle_of_the_acceptance_vector_is_0_4_s_late() {
     assert!(pair.meaning.contains("Tp − Tv"), "{}", pair.meaning);
 }
 
-/// σ_p/(U √N), the bound of the same vector: 1.1066 ms for 0.3 m. Whole circles: the drift costs a little.
+/// σ_p/(U √N), the bound of the same vector: 1.1066 ms for 0.3 m. Over whole circles the drift costs little.
 #[test]
-fn the_uncertainty_on_a_circle_is_that_of_the_closed_formula() {
+fn the_uncertainty_on_a_circle_matches_the_closed_formula() {
     let mut flight = circle(0.4, 60.0, 4.0, 100.0);
     flight.channels.remove("position.truth");
     let mut state = 1_u64;
@@ -113,14 +113,14 @@ fn the_uncertainty_on_a_circle_is_that_of_the_closed_formula() {
     flight.channels.insert("position.gps".into(), noisy);
     let (pair, _) = only(&flight, &quick());
     let (n, expected) = (240.0_f64, 0.3 / (17.5 * 240_f64.sqrt()));
-    // The noise is known from 2 × 240 samples: to 1/√(2·480) = 3.2 %; ends and drift cost up to 6 %. Four sigma.
+    // The noise is estimated from 2 × 240 samples: to 1/√(2·480) = 3.2 %; ends and drift cost up to 6 %. Four sigma.
     let curvature = found(&pair).hessian_s / expected;
     assert!((0.87..1.19).contains(&curvature), "{curvature} ({n})");
     assert!((found(&pair).delay_s.value - 0.4).abs() < 4.0 * expected);
 }
 
-/// 40 circuits of a minute; errors against the bound of both noises are in the example `flight_delay_study`. Here: the
-/// errors divided by what is claimed have an rms of 1 ± 4/√(2·40), and at least 95 % − 4 √(0.05·0.95/40) of the
+/// 40 circuits of a minute; the example `flight_delay_study` compares errors with the bound of both noises. Here the
+/// errors over their standard uncertainties have an rms of 1 ± 4/√(2·40), and at least 95 % − 4 √(0.05·0.95/40) of the
 /// intervals hold the truth.
 fn claims_hold(position: &SensorSettings, velocity_hz: f64, velocity_std: f64) {
     const TRIALS: u64 = 40;
@@ -150,24 +150,24 @@ fn claims_hold(position: &SensorSettings, velocity_hz: f64, velocity_std: f64) {
 }
 
 #[test]
-fn delays_of_a_gps_that_wanders_are_within_what_is_claimed_of_them() {
+fn delays_of_a_wandering_gps_are_within_their_uncertainty() {
     let wander = Some(Wander { std: 1.5, time_constant_s: 60.0 });
     claims_hold(&SensorSettings { white_std: 0.3, wander, ..SensorSettings::clean(4.0) }, 10.0, 0.1);
 }
 
-/// Centimetres: what limits the delay is the velocity's noise, integrated.
+/// Centimetre noise: the delay is limited by the integrated noise of the velocity.
 #[test]
-fn delays_of_an_rtk_receiver_are_within_what_is_claimed_of_them() {
+fn delays_of_an_rtk_receiver_are_within_their_uncertainty() {
     claims_hold(&SensorSettings { white_std: 0.02, ..SensorSettings::clean(10.0) }, 10.0, 0.05);
 }
 
 #[test]
-fn delays_against_a_slow_velocity_are_within_what_is_claimed_of_them() {
+fn delays_against_a_slow_velocity_are_within_their_uncertainty() {
     claims_hold(&SensorSettings { white_std: 0.3, ..SensorSettings::clean(4.0) }, 4.0, 0.1);
 }
 
 #[test]
-fn a_straight_flight_and_a_still_one_are_not_measurable_and_are_told_what_would_help() {
+fn straight_and_stationary_flights_are_not_measurable_and_get_advice() {
     for seed in 0..5 {
         let straight = PathKind::Straight { speed_mps: 17.5, heading_rad: 0.7 };
         let (pair, _) = only(&flown(&FlightSettings { path: straight, ..receiver(seed) }), &quick());
@@ -181,7 +181,7 @@ fn a_straight_flight_and_a_still_one_are_not_measurable_and_are_told_what_would_
 /// A minute of a pendulum of 0.3 m, which is never faster than 1.03 m/s; fixes of 1 cm at 10 Hz:
 /// σ_p √2/(rms of the speed √N) = 0.79 ms at best.
 #[test]
-fn a_pendulum_of_one_metre_a_second_is_known_to_a_millisecond_or_two() {
+fn a_pendulum_at_1_mps_gives_the_delay_to_1_or_2_ms() {
     let (size, rate) = (0.3, 3.43);
     let swing = |t: f64| size * (rate * t).sin() * (1.0 + 0.1 * (0.1 * t).cos());
     let speed = |t: f64| (swing(t + 1e-5) - swing(t - 1e-5)) / 2e-5;
@@ -202,9 +202,9 @@ fn a_pendulum_of_one_metre_a_second_is_known_to_a_millisecond_or_two() {
     assert!((delay.value - 0.2).abs() < 4.0 * u && u < 0.003, "{delay:?}");
 }
 
-/// Noise far above the motion: the reason says how well the delay would be known, and what to fly for how long.
+/// Noise far above the motion: the reason states the expected uncertainty of the delay, and what to fly for how long.
 #[test]
-fn a_delay_that_would_not_be_known_says_how_well_and_what_to_fly() {
+fn an_uncertain_delay_is_rejected_with_its_uncertainty_and_advice() {
     let mut settings = receiver(12);
     settings.duration_s = 40.0;
     settings.position.white_std = 20.0;
@@ -214,7 +214,7 @@ fn a_delay_that_would_not_be_known_says_how_well_and_what_to_fly() {
 }
 
 #[test]
-fn too_little_of_anything_is_refused_in_words() {
+fn too_little_data_is_rejected_in_words() {
     let flight = flown(&FlightSettings { duration_s: 3.0, ..receiver(1) });
     let (pair, _) = only(&flight, &quick());
     assert!(reason(&pair).contains("longer"), "{}", reason(&pair));
@@ -228,7 +228,7 @@ fn too_little_of_anything_is_refused_in_words() {
 }
 
 #[test]
-fn a_velocity_with_swapped_axes_is_no_measurement_however_short_the_flight() {
+fn a_velocity_with_swapped_axes_is_rejected_even_in_a_short_flight() {
     for duration_s in [120.0, 13.0, 8.0] {
         let mut flight = flown(&FlightSettings { duration_s, ..receiver(3) });
         let (pair, _) = only(&flight, &quick());
@@ -242,7 +242,7 @@ fn a_velocity_with_swapped_axes_is_no_measurement_however_short_the_flight() {
 }
 
 #[test]
-fn channels_in_other_units_are_told_the_factor_and_the_unit() {
+fn channels_in_other_units_are_reported_with_factor_and_unit() {
     let flight = flown(&receiver(3));
     for (channel, factor, words) in [
         ("velocity.gps", 3.6, "velocity.gps were divided by 3.60, as if velocity.gps were in km/h and read as m/s:"),
@@ -255,13 +255,13 @@ fn channels_in_other_units_are_told_the_factor_and_the_unit() {
         other.channels.insert(channel.into(), scaled);
         let pair = only(&other, &quick()).0;
         assert!(reason(&pair).contains(words), "{}", reason(&pair));
-        assert!(pair.varies.is_none(), "the delay of what does not move alike neither scatters nor drifts");
+        assert!(pair.varies.is_none(), "no scatter or drift for channels that do not move alike");
     }
 }
 
-/// A time anywhere within a step before or behind its stamp has the standard uncertainty of the step over the root of three.
+/// A time anywhere within a step before or after its timestamp has the standard uncertainty of the step over √3.
 #[test]
-fn stamps_that_several_rows_share_widen_the_interval_by_their_step_or_forbid_it() {
+fn shared_timestamps_widen_the_interval_or_prevent_a_measurement() {
     let flight = flown(&receiver(1));
     let shared = |step_s: f64| {
         let mut flight = flight.clone();
@@ -274,13 +274,13 @@ fn stamps_that_several_rows_share_widen_the_interval_by_their_step_or_forbid_it(
     let ((delay_s, fine), (same_s, coarse)) = (of(&only(&flight, &quick()).0), of(&shared(0.03)));
     assert_eq!(delay_s, same_s);
     assert!((coarse * coarse - fine * fine - 0.03 * 0.03 / 3.0).abs() < 1e-12, "{fine} {coarse}");
-    // All of the flight errs alike: what compares its parts stays as it is.
+    // The error is common to the whole flight, so comparisons of its parts are unchanged.
     let (own, with) = (only(&flight, &quick()).0, shared(0.03));
     assert_eq!((&found(&own).over_time, &found(&own).splits), (&found(&with).over_time, &found(&with).splits));
     assert!(reason(&shared(0.1)).contains("share one stamp") && reason(&shared(0.1)).contains("±58 ms"));
 }
 
-/// Against the truth both are absolute: the position's 0.4 s and the velocity's 0.15 s, and their difference.
+/// Against the truth both are absolute: 0.4 s for the position, 0.15 s for the velocity, and their difference.
 #[test]
 fn with_a_reference_position_and_velocity_each_have_their_own_delay() {
     let mut settings = receiver(4);
@@ -314,9 +314,9 @@ fn held_rows_do_not_make_a_position_later() {
     assert!((found(&pair).delay_s.value - 0.4).abs() < 1e-3, "{:?}", found(&pair).delay_s);
 }
 
-/// Three resets of 5 to 40 m, and a velocity that is silent for 8 s: the delay stays, and both are said.
+/// Three resets of 5 to 40 m, and a velocity gap of 8 s: the delay is unchanged, and both are reported.
 #[test]
-fn resets_and_gaps_cut_the_record_and_leave_the_delay() {
+fn resets_and_gaps_split_the_record_and_keep_the_delay() {
     let mut settings = receiver(6);
     settings.duration_s = 240.0;
     settings.velocity.gaps = vec![Interval { from_s: 120.0, to_s: 128.0 }];
@@ -343,7 +343,7 @@ fn resets_and_gaps_cut_the_record_and_leave_the_delay() {
 
 /// Logger's clock stepped forward by an hour in the middle of the flight.
 #[test]
-fn a_clock_that_jumps_by_an_hour_leaves_the_delay() {
+fn a_clock_jump_of_an_hour_does_not_change_the_delay() {
     let mut flight = flown(&receiver(7));
     for name in ["position.gps", "velocity.gps"] {
         let jumped = changed(&flight.channels[name], |_, t, x| Some((if t < 60.0 { t } else { t + 3600.0 }, x)));
@@ -358,7 +358,7 @@ fn a_clock_that_jumps_by_an_hour_leaves_the_delay() {
 }
 
 #[test]
-fn a_delay_that_steps_in_flight_raises_an_alarm_with_its_time_and_size() {
+fn a_delay_step_in_flight_raises_an_alarm_with_time_and_size() {
     let mut settings = receiver(8);
     settings.duration_s = 300.0;
     let steady = flown(&settings);
@@ -378,9 +378,9 @@ fn a_delay_that_steps_in_flight_raises_an_alarm_with_its_time_and_size() {
     assert!(delay.over_time.len() >= 4 && delay.over_time.windows(2).all(|w| w[0].end_s <= w[1].start_s));
 }
 
-/// 0.4 s, and 0.65 s from the middle on: no pair of this position gives the delay of a part as that of the flight.
+/// 0.4 s, and 0.65 s from the middle on: no pair of this position reports the delay of one part as that of the flight.
 #[test]
-fn a_delay_that_steps_is_seen_against_a_reference_too() {
+fn a_delay_step_is_also_detected_against_a_reference() {
     let mut settings = receiver(8);
     settings.duration_s = 300.0;
     let mut flight = simulate(&settings).unwrap().to_flight().unwrap();
@@ -394,7 +394,7 @@ fn a_delay_that_steps_is_seen_against_a_reference_too() {
         let is = pair(&stepped.pairs, "position.gps", second);
         let (varies, delay) = (is.varies.as_ref().unwrap(), found(is));
         assert_eq!(varies.kind, record::DelayKind::Steps, "{second}: {varies:?}");
-        // Half of the flight each: the mean is 0.525 s, and either delay is within the interval.
+        // Half of the flight each: the mean is 0.525 s, and both delays are within the interval.
         assert!((delay.delay_s.value - 0.525).abs() < 0.02, "{second}: {:?}", delay.delay_s);
         let [from, to] = delay.interval_95_s;
         assert!(from < 0.4 && to > 0.65 && delay.alarm.is_some(), "{second}: {from} {to}");
@@ -404,7 +404,7 @@ fn a_delay_that_steps_is_seen_against_a_reference_too() {
 }
 
 #[test]
-fn a_delay_that_is_put_in_is_found_again() {
+fn an_injected_delay_is_recovered() {
     let settings = FlightDelaySettings { inject_s: vec![-0.05, 0.2], ..FlightDelaySettings::default() };
     let (pair, _) = only(&flown(&receiver(9)), &settings);
     let delay = found(&pair);
@@ -416,10 +416,10 @@ fn a_delay_that_is_put_in_is_found_again() {
     assert!((delay.smallest_detectable_s - 2.8 * delay.delay_s.standard_uncertainty.unwrap()).abs() < 1e-15);
 }
 
-/// 60 ms later whenever the receiver has eight satellites, which is every other 20 s: the split by satellites says so
-/// and by how much; the speed has nothing to do with it.
+/// 60 ms later whenever the receiver has eight satellites, which is every other 20 s: the split by satellites shows it
+/// and its size; the speed is unrelated.
 #[test]
-fn more_samples_are_taken_where_a_first_look_does_not_know_enough() {
+fn more_samples_are_used_if_the_first_look_is_too_uncertain() {
     let mut flight = receiver(5);
     flight.position = SensorSettings { delay_s: 0.4, white_std: 0.5, ..SensorSettings::clean(25.0) };
     let flight = flown(&flight);
@@ -427,10 +427,10 @@ fn more_samples_are_taken_where_a_first_look_does_not_know_enough() {
     let (thin, notices) = only(&flight, &look(0.1));
     let (all, _) = only(&flight, &look(1e-6));
     let (thin, all) = (found(&thin), found(&all));
-    // One in three of 3001, of which those that the search could shift out of the velocity take no part.
+    // One in three of 3001; those that the search could shift out of the velocity are not used.
     assert!(all.samples > 5900 && (3 * thin.samples).abs_diff(all.samples) < 30, "{} {}", thin.samples, all.samples);
     assert!(notices.iter().any(|n| n.code == "samples-left-out" && n.count == 2001), "{notices:?}");
-    // A third of the samples, white noise: the uncertainty is that of the part, and the truth is within both.
+    // A third of the samples, white noise: the uncertainty matches that number, and the truth is within both.
     let of = |m: &MeasuredDelay| m.delay_s.standard_uncertainty.unwrap();
     assert!((of(thin) / of(all) / 3.0_f64.sqrt() - 1.0).abs() < 0.15, "{} {}", of(thin), of(all));
     for m in [thin, all] {
@@ -438,9 +438,9 @@ fn more_samples_are_taken_where_a_first_look_does_not_know_enough() {
     }
 }
 
-/// Of a long record neighbouring samples of the velocity are averaged, which shifts nothing: every third of 100 Hz.
+/// In a long record neighbouring velocity samples are averaged, which shifts nothing: every third of 100 Hz.
 #[test]
-fn a_velocity_of_very_many_samples_is_averaged_and_the_delay_stays() {
+fn a_very_long_velocity_is_averaged_and_the_delay_stays() {
     for seed in 20..24 {
         let mut flight = receiver(seed);
         flight.velocity = SensorSettings { white_std: 0.05, ..SensorSettings::clean(100.0) };
@@ -457,7 +457,7 @@ fn a_velocity_of_very_many_samples_is_averaged_and_the_delay_stays() {
     }
 }
 
-/// A flight whose fixes show the truth as `shown` says for each stamp, with 0.1 m of noise.
+/// A flight whose fixes show the truth at the time that `shown` returns for each timestamp, with 0.1 m of noise.
 fn reshown(
     settings: &FlightSettings,
     mut shown: impl FnMut(&simulate::SimulatedFlight, usize, f64) -> [f64; 3],
@@ -479,27 +479,27 @@ fn reshown(
     flight
 }
 
-/// Each fix waits in a queue for an exponential time of 80 ms in the mean: the mean delay is measured and said to be one.
+/// Each fix waits in a queue for an exponential time with mean 80 ms: the mean delay is measured and reported as such.
 #[test]
-fn of_a_lopsided_lateness_the_mean_is_measured() {
+fn the_mean_of_a_lopsided_lateness_is_measured() {
     const TRIALS: u64 = 20;
-    let (mut covered, mut told) = (0, 0);
+    let (mut covered, mut reported) = (0, 0);
     for seed in 0..TRIALS {
-        // The exponential's quantiles at a shuffled even grid: its mean is 80 ms in every flight.
+        // The exponential's quantiles on a shuffled even grid: its mean is 80 ms in every flight.
         let late = |k: usize| -0.08 * (1.0 - ((k * 239 + 17 * seed as usize) % 600) as f64 / 600.0 - 1.0 / 1200.0).ln();
         let flight = reshown(&receiver(700 + seed), |s, k, t| s.truth.at(t - 0.3 - late(k)).position);
         let (pair, _) = only(&flight, &quick());
         let delay = found(&pair);
         covered += u32::from(delay.interval_95_s[0] <= 0.38 && 0.38 <= delay.interval_95_s[1]);
-        told += u32::from(delay.alarms.iter().any(|a| a.contains("queue")));
+        reported += u32::from(delay.alarms.iter().any(|a| a.contains("queue")));
     }
-    // 95 %, less four times √(20 · 0.95 · 0.05) = 3.9.
-    assert!(covered >= 15 && told >= 18, "{covered} {told}");
+    // 95 %, minus four times √(20 · 0.95 · 0.05) = 3.9.
+    assert!(covered >= 15 && reported >= 18, "{covered} {reported}");
 }
 
-/// A position behind a first-order lag of a second is no pure delay: slow motion is later than fast motion.
+/// A position with a first-order lag of a second is not a pure delay: slow motion is later than fast motion.
 #[test]
-fn a_lag_is_said_to_depend_on_frequency_and_a_delay_is_not() {
+fn a_lag_is_reported_as_frequency_dependent_but_a_delay_is_not() {
     let about = |flight: &Flight| {
         let (pair, _) = only(flight, &quick());
         let delay = found(&pair).clone();
@@ -512,10 +512,10 @@ fn a_lag_is_said_to_depend_on_frequency_and_a_delay_is_not() {
         let weight = |k: usize| (1.0 - (-0.02_f64).exp()) * (-0.02 * k as f64).exp() / (1.0 - (-7.0_f64).exp());
         std::array::from_fn(|i| (0..350).map(|k| weight(k) * at(k)[i]).sum())
     };
-    let (alarm, behind) = about(&reshown(&settings, |s, _, t| lag(s, t)));
-    assert!(alarm.is_some(), "{behind:?}");
-    let u = behind.delay_s.standard_uncertainty.unwrap();
-    assert!(u > 2.0 * behind.hessian_s.max(behind.hac_s), "the interval of a model that fails is not wider: {u}");
+    let (alarm, lagged) = about(&reshown(&settings, |s, _, t| lag(s, t)));
+    assert!(alarm.is_some(), "{lagged:?}");
+    let u = lagged.delay_s.standard_uncertainty.unwrap();
+    assert!(u > 2.0 * lagged.hessian_s.max(lagged.hac_s), "the interval of a failed model is not wider: {u}");
     for seed in 0..20 {
         let (alarm, _) = about(&flown(&receiver(740 + seed)));
         assert_eq!(alarm, None);
@@ -523,7 +523,7 @@ fn a_lag_is_said_to_depend_on_frequency_and_a_delay_is_not() {
 }
 
 #[test]
-fn the_delay_is_split_by_what_the_receiver_reports() {
+fn the_delay_is_split_by_the_reported_receiver_quality() {
     let mut settings = receiver(10);
     settings.duration_s = 300.0;
     let simulated = simulate(&settings).unwrap();
@@ -567,8 +567,8 @@ fn the_delay_is_split_by_what_the_receiver_reports() {
     assert!((fast - slow).abs() < 0.01, "{by_speed:?}");
 }
 
-/// A body that banks by 0.6 rad and turns to and fro at constant speed; with a bias of the accelerometers in body axes. The
-/// bias ahead is parallel to the jerk: without columns of its own it would pass for a delay.
+/// A body that banks by 0.6 rad and turns back and forth at constant speed, with an accelerometer bias in body axes.
+/// The forward bias is parallel to the jerk: without its own columns it would look like a delay.
 fn banked(late: f64, bias: [f64; 3], heading: &dyn Fn(f64) -> (f64, f64)) -> Flight {
     let speed = 17.5;
     let (bank_sin, bank_cos) = 0.6_f64.sin_cos();
@@ -580,7 +580,7 @@ fn banked(late: f64, bias: [f64; 3], heading: &dyn Fn(f64) -> (f64, f64)) -> Fli
         })
         .collect();
     let inertial: Vec<f64> = (0..4000).map(|k| 0.007 + 0.02 * f64::from(k)).collect();
-    // Axes forward, right, down of a body that is rolled right by 0.6 rad.
+    // Axes forward, right and down of a body rolled right by 0.6 rad.
     let force: Vec<(f64, [f64; 3])> = inertial
         .iter()
         .map(|t| {
@@ -609,13 +609,13 @@ fn banked(late: f64, bias: [f64; 3], heading: &dyn Fn(f64) -> (f64, f64)) -> Fli
     flight
 }
 
-/// Turns to and fro: heading and its rate.
+/// Turns back and forth: heading and its rate.
 fn weaving(t: f64) -> (f64, f64) {
     (1.2 * (0.5 * t).sin() + 0.4 * (0.21 * t).sin(), 0.6 * (0.5 * t).cos() + 0.084 * (0.21 * t).cos())
 }
 
 #[test]
-fn a_velocity_is_measured_against_turned_specific_force_whatever_its_bias() {
+fn velocity_is_measured_against_rotated_specific_force_with_any_bias() {
     for bias in [[0.0; 3], [0.1, -0.05, 0.2], [-0.1, 0.1, 0.0]] {
         let (pair, _) = only(&banked(0.12, bias, &weaving), &quick());
         assert_eq!(pair.kind, DelayPairKind::VelocityAgainstAcceleration);
@@ -624,16 +624,16 @@ fn a_velocity_is_measured_against_turned_specific_force_whatever_its_bias() {
     }
 }
 
-/// In a steady circle a delay turns the acceleration by a fixed angle, as biases ahead and to the right do.
+/// In a steady circle a delay rotates the acceleration by a fixed angle, like forward and right biases do.
 #[test]
-fn a_steady_circle_does_not_tell_a_delay_from_a_bias() {
+fn a_steady_circle_cannot_separate_a_delay_from_a_bias() {
     let omega = 17.5 / 30.0;
     let (pair, _) = only(&banked(0.12, [0.0; 3], &|t| (omega * t, omega)), &quick());
     assert!(pair.delay.found().is_none(), "{:?}", pair.delay);
 }
 
 #[test]
-fn an_imu_of_four_hertz_is_measured_and_kept_out_of_the_network() {
+fn an_imu_at_four_hertz_is_measured_but_excluded_from_the_network() {
     let mut flight = banked(0.12, [0.0; 3], &|t| (2.5 * (0.23 * t).sin(), 2.5 * 0.23 * (0.23 * t).cos()));
     for name in ["specific-force.imu", "attitude.imu"] {
         let c = &flight.channels[name];
@@ -650,7 +650,7 @@ fn an_imu_of_four_hertz_is_measured_and_kept_out_of_the_network() {
 }
 
 #[test]
-fn the_same_flight_gives_the_same_bits_and_a_record_that_survives_json() {
+fn results_are_bit_identical_and_survive_a_json_round_trip() {
     let flight = flown(&receiver(11));
     let (a, b) = (measure_delays(&flight, &quick()).0, measure_delays(&flight, &quick()).0);
     assert_eq!(a, b);
@@ -658,10 +658,10 @@ fn the_same_flight_gives_the_same_bits_and_a_record_that_survives_json() {
     assert_eq!(serde_json::from_str::<record::FlightDelays>(&text).unwrap(), a);
 }
 
-/// Between two samples the integral of white noise is smaller than at one of them. A fit that takes this for agreement ends at
-/// multiples of the step of the velocity: here 250 and 300 ms, twenty and thirty from the truth.
+/// Between two samples the integral of white noise is smaller than at a sample. A fit that mistakes this for agreement
+/// ends at multiples of the velocity step: here 250 and 300 ms, twenty and thirty from the truth.
 #[test]
-fn white_noise_of_a_fast_velocity_does_not_pull_the_delay_to_its_samples() {
+fn fast_velocity_noise_does_not_pull_the_delay_to_its_samples() {
     let off_s = |seed| {
         let flight = flown(&FlightSettings {
             duration_s: 240.0,

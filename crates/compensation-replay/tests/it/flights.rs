@@ -1,4 +1,4 @@
-//! Flights made by hand: closed formulas, no generator.
+//! Hand-made flights: closed formulas, no generator.
 
 use flight::{Channel, ChannelSource, Clock, Delay, Flight, Geodetic, Quantity, Series, Stamp, StampKind, Timeline};
 

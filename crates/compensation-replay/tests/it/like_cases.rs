@@ -21,9 +21,9 @@ fn errors(case: LikeCase, names: &[&str]) -> Vec<f64> {
     sums.into_iter().map(f64::sqrt).collect()
 }
 
-/// Raw, the paper's compensator and the exact asynchronous form, from the note's own simulation.
-/// Its circuits are drawn by another generator, so the raw error may differ by the share of
-/// turns; the compensated ones must not be more than 1.1 times worse.
+/// Raw, the paper's compensator and the exact asynchronous form, from the note's own simulation. Its circuits come from
+/// another generator, so the raw error may differ by the share of turns. The compensated ones must be at most 1.1 times
+/// worse.
 fn check(case: LikeCase, raw: f64, pade: f64, exact: f64) {
     let found = errors(case, &["raw", "pade-1-1", "exact-async"]);
     println!("{case:?}: raw {:.4} ({raw}), Padé {:.4} ({pade}), exact {:.5} ({exact})", found[0], found[1], found[2]);
@@ -63,10 +63,10 @@ fn case_f_a_plain_four_hertz_receiver_alone() {
     check(LikeCase::F, 9.219, 2.513, 0.429);
 }
 
-/// Holding a 4 Hz fix adds half its interval to what a loop sees (design note 3.8); told so, the
-/// paper's compensator loses the mean of the sawtooth and keeps its spread: U T/√12 = 1.27 m at 17.5 m/s.
+/// Holding a 4 Hz fix adds half its interval to the delay seen by a loop (design note 3.8). With that added to its
+/// delay, the paper's compensator loses the mean of the sawtooth but keeps its spread: U T/√12 = 1.27 m at 17.5 m/s.
 #[test]
-fn the_age_of_held_fixes_belongs_into_the_papers_delay() {
+fn the_papers_delay_must_include_the_age_of_held_fixes() {
     let found = errors(LikeCase::E, &["pade-1-1", "pade-1-1-as-seen"]);
     assert!(found[1] < 0.62 * found[0], "{found:?}");
     assert!((found[1] - 17.5 * 0.25 / 12f64.sqrt()).abs() < 0.15, "{found:?}");

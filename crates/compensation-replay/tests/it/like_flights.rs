@@ -41,7 +41,7 @@ impl LikeFlight {
         let clean = clean.as_ref().unwrap_or(&flight);
         let rows: Vec<f64> = (100..(settings.duration_s * 100.0) as usize - 100).map(|k| k as f64 * 0.01).collect();
         let axis = |samples: &Samples, k: usize| samples.ned.iter().map(|ned| ned[k]).collect::<Vec<f64>>();
-        // In the origin's frame instead of the aircraft's own, so that nothing but compensators makes an error.
+        // In the origin's frame instead of the aircraft's own, so that only compensators cause an error.
         let velocity = [0, 1].map(|k| {
             let noise = flight.velocity.ned.iter().zip(&clean.velocity.ned).map(|(a, b)| a[k] - b[k]);
             flight.velocity.at_s.iter().zip(noise).map(|(t, noise)| flight.truth.at(*t).velocity[k] + noise).collect()
@@ -70,7 +70,7 @@ impl LikeFlight {
         self.rows.iter().map(|t| self.velocity[axis][self.velocity_t.partition_point(|s| s <= t) - 1]).collect()
     }
 
-    /// 2-D rms error, m, without the first 5 s and the last second of the rows, as the note counts it.
+    /// 2-D rms error, m, without the first 5 s and the last second of the rows, as in the note.
     pub fn rms_of(&self, estimate: impl Fn(usize) -> Vec<Option<f64>>) -> f64 {
         let counted = 500..self.rows.len() - 100;
         let errors = [0, 1].map(|axis| {

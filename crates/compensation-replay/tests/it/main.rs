@@ -1,6 +1,6 @@
-//! The replay against flights whose truth is known.
+//! The replay on flights with known truth.
 
-#![allow(clippy::print_stdout)] // tests may say what they saw
+#![allow(clippy::print_stdout)] // tests may print what they measured
 
 mod compensators;
 mod edges;

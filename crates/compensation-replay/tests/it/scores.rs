@@ -1,4 +1,4 @@
-//! Scores with and without a reference, error budget, on-board comparison: against closed forms.
+//! Scores with and without a reference, error budget and on-board comparison, against closed forms.
 
 use crate::flights::{channel, circle, late};
 use compensation_replay::{Settings, replay};
@@ -55,10 +55,10 @@ fn turning(u: f64, duration_s: f64, bias: [f64; 2]) -> Flight {
 }
 
 #[test]
-fn the_budget_of_a_circle_is_its_closed_form() {
+fn the_budget_of_a_circle_matches_its_closed_form() {
     for (u, raw, paper) in [(15.0, 5.990, 0.0199), (17.5, 6.984, 0.0315), (20.0, 7.976, 0.0469)] {
         let record = played(&turning(u, 300.0, [0.0; 2]), &settings());
-        // Way flown along the arc at one velocity, the chord is raw: 5.990 is 2 R sin(ωTd/2).
+        // Displacement along the arc at one velocity; raw is the chord: 5.990 is 2 R sin(ωTd/2).
         near(term(of(&record, "raw"), "delay, not removed"), u * TD, 1e-3);
         near(of(&record, "raw").reference.found().unwrap().rms_m.value, raw, 6e-4);
         near(term(of(&record, "pade-1-1"), "truncation"), paper, 2e-4);
@@ -83,25 +83,25 @@ fn a_biased_velocity_costs_td_times_the_bias() {
 }
 
 #[test]
-fn a_wrong_delay_leaves_a_residual_delay_equal_to_the_error_and_costs_u_times_it() {
+fn a_wrong_delay_leaves_its_error_as_residual_and_costs_u_times_it() {
     let flight = simulate(&receiver(4, 10.0, 0.02)).unwrap().to_flight().unwrap();
     for error in [-0.1, 0.02, 0.1] {
         let record = played(&flight, &Settings::with_delay(late(TD - error), "wrong"));
         let exact = of(&record, "exact-async");
         let residual = exact.residual_delay.found().unwrap();
-        // The way missed was flown Td ago: along the track of now only the cosine of the turn since then is left of it,
-        // in turns at 20 m/s cos(0.667 · 0.45) = 0.955, in roll-ins less.
+        // The missing displacement was flown Td ago. Along the current track only the cosine of the turn since then
+        // remains: cos(0.667 · 0.45) = 0.955 in turns at 20 m/s, less in roll-ins.
         let near_error = |e: &Estimate| {
             near(e.value, 0.95 * error, 0.05 * error.abs() + 4.0 * e.standard_uncertainty.unwrap());
         };
         near_error(&residual.delay_s);
         near_error(exact.reference.found().unwrap().residual_delay_s.found().unwrap());
         holds(&of(&record, "raw").residual_delay.found().unwrap().delay_s, TD, 4.0);
-        // U = 17.6 m/s rms (15 to 20); 2 ms of the residual's own uncertainty are 0.035 m.
+        // U = 17.6 m/s rms (15 to 20); the 2 ms uncertainty of the residual itself are 0.035 m.
         let speed = 17.5_f64.hypot(2.5 / 2.0_f64.sqrt());
         near(term(exact, "delay set wrongly"), speed * error.abs(), 0.05);
         near(exact.budget.total_m.unwrap(), exact.budget.measured_m.unwrap().value, 0.05);
-        // Raw has flown the delay of the flight, whatever was set.
+        // Raw is late by the delay of the flight, whatever was set.
         let raw = &of(&record, "raw").budget;
         let measured = raw.measured_m.unwrap().value;
         near(raw.total_m.unwrap(), measured, 0.02 * measured);
@@ -117,7 +117,7 @@ fn receiver(seed: u64, position_hz: f64, position_m: f64) -> FlightSettings {
 }
 
 #[test]
-fn on_simulated_flights_nothing_is_left_of_the_delay_and_the_lead_is_td() {
+fn simulated_flights_have_no_residual_delay_and_a_lead_of_td() {
     let mut outside = 0;
     for seed in 0..4 {
         let flight = simulate(&receiver(seed, 5.0, 0.3)).unwrap().to_flight().unwrap();
@@ -139,14 +139,14 @@ fn on_simulated_flights_nothing_is_left_of_the_delay_and_the_lead_is_td() {
         holds(&residual.delay_s, TD, 4.0);
         assert_eq!(residual.expected_s.value, TD);
     }
-    // Eight intervals, of which pairs share their data: more than two misses of 5 % each have a chance below 1 %.
+    // Eight intervals, of which pairs share their data: more than two misses of 5 % each have a probability below 1 %.
     assert!(outside <= 2, "{outside}");
 }
 
 /// There and back along one line: north = A sin ωt. At the same place both passes have the same speed U, and the chord
-/// of each is A sin(ω Td) cos(ωt)/…: raw stands apart by 2 A cos(ωt) sin(ω Td) = 2 U sin(ωTd)/ω.
+/// of each is A sin(ω Td) cos(ωt)/…: raw is apart by 2 A cos(ωt) sin(ω Td) = 2 U sin(ωTd)/ω.
 #[test]
-fn opposite_passes_of_a_late_position_stand_two_u_td_apart() {
+fn opposite_passes_of_a_late_position_are_two_u_td_apart() {
     let (a, omega) = (100.0, 0.2);
     let rows = |hz: f64, f: &dyn Fn(f64) -> [f64; 3]| -> Vec<(f64, [f64; 3])> {
         (0..=(200.0 * hz) as usize).map(|k| k as f64 / hz).map(|t| (t, f(t))).collect()
@@ -188,7 +188,7 @@ fn straight_legs_are_not_harmed() {
             near(score.across_rms_m.value, 0.5_f64.sqrt() * TD * 0.1, 0.004);
             near(score.noise_ratio.value, 1.0, 0.01);
         }
-        // A flight that cannot show a delay says so.
+        // A flight that cannot show a delay reports so.
         let why = format!("{:?}", of(&record, "exact-async").residual_delay);
         assert!(why.contains("straight"), "{why}");
     }
@@ -196,10 +196,10 @@ fn straight_legs_are_not_harmed() {
     assert!(scores(&circle).straight_legs.found().is_none(), "a circle has no straight leg");
 }
 
-/// Circuits with straights between turns, with another compensator that is wrong on purpose: a sign error of the delay
-/// is no harm across but along.
+/// Circuits with straights between turns and a deliberately wrong compensator: a sign error of the delay does no harm
+/// across, but it does along.
 #[test]
-fn on_straights_of_a_circuit_the_output_moves_along_the_track_only() {
+fn on_straights_the_output_moves_only_along_the_track() {
     let flight = simulate(&receiver(3, 10.0, 0.05)).unwrap().to_flight().unwrap();
     let record = played(&flight, &settings());
     let legs = scores(&record).straight_legs.found().unwrap();
@@ -209,9 +209,9 @@ fn on_straights_of_a_circuit_the_output_moves_along_the_track_only() {
     near(exact.noise_ratio.value, 1.0, 0.1);
 }
 
-/// The like cases of table 5.7: the budget says what the measured error is within a third, for every case with noise.
+/// The similar cases of table 5.7: the budget predicts the measured error to within a third, in every case with noise.
 #[test]
-fn the_budget_foretells_the_error_of_the_like_cases() {
+fn the_budget_predicts_the_error_of_similar_cases() {
     for (case, tolerance) in [(LikeCase::B, 0.1), (LikeCase::C, 0.1), (LikeCase::D, 0.15), (LikeCase::F, 0.1)] {
         let flight = simulate(&case.settings(2)).unwrap().to_flight().unwrap();
         let record = played(&flight, &settings());
@@ -227,9 +227,9 @@ fn the_budget_foretells_the_error_of_the_like_cases() {
     }
 }
 
-/// Both sensors wander, as in the demo's worn flight: what cannot be distinguished is named, what is told is not too large.
+/// Both sensors wander, as in the demo's worn flight: ambiguous terms are named, and separable ones are not too large.
 #[test]
-fn a_wander_that_may_be_the_velocitys_is_not_put_on_the_position() {
+fn an_ambiguous_wander_is_not_attributed_to_the_position() {
     let wander = |std| Some(simulate::Wander { std, time_constant_s: 30.0 });
     let mut worn = receiver(12, 5.0, 0.3);
     (worn.position.wander, worn.velocity.wander) = (wander(0.5), wander(0.03));
@@ -240,7 +240,7 @@ fn a_wander_that_may_be_the_velocitys_is_not_put_on_the_position() {
 }
 
 #[test]
-fn what_is_not_known_is_named() {
+fn unknown_terms_are_named() {
     let mut flight = simulate(&FlightSettings {
         path: PathKind::Straight { speed_mps: 17.5, heading_rad: 0.7 },
         ..receiver(1, 5.0, 0.3)
@@ -266,7 +266,7 @@ fn what_is_not_known_is_named() {
     assert!(of(&record, "exact-async").reference.found().is_none());
 }
 
-/// A velocity late by 50 ms beside a position late by 450: removed is the difference, what is common stays.
+/// A velocity late by 50 ms and a position late by 450: the difference is removed, the common part remains.
 #[test]
 fn a_late_velocity_is_found_with_a_reference_and_narrows_the_band() {
     let mut settings_of_flight = receiver(5, 10.0, 0.05);
@@ -277,7 +277,7 @@ fn a_late_velocity_is_found_with_a_reference_and_narrows_the_band() {
     let exact = of(&record, "exact-async");
     near(exact.residual_delay.found().unwrap().delay_s.value, 0.0, 4e-3);
     near(term(exact, "delay set wrongly"), 17.5 * 0.05, 0.05);
-    // 50 of 450 ms are left: more than a tenth, less than a half.
+    // 50 of 450 ms remain: more than a tenth, less than a half.
     let band = exact.band.found().unwrap();
     assert!(band.helps_below_hz.is_none() && band.halves_below_hz.is_some(), "{band:?}");
     let on_time = played(&simulate(&receiver(5, 10.0, 0.05)).unwrap().to_flight().unwrap(), &settings());
@@ -285,23 +285,23 @@ fn a_late_velocity_is_found_with_a_reference_and_narrows_the_band() {
     assert!(share[0] > 0.95 && (share.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{share:?}");
 }
 
-/// The same without the truth, removed is the position's own lateness: the flight's pair shows 400 ms, and 50 ms less would be
-/// taken for a delay set wrongly if it were what is compared with.
+/// The same without the truth, removing the position's own lateness. The flight's pair shows 400 ms; compared with
+/// that, the 50 ms would count as a wrongly set delay.
 #[test]
-fn where_both_latenesses_are_known_the_band_and_the_budget_are_of_them() {
+fn band_and_budget_use_both_latenesses_if_known() {
     let mut settings_of_flight = receiver(5, 10.0, 0.05);
     settings_of_flight.position.delay_s = TD + 0.05;
     settings_of_flight.velocity.delay_s = 0.05;
     let mut flight = simulate(&settings_of_flight).unwrap().to_flight().unwrap();
     flight.channels.remove("position.truth");
     let of_ms = |ms: f64| Some(Estimate { value: ms / 1e3, standard_uncertainty: Some(0.004) });
-    let told = Settings {
+    let known = Settings {
         position_lateness_s: of_ms(450.0),
         velocity_lateness_s: of_ms(50.0),
         position_minus_velocity_s: of_ms(400.0),
         ..Settings::with_delay(late(TD + 0.05), "the delay network")
     };
-    let record = played(&flight, &told);
+    let record = played(&flight, &known);
     let exact = of(&record, "exact-async");
     let band = exact.band.found().unwrap();
     near(band.delays_s[0], 0.45, 1e-9);
@@ -317,7 +317,7 @@ fn where_both_latenesses_are_known_the_band_and_the_budget_are_of_them() {
 }
 
 #[test]
-fn errors_are_told_apart_by_axis_by_direction_by_speed_and_by_frequency() {
+fn errors_are_split_by_axis_direction_speed_and_frequency() {
     let record = played(&simulate(&receiver(2, 10.0, 0.05)).unwrap().to_flight().unwrap(), &settings());
     for name in ["raw", "exact-async"] {
         let score = of(&record, name).reference.found().unwrap();
@@ -326,11 +326,11 @@ fn errors_are_told_apart_by_axis_by_direction_by_speed_and_by_frequency() {
         near(square([score.along_m, score.across_m]), score.rms_m.value, 1e-9);
         assert!(score.percentiles_m.is_sorted() && score.percentiles_m[3] <= score.max_m);
         assert_eq!((score.by_speed.len(), scores(&record).speeds_mps.len()), (3, 3));
-        // Bands hold what is about the mean, averaged over 0.1 s: nearly all of raw's error.
+        // Bands hold the part about the mean, averaged over 0.1 s: nearly all of raw's error.
         let bands = score.bands_rms_m.found().unwrap();
         assert_eq!(bands.len(), scores(&record).bands_hz.len());
         if name == "raw" {
-            // A late position stands behind.
+            // A late position lies behind on the track.
             assert!(score.along_m[0].value < -0.8 * score.rms_m.value, "{score:?}");
             let slowest = score.by_speed[0].unwrap().value;
             assert!(score.by_speed[2].unwrap().value > 1.1 * slowest, "{:?}", score.by_speed);
@@ -342,7 +342,7 @@ fn errors_are_told_apart_by_axis_by_direction_by_speed_and_by_frequency() {
 }
 
 #[test]
-fn the_replay_reproduces_what_the_aircraft_computed() {
+fn the_replay_reproduces_the_onboard_result() {
     let settings_of_flight = FlightSettings { onboard_delay_s: Some(TD), ..receiver(1, 10.0, 0.02) };
     let flight = simulate(&settings_of_flight).unwrap().to_flight().unwrap();
     let onboard = played(&flight, &settings()).onboard.unwrap();
@@ -353,24 +353,24 @@ fn the_replay_reproduces_what_the_aircraft_computed() {
     // Steps of 1e-7 deg: 11.1 mm north, 8.8 mm east, each uniform.
     near(against("pade-1-1").rms_m, (11.1_f64.hypot(8.8) / 12.0_f64.sqrt()) * 1e-3, 4e-4);
     holds(against("pade-1-1").delay_s.found().unwrap(), 0.0, 4.0);
-    // Raw is late against it by Td and the mean age of a fix, 45 ms at 10 and 100 Hz; the lead of [1/1] is nearly Td.
+    // Raw is late against it by Td plus the mean age of a fix, 45 ms at 10 and 100 Hz; the lead of [1/1] is nearly Td.
     near(against("raw").delay_s.found().unwrap().value, -(TD), 0.005);
 }
 
 #[test]
-fn an_onboard_position_that_is_none_is_not_compared_and_the_reason_is_given() {
+fn an_onboard_channel_of_another_kind_is_rejected_with_the_reason() {
     let settings_of_flight = FlightSettings { onboard_delay_s: Some(TD), ..receiver(1, 10.0, 0.02) };
     let flight = simulate(&settings_of_flight).unwrap().to_flight().unwrap();
     let velocity = flight.channels.iter().find(|(_, channel)| channel.quantity == Quantity::VelocityNed).unwrap().0;
     let found = replay(&flight, &Settings { onboard: vec![velocity.clone()], ..settings() }).unwrap();
-    let said: Vec<_> = found.notices.iter().filter(|n| n.code == "onboard-not-compared").collect();
-    assert!(said.len() == 1 && said[0].place == *velocity, "{said:?}");
-    assert_eq!(said[0].text, format!("{velocity} holds VelocityNed, which is not a position"));
+    let notices: Vec<_> = found.notices.iter().filter(|n| n.code == "onboard-not-compared").collect();
+    assert!(notices.len() == 1 && notices[0].place == *velocity, "{notices:?}");
+    assert_eq!(notices[0].text, format!("{velocity} holds VelocityNed, which is not a position"));
     assert!(found.record.onboard.unwrap().found().is_none());
 }
 
 #[test]
-fn an_aircraft_with_another_delay_is_not_reproduced_and_the_difference_is_told() {
+fn another_onboard_delay_is_not_reproduced_and_reported() {
     let settings_of_flight = FlightSettings { onboard_delay_s: Some(0.35), ..receiver(1, 10.0, 0.02) };
     let flight = simulate(&settings_of_flight).unwrap().to_flight().unwrap();
     let onboard = played(&flight, &settings()).onboard.unwrap();

@@ -1,4 +1,4 @@
-//! The delay sweep of flights whose truth is known.
+//! The delay sweep on flights with known truth.
 
 use crate::flights::{circle, late};
 use compensation_replay::{FlightDelaySettings, Settings, Sweeper, measure_delays, replay};
@@ -17,13 +17,13 @@ fn sweeper(flight: &Flight) -> Sweeper {
     Sweeper::of(flight, &Settings::with_delay(late(0.4), "test")).unwrap()
 }
 
-fn nobody() -> Finding<MeasuredDelay> {
+fn no_measurement() -> Finding<MeasuredDelay> {
     Finding::CannotTell("not asked".into())
 }
 
 fn swept(flight: &Flight, candidates: &[(DelaySource, Estimate)]) -> DelaySweep {
     let sweeper = sweeper(flight);
-    sweeper.sweep(candidates, sweeper.best(&nobody())).unwrap()
+    sweeper.sweep(candidates, sweeper.best(&no_measurement())).unwrap()
 }
 
 fn best(finding: &Finding<SweepOptimum>) -> &SweepOptimum {
@@ -42,7 +42,7 @@ fn reason<T>(finding: &Finding<T>) -> &str {
 
 /// A delay that is wrong by d leaves the chord 2 R sin(ω d/2) between truth and estimate, at every instant of a circle.
 #[test]
-fn on_a_circle_the_error_over_the_delay_is_the_chord_of_the_closed_formula() {
+fn on_a_circle_the_error_is_the_chord_of_the_closed_formula() {
     let sweep =
         swept(&circle(0.4, 60.0, 4.0, 100.0), &[(DelaySource::Card, known(0.25)), (DelaySource::Fixed, known(0.5))]);
     assert_eq!(sweep.score, SweepScore::ErrorAgainst("position.truth".into()));
@@ -63,9 +63,9 @@ fn on_a_circle_the_error_over_the_delay_is_the_chord_of_the_closed_formula() {
     assert!(sweep.score_at(DelaySource::Flight).is_none());
 }
 
-/// Between fixes that are T apart the error turns by ωT: the step is 4 R sin(ω d/2) sin(ωT/2).
+/// Between fixes T apart the error turns by ωT: the step is 4 R sin(ω d/2) sin(ωT/2).
 #[test]
-fn on_a_circle_the_step_at_a_fix_is_that_of_the_closed_formula() {
+fn on_a_circle_the_step_at_a_fix_matches_the_closed_formula() {
     let mut flight = circle(0.4, 60.0, 4.0, 100.0);
     flight.channels.remove("position.truth");
     let sweep = swept(&flight, &[(DelaySource::Card, known(0.3))]);
@@ -77,9 +77,9 @@ fn on_a_circle_the_step_at_a_fix_is_that_of_the_closed_formula() {
     assert!(reason(&sweep.optimum).contains("no reference"), "{}", reason(&sweep.optimum));
 }
 
-/// All rows of the replay have velocity for every delay of the sweep if it begins early enough.
+/// All rows of the replay have velocity for every delay of the sweep if it starts early enough.
 #[test]
-fn the_score_at_the_removed_delay_is_that_of_the_replay() {
+fn the_score_at_the_removed_delay_equals_that_of_the_replay() {
     for case in simulate::LikeCase::ALL {
         let mut flight =
             simulate(&FlightSettings { duration_s: 20.0, ..case.settings(3) }).unwrap().to_flight().unwrap();
@@ -118,8 +118,8 @@ fn circuit(seed: u64) -> FlightSettings {
     }
 }
 
-/// 30 circuits. Of 30 intervals at least 95 % − 4 √(0.05·0.95/30) hold the truth. Errors over claims are Student's with the
-/// nine degrees of freedom of ten blocks: rms √(9/7), of which 30 know 4/√(2·30).
+/// 30 circuits. Of 30 intervals at least 95 % − 4 √(0.05·0.95/30) hold the truth. Errors over uncertainties follow
+/// Student's t with the nine degrees of freedom of ten blocks: rms √(9/7), known from 30 to 4/√(2·30).
 #[test]
 fn the_optimum_against_a_reference_is_the_true_delay_within_its_interval() {
     const TRIALS: u64 = 30;
@@ -127,7 +127,7 @@ fn the_optimum_against_a_reference_is_the_true_delay_within_its_interval() {
     for seed in 0..TRIALS {
         let flight = simulate(&circuit(500 + seed)).unwrap().to_flight().unwrap();
         let sweeper = sweeper(&flight);
-        let found = sweeper.best(&nobody());
+        let found = sweeper.best(&no_measurement());
         let optimum = best(&found);
         covered += u32::from(optimum.interval_95_s[0] <= 0.4 && 0.4 <= optimum.interval_95_s[1]);
         squares += ((optimum.delay_s.value - 0.4) / optimum.delay_s.standard_uncertainty.unwrap()).powi(2);
@@ -140,14 +140,14 @@ fn the_optimum_against_a_reference_is_the_true_delay_within_its_interval() {
     assert!((ratio / students - 1.0).abs() < 4.0 / (2.0 * n).sqrt(), "{ratio}");
 }
 
-/// Position 0.4 s late by a reference, velocity 0.1 s late: position against velocity shows 0.3 s, the least error lies at
-/// what position is late by in all.
+/// Position 0.4 s late against a reference, velocity 0.1 s late: position against velocity shows 0.3 s, and the least
+/// error is at the position's total lateness.
 #[test]
-fn the_optimum_against_a_reference_counts_the_delay_of_velocity_too() {
+fn the_optimum_against_a_reference_includes_the_velocity_delay() {
     let mut settings = circuit(7);
     settings.velocity.delay_s = 0.1;
     let flight = simulate(&settings).unwrap().to_flight().unwrap();
-    let found = sweeper(&flight).best(&nobody());
+    let found = sweeper(&flight).best(&no_measurement());
     let optimum = best(&found).delay_s;
     // To first order: the rest is ω² Tv Tp/2 of the delay, 0.007 of it here.
     assert!((optimum.value - 0.4).abs() < 4.0 * optimum.standard_uncertainty.unwrap() + 0.004, "{optimum:?}");
@@ -174,16 +174,16 @@ fn without_a_reference_the_optimum_is_the_estimators() {
 }
 
 #[test]
-fn a_straight_flight_has_no_optimum_for_a_delay_looks_like_an_offset() {
+fn a_straight_flight_has_no_optimum() {
     let settings = FlightSettings { path: PathKind::Straight { speed_mps: 18.0, heading_rad: 0.7 }, ..circuit(2) };
     let flight = simulate(&settings).unwrap().to_flight().unwrap();
-    let found = sweeper(&flight).best(&nobody());
+    let found = sweeper(&flight).best(&no_measurement());
     assert!(reason(&found).contains("too straight and steady"), "{}", reason(&found));
 }
 
-/// A flight that is 0.55 s late under a card of 0.4 ± 0.003 s: what it would have cost, and how well that is known.
+/// A flight that is 0.55 s late with a card of 0.4 ± 0.003 s: the cost of the card, and its uncertainty.
 #[test]
-fn a_flight_that_is_later_than_its_card_pays_speed_times_the_difference() {
+fn lateness_in_excess_of_the_card_costs_speed_times_the_difference() {
     let card = Estimate { value: 0.4, standard_uncertainty: Some(0.003) };
     let sweep = swept(&circle(0.55, 60.0, 4.0, 100.0), &[(DelaySource::Card, card)]);
     let at_card = sweep.score_at(DelaySource::Card).unwrap().rms_m;

@@ -1,4 +1,4 @@
-//! The acceptance vectors of the design note that concern these two compensators.
+//! The acceptance vectors of the design note for these two compensators.
 
 use compensation_replay::{ExactAsync, PadeTustin};
 use serde_json::Value;
@@ -37,7 +37,7 @@ fn step_and_ramp_responses_hold() {
 
 /// `y = b·v − a·y` with the vector's coefficients, on a velocity without any structure.
 #[test]
-fn the_difference_equation_is_the_vectors() {
+fn the_difference_equation_matches_the_vectors() {
     let filter = &vectors()["filter"];
     let (b, a) = (numbers(&filter["b"]), numbers(&filter["a"]));
     let velocity: Vec<f64> = (0..200).map(|k| (f64::from(k * k) * 1.2345).sin()).collect();
@@ -70,7 +70,7 @@ fn the_filter_is_the_first_order_pade_form() {
 
 /// On a circle the continuous filter leaves R |e^{−jωTd} − R(jωTd)|; at 1 kHz Tustin adds less than 1e-5 m.
 #[test]
-fn the_error_on_a_circle_is_the_closed_form() {
+fn the_error_on_a_circle_matches_the_closed_form() {
     for row in vectors()["circle_error"]["rows"].as_array().unwrap() {
         let [radius, speed, expected] = ["R", "U", "pade11"].map(|k| row[k].as_f64().unwrap());
         let (td, h, omega) = (0.4, 0.001, speed / radius);

@@ -1,9 +1,9 @@
-//! What programs are told while a campaign runs and at its end.
+//! Events during a campaign and at its end.
 
 use super::*;
 
 #[test]
-fn the_last_events_say_of_each_flight_what_became_of_it_and_where_the_report_is() {
+fn the_last_events_give_the_outcome_of_each_flight_and_the_report() {
     let bench = Bench::new(&[("a.csv", "late 0.2"), ("b.csv", "bad")]);
     for nothing_changed in [false, true] {
         let events = bench.run().events;
@@ -28,7 +28,7 @@ fn the_last_events_say_of_each_flight_what_became_of_it_and_where_the_report_is(
 }
 
 #[test]
-fn flights_whose_turn_has_not_come_are_pending_and_a_task_says_how_many_it_has_to_do() {
+fn unstarted_flights_are_pending_and_a_task_reports_its_number_of_flights() {
     let bench = Bench::five();
     let events = Mutex::new(vec![]);
     let sink = |event: &Event| events.lock().unwrap().push(event.clone());
