@@ -13,8 +13,8 @@
 //!    uncertainties. So `β` is the largest of those for a spread of half, one, two and four times the median
 //!    uncertainty.
 //!    (With the estimated spread alone, and `τ` from medians, 3.8 % of series of 20 showed a step where 1 % was wanted.)
-//! That is the threshold for one look. With a new look after each flight, far more series show a step at some time: for
-//! such looks the threshold is [`threshold_of_every_look`], which holds over all of them together.
+//!    That is the threshold for one look. With a new look after each flight, far more series show a step at some time: for
+//!    such looks the threshold is [`threshold_of_every_look`], which holds over all of them together.
 //! 4. The steps are the exact minimum of `Σ cost(segment) + β · steps` over all segmentations with at least three
 //!    values per segment (PELT, Killick, Fearnhead & Eckley 2012). The cost of a segment is its weighted sum of
 //!    squares.

@@ -61,7 +61,7 @@ const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
     ("position-rate", "at_least = \"4 Hz\"\ndecision = \"value\"", 8, "has no uncertainty of its own"),
     ("valid-share", "at_least = \"105 %\"", 7, "from 0 to 100 %"),
     ("valid-share", "at_least = 0.95", 7, "as \"5 %\""),
-    ("restarts", "at_most = 1.5", 7, "no count"),
+    ("restarts", "at_most = 1.5", 7, "not a count"),
     ("restarts", "at_most = \"3 Hz\"", 7, "has no unit `Hz`"),
 ];
 

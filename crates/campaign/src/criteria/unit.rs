@@ -155,7 +155,7 @@ mod tests {
             ("fast", Dimension::Time, "does not begin with a number"),
             ("nan ms", Dimension::Time, "does not begin with a number"),
             ("1e999 ms", Dimension::Time, "too large"),
-            ("1.5", Dimension::Count, "no count"),
+            ("1.5", Dimension::Count, "not a count"),
             ("3 Hz", Dimension::Count, "has no unit `Hz`"),
             ("0.95", Dimension::Share, "one of the units %"),
         ] {

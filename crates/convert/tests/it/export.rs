@@ -521,7 +521,7 @@ fn fields_without_a_column_and_empty_topics_are_reported_by_name() {
     assert!(left_out[0].text.ends_with("long[64..100], names[], points[], ranges[]"), "{}", left_out[0].text);
     let provenance = provenance(&out)["notices"].to_string();
     assert!(
-        provenance.contains("ranges[]") && provenance.contains("without a message have no table: /empty"),
+        provenance.contains("ranges[]") && provenance.contains("without messages have no table: /empty"),
         "{provenance}"
     );
     // The header has the remaining fields.

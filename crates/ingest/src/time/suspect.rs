@@ -101,8 +101,8 @@ impl SaidDates {
         let guess = guess.unwrap_or_else(|| "its date is wrong".to_owned());
         let (date, why) = (date(earliest)?, since.why);
         let text = format!(
-            "the receiver says {date}, the earliest of {early} such dates among {all}, but {why}; {guess}. The dates are left \
-             as they stand"
+            "the receiver says {date}, the earliest of {early} such dates among {all}, but {why}; {guess}. The dates are not \
+             changed"
         );
         Some((text, early))
     }

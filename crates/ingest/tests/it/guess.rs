@@ -210,7 +210,7 @@ fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
         format!("{t:.1},{:.9},{:.9},{n:.4},{e:.4}", deg(a), deg(b))
     });
     let error = refused(&unknown);
-    assert!(error.contains("furlongs") && error.contains("no unit of it that flightlag knows"), "{error}");
+    assert!(error.contains("furlongs") && error.contains("not a unit of it that flightlag knows"), "{error}");
     let still = table("time,lat,lon,vn,ve", |t, _, _| format!("{t:.1},0.5,0.5,0,0"));
     let error = refused(&still);
     assert!(error.contains("cannot be bound by guess"), "{error}");
@@ -221,7 +221,7 @@ fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
             20.0 + deg(7.0 * t / (SCALE * 4_f64.to_radians().cos()))
         )
     });
-    assert!(refused(&straight).contains("too straight to tell which of vx and vy goes north"));
+    assert!(refused(&straight).contains("too straight to decide which of vx and vy goes north"));
     let no_time =
         table("lat,lon,vn,ve", |_, [a, b, _], [n, e, _]| format!("{:.9},{:.9},{n:.4},{e:.4}", deg(a), deg(b)));
     assert!(load_text(&no_time).binding.is_err());
