@@ -185,7 +185,7 @@ fn owner_at_work(file: &mut File, silence: Duration, desk: &Desk<'_>) -> Result<
         Some(false) => return Ok(Some(owner)),
         None => {}
     }
-    let text = format!("{} did not let go of this folder; waiting whether it is still at work", owner.owner);
+    let text = format!("{} did not release this folder; checking whether it still runs", owner.owner);
     desk.send(Event::Remark { text });
     let since = Instant::now();
     while since.elapsed() < silence {

@@ -487,7 +487,7 @@ impl Manifest {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
         let text = self.text(path)?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is not a name of a file".into()))?;
+        let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is not a file name".into()))?;
         match read_unopened(folder, name)? {
             Some(there) if there == text => return Ok(()),
             Some(_) => {

@@ -51,7 +51,7 @@ fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verd
         }
         Reduction::Damaged(flights) => {
             let path = store.root().join("by-key");
-            let what = format!("results do not stay as they were written: {}", flights.join(", "));
+            let what = format!("results change after they are written: {}", flights.join(", "));
             Err(CampaignError::Table { path: path.display().to_string(), what })
         }
     }

@@ -115,7 +115,7 @@ impl Replaying {
         let (binding, decision) = match (binding, decision) {
             (Ok(binding), Some(decision)) => (binding, decision),
             (binding, _) => {
-                let reason = binding.err().unwrap_or_else(|| "it is not decided what is removed".to_owned());
+                let reason = binding.err().unwrap_or_else(|| "the delay to remove is not decided yet".to_owned());
                 let (outcome, notices) = (Outcome::Failed { reason }, flight.notices);
                 return Studied::without_track(FlightRecord { outcome, log, notices, ..base });
             }

@@ -79,7 +79,7 @@ pub fn effect(
             short_by: None,
             words: match removed_s {
                 Some(s) => format!("{} were removed, and nothing in this flight shows whether that is right", ms(s)),
-                None => "nothing was removed: how late the position is, is not known".to_owned(),
+                None => "nothing was removed: the lateness of the position is unknown".to_owned(),
             },
         },
     }
@@ -135,7 +135,7 @@ fn by_lateness(known: &KnownLateness, speed_mps: f64, removed_s: Option<f64>) ->
     let best_m = u_s.is_finite().then_some(u_s.hypot(known.jitter_s) * speed_mps);
     let against = match &known.judged_by {
         JudgedBy::Velocity(name) => format!("against {name}, whose own lateness is not known"),
-        _ => "by the lateness that is left".to_owned(),
+        _ => "by the remaining lateness".to_owned(),
     };
     finished(verdict, known.judged_by.clone(), &against, errors, best_m, removed_s)
 }
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn an_error_within_its_uncertainty_is_given_as_a_bound() {
         let words = effect(None, Some(&known(0.133, 0.0236)), Some(3.0), Some(0.133)).words;
-        assert_eq!(words, "helped: 0.40 → below 0.14 m (by the lateness that is left)");
+        assert_eq!(words, "helped: 0.40 → below 0.14 m (by the remaining lateness)");
     }
 
     #[test]

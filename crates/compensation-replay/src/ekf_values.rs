@@ -84,7 +84,7 @@ fn white(channel: &mut EkfChannel, measured: &MeasuredDelay, unit: &str) {
     // Step of the wander in one sample: white noise far below it is the edge of the fit's search and not observable.
     let step = pooled(measured, walk_density).zip(channel.rate_hz).map_or(0.0, |(walk, hz)| walk.value / hz.sqrt());
     if std.value < LEAST_OBSERVABLE * step {
-        let text = "no white noise was found: it is below what the wander does in one sample";
+        let text = "no white noise was found: it is below the wander of one sample";
         channel.remarks.push(format!("{text} ({step:.2e} {unit})"));
         return;
     }

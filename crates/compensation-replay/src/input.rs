@@ -28,7 +28,7 @@ pub enum Refusal {
         what: &'static str,
     },
     /// Position and velocity have timestamps on unrelated clocks.
-    #[error("{position} is stamped by the clock {a}, {velocity} by {b}: they cannot be compared")]
+    #[error("{position} has timestamps of the clock {a}, {velocity} of {b}: they cannot be compared")]
     Clocks {
         /// Position channel.
         position: String,

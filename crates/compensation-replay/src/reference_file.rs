@@ -119,7 +119,7 @@ pub fn relate_clocks(
     if same {
         if converted(taken.clock, timeline.clock(), Stamp(0)).is_none() {
             return unknown(format!(
-                "its clock is said to be that of the log, but it counts {} and the log {}",
+                "its clock was declared to be that of the log, but it counts {} and the log {}",
                 taken.clock,
                 timeline.clock()
             ));

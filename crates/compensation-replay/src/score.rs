@@ -80,7 +80,7 @@ pub(crate) fn resets(input: &Input, innovations: &Innovations, notices: &mut Not
             Code::PositionReset,
             format!("t = {:.3} s", input.position.t[innovations.fix[first] as usize]),
             jumps.len() as u64,
-            format!("fixes jump by more than five sigma against the integrated velocity, the first by {size:.2} m; they are passed on as they are"),
+            format!("fixes jump by more than five sigma against the integrated velocity, the first by {size:.2} m; they are passed through unchanged"),
         );
     }
     jumps.len() as u64

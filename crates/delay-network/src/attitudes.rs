@@ -29,7 +29,7 @@ pub(crate) fn one_per_velocity(pairs: Vec<Usable>, role: &dyn Fn(&str) -> Role) 
     for pair in pairs {
         match served.get(&pair.first) {
             Some(best) if is_acceleration(&pair) && *best != pair.second => {
-                let why = format!("{best} says the same from another attitude, and one IMU is one witness");
+                let why = format!("{best} uses the same IMU with another attitude, so it adds no information");
                 unused.push(UnusedPair { first: pair.first, second: pair.second, why });
             }
             _ => kept.push(pair),

@@ -49,7 +49,7 @@ pub(crate) fn judge(found: &Found, settings: &OverTimeSettings) -> Verdict {
     let (mut constancy, widening_s) = constancy_of(found.test.as_ref(), found.span_s[0], settings);
     if found.explained {
         constancy.varies = true;
-        constancy.note = Some("The windows alone are not sure of the change. The curve explains more than half of what a constant delay leaves.".to_owned());
+        constancy.note = Some("The windows alone do not confirm the change. The curve explains more than half of the residual of a constant delay.".to_owned());
     }
     let varies = constancy.varies;
     let two_delays =

@@ -61,7 +61,7 @@ fn detectable_change(found: &Found, v: &Verdict) -> String {
         return format!("{what}: of the 8 windows needed, {windows} could be measured.");
     }
     let (Some(x), Some(between)) = (v.constancy.detectable_s, v.constancy.detectable_between_s) else {
-        return "No change would have been seen: one window knows nearly all.".to_owned();
+        return "No change was detectable: one window has nearly all the information.".to_owned();
     };
     let [from, to] = between.map(|t| t - found.span_s[0]);
     let change = milliseconds(x);

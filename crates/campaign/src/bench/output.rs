@@ -71,8 +71,7 @@ impl Writer<'_> {
         if let Some(path) = besides {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let base = path.file_name().and_then(|n| n.to_str());
-            let base =
-                base.ok_or_else(|| CampaignError::Asked(format!("{}: is not a name of a file", path.display())))?;
+            let base = base.ok_or_else(|| CampaignError::Asked(format!("{}: is not a file name", path.display())))?;
             Store::open(folder)?.write(base, text.as_bytes(), Keep::Synced)?;
             // Keeps this card, because the card of an earlier sensor is removed.
             if folder.canonicalize().ok() == self.store.root().canonicalize().ok() {

@@ -249,7 +249,7 @@ impl<'a> Subject<'a> {
 
     fn residual_delay(&self) -> Result<Reading, String> {
         if self.replay()?.choice.as_ref().is_some_and(|choice| choice.circular) {
-            let why = "the removed delay was found in this very flight: what is left of it is zero by construction";
+            let why = "the removed delay was measured in this flight, so the residual is zero by construction";
             return Err(why.to_owned());
         }
         known(&self.score()?.residual_delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
@@ -397,7 +397,7 @@ fn change(found: &MeasuredDelay) -> Result<Reading, String> {
 
 fn worst_injection(found: &MeasuredDelay) -> Result<Reading, String> {
     let worst = found.injections.iter().max_by(|a, b| a.error_s.value.abs().total_cmp(&b.error_s.value.abs()));
-    let worst = worst.ok_or("no known delay could be put into this flight and found again")?;
+    let worst = worst.ok_or("a known delay could not be injected into this flight and recovered")?;
     Ok(Reading::within(worst.error_s, worst.interval_95_s))
 }
 

@@ -181,7 +181,7 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Nothing,
             Signed,
-            "Delay measured from the flight less that of the sensor card, or without one less that which the pipeline states, whichever was removed. Needs an uncertainty of both.",
+            "Delay measured from the flight minus the delay that was removed: that of the sensor card or, without a card, of the pipeline. Both need an uncertainty.",
         ),
         entry(
             Metric::DelayNormalisedDifference,
@@ -231,7 +231,7 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Pair,
             Signed,
-            "A known delay was put into half of the flight and found again: the worst error of that.",
+            "Worst error in recovering a known delay that was injected into half of the flight.",
         ),
         entry(
             Metric::MovingShare,

@@ -80,8 +80,8 @@ impl Checker<'_> {
         let table = written.into_inner();
         let texts = [
             self.id(&table.id),
-            self.says_something(&table.title, "title must say what is asked"),
-            self.says_something(&table.rationale, "rationale must say why the limit is what it is"),
+            self.says_something(&table.title, "title must state the requirement"),
+            self.says_something(&table.rationale, "rationale must justify the limit"),
         ];
         let applies_to = table.applies_to.as_ref().map(|a| self.applies_to(a)).transpose();
         let metric = MetricEntry::of(table.metric.get_ref()).map_err(|what| self.fault(&table.metric, what));
@@ -216,8 +216,8 @@ impl Checker<'_> {
         };
         let bounds = if most.is_finite() { "from 0 to 100 %" } else { "never below zero" };
         match (never, always) {
-            (true, _) => Err(self.fault(at, format!("no flight can keep this limit: {} is {bounds}", entry.name))),
-            (_, true) => Err(self.fault(at, format!("every flight keeps this limit: {} is {bounds}", entry.name))),
+            (true, _) => Err(self.fault(at, format!("no flight can meet this limit: {} is {bounds}", entry.name))),
+            (_, true) => Err(self.fault(at, format!("every flight meets this limit: {} is {bounds}", entry.name))),
             _ => Ok(()),
         }
     }
@@ -269,7 +269,7 @@ impl Checker<'_> {
     fn names(&self, written: &Option<Spanned<Vec<String>>>, key: &str) -> Result<Vec<String>, Refused> {
         let Some(list) = written else { return Ok(vec![]) };
         match list.get_ref().is_empty() || list.get_ref().iter().any(|name| name.trim().is_empty()) {
-            true => Err(self.fault(list, format!("applies_to.{key} needs a name at least, and no empty one"))),
+            true => Err(self.fault(list, format!("applies_to.{key} needs at least one name, and no empty one"))),
             false => Ok(list.get_ref().clone()),
         }
     }

@@ -247,8 +247,9 @@ impl<'a> Reading<'a> {
                 format!("; EXPIRED on {until}")
             }
             Validity::NotYet(from) => {
-                let text =
-                    format!("flown on {flown}, before the card begins on {from}: its delay is used all the same");
+                let text = format!(
+                    "flown on {flown}, before the card becomes valid on {from}: its delay is used nevertheless"
+                );
                 self.add_notice(Code::CardMismatch, text);
                 format!("; NOT YET VALID, from {from} on")
             }

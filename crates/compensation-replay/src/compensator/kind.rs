@@ -82,7 +82,7 @@ pub enum CompensatorError {
         reason: PadeRefusal,
     },
     /// The matched rule places a zero at first order only.
-    #[error("{name:?}: matched is of first order only; take foh")]
+    #[error("{name:?}: matched is first order only; use foh")]
     MatchedOrder {
         /// The name.
         name: String,

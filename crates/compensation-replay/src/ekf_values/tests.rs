@@ -169,7 +169,7 @@ fn unobservable_white_noise_gives_no_value() {
     };
     let (std, density, remarks) = white(1e-6);
     assert!(!std && !density);
-    assert_eq!(remarks[0], "no white noise was found: it is below what the wander does in one sample (3.00e-2 m)");
+    assert_eq!(remarks[0], "no white noise was found: it is below the wander of one sample (3.00e-2 m)");
     assert_eq!((white(0.002).0, white(0.001).0), (true, false));
 }
 

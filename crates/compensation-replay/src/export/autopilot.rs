@@ -107,7 +107,7 @@ fn parameter(
 fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]) -> Vec<String> {
     let mut out = vec![
         "Do not compensate twice: set the parameter or run the compensator, never both. If the position in this log \
-         is the EKF's, the parameter of the flight has already been applied, and what was measured is what it left."
+         is the EKF's, the parameter of the flight has already been applied, and this measurement is the residual."
             .to_owned(),
     ];
     match against {

@@ -142,7 +142,7 @@ pub(crate) fn squares_about_a_line(t: &[f64], y: &[f64]) -> f64 {
 pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64, speed: &[f64]) -> Option<String> {
     if offer.pieces == 0 {
         return Some(format!(
-            "in no stretch both can be compared: at least {SHORTEST_S} s and {LEAST_ROWS} samples without a gap are needed, better a \
+            "there is no stretch in which both can be compared: at least {SHORTEST_S} s and {LEAST_ROWS} samples without a gap are needed, better a \
              minute with turns"
         ));
     }
@@ -282,7 +282,7 @@ pub(crate) fn refuse_fit(
     let uncertain = known.is_nan() || known > settings.worst_sigma_s;
     if !fit.converged && !uncertain {
         return Some(format!(
-            "no delay stands out: the search between {first} and {second} did not come to rest, as where they do not \
+            "no delay stands out: the search between {first} and {second} did not converge, as where they do not \
              belong together or noise is as large as the motion. {}",
             what_to_fly(known, offer, motion)
         ));
@@ -310,6 +310,6 @@ mod tests {
         assert_eq!(format!("{:.1}", nothing.duration_s), "0.0");
         let motion = Motion { unsteady: 0.0, power: 0.0, acceleration: false };
         let refusal = refuse_motion(&nothing, &motion, 0.0, &[0.0]).unwrap();
-        assert!(refusal.starts_with("in no stretch both"), "{refusal}");
+        assert!(refusal.starts_with("there is no stretch in which both"), "{refusal}");
     }
 }

@@ -132,7 +132,7 @@ fn check(channel: &Channel, name: &str, first: &str, clock: Clock) -> Result<(),
     let other = channel.series.timeline().clock();
     if other != clock {
         return Err(format!(
-            "{first} is stamped by the clock {clock}, {name} by {other}: the relation of the two clocks is unknown; log both with one clock"
+            "{first} has timestamps of the clock {clock}, {name} of {other}: the relation of the two clocks is unknown; log both with one clock"
         ));
     }
     let rows = channel.update_count();

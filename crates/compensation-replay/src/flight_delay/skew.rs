@@ -19,7 +19,7 @@ impl Skew {
     pub(crate) fn words(&self) -> String {
         let side = if self.typical_s < 0.0 { "early" } else { "late" };
         format!(
-            "the lateness is lopsided, as behind a queue: this is its mean; typical samples are {:.0} ms {side}",
+            "the lateness is skewed, as after a queue: this is its mean; typical samples are {:.0} ms {side}",
             1e3 * self.typical_s.abs()
         )
     }

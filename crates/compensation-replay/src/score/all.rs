@@ -254,9 +254,7 @@ fn band(track: &Positions, (left_s, velocity_s): (f64, f64), motion: &Result<Mot
         StandIn::Exact => DelayModel::Exact,
         StandIn::Nothing => return Finding::CannotTell("raw is what the others are compared with".to_owned()),
         StandIn::Adaptive => {
-            return Finding::CannotTell(
-                "it weighs position and velocity as their noise asks: no fixed band".to_owned(),
-            );
+            return Finding::CannotTell("it weights position and velocity by their noise: no fixed band".to_owned());
         }
     };
     let compensator_s = track.delay.seconds();

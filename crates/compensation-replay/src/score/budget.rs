@@ -84,7 +84,7 @@ impl Ground<'_> {
                 terms.push(self.velocity_noise(1.0, track));
             }
             StandIn::Adaptive => {
-                let why = "it weighs position and velocity as their noise asks: no formula".to_owned();
+                let why = "it weights position and velocity by their noise: no formula".to_owned();
                 terms.push(term("noise let through", Finding::CannotTell(why), ""));
             }
             StandIn::Nothing | StandIn::Exact => {}

@@ -45,7 +45,7 @@ fn is_geodetic(name: &str, channel: &Channel, input: &Input) -> Result<bool, Str
     }
     if channel.series.timeline().clock() != input.clock {
         let clock = channel.series.timeline().clock();
-        return Err(format!("{name} is stamped by the clock {clock}, {} by {}", input.names.position, input.clock));
+        return Err(format!("{name} has timestamps of the clock {clock}, {} of {}", input.names.position, input.clock));
     }
     if input.averaged > 1 {
         return Err(format!(

@@ -41,7 +41,7 @@ pub(crate) fn step_correlation(innovations: &Innovations, track: &Positions) -> 
     };
     let fixes = innovations.fix.len();
     let blocks = Blocks::of(fixes, (0..fixes).map(products));
-    let why = "no fix whose flight since the fix before was seen whole";
+    let why = "no fix with continuous velocity since the fix before";
     found(blocks.estimate(|[sf, ss, ff]| sf / (ss * ff).sqrt()), why)
 }
 

@@ -40,7 +40,7 @@ impl Sweeper {
                 100.0 * LEAST_MOVING_SHARE
             ));
         }
-        let delay_s = self.descended(&items, near).ok_or("the error has no least near its coarse minimum")?;
+        let delay_s = self.descended(&items, near).ok_or("the error has no minimum near its coarse minimum")?;
         let u = jackknife(&self.misses(&items, delay_s).collect::<Vec<Miss>>());
         if u.is_nan() || u > WORST_SIGMA_S {
             let (u, worst) = (1e3 * u, 1e3 * WORST_SIGMA_S);

@@ -48,7 +48,7 @@ pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
             missing_words(missing, "the oldest that were not harmed")
         ),
         how_to_read: "Good: the full point lies left of the ring. Bad: it lies right of it. Against a reference where the log \
-                      has one, else by the lateness that is left.",
+                      has one, else by the remaining lateness.",
         panels: vec![Panel::of(x, flights_axis(&names), lines)],
         panel_size: (540, 24 + 15 * rows.len() as u32),
         fine: true,
