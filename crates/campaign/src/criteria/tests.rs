@@ -25,7 +25,7 @@ const SLIPS: [(&str, &str, usize, &str); 9] = [
     ("schema = 1", "schema = one", 1, ""),
     ("\"a\"", "\"a b\"", 3, "letters, digits"),
     ("\"asked\"", "\" \"", 4, "state the requirement"),
-    ("\"why\"", "\"\"", 6, "why the limit is"),
+    ("\"why\"", "\"\"", 6, "justify the limit"),
     ("rationale = \"why\"\n", "", 2, "missing key `rationale`"),
     ("\"delay\"", "\"delays\"", 5, "no metric is called `delays`; did you mean `delay`? known are delay,"),
     ("\"delay\"", "\"speed\"", 5, "known are speed-median"),
