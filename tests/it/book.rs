@@ -59,7 +59,9 @@ fn arguments(line: &str) -> Option<Vec<&str>> {
 #[test]
 fn every_command_in_the_book_is_valid() {
     let mut helps: BTreeMap<Vec<&str>, String> = BTreeMap::new();
-    let pages = pages();
+    let mut pages = pages();
+    // Its code is help, in which a line may begin with the name of the command.
+    pages.retain(|(path, _)| !path.ends_with("commands.md"));
     let mut commands = 0;
     for (path, page) in &pages {
         for arguments in lines(page).filter(|(_, code)| *code).filter_map(|(line, _)| arguments(line)) {

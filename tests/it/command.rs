@@ -20,7 +20,7 @@ fn an_invalid_command_or_pipeline_ends_with_2_and_its_position() {
     let wrong = text(&run(["campaign", &flights, "--out", &out, "--pipeline", &path("p.toml")], 2).stderr);
     assert!(wrong.contains("p.toml:4: unknown key `position`") && wrong.contains("`position_s`"), "{wrong}");
     let wrong = text(&run(["delay", &flights, "--reference-clock", "same"], 2).stderr);
-    assert!(wrong.contains("there is none: add --reference FILE"), "{wrong}");
+    assert!(wrong.contains("needs a reference file: add --reference FILE"), "{wrong}");
     let empty = text(&run(["campaign", &flights, "--out", &out], 1).stderr);
     assert!(empty.contains("no flight found"), "{empty}");
     assert!(!Path::new(&out).exists(), "a failed run leaves no empty folder");
@@ -329,7 +329,7 @@ fn a_failed_criterion_ends_with_4_and_a_new_limit_reads_no_log() {
     let met = campaign.criteria("4 Hz", "2 s");
     let printed = campaign.run(&["--criteria", &met], 0);
     assert!(printed.contains("0 flights to replay") && printed.contains("1 page made"), "{printed}");
-    assert!(printed.contains("gravest verdict: 1 PASS") && !printed.contains("FAIL"), "{printed}");
+    assert!(printed.contains("worst verdict: 1 PASS") && !printed.contains("FAIL"), "{printed}");
     assert!(!campaign.page().contains("≥ 10\u{a0}Hz"));
     let judged: serde_json::Value =
         serde_json::from_slice(&fs::read(campaign.folder.path().join("out/campaign.json")).unwrap()).unwrap();
@@ -393,7 +393,7 @@ fn available_criteria_are_listed_and_a_file_is_checked() {
     let file = folder.path().join("mine.toml");
     fs::write(&file, run(["criteria", "--example"], 0).stdout).unwrap();
     let meant = text(&run(["criteria".as_ref(), file.as_os_str()], 0).stdout);
-    assert!(meant.starts_with("# mine.toml is right; criteria: ") && meant.contains("metric = \"delay\""), "{meant}");
+    assert!(meant.starts_with("# mine.toml is valid; criteria: ") && meant.contains("metric = \"delay\""), "{meant}");
 }
 
 /// The log of a campaign of one flight in this folder.

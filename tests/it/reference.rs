@@ -234,7 +234,11 @@ fn an_unusable_reference_file_is_an_alarm_with_its_reason() {
     assert_eq!(text(&unusable.stdout).lines().next(), Some(first.as_str()), "its reason comes first");
     let several = flightlag(["delay", ".", "--reference", "c.pos"]).current_dir(folder.path()).output().unwrap();
     assert_eq!(several.status.code(), Some(2));
-    assert!(text(&several.stderr).contains("give a pattern in which {stem} stands for"), "{}", text(&several.stderr));
+    assert!(
+        text(&several.stderr).contains("give a pattern in which {stem} is the name of the log"),
+        "{}",
+        text(&several.stderr)
+    );
 }
 
 /// The truth as a second file without axis names: east, north, up, in the clock of a motion capture system.
