@@ -285,7 +285,7 @@ fn command_block(command: &str) -> Markup {
     html! { pre.command tabindex="0" { code { (shown_block(command)) } } }
 }
 
-/// The settings: their source and their full text.
+/// Title and hash of the pipeline.
 fn pipeline_rows(pipeline: &record::PipelineUse) -> Markup {
     html! {
         tr { th scope="row" { "Pipeline" } td { (shown(&pipeline.title)) } }

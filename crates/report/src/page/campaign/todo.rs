@@ -100,7 +100,7 @@ fn median(mut all: Vec<f64>) -> Option<f64> {
 }
 
 /// Error after removing `set_s`, if removing `at_s` leaves `error_m`. The raw error is speed times delay, and the
-/// difference of the two delays adds in proportion.
+/// difference of the two delays adds its share in quadrature.
 fn error_at(set_s: f64, error_m: f64, at_s: f64, effect: &Effect) -> Option<f64> {
     let speed_mps = effect.error_raw_m?.value / at_s.abs();
     Some(error_m.hypot((set_s - at_s) * speed_mps)).filter(|error| error.is_finite())
