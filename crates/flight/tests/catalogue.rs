@@ -173,7 +173,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (Code::SeveralSessions, "crates/ingest/tests/it/ulog.rs", "a_log_of_a_later_version_after_another_is_found"),
     (Code::Skipped, "crates/ingest/tests/it/dataflash.rs", "padding_at_the_end_is_not_damage_but_garbage_is"),
     (Code::ReadLeniently, "crates/ingest/tests/it/db3.rs", "trees_that_lead_in_circles_end"),
-    (Code::NoChecksum, "crates/ingest/tests/it/nmea.rs", "a_log_without_any_checksum_is_read_and_told_of"),
+    (Code::NoChecksum, "crates/ingest/tests/it/nmea.rs", "a_log_without_any_checksum_is_read_and_reported"),
     (
         Code::IndexDiffers,
         "crates/ingest/src/format/bag_folder.rs",
@@ -204,16 +204,12 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::SeveralSources,
         "crates/ingest/tests/it/nmea.rs",
-        "a_receiver_that_changes_its_talker_is_one_channel_from_first_to_last",
+        "a_receiver_that_changes_its_talker_is_one_channel_throughout",
     ),
-    (
-        Code::NoRows,
-        "crates/ingest/tests/it/csv.rs",
-        "several_files_are_topics_of_one_log_and_a_stray_one_among_them_is_no_end",
-    ),
+    (Code::NoRows, "crates/ingest/tests/it/csv.rs", "several_files_are_topics_of_one_log_and_a_stray_one_is_harmless"),
     (Code::ColumnRenamed, "crates/ingest/tests/it/csv.rs", "repeated_and_empty_names_become_unique_with_a_notice"),
-    (Code::RejectedCell, "crates/ingest/tests/it/csv.rs", "a_column_that_was_wanted_as_a_number_says_where_it_is_none"),
-    (Code::IrregularTable, "crates/ingest/tests/it/csv.rs", "a_header_that_stands_again_between_the_rows_is_no_row"),
+    (Code::RejectedCell, "crates/ingest/tests/it/csv.rs", "a_column_wanted_as_a_number_reports_cells_that_are_not"),
+    (Code::IrregularTable, "crates/ingest/tests/it/csv.rs", "a_repeated_header_between_the_rows_is_not_a_row"),
     (
         Code::UnknownWord,
         "crates/ingest/tests/it/bindings.rs",
@@ -253,7 +249,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/ingest/tests/it/time.rs",
         "the_receivers_time_dates_the_clock_since_boot_and_moves_no_sample",
     ),
-    (Code::BoundByGuess, "crates/ingest/tests/it/guess.rs", "a_way_too_straight_to_tell_what_yaw_counts_is_said_so"),
+    (Code::BoundByGuess, "crates/ingest/tests/it/guess.rs", "a_path_too_straight_to_identify_yaw_is_reported"),
     (
         Code::Assumption,
         "crates/ingest/tests/it/bind.rs",

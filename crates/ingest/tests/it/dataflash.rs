@@ -552,7 +552,7 @@ fn codes_of_trouble(log: &Log) -> Vec<&str> {
 }
 
 #[test]
-fn a_type_defined_twice_uses_the_last_definition_and_differences_are_reported() {
+fn a_type_defined_twice_uses_its_last_definition_and_is_reported() {
     let again =
         read_bytes(READER, &[samples_begin(), samples_begin(), sample(1, 1.0), sample(2, 1.0)].concat()).unwrap();
     assert_eq!((numbers(&again, "ABC", "V").len(), codes(&again)), (2, vec![]));
