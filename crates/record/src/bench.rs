@@ -25,7 +25,7 @@ pub struct RigUse {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "outcome", rename_all = "kebab-case")]
 pub enum BenchOutcome {
-    /// At least one channel has a delay.
+    /// The delay of at least one channel was measured.
     Measured,
     /// The logs were read, but no channel can be measured.
     NotMeasurable {

@@ -128,14 +128,14 @@ pub struct CampaignTotals {
     /// Measured, but no delay was removed.
     #[serde(default)]
     pub uncompensated: u64,
-    /// Read, but compensation does not apply.
+    /// Read, but cannot be measured.
     pub not_measurable: u64,
     /// Unusable.
     pub failed: u64,
     /// No result yet.
     #[serde(default)]
     pub pending: u64,
-    /// With lost data.
+    /// With data loss.
     pub lossy: u64,
     /// Made worse by the removed delay.
     #[serde(default)]

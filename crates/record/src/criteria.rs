@@ -110,7 +110,7 @@ pub struct CriterionFinding {
     pub value: Option<Estimate>,
     /// Its 95 % interval, SI; `None` without one.
     pub interval_95: Option<[f64; 2]>,
-    /// From the value to the nearest limit, SI: positive within, negative beyond.
+    /// Distance from the value to the nearest limit, SI: positive within, negative beyond.
     pub margin: Option<f64>,
     /// The verdict.
     pub verdict: CriterionVerdict,

@@ -260,7 +260,7 @@ pub struct DelayPool {
     pub interval_95_s: [f64; 2],
     /// Half of its width, s.
     pub half_width_95_s: f64,
-    /// Interval that the next flight's delay lies in with 95 % probability, s; `None` for one flight.
+    /// Interval that contains the next flight's delay with 95 % probability, s; `None` for one flight.
     pub prediction_95_s: Option<[f64; 2]>,
     /// Standard deviation between flights in excess of their own measurement part, s (REML); `None` for one flight.
     pub tau_s: Option<f64>,
@@ -304,8 +304,8 @@ impl DelayPool {
         self.without_its_outliers().filter(|mean| !self.differ_about(mean))
     }
 
-    /// Whether the flights differ so much that no mean describes them: with three delays in a group, no delay is an
-    /// outlier.
+    /// Whether the flights differ so much that no mean describes them: if a group has three different delays, no delay
+    /// is an outlier.
     #[must_use]
     pub fn has_no_mean(&self) -> bool {
         self.without_its_outliers().is_some_and(|mean| self.differ_about(&mean))

@@ -266,7 +266,7 @@ pub struct DeviceTime {
     pub percentile_95_s: f64,
     /// Largest lateness above the minimum, s.
     pub largest_s: f64,
-    /// Difference between late and early parts that the motion also shows, s; `None` if it cannot be compared.
+    /// Rms disagreement with the delay that the motion shows, about its median, s; `None` if it cannot be compared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub disagreement_rms_s: Option<f64>,
 }

@@ -18,7 +18,7 @@ pub struct ExplorerRows {
     pub rows: u64,
     /// Rows of the replay.
     pub of: u64,
-    /// Of each this many consecutive rows, only those with an extreme of any column are kept; 1 if all rows are kept.
+    /// Block size: of this many consecutive rows, only those with an extreme of any column are kept; 1 if all are kept.
     pub extremes_of: u64,
     /// A step between rows of the replay longer than this is a gap, s.
     pub gap_s: f64,

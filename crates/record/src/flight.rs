@@ -42,9 +42,9 @@ pub enum Outcome {
         /// Reason.
         reason: String,
     },
-    /// The log was read, but compensation does not apply.
+    /// The log was read, but the flight cannot be measured.
     NotMeasurable {
-        /// Reason, and what would make it applicable.
+        /// Reason, and what would make it measurable.
         reason: String,
     },
     /// No result yet, and no known reason against one.

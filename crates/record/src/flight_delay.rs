@@ -54,7 +54,7 @@ pub struct PairDelay {
     /// Whether the delay stays the same; `None` where that was not tested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varies: Option<DelayOverTime>,
-    /// Why the pair must not take part in the delay network; `None` if it may.
+    /// Why the pair must not be used in the delay network; `None` if it may be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_for_network: Option<String>,
     /// Change of the delay for each 0.1 m by which the antenna is ahead of the point at which velocity is measured, s;
@@ -240,7 +240,7 @@ pub struct DelaySplit {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayGroup {
-    /// Least and largest value in the group.
+    /// Smallest and largest value in the group.
     pub range: [f64; 2],
     /// Samples of both axes.
     pub samples: u64,

@@ -324,7 +324,7 @@ pub struct SettingProof {
     pub predicted_s: Estimate,
     /// Residual measured on the later flights, s; `None` without such a flight.
     pub measured_s: Option<Estimate>,
-    /// Number of flights that measured it.
+    /// Flights that measured it.
     pub flights: Vec<NamedFlight>,
     /// Whether prediction and measurement agree.
     pub verdict: ProofVerdict,

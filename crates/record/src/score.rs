@@ -99,10 +99,10 @@ pub struct ResidualDelay {
     pub interval_95_s: [f64; 2],
     /// Samples of both axes used.
     pub samples: u64,
-    /// Expected value, s: position minus velocity, less the delay removed (zero for raw). For a filter that does not
-    /// know the age of a fix, it includes the mean age at the evaluated rows. For a Padé filter, it includes the
-    /// apparent delay of its truncation in this motion, known to half its size because the estimator gives fast motion
-    /// more weight.
+    /// Expected value, s: position minus velocity, less the delay removed (no delay is removed for raw). For a filter
+    /// that does not know the age of a fix, it includes the mean age at the evaluated rows. For a Padé filter, it
+    /// includes the apparent delay of its truncation in this motion, known to half its size because the estimator gives
+    /// fast motion more weight.
     pub expected_s: Estimate,
 }
 
