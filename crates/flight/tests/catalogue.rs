@@ -177,7 +177,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (
         Code::IndexDiffers,
         "crates/ingest/src/format/bag_folder.rs",
-        "a_file_that_has_the_name_of_the_metadata_alone_is_told",
+        "a_file_with_only_the_name_of_the_metadata_is_reported",
     ),
     (
         Code::Redefined,
