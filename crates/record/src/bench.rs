@@ -1,4 +1,4 @@
-//! What a bench says of a sensor: the delay and the dynamics of each of its channels.
+//! Bench results for a sensor: the delay and dynamics of each of its channels.
 
 use crate::SensorIdentity;
 use crate::flight::InputFile;
@@ -8,28 +8,28 @@ use flight::{Binding, Clock, Delay, LogHealth, Notices, Quantity, RejectCount, S
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The rig file that a record was analysed with.
+/// The rig file with which a record was analysed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RigUse {
     /// Title from the file.
     pub title: String,
-    /// BLAKE3 of the rig as it is meant (comments and order do not count).
+    /// BLAKE3 of the resolved rig file (comments and order do not count).
     pub blake3: String,
-    /// The rig as it is meant, as TOML.
+    /// The resolved rig file, as TOML.
     pub toml: String,
 }
 
-/// What came of the bench record.
+/// Outcome of the bench record.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "outcome", rename_all = "kebab-case")]
 pub enum BenchOutcome {
-    /// At least one channel has a delay.
+    /// The delay of at least one channel was measured.
     Measured,
     /// The logs were read, but no channel can be measured.
     NotMeasurable {
-        /// Why, and what would make it so.
+        /// Reason, and what would make it possible.
         reason: String,
     },
     /// The logs could not be used.
@@ -47,48 +47,48 @@ pub struct BenchLog {
     pub role: String,
     /// Its files.
     pub inputs: Vec<InputFile>,
-    /// How the reading went.
+    /// Result of reading them.
     pub health: LogHealth,
-    /// What was bound; `None` if no map fits.
+    /// Channels bound by the channel map; `None` if no map matches.
     pub binding: Option<Binding>,
 }
 
-/// Everything found about one bench record. Free of times of day, hosts and folders.
+/// Everything found about one bench record. It contains no times of day, hosts or folders.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct BenchRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
-    /// Raised by hand when the analysis gives other numbers.
+    /// Analysis version, raised by hand when the numbers change.
     pub analysis_version: u32,
     /// The sensor on the bench, from the rig file.
     pub sensor: SensorIdentity,
-    /// With which rig.
+    /// Rig file used.
     pub rig: RigUse,
     /// One or two logs.
     pub logs: Vec<BenchLog>,
-    /// UTC day of the record, `yyyy-mm-dd`: from the stamps, else from the rig file.
+    /// UTC day of the record, `yyyy-mm-dd`: from the timestamps, otherwise from the rig file.
     pub date: Option<String>,
-    /// What came of it.
+    /// Outcome.
     #[serde(flatten)]
     pub outcome: BenchOutcome,
-    /// What was found; `None` unless something was measured or at least tried.
+    /// Findings; `None` unless something was measured or at least attempted.
     pub findings: Option<BenchFindings>,
     /// All notices, in the order in which they were raised.
     pub notices: Notices,
 }
 
-/// What a bench record shows.
+/// Findings of a bench record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct BenchFindings {
-    /// Time zero of all `t_s`: a stamp, ns, in the encoder's clock.
+    /// Time zero of all `t_s`: a timestamp, ns, on the encoder's clock.
     pub origin_ns: i64,
     /// The encoder's clock.
     pub clock: Clock,
-    /// The encoder and the motion made from it.
+    /// The encoder and the motion derived from it.
     pub reference: ReferenceFinding,
-    /// Whether this swing can show anything at all.
+    /// Whether this swing is suitable for measurement.
     pub gate: QualityGate,
     /// How the sensor's clock was tied to the encoder's.
     pub clocks: ClockFinding,
@@ -96,14 +96,14 @@ pub struct BenchFindings {
     pub mount: MountFinding,
     /// Whether the bar bends.
     pub flexibility: Finding<Flexibility>,
-    /// The rig as it was built, for a drawing; `None` in records of earlier versions.
+    /// The rig as built, for a drawing; `None` in records of earlier versions.
     #[serde(default)]
     pub geometry: Option<RigGeometry>,
-    /// Channels, in the order of their names.
+    /// Channels, sorted by name.
     pub channels: Vec<ChannelDynamics>,
 }
 
-/// Pivot, bar and parts of the sensor, as the rig file states them.
+/// Pivot, bar and parts of the sensor, from the rig file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RigGeometry {
@@ -111,7 +111,7 @@ pub struct RigGeometry {
     pub bar_length_m: f64,
     /// `upright` (sensor above the pivot), `hanging` (below), or `custom`.
     pub mount: String,
-    /// Places at which channels were measured, in the order of the first channel of each.
+    /// Places at which channels were measured, sorted by the first channel of each.
     pub parts: Vec<RigPart>,
 }
 
@@ -119,27 +119,27 @@ pub struct RigGeometry {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RigPart {
-    /// Channels of the record that are measured there.
+    /// Channels of the record measured there.
     pub channels: Vec<String>,
-    /// From the pivot in body axes forward, right, down at bar angle zero, m.
+    /// Arm from the pivot in body axes forward, right, down at bar angle zero, m.
     pub lever_arm_m: [f64; 3],
-    /// Whether the rig file states this arm. Otherwise it follows from length and mount of the bar.
+    /// Whether the rig file states this arm. Otherwise it is derived from length and mount of the bar.
     pub is_stated: bool,
 }
 
-/// A finding, or why there is none.
+/// A finding, or why it is unavailable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Finding<T> {
     /// It was found.
     Found(T),
-    /// It cannot be told from this record: why, and what would make it so.
+    /// It cannot be determined from this record: why, and what would make it possible.
     CannotTell(String),
 }
 
 impl<T> Finding<T> {
-    /// The finding, if there is one.
+    /// The finding, if available.
     pub fn found(&self) -> Option<&T> {
         match self {
             Finding::Found(t) => Some(t),
@@ -148,49 +148,49 @@ impl<T> Finding<T> {
     }
 }
 
-/// The encoder, and the reference motion that a four-state smoother made of it (design note 2).
+/// The encoder, and the reference motion that a four-state smoother derived from it (design note 2).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReferenceFinding {
     /// Channel of the encoder.
     pub channel: String,
-    /// Samples used.
+    /// Number of samples used.
     pub samples: u64,
     /// Samples per second.
     pub rate_hz: f64,
-    /// From the first to the last sample, s.
+    /// Duration from the first to the last sample, s.
     pub duration_s: f64,
     /// Counts per revolution that were used: lines times decoding.
     pub counts_per_rev: f64,
-    /// Where that number comes from, in words: the rig file, or the smallest step seen.
+    /// Source of that number, in words: the rig file, or the smallest step observed.
     pub counts_source: String,
-    /// +1 or −1: which way counts rise.
+    /// Direction of increasing counts: +1 or −1.
     pub sign: f64,
-    /// Where the sign comes from.
+    /// Source of the sign.
     pub sign_source: String,
     /// Bar angle at count zero, rad.
     pub zero_rad: Estimate,
-    /// Where the zero comes from.
+    /// Source of the zero.
     pub zero_source: String,
     /// Azimuth of the swing plane from north over east, rad; `None` if no channel needs it.
     pub azimuth_rad: Option<Estimate>,
-    /// Where the azimuth comes from.
+    /// Source of the azimuth.
     pub azimuth_source: String,
-    /// log10 of the spectral density of the white snap, rad²/s⁷, as found by generalised cross-validation.
+    /// log10 of the spectral density of the white snap, rad²/s⁷, estimated by generalised cross-validation.
     pub log10_q: f64,
-    /// Rms of encoder − smoothed, in counts. 0.289 is a perfect quantiser.
+    /// Rms of encoder − smoothed, in counts. A perfect quantiser gives 0.289.
     pub residual_rms_counts: f64,
     /// Smoothed standard deviation (median over the record) of angle, rate and acceleration: rad, rad/s, rad/s².
     pub uncertainty: [f64; 3],
     /// Largest and smallest bar angle, rad.
     pub angle_range_rad: [f64; 2],
-    /// Gravity at the site, m/s², and the field that was used, T (north, east, down) with their sources.
+    /// Gravity at the site, m/s².
     pub gravity_mps2: f64,
-    /// Where gravity comes from.
+    /// Source of gravity.
     pub gravity_source: String,
     /// Magnetic field north, east, down, T; `None` if it was fitted.
     pub field_t: Option<[f64; 3]>,
-    /// Where the field comes from, with the validity of the model.
+    /// Source of the field, with the validity of the model.
     pub field_source: String,
     /// Bar angle, rad: first encoder, then smoothed.
     pub angle: Vec<Curve>,
@@ -198,15 +198,15 @@ pub struct ReferenceFinding {
     pub acceleration: Vec<Curve>,
 }
 
-/// One thing that was asked before any verdict.
+/// One check before any verdict.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GateCheck {
-    /// What was asked, as `swing amplitude`.
+    /// Name of the check, such as `swing amplitude`.
     pub name: String,
-    /// Whether it is as it should be.
+    /// Whether it passed.
     pub passed: bool,
-    /// Number, limit and what follows, in words.
+    /// Number, limit and consequence, in words.
     pub text: String,
 }
 
@@ -214,49 +214,51 @@ pub struct GateCheck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct QualityGate {
-    /// What was asked.
+    /// The checks.
     pub checks: Vec<GateCheck>,
-    /// Band that holds 90 % of the power of the bar's rate, Hz.
+    /// Band with 90 % of the power of the bar's rate, Hz.
     pub excited_band_hz: [f64; 2],
     /// Rms frequency of the bar's angle, Hz.
     pub rms_frequency_hz: f64,
     /// Full swings (pairs of reversals).
     pub swings: u64,
-    /// What a planar swing cannot show, whatever the sensor.
+    /// Limits of a planar swing, for any sensor.
     pub not_observable: Vec<String>,
 }
 
-/// How the stamps of the sensor were tied to the encoder's clock.
+/// How the timestamps of the sensor were tied to the encoder's clock.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ClockFinding {
-    /// What all delays are measured against.
+    /// Reference for all delays.
     pub basis: TimeBasis,
-    /// In words: what is absolute and what is relative.
+    /// Summary in words: what is absolute and what is relative.
     pub statement: String,
-    /// Skew of the sensor's clock against the encoder's: seconds gained per second, joint over all channels.
+    /// Skew of the sensor's clock against the encoder's: seconds gained per second, estimated jointly from all
+    /// channels.
     pub skew: Finding<Estimate>,
     /// Lag of the anchor channel against the encoder as logged, s: an offset of the clocks plus the anchor's own delay.
     pub anchor_lag_s: Option<Estimate>,
-    /// Map from device time to the logger's clock by the lower hull of (device time, arrival − device time).
+    /// Map from device time to the logger's clock from the lower hull of (device time, arrival − device time).
     pub hull: Option<HullFinding>,
     /// Pulse per second, if one was logged.
     pub pps: Option<PpsFinding>,
 }
 
-/// What a delay is measured against.
+/// Reference for a delay.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case", tag = "basis")]
 pub enum TimeBasis {
-    /// Encoder and sensor carry stamps of one clock: delays are absolute, up to that clock's own stamping.
+    /// Encoder and sensor have timestamps from one clock: delays are absolute, except for that clock's own
+    /// timestamping.
     OneClock,
     /// A pulse per second ties the device's clock to the encoder's: delays are absolute.
     Pps,
-    /// The fastest arrivals tie the device's clock to the encoder's: delays hold the least transport latency, which no log
-    /// shows.
+    /// The fastest arrivals tie the device's clock to the encoder's: delays include the minimum transport latency,
+    /// which no log shows.
     FastestArrivals,
-    /// Clocks differ: delays are relative to this channel, taken as on time.
+    /// Clocks differ: delays are relative to this channel, which is assumed to be on time.
     Anchor {
         /// Name of the channel.
         channel: String,
@@ -267,31 +269,31 @@ pub enum TimeBasis {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct HullFinding {
-    /// Channel whose stamps were used.
+    /// Channel whose timestamps were used.
     pub channel: String,
     /// Device clock.
     pub device: Clock,
     /// Clock of the arrival.
     pub arrival: Clock,
-    /// Arrival less device time at the middle of the record, on the hull, s. It holds the least transport latency.
+    /// Arrival less device time at the middle of the record, on the hull, s. It includes the minimum transport latency.
     pub offset_s: f64,
-    /// Slope of arrival less device time, s/s: negative where the device's clock gains.
+    /// Slope of arrival less device time, s/s: negative if the device's clock gains.
     pub skew: f64,
-    /// Arrival above the hull: how much later than the fastest.
+    /// Arrival above the hull: delay relative to the fastest.
     pub latency_s: flight::Distribution,
-    /// Where the device's offset of stamps is not monotonic or too few stamps are there, this says so.
+    /// A note if the device's timestamp offset is not monotonic or there are too few timestamps.
     pub remark: String,
 }
 
-/// Pulses per second as a ruler.
+/// Pulse per second as a time reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PpsFinding {
     /// Channel of the pulses.
     pub channel: String,
-    /// Pulses used.
+    /// Number of pulses used.
     pub pulses: u64,
-    /// Pulses left out, by reason.
+    /// Pulses rejected, by reason.
     pub rejected: Vec<RejectCount>,
     /// Mean skew of the logger's clock against the pulses, s/s.
     pub skew: Estimate,
@@ -299,70 +301,72 @@ pub struct PpsFinding {
     pub residual_rms_s: f64,
 }
 
-/// What a verdict on a delay says (design note 3.7).
+/// Verdict on a delay (design note 3.7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// The interval excludes zero.
     Delayed,
-    /// As [`Verdict::Delayed`], but early: the value is stamped before it was true.
+    /// As [`Verdict::Delayed`], but early: the timestamp is earlier than the time at which the value was true.
     Early,
     /// Two one-sided tests: the delay lies within the margin.
     EquivalentToZero,
-    /// Neither can be said.
+    /// Neither could be shown.
     Inconclusive,
     /// The delay could not be estimated, or the gate forbids a verdict.
     NotMeasurable,
 }
 
-/// A delay with everything that says how well it is known.
+/// A delay with everything that describes its uncertainty.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayFinding {
     /// Best value; positive is late.
     pub delay: Delay,
-    /// Standard uncertainty, s: the larger of the next two, with what the reference, the stamps, the anchor and a
-    /// change over the record add in quadrature.
+    /// Standard uncertainty, s: the larger of the next two, plus the contributions of the reference, the timestamps,
+    /// the anchor and a change over the record in quadrature.
     pub standard_uncertainty_s: f64,
-    /// From the Hessian of the generalised least squares, s.
+    /// Part from the Hessian of the generalised least squares, s.
     pub hessian_s: f64,
-    /// From the heteroscedasticity and autocorrelation consistent sandwich, s.
+    /// Part from the heteroscedasticity and autocorrelation consistent sandwich, s.
     pub hac_s: f64,
-    /// From the reference, which errs with the encoder's steps, s. The noise of the fit holds it as if each component had its
-    /// own: `1 − 1/components` of its variance is added, and the whole is no less than it.
+    /// Part from the reference, whose error follows the encoder's steps, s. The noise of the fit includes it as if each
+    /// component had its own: `1 − 1/components` of its variance is added, and the total is at least this part.
     #[serde(default)]
     pub reference_s: f64,
-    /// From stamps that are coarse: a held value is seen one row late at most, a tick is cut or rounded, s.
+    /// Part from coarse timestamps, s: a held value is seen at most one row late; a tick is truncated or rounded.
     pub stamps_s: f64,
-    /// From the delay of the anchor channel, s; zero where delays are absolute.
+    /// Part from the delay of the anchor channel, s; zero where delays are absolute.
     pub anchor_s: f64,
-    /// So that the interval holds the delay of every part of the record, s; zero unless the delay surely changes.
+    /// Part added so that the interval covers the delay of every part of the record, s; zero unless the delay
+    /// significantly changes.
     #[serde(default)]
     pub change_s: f64,
-    /// Confidence interval of 95 % (Student), s.
+    /// 95 % confidence interval (Student), s.
     pub interval_95_s: [f64; 2],
     /// Degrees of freedom.
     pub degrees_of_freedom: f64,
     /// Cramér–Rao bound at the fitted noise, s.
     pub crlb_s: f64,
-    /// What a loop sees that reads the held value: delay and mean age of a held sample (design note 3.8).
+    /// Delay seen by a loop that reads the held value: delay plus mean age of a held sample (design note 3.8).
     pub as_seen_s: Option<Estimate>,
-    /// What a fit on the held rows would say, if the channel is held.
+    /// Result of a fit on the held rows, if the channel is held.
     pub held_fit_s: Option<Estimate>,
-    /// Smallest delay that this record would show with a power of 80 %, s: 2.8 standard uncertainties.
+    /// Smallest delay that this record would detect with a power of 80 %, s: 2.8 standard uncertainties.
     pub minimum_detectable_s: f64,
     /// Margin of the equivalence test, s.
     pub margin_s: f64,
-    /// Margin of a delay that differs from zero, s: half an interval of a slow channel would hide a large one.
+    /// Margin of a delay that differs from zero, s: half the sampling interval of a slow channel would hide a large
+    /// delay.
     #[serde(default)]
     pub strict_margin_s: f64,
-    /// Record length that would decide, s; only where the verdict is inconclusive.
+    /// Record length needed for a verdict, s; only where it is inconclusive.
     pub deciding_length_s: Option<f64>,
 }
 
 impl DelayFinding {
-    /// The margin that decided, s: the strict one where the interval excludes zero.
+    /// The margin used for the verdict, s: the strict one where the interval excludes zero.
     #[must_use]
     pub fn deciding_margin_s(&self) -> f64 {
         let [low, high] = self.interval_95_s;
@@ -374,13 +378,13 @@ impl DelayFinding {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NoiseFinding {
-    /// Standard deviation of the part that wanders; zero if the fit found none.
+    /// Standard deviation of the wander; zero if the fit found no wander.
     pub wander_std: f64,
     /// Its correlation time, s.
     pub time_constant_s: f64,
     /// Standard deviation of the white part.
     pub white_std: f64,
-    /// Robust standard deviation while the bar stands still; `None` without such a stretch.
+    /// Robust standard deviation while the bar is at rest; `None` if it never is.
     pub static_std: Option<f64>,
     /// Smallest step between different values.
     pub resolution: Option<f64>,
@@ -392,52 +396,51 @@ pub struct NoiseFinding {
 pub struct ComponentDynamics {
     /// Its name, such as `north`, or `swing angle` for an attitude.
     pub name: String,
-    /// Unit for people, such as `m/s`.
+    /// Display unit, such as `m/s`.
     pub unit: String,
-    /// Whether the swing moves it enough to count in the delay.
+    /// Whether the swing excites it enough to count in the delay.
     pub excited: bool,
-    /// Why not, in words; empty if excited.
+    /// Why it is not excited, in words; empty if it is.
     pub why_not: String,
-    /// Measured over reference.
+    /// Gain: measured divided by reference.
     pub gain: Option<Estimate>,
-    /// Measured less reference, unit.
+    /// Offset: measured less reference, unit.
     pub offset: Option<Estimate>,
     /// Drift of the offset, unit per second.
     pub drift: Option<Estimate>,
     /// Noise.
     pub noise: Option<NoiseFinding>,
-    /// What this component alone says of the delay, s.
+    /// Delay estimated from this component alone, s.
     pub delay_s: Option<Estimate>,
-    /// First the reference at the true time, then the reference delayed as found (if a delay was), last measured: over
-    /// the whole record.
+    /// Curves over the whole record: the reference at the true time, the reference with the estimated delay (if any),
+    /// then measured.
     pub curves: Vec<Curve>,
-    /// The same over a few swings, not decimated.
+    /// The same curves over a few swings, not decimated.
     pub zoom: Vec<Curve>,
     /// Measured − fitted, unit.
     pub residual: Option<Curve>,
-    /// Reference and measured values that can be laid on one another; `None` without a fit and in records of earlier
-    /// versions.
+    /// Reference and measured values that can be overlaid; `None` without a fit and in records of earlier versions.
     #[serde(default)]
     pub overlay: Option<Overlay>,
 }
 
-/// A few swings of one component in which the measured values differ from the reference by delay, gain and fast noise
-/// alone: offset, drift and slow wander are taken out.
+/// A few swings of one component in which the measured values differ from the reference only by delay, gain and fast
+/// noise: offset, drift and slow wander are removed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Overlay {
-    /// Reference at the true time, unit. It reaches beyond the measured values by the largest shift.
+    /// Reference at the true time, unit. It extends past the measured values by the largest shift.
     pub reference: Curve,
     /// Measured less offset, drift and slow wander, unit.
     pub measured: Curve,
-    /// The slow wander that was taken out; `None` where the noise of the fit does not wander.
+    /// The slow wander that was removed; `None` where the fit found no wander.
     pub wander: Option<WanderTaken>,
-    /// What is left over the whole record when the reference is shifted.
+    /// Residual over the whole record when the reference is shifted.
     pub shifts: ShiftCurve,
 }
 
-/// Slow wander, estimated as the mean of measured − fitted over several swings, weighted with a Hann window. Whatever has
-/// the frequency of the swing averages out, so a wrong delay or gain is not taken out with it.
+/// Slow wander, estimated as the mean of measured − fitted over several swings, weighted with a Hann window. Anything
+/// at the swing frequency averages out, so an error of delay or gain is not removed with it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct WanderTaken {
@@ -445,16 +448,16 @@ pub struct WanderTaken {
     pub window_s: f64,
     /// Rms over the whole record, unit.
     pub rms: f64,
-    /// Largest less smallest value within the few swings that are drawn, unit.
+    /// Largest less smallest value within the swings that are drawn, unit.
     pub range_in_view: f64,
 }
 
-/// Rms of measured less reference over the whole record, the reference scaled by the fitted gain and shifted. Offset, drift
-/// and slow wander are taken out again at each shift.
+/// Rms of measured less reference over the whole record, the reference scaled by the fitted gain and shifted. Offset,
+/// drift and slow wander are removed again at each shift.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ShiftCurve {
-    /// First shift, s; positive makes the reference late.
+    /// First shift, s; a positive shift makes the reference late.
     pub from_s: f64,
     /// Step between shifts, s.
     pub step_s: f64,
@@ -462,15 +465,15 @@ pub struct ShiftCurve {
     pub rms: Vec<f64>,
 }
 
-/// Which kind of lateness it is (design note 3.6).
+/// Kind of lateness (design note 3.6).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ModelFinding {
-    /// The candidates that were fitted.
+    /// The fitted candidates.
     pub candidates: Vec<ModelCandidate>,
     /// Name of the chosen one, or `None` where they cannot be distinguished.
     pub chosen: Option<String>,
-    /// In words, with ΔBIC: the choice or `not distinguished` and between which.
+    /// Summary in words, with ΔBIC: the choice, or `not distinguished` and the candidates concerned.
     pub text: String,
     /// Delay plus lags of the best candidate: the group delay at low frequency, s; known far better than the parts.
     pub sum_s: Estimate,
@@ -482,7 +485,7 @@ pub struct ModelFinding {
 pub struct ModelCandidate {
     /// `D` delay, `L` first-order lag, `DL` both, `DLL` delay and two lags.
     pub name: String,
-    /// Bayesian information criterion less that of the best.
+    /// Bayesian information criterion less that of the best candidate.
     pub delta_bic: f64,
     /// Delay, s; zero by definition for `L`.
     pub delay_s: Option<Estimate>,
@@ -496,19 +499,19 @@ pub struct ModelCandidate {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ResponsePoint {
-    /// Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Measured over reference.
+    /// Gain: measured divided by reference.
     pub gain: f64,
-    /// Half width of its 95 % interval.
+    /// Half width of the gain's 95 % interval.
     pub gain_u95: f64,
-    /// rad, unwrapped; negative is late.
+    /// Phase, rad, unwrapped; negative is late.
     pub phase_rad: f64,
-    /// Half width of its 95 % interval, rad.
+    /// Half width of the phase's 95 % interval, rad.
     pub phase_u95: f64,
     /// Magnitude-squared coherence, 0 to 1.
     pub coherence: f64,
-    /// Coherence above 0.6 and reference power above 1 % of the peak: the only points to rely on.
+    /// Coherence above 0.6 and reference power above 1 % of the peak: only such points are reliable.
     pub reliable: bool,
 }
 
@@ -516,9 +519,9 @@ pub struct ResponsePoint {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ResponseFinding {
-    /// Component that was used: the one with the most signal.
+    /// Component used, which is the one with the most signal.
     pub component: String,
-    /// Length of a segment, s, and effective number of averages.
+    /// Length of a segment, s.
     pub segment_s: f64,
     /// Effective number of averages.
     pub averages: f64,
@@ -528,13 +531,13 @@ pub struct ResponseFinding {
     pub model_phase_rad: Vec<f64>,
     /// Gain of the fitted model.
     pub model_gain: Vec<f64>,
-    /// −3 dB bandwidth of the fitted model, in words with its number: `> 1.9 Hz` if beyond the last reliable point.
+    /// −3 dB bandwidth of the fitted model, as text: `> 1.9 Hz` if beyond the last reliable point.
     pub bandwidth: String,
     /// −3 dB bandwidth, Hz, if within the excited band.
     pub bandwidth_hz: Option<f64>,
 }
 
-/// The fit looked at from outside.
+/// Diagnostics of the fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FitChecks {
@@ -542,32 +545,33 @@ pub struct FitChecks {
     pub autocorrelation: Vec<f64>,
     /// Half width of its 95 % band for white residuals.
     pub autocorrelation_u95: f64,
-    /// p of Ljung and Box over these lags.
+    /// p-value of the Ljung–Box test over these lags.
     pub ljung_box_p: f64,
     /// Kurtosis of the whitened residuals; 3 for Gaussian.
     pub kurtosis: f64,
-    /// Share of samples that the robust weights held back, 0 to 1.
+    /// Share of samples down-weighted by the robust fit, 0 to 1.
     pub downweighted_share: f64,
-    /// Share of the samples that are more than four standard deviations off: 6 in 100 000 of Gaussian noise.
+    /// Share of the samples more than four standard deviations off: 6 in 100 000 for Gaussian noise.
     #[serde(default)]
     pub outlier_share: f64,
-    /// Objective over delay: −2 log likelihood above its least, noise as fitted.
+    /// Objective over delay: −2 log likelihood above its minimum, with the fitted noise.
     pub objective: ObjectiveCurve,
-    /// Another minimum nearly as good, s: the delay is ambiguous by a swing.
+    /// Another minimum that is nearly as good, s: the delay is ambiguous by one swing.
     pub second_minimum_s: Option<f64>,
 }
 
-/// The objective that was minimised, −2 log likelihood above the least of each curve: that is 0, at the delay of the fit.
+/// The objective that was minimised, −2 log likelihood above the minimum of each curve, which is 0 at the delay of the
+/// fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ObjectiveCurve {
     /// Over the search range: delay, s.
     pub delay_s: Vec<f64>,
-    /// And the objective there.
+    /// The objective there.
     pub value: Vec<f64>,
     /// Close to the minimum: delay, s.
     pub near_delay_s: Vec<f64>,
-    /// And the objective there.
+    /// The objective there.
     pub near_value: Vec<f64>,
 }
 
@@ -575,20 +579,20 @@ pub struct ObjectiveCurve {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Stationarity {
-    /// Windows of this length, half overlapping, s.
+    /// Length of the half-overlapping windows, s.
     pub window_s: f64,
     /// Middle of each window, s.
     pub t_s: Vec<f64>,
-    /// Delay in each, s.
+    /// Delay in each window, s.
     pub delay_s: Vec<Estimate>,
-    /// p of the hypothesis that the delay is constant, from windows that do not overlap.
+    /// p-value of the hypothesis that the delay is constant, from windows that do not overlap.
     pub constant_p: f64,
-    /// Whether the delay surely changes: p below 0.001, and not because of a lag.
+    /// Whether the delay significantly changes: p below 0.001, and not because of a lag.
     #[serde(default)]
     pub changes: bool,
     /// Slope, s/s: a clock's skew, or a queue that fills.
     pub slope: Estimate,
-    /// In words.
+    /// Summary in words.
     pub text: String,
 }
 
@@ -596,38 +600,38 @@ pub struct Stationarity {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LatencyHistogram {
-    /// In words: which stamps, and whether the number is absolute or above the fastest.
+    /// Summary in words: which timestamps, and whether the number is absolute or above the fastest.
     pub text: String,
     /// Edges of the bins, s; one more than counts.
     pub edges_s: Vec<f64>,
-    /// Samples in each bin.
+    /// Number of samples in each bin.
     pub counts: Vec<u64>,
-    /// Samples beyond the last edge.
+    /// Number of samples beyond the last edge.
     pub beyond: u64,
     /// Order statistics, s.
     pub latency_s: flight::Distribution,
 }
 
-/// One extra delay and gain put into the second half of the real data, and found again against the first half:
-/// two estimates whose noise has nothing in common, so that the interval is put to the test.
+/// One extra delay and gain injected into the second half of the real data and recovered against the first half. The
+/// noise of the two estimates is independent, so the interval is tested.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Injection {
     /// Delay added, s.
     pub injected_s: f64,
-    /// Gain multiplied.
+    /// Gain factor applied.
     pub injected_gain: f64,
-    /// What was found again, or why nothing was.
+    /// What was recovered, or why nothing was.
     pub recovered: Finding<Recovery>,
 }
 
-/// How well an injected delay and gain were found again.
+/// How well an injected delay and gain were recovered.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Recovery {
-    /// Recovered − injected, s.
+    /// Delay recovered − injected, s.
     pub delay_error_s: Estimate,
-    /// Recovered − injected.
+    /// Gain recovered − injected.
     pub gain_error: Estimate,
 }
 
@@ -637,27 +641,27 @@ pub struct Recovery {
 pub struct ChannelDynamics {
     /// Name, such as `position.ins`.
     pub name: String,
-    /// What it holds.
+    /// Quantity that it holds.
     pub quantity: Quantity,
-    /// Which stamps its delay is measured with.
+    /// Timestamps with which its delay is measured.
     pub stamp_kind: StampKind,
-    /// Clock of these stamps as logged.
+    /// Clock of these timestamps as logged.
     pub clock: Clock,
-    /// What the delay is measured against.
+    /// Reference against which the delay is measured.
     pub basis: TimeBasis,
-    /// Rows of the channel, less held repeats.
+    /// Number of rows of the channel, without held repeats.
     pub samples: u64,
     /// Rows not used by the fit, by reason.
     pub rejected: Vec<RejectCount>,
     /// Rows per second.
     pub rate_hz: Option<f64>,
-    /// Updates per second: rows less held repeats.
+    /// Updates per second: rows without held repeats.
     pub update_rate_hz: Option<f64>,
-    /// Repeats of held values.
+    /// Number of repeats of held values.
     pub held_rows: u64,
     /// Verdict on the delay.
     pub verdict: Verdict,
-    /// The verdict in a sentence, with the number that made it.
+    /// The verdict in a sentence, with the number that decided it.
     pub reason: String,
     /// Predicted standard uncertainty before the fit, from swing, rate and noise, s (design note 3.1).
     pub predicted_s: Option<f64>,
@@ -675,30 +679,30 @@ pub struct ChannelDynamics {
     pub stationarity: Finding<Stationarity>,
     /// Jitter of the latency from residuals against slope (design note 3.9), s.
     pub jitter_s: Finding<Estimate>,
-    /// Latency where device time and arrival are logged.
+    /// Latency, if device time and arrival are logged.
     pub latency: Finding<LatencyHistogram>,
-    /// Injection and recovery: one for each delay of the rig's list.
+    /// Injection and recovery, one per delay in the rig file's list.
     pub injections: Vec<Injection>,
 }
 
-/// A number from the data beside what the rig file says.
+/// A number from the data, compared with the rig file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MountCheck {
-    /// What, as `lever arm z of imu`.
+    /// Name of the quantity, such as `lever arm z of imu`.
     pub name: String,
-    /// Unit for people.
+    /// Display unit.
     pub unit: String,
-    /// From the data, or why not.
+    /// Value from the data, or why it is unavailable.
     pub fitted: Finding<Estimate>,
-    /// From the rig file, if it says so.
+    /// Value from the rig file, if stated.
     pub stated: Option<f64>,
     /// Whether they agree (within three standard uncertainties and the check's tolerance); `None` if either is missing.
     pub agrees: Option<bool>,
-    /// Whether it is the rig file that is wrong where they do not agree; a scale is the sensor's own.
+    /// Whether a disagreement means that the rig file is wrong. A scale, by contrast, belongs to the sensor.
     #[serde(default)]
     pub of_rig: bool,
-    /// In words.
+    /// Summary in words.
     pub text: String,
 }
 
@@ -706,11 +710,11 @@ pub struct MountCheck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MountFinding {
-    /// `upright`, `hanging`: as the data say.
+    /// `upright` or `hanging`, according to the data.
     pub detected: Finding<String>,
-    /// As the rig file says.
+    /// The mount according to the rig file.
     pub stated: String,
-    /// Everything compared.
+    /// All comparisons.
     pub checks: Vec<MountCheck>,
     /// Magnetometer.
     pub magnetometer: Finding<MagnetometerFinding>,
@@ -722,7 +726,7 @@ pub struct MountFinding {
 pub struct MagnetometerFinding {
     /// `planar` (one azimuth) or `full` (three or more).
     pub kind: String,
-    /// Azimuths that were swung in, no two within 10°.
+    /// Azimuths of the swings, no two within 10°.
     pub azimuths: u64,
     /// Hard iron, in the channel's unit, body x, y, z.
     pub hard_iron: [Finding<Estimate>; 3],
@@ -731,17 +735,17 @@ pub struct MagnetometerFinding {
     /// Standard uncertainty of each of these; empty for a planar fit, which assumes some of them.
     #[serde(default)]
     pub soft_iron_standard_uncertainty: Vec<[f64; 3]>,
-    /// Condition number of the fit, columns scaled to unit length: how many times worse its least known combination
-    /// is than if every column stood alone. `None` for a planar fit.
+    /// Condition number of the fit, columns scaled to unit length: how many times worse its least known combination is
+    /// than if the columns were independent. `None` for a planar fit.
     #[serde(default)]
     pub condition: Option<f64>,
-    /// Rms of what is left, in the channel's unit.
+    /// Rms of the residuals, in the channel's unit.
     pub residual_rms: f64,
-    /// Size of the field found over the model's; `None` without a model.
+    /// Magnitude of the measured field divided by the model's; `None` without a model.
     pub magnitude_ratio: Option<Estimate>,
-    /// Dip found less the model's, rad.
+    /// Measured dip less the model's, rad.
     pub dip_error_rad: Option<Estimate>,
-    /// In words.
+    /// Summary in words.
     pub text: String,
 }
 
@@ -757,8 +761,8 @@ pub struct Flexibility {
     pub ratio: Finding<Estimate>,
     /// First mode, Hz.
     pub first_mode_hz: Finding<Estimate>,
-    /// What the rig file expects, Hz.
+    /// First mode expected by the rig file, Hz.
     pub expected_hz: Option<f64>,
-    /// In words: the bar bends, the sensor's scale is off, or neither can be told.
+    /// Summary in words: the bar bends, the sensor's scale is off, or neither can be determined.
     pub text: String,
 }

@@ -12,31 +12,31 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightRow {
-    /// Path below the campaign's folder: the name people know.
+    /// Path relative to the campaign's folder: the name known to users.
     pub flight: String,
-    /// Name of its result.
+    /// Key of its result.
     pub key: String,
     /// Page of the flight, relative to the campaign's page.
     pub page: String,
-    /// What came of it.
+    /// Its outcome.
     #[serde(flatten)]
     pub outcome: Outcome,
-    /// Bytes or messages were lost, and that touches a result or is a thousandth of the log or more.
+    /// Bytes or messages were lost, and the loss affects a result or is at least a thousandth of the log.
     pub lossy: bool,
-    /// Less was lost, and it touches no result.
+    /// Less was lost, and no result is affected.
     #[serde(default)]
     pub minor_loss: bool,
     /// What was lost and where, if `lossy`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damage: Option<String>,
-    /// Bytes of last records that were cut, as at power-off: no loss.
+    /// Bytes of cut tails, as at power-off: not a loss.
     #[serde(default)]
     pub tail_cut_bytes: u64,
     /// Format.
     pub format: String,
     /// Channel map.
     pub map: Option<String>,
-    /// Bytes of its files.
+    /// Size of its files, bytes.
     pub bytes: u64,
     /// Seconds flown, from the replay.
     pub duration_s: Option<f64>,
@@ -55,20 +55,20 @@ pub struct FlightRow {
     /// Delay of the position against the velocity, measured from the flight itself, s.
     #[serde(default)]
     pub measured_delay_s: Option<Estimate>,
-    /// Where the removed delay comes from.
+    /// Source of the removed delay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay_from: Option<DelaySource>,
-    /// What the sensor card says of it, s.
+    /// The sensor card's value of this delay, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub card_delay_s: Option<Estimate>,
-    /// UTC instant at which the record begins, if its clock knows the day.
+    /// UTC start time of the log, if its clock knows the date.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flown_at: Option<String>,
-    /// The compensated ground track in small, m: `east,north` of its points with blanks between them, and `;` where fixes are
-    /// missing. `None` where nothing was compensated.
+    /// Thumbnail of the compensated ground track, m: `east,north` of its points separated by spaces, and `;` where
+    /// fixes are missing. `None` where nothing was compensated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track_sketch_m: Option<String>,
-    /// What other delays would have done.
+    /// The effect of other delays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep: Option<DelaySweep>,
     /// Raw − exact compensation, 2-D rms, m.
@@ -79,41 +79,41 @@ pub struct FlightRow {
     pub pade_error_rms_m: Option<Estimate>,
     /// Error against a reference, exact asynchronous compensation, 2-D rms, m.
     pub exact_error_rms_m: Option<Estimate>,
-    /// Share of the time covered that has a valid compensated position, 0 to 1.
+    /// Share of the covered time with a valid compensated position, 0 to 1.
     pub valid_share: Option<f64>,
-    /// What the criteria say; `None` where none were given.
+    /// Verdicts of the criteria; `None` without criteria.
     #[serde(default)]
     pub criteria: Option<RowVerdicts>,
-    /// Test cards that it has flown.
+    /// Test cards that were flown.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cards: Vec<RowCard>,
     /// How late the position is; `None` if the log could not be read.
     #[serde(default)]
     pub lateness: Option<FlightLateness>,
-    /// What is removed, and why.
+    /// Delay removed, and why.
     #[serde(default)]
     pub decision: Option<Decision>,
-    /// Whether that helped.
+    /// Whether removing it helped.
     #[serde(default)]
     pub effect: Option<Effect>,
-    /// The flight with the same samples that counts in its place; `None` if this one counts.
+    /// The flight with the same samples that counts instead; `None` if this one counts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duplicate_of: Option<String>,
-    /// Why somebody should look at this flight, in words: damage, contradictions, restarts.
+    /// Why this flight needs attention, in words: damage, contradictions, restarts.
     pub attention: Vec<String>,
-    /// Notices of severity warning.
+    /// Number of notices of severity warning.
     pub warnings: u64,
-    /// Notices of severity loss.
+    /// Number of notices of severity loss.
     pub losses: u64,
 }
 
-/// A file in the folder that is no flight.
+/// A file in the folder that is not a flight.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct IgnoredInput {
-    /// Path below the campaign's folder.
+    /// Path relative to the campaign's folder.
     pub path: String,
-    /// Why.
+    /// Reason.
     pub reason: String,
 }
 
@@ -121,39 +121,39 @@ pub struct IgnoredInput {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignTotals {
-    /// All.
+    /// All flights.
     pub flights: u64,
     /// With a replay.
     pub compensated: u64,
     /// Measured, but no delay was removed.
     #[serde(default)]
     pub uncompensated: u64,
-    /// Read, but nothing to say.
+    /// Read, but cannot be measured.
     pub not_measurable: u64,
     /// Unusable.
     pub failed: u64,
-    /// Without a result yet.
+    /// No result yet.
     #[serde(default)]
     pub pending: u64,
-    /// With lost data.
+    /// With data loss.
     pub lossy: u64,
-    /// Made worse by what was removed.
+    /// Made worse by the removed delay.
     #[serde(default)]
     pub harmed: u64,
-    /// Made better.
+    /// Improved by the removed delay.
     #[serde(default)]
     pub helped: u64,
     /// With a delay that changes during the flight.
     #[serde(default)]
     pub varying: u64,
-    /// Bytes of all logs.
+    /// Size of all logs, bytes.
     pub bytes: u64,
     /// Seconds flown in compensated flights.
     pub duration_s: f64,
 }
 
-/// A campaign: what was asked, and one row for each flight. Its JSON is without the rows: those are JSON lines in a file of
-/// their own.
+/// A campaign: its settings, and one row for each flight. Its JSON does not contain the rows, which are in a JSON Lines
+/// file of their own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignRecord {
@@ -163,22 +163,22 @@ pub struct CampaignRecord {
     pub analysis_version: u32,
     /// Version of flightlag.
     pub flightlag_version: String,
-    /// Name of the campaign: the folder's name.
+    /// Name of the campaign, which is the folder's name.
     pub name: String,
     /// Settings.
     pub pipeline: crate::PipelineUse,
-    /// Command that makes this again.
+    /// Command that reproduces this.
     pub command: String,
-    /// What the criteria say over all flights; `None` where none were given.
+    /// Results of the criteria over all flights; `None` without criteria.
     #[serde(default)]
     pub criteria: Option<CampaignCriteria>,
-    /// What the test cards say; `None` without one.
+    /// Test cards; `None` without a card.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test: Option<CampaignTest>,
     /// Flights, sorted by name.
     #[serde(skip)]
     pub flights: Vec<FlightRow>,
-    /// Other files, sorted by path.
+    /// Files that are not flights, sorted by path.
     pub ignored: Vec<IgnoredInput>,
     /// Counts.
     pub totals: CampaignTotals,

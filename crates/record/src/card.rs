@@ -1,4 +1,4 @@
-//! The sensor card: what a bench knows of one sensor, for people to read and for replay to use.
+//! The sensor card: bench results for one sensor, readable by people and used by replay.
 
 use crate::bench::{Finding, TimeBasis, Verdict};
 use crate::replay::Estimate;
@@ -7,15 +7,15 @@ use flight::{Quantity, StampKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Version of the layout of a card: raised when a field changes its meaning.
+/// Version of the layout of a card: raised when the meaning of a field changes.
 pub const CARD_VERSION: u32 = 1;
 
-/// Which sensor. Two sensors are the same if every part that both name is equal.
+/// Identity of a sensor. Two sensors are the same if all parts stated for both are equal.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SensorIdentity {
-    /// Maker and model, as `Xsens MTi-G`.
+    /// Maker and model, such as `Xsens MTi-G`.
     pub model: String,
     /// Serial number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -26,19 +26,19 @@ pub struct SensorIdentity {
     /// Baud rate of its link.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
-    /// Whatever else changes its latency, as `GPS + Galileo`.
+    /// Anything else that changes its latency, such as `GPS + Galileo`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub configuration: Option<String>,
 }
 
-/// What one channel of the sensor does.
+/// Bench results for one channel of the sensor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CardChannel {
-    /// Channel name, as `position.ins`.
+    /// Channel name, such as `position.ins`.
     pub name: String,
-    /// What it holds.
+    /// Quantity that it holds.
     pub quantity: Quantity,
     /// Verdict over all records.
     pub verdict: Verdict,
@@ -46,17 +46,17 @@ pub struct CardChannel {
     pub delay_s: f64,
     /// Its standard uncertainty, s: within and between records.
     pub delay_standard_uncertainty_s: f64,
-    /// As a loop sees it that reads held values, s; only where the channel was held.
+    /// Delay as seen by a loop that reads held values, s; only where the channel was held.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub as_seen_delay_s: Option<f64>,
     /// Lags of the chosen model, s; empty for a pure delay.
     #[serde(default)]
     pub lags_s: Vec<f64>,
-    /// Their standard uncertainties, s; empty where a record does not know its own.
+    /// Their standard uncertainties, s; empty where a record does not state its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lags_standard_uncertainty_s: Vec<f64>,
-    /// How late slow motion is, s: delay and lags of the chosen model together; only where it has a lag. `delay_s` is the pure
-    /// delay that fits the bench's swing best, which is less.
+    /// Lateness of slow motion, s: sum of delay and lags of the chosen model; only where it has a lag. `delay_s` is the
+    /// pure delay that fits the bench's swing best, which is smaller.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slow_motion_delay_s: Option<f64>,
     /// Its standard uncertainty, s.
@@ -71,33 +71,33 @@ pub struct CardChannel {
     /// Updates per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub update_rate_hz: Option<f64>,
-    /// Which stamps the delay is measured with.
+    /// Timestamps with which the delay is measured.
     pub stamp_kind: StampKind,
-    /// What the delay is measured against.
+    /// Reference against which the delay is measured.
     pub basis: TimeBasis,
-    /// Records used.
+    /// Number of records used.
     pub records: u64,
-    /// Spread between records, standard deviation, s; only with two records or more.
+    /// Spread between records, standard deviation, s; only with at least two records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub between_runs_s: Option<f64>,
-    /// Files of records that were left out as outliers.
+    /// Files of records that were rejected as outliers.
     #[serde(default)]
     pub outliers: Vec<String>,
-    /// What puts the delay in doubt, each with the record's name: on what records contradict their rig file or their encoder, so
-    /// that the delay is measured against a motion that was not the bar's, and where the delay changes over a record.
+    /// Reasons to doubt the delay, each with the record's name. A record may contradict its rig file or its encoder, so
+    /// that the delay is measured against a wrong reference motion. The delay may change over a record.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contradicted: Vec<String>,
 }
 
 impl CardChannel {
-    /// Whether something puts the delay in doubt.
+    /// Whether there is a reason to doubt the delay.
     #[must_use]
     pub fn is_in_doubt(&self) -> bool {
         !self.contradicted.is_empty()
     }
 
-    /// Whether it is a lag: its delay and its gain depend on the frequency. A delay that changes over a record passes for one, and
-    /// is none.
+    /// Whether it is a lag: its delay and gain depend on frequency. A delay that changes over a record can look like a
+    /// lag, but is not one.
     #[must_use]
     pub fn has_lag(&self) -> bool {
         !self.lags_s.is_empty() && !self.contradicted.iter().any(|what| what.contains(crate::DELAY_CHANGES))
@@ -113,41 +113,41 @@ pub struct IronCalibration {
     pub hard_iron: [f64; 3],
     /// Their standard uncertainties.
     pub hard_iron_standard_uncertainty: [f64; 3],
-    /// Soft iron, row by row, of determinant one: the scale is apart.
+    /// Soft iron, row by row, with determinant one: the scale is separate.
     pub soft_iron: [[f64; 3]; 3],
     /// Their standard uncertainties.
     pub soft_iron_standard_uncertainty: [[f64; 3]; 3],
-    /// Size of the field read over that of the model of the Earth's field; `None` without a model, or where the sensor
-    /// has a scale of its own.
+    /// Magnitude of the measured field divided by that of the Earth field model; `None` without a model, or where the
+    /// sensor has a scale of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Its standard uncertainty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_standard_uncertainty: Option<f64>,
-    /// Rms of what is left, in the unit of [`CardMagnetometer`].
+    /// Rms of the residuals, in the unit of [`CardMagnetometer`].
     pub residual_rms: f64,
     /// Condition number of the fit, columns scaled to unit length.
     pub condition: f64,
-    /// In words.
+    /// Summary in words.
     pub text: String,
 }
 
-/// What all records together say of the magnetometer.
+/// Magnetometer results from all records together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CardMagnetometer {
-    /// Channel, as `magnetic-field.imu`.
+    /// Channel, such as `magnetic-field.imu`.
     pub channel: String,
     /// `T`, or `1` for a scale of the sensor's own.
     pub unit: String,
     /// Azimuth of each swing from north over east, rad, in the order of the records.
     pub azimuths_rad: Vec<f64>,
-    /// Hard and soft iron, or why they cannot be told and which swings would show them.
+    /// Hard and soft iron, or why they cannot be estimated and which swings would allow it.
     pub iron: Finding<IronCalibration>,
 }
 
-/// One record behind a card.
+/// One record used for a card.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -159,7 +159,7 @@ pub struct CardSource {
     /// UTC day, `yyyy-mm-dd`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub date: Option<String>,
-    /// BLAKE3 of the rig as meant.
+    /// BLAKE3 of the resolved rig file.
     pub rig_blake3: String,
 }
 
@@ -171,17 +171,17 @@ pub struct CardSource {
 pub struct SensorCard {
     /// [`CARD_VERSION`].
     pub card_version: u32,
-    /// Which sensor.
+    /// The sensor.
     pub sensor: SensorIdentity,
     /// Title of the rig.
     pub rig: String,
-    /// How the numbers were found, in a sentence.
+    /// How the numbers were obtained, in a sentence.
     pub method: String,
     /// Version of flightlag that wrote it.
     pub flightlag_version: String,
-    /// Version of the analysis behind the numbers.
+    /// Version of the analysis that produced the numbers.
     pub analysis_version: u32,
-    /// Day of the newest record, `yyyy-mm-dd`.
+    /// Date of the newest record, `yyyy-mm-dd`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured_on: Option<String>,
     /// First day on which the card may be used.
@@ -190,10 +190,10 @@ pub struct SensorCard {
     /// Last day on which the card may be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub valid_until: Option<String>,
-    /// Magnetometer, if a record has one whose swing's azimuth is known.
+    /// Magnetometer, if a record has one and its swing azimuth is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub magnetometer: Option<CardMagnetometer>,
-    /// Channels, in the order of their names.
+    /// Channels, sorted by name.
     #[serde(rename = "channel")]
     pub channels: Vec<CardChannel>,
     /// Records, in the order in which they were given.
@@ -201,7 +201,7 @@ pub struct SensorCard {
     pub records: Vec<CardSource>,
 }
 
-/// The card behind the delay of a replay.
+/// The card that the delay of a replay comes from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CardUse {
@@ -209,7 +209,7 @@ pub struct CardUse {
     pub file: String,
     /// BLAKE3 of the file.
     pub blake3: String,
-    /// Which sensor.
+    /// The sensor.
     pub sensor: SensorIdentity,
     /// The card's channel for the position that was replayed.
     pub channel: String,

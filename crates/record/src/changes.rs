@@ -1,11 +1,12 @@
-//! What changed in a campaign since the run before.
+//! What changed in a campaign since the previous run.
 
 use crate::Estimate;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A campaign against the one that the output folder held before. The only record that depends on earlier runs.
+/// A campaign compared with the previous one in the output folder. This is the only record that depends on earlier
+/// runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignChanges {
@@ -13,27 +14,27 @@ pub struct CampaignChanges {
     pub record_version: u32,
     /// Name of the campaign.
     pub name: String,
-    /// What the run before was made with; `None` for the first run into a folder.
+    /// Versions and settings of the previous run; `None` for the first run into a folder.
     pub before: Option<MadeWith>,
-    /// What this run was made with.
+    /// Versions and settings of this run.
     pub now: MadeWith,
-    /// Flights that the run before did not have, by name.
+    /// Flights that the previous run did not have, by name.
     pub new: Vec<String>,
     /// Flights that are no longer in the folder, by name.
     pub gone: Vec<String>,
-    /// Flights with another result than before, by name.
+    /// Flights whose result changed, by name.
     pub rerun: Vec<RerunFlight>,
     /// Flights whose lateness moved by more than two standard uncertainties, the largest move first.
     pub moved: Vec<MovedDelay>,
     /// Groups whose mean lateness moved by more than two standard uncertainties, the largest move first.
     pub moved_groups: Vec<MovedDelay>,
-    /// Flights that have a trouble that they did not have, by name.
+    /// Flights with a new problem, by name.
     pub failing: Vec<TroubleChange>,
-    /// Flights that lost a trouble that they had, by name.
+    /// Flights with a problem that is gone, by name.
     pub recovered: Vec<TroubleChange>,
 }
 
-/// What decides the numbers of a campaign besides its logs.
+/// Everything except the logs that determines the numbers of a campaign.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MadeWith {
@@ -47,7 +48,7 @@ pub struct MadeWith {
     pub criteria_blake3: Option<String>,
 }
 
-/// A flight with another result than before.
+/// A flight whose result changed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RerunFlight {
@@ -57,7 +58,7 @@ pub struct RerunFlight {
     pub causes: Vec<String>,
 }
 
-/// A delay that is another one than before.
+/// A delay that changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MovedDelay {
@@ -67,22 +68,22 @@ pub struct MovedDelay {
     pub before_s: Estimate,
     /// Lateness now, s.
     pub now_s: Estimate,
-    /// Difference over the root of the sum of both squared standard uncertainties, without sign.
+    /// Absolute difference divided by the root sum of squares of both standard uncertainties.
     pub sigmas: f64,
 }
 
-/// Troubles of a flight that came or went.
+/// Problems of a flight that are new or gone.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TroubleChange {
     /// Name of the flight.
     pub flight: String,
-    /// Each in a word or two, as `harmed`.
+    /// Each in a word or two, such as `harmed`.
     pub troubles: Vec<String>,
 }
 
 impl CampaignChanges {
-    /// Whether the run before had the same flights, results and settings.
+    /// Whether the previous run had the same flights, results and settings.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.before.as_ref() == Some(&self.now)

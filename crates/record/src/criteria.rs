@@ -1,4 +1,4 @@
-//! What flights are judged by, and how they were judged.
+//! Criteria for flights, and the verdicts.
 
 use crate::replay::Estimate;
 #[cfg(feature = "schema")]
@@ -13,31 +13,31 @@ pub struct CriteriaUse {
     pub title: String,
     /// Name of the file without its folder.
     pub file: String,
-    /// BLAKE3 of the criteria as they are meant (comments do not count).
+    /// BLAKE3 of the resolved criteria (comments do not count).
     pub blake3: String,
-    /// The criteria as they are meant, as TOML.
+    /// The resolved criteria, as TOML.
     pub toml: String,
 }
 
-/// How a flight stands to a criterion, or to all of them: the gravest first.
+/// Verdict on a flight by one criterion, or by all of them: the worst first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CriterionVerdict {
-    /// The limit is not kept.
+    /// The limit is not met.
     Fail,
     /// The number is too uncertain for this limit.
     Inconclusive,
-    /// There is no such number.
+    /// The number does not exist.
     NotEvaluated,
-    /// The limit is kept.
+    /// The limit is met.
     Pass,
-    /// The criterion is not meant for this flight.
+    /// The criterion does not apply to this flight.
     NotApplicable,
 }
 
 impl CriterionVerdict {
-    /// The verdict as tables give it.
+    /// The verdict as shown in tables.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -50,16 +50,16 @@ impl CriterionVerdict {
     }
 }
 
-/// Where a number must lie; the limits themselves are inside. SI units.
+/// Where a number must lie, limits included. SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Limit {
-    /// Not above.
+    /// At most this value.
     AtMost(f64),
-    /// Not below.
+    /// At least this value.
     AtLeast(f64),
-    /// From the first to the second.
+    /// From the first value to the second.
     Between([f64; 2]),
 }
 
@@ -68,53 +68,53 @@ pub enum Limit {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DecisionRule {
-    /// 95 % interval wholly within the limit: pass; wholly beyond: fail; else inconclusive.
+    /// 95 % interval entirely within the limit: pass; entirely beyond: fail; otherwise inconclusive.
     Interval,
     /// The value alone, though it has an uncertainty: the file's author takes the risk.
     Value,
-    /// The value alone, for it has no uncertainty of its own: a count, or a fact of the log.
+    /// The value alone, because it has no uncertainty of its own: a count, or a fact of the log.
     Plain,
 }
 
-/// A unit that people write.
+/// A unit as written by users.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CriterionUnit {
-    /// As written behind the number; empty for counts and ratios.
+    /// As written after the number; empty for counts and ratios.
     pub name: String,
-    /// How many SI units it is.
+    /// Its size in SI units.
     pub si: f64,
 }
 
-/// One criterion and what it says of one flight.
+/// One criterion and its verdict on one flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CriterionFinding {
-    /// Name in the file, unique there.
+    /// Name, unique in the file.
     pub id: String,
-    /// What is asked, in words.
+    /// The requirement, in words.
     pub title: String,
     /// Why the limit is what it is.
     pub rationale: String,
     /// Name of the metric.
     pub metric: String,
-    /// What the metric is of this flight, as `Td(position)` or `Error rms, exact-async`.
+    /// The metric for this flight, such as `Td(position)` or `Error rms, exact-async`.
     pub quantity: String,
     /// Where the number must lie, SI.
     pub limit: Limit,
-    /// The unit of the limit in the file; numbers are shown in it.
+    /// The unit of the limit in the file, used for display.
     pub unit: CriterionUnit,
-    /// How it is decided.
+    /// The decision rule.
     pub rule: DecisionRule,
-    /// The number, SI; `None` if there is none.
+    /// The number, SI; `None` if it does not exist.
     pub value: Option<Estimate>,
-    /// Its 95 % interval, SI; `None` if it has none.
+    /// Its 95 % interval, SI; `None` without one.
     pub interval_95: Option<[f64; 2]>,
-    /// From the value to the nearest limit, SI: positive within, negative beyond.
+    /// Distance from the value to the nearest limit, SI: positive within, negative beyond.
     pub margin: Option<f64>,
-    /// What follows.
+    /// The verdict.
     pub verdict: CriterionVerdict,
-    /// Why there is no number, or no decision, or why it does not apply; empty where numbers and rule say it.
+    /// Why there is no number or decision, or why it does not apply; empty where numbers and rule suffice.
     pub reason: String,
 }
 
@@ -122,20 +122,20 @@ pub struct CriterionFinding {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct VerdictTally {
-    /// Limit not kept.
+    /// Limit not met.
     pub fail: u64,
     /// Too uncertain for the limit.
     pub inconclusive: u64,
-    /// No number.
+    /// The number does not exist.
     pub not_evaluated: u64,
-    /// Limit kept.
+    /// Limit met.
     pub pass: u64,
-    /// Not meant for the flight.
+    /// Does not apply to the flight.
     pub not_applicable: u64,
 }
 
 impl VerdictTally {
-    /// Counts one more.
+    /// Adds one verdict.
     pub fn add(&mut self, verdict: CriterionVerdict) {
         *match verdict {
             CriterionVerdict::Fail => &mut self.fail,
@@ -146,7 +146,7 @@ impl VerdictTally {
         } += 1;
     }
 
-    /// Each verdict with its count, the gravest first.
+    /// Each verdict with its count, the worst first.
     #[must_use]
     pub fn by_verdict(&self) -> [(CriterionVerdict, u64); 5] {
         [
@@ -167,24 +167,24 @@ impl FromIterator<CriterionVerdict> for VerdictTally {
     }
 }
 
-/// What the criteria say of one flight.
+/// The verdicts of the criteria on one flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightCriteria {
-    /// Which criteria.
+    /// The criteria used.
     pub criteria: CriteriaUse,
     /// In the order of the file.
     pub findings: Vec<CriterionFinding>,
 }
 
 impl FlightCriteria {
-    /// The gravest verdict: fail if any fails, pass if some pass and the rest does not apply.
+    /// The worst verdict: fail if any fails, pass if some pass and the rest do not apply.
     #[must_use]
     pub fn overall(&self) -> CriterionVerdict {
         self.findings.iter().map(|f| f.verdict).min().unwrap_or(CriterionVerdict::NotApplicable)
     }
 
-    /// How many of each.
+    /// Number of each verdict.
     #[must_use]
     pub fn tally(&self) -> VerdictTally {
         self.findings.iter().map(|f| f.verdict).collect()
@@ -195,7 +195,7 @@ impl FlightCriteria {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RowVerdicts {
-    /// The gravest.
+    /// The worst.
     pub overall: CriterionVerdict,
     /// In the order of the file.
     pub each: Vec<RowVerdict>,
@@ -210,20 +210,20 @@ impl RowVerdicts {
     }
 }
 
-/// One of them.
+/// The verdict of one criterion in the table.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RowVerdict {
     /// Name of the criterion.
     pub id: String,
-    /// What it says.
+    /// Its verdict.
     pub verdict: CriterionVerdict,
-    /// The same in a sentence with the value and the limit, if it fails.
+    /// The verdict in a sentence with the value and the limit, if it fails.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub words: String,
 }
 
-/// How many of how many passed.
+/// How many flights passed, out of how many.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PassRate {
@@ -231,7 +231,7 @@ pub struct PassRate {
     pub passed: u64,
     /// Flights that could be judged: passed, failed or inconclusive.
     pub judged: u64,
-    /// 95 % interval of the share that passes (Wilson 1927), 0 to 1: what these flights say of flights like them.
+    /// 95 % interval of the share that passes (Wilson 1927), 0 to 1: what these flights imply for similar flights.
     pub interval_95: [f64; 2],
 }
 
@@ -241,11 +241,11 @@ pub struct PassRate {
 pub struct CriterionSummary {
     /// Name in the file.
     pub id: String,
-    /// What is asked, in words.
+    /// The requirement, in words.
     pub title: String,
     /// Name of the metric.
     pub metric: String,
-    /// The limit as the file gives it, as `≤ 150 ms`.
+    /// The limit as in the file, such as `≤ 150 ms`.
     pub limit: String,
     /// Flights by verdict.
     pub tally: VerdictTally,
@@ -259,9 +259,9 @@ pub struct CriterionSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignCriteria {
-    /// Which criteria.
+    /// The criteria used.
     pub criteria: CriteriaUse,
-    /// Flights by their gravest verdict.
+    /// Flights by their worst verdict.
     pub flights: VerdictTally,
     /// Flights that meet every criterion that applies to them; `None` if none could be judged.
     pub pass_rate: Option<PassRate>,
@@ -275,7 +275,7 @@ mod tests {
     use CriterionVerdict::{Fail, Inconclusive, NotApplicable, NotEvaluated, Pass};
 
     #[test]
-    fn the_gravest_verdict_comes_first_and_what_does_not_apply_hides_nothing() {
+    fn the_worst_verdict_wins_and_not_applicable_ranks_last() {
         let mut verdicts = [NotApplicable, Pass, Fail, NotEvaluated, Inconclusive];
         verdicts.sort();
         assert_eq!(verdicts, [Fail, Inconclusive, NotEvaluated, Pass, NotApplicable]);

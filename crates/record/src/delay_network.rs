@@ -1,6 +1,6 @@
 //! One lateness per channel: the delay network of a flight, the pool of a group, and the delay that is removed.
 //!
-//! Source of all of it: the delay-network specification (`science/delay-network.md`); sections are named in the docs.
+//! Implements the data of the delay-network specification (`science/delay-network.md`); the docs name its sections.
 
 use crate::replay::Estimate;
 #[cfg(feature = "schema")]
@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum NetworkDatum {
-    /// Accelerations of the IMU are on time within 5 ms by assumption.
+    /// IMU accelerations are assumed to be on time within 5 ms.
     Imu,
-    /// A reference of its own clock (truth, motion capture, RTK), used because the user asked for it.
+    /// A reference with its own clock (truth, motion capture, RTK), used because the user asked for it.
     Reference,
-    /// Nothing ties the channels to true time: figures are relative to one channel.
+    /// Nothing ties the channels to true time: values are relative to one channel.
     None,
-    /// A channel would be earlier than the IMU, which causality forbids: figures are relative to one channel.
+    /// A channel would be earlier than the IMU, which causality forbids: values are relative to one channel.
     Refused,
 }
 
@@ -29,7 +29,7 @@ pub enum NetworkDatum {
 pub enum NetworkVerdict {
     /// All loops close within their uncertainty.
     Consistent,
-    /// There is no loop: no pair is checked by another.
+    /// There is no loop, so no pair checks another.
     Unchecked,
     /// A loop failed, one effect alone explains it, and its pairs no longer count.
     Named,
@@ -76,22 +76,23 @@ pub struct EffectName {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayNetwork {
-    /// Channels, in the order of their names.
+    /// Channels, sorted by name.
     pub channels: Vec<ChannelLateness>,
-    /// Covariance of the latenesses, s², rows and columns in the order of `channels`. Differences need all of it.
-    /// Birge's ratio is included.
+    /// Covariance of the latenesses, s², rows and columns in the order of `channels`. Differences need the full matrix.
+    /// The Birge ratio is included.
     pub covariance_s2: Vec<Vec<f64>>,
-    /// Datum of the whole network; with several parts that of the best tied part, `refused` if any part is.
+    /// Datum of the whole network. With several parts, the datum of the best-tied part, or `refused` if it is refused
+    /// for any part.
     pub datum: NetworkDatum,
-    /// What the latenesses refer to and what that hides, in words.
+    /// What the latenesses refer to and what this datum hides, in words.
     pub datum_words: String,
     /// Outcome of the closure tests.
     pub verdict: NetworkVerdict,
     /// Verdict in words.
     pub verdict_words: String,
-    /// Effects found wrong. Their pairs no longer carry any weight.
+    /// Effects found wrong. Their pairs no longer have any weight.
     pub named: Vec<EffectName>,
-    /// Effects of which one is wrong, without a way to say which. Nothing is freed.
+    /// Suspect effects: one is wrong, but it is unknown which. No effect is freed.
     pub undecided_between: Vec<EffectName>,
     /// Closure test after freeing the named effects, χ²; 0 without a loop.
     pub chi2: f64,
@@ -99,19 +100,19 @@ pub struct DelayNetwork {
     pub degrees_of_freedom: u32,
     /// Probability of a χ² at least as large; `None` without a degree of freedom.
     pub p: Option<f64>,
-    /// Factor on all uncertainties: above 1 only with verdict `scattered`.
+    /// Factor applied to all uncertainties: above 1 only with verdict `scattered`.
     pub birge: f64,
-    /// Fundamental loops: one per pair that is not in the spanning tree of least uncertainty.
+    /// Fundamental loops: one per pair outside the minimum-uncertainty spanning tree.
     pub loops: Vec<DelayLoop>,
     /// Effects with their tests.
     pub effects: Vec<NetworkEffect>,
-    /// Pairs used, in the order of kind and names.
+    /// Pairs used, sorted by kind and names.
     pub used_pairs: Vec<UsedPair>,
     /// Pairs not used, with the reason.
     pub unused_pairs: Vec<UnusedPair>,
-    /// Pairs that would tie separate parts together or give a datum.
+    /// Pairs that would connect separate parts or provide a datum.
     pub suggestions: Vec<PairSuggestion>,
-    /// Latenesses against references that did not take part.
+    /// Latenesses against references not used in the network.
     pub judged: Vec<ReferenceJudgement>,
 }
 
@@ -129,45 +130,45 @@ impl DelayNetwork {
 pub struct ChannelLateness {
     /// Channel name, such as `position.gps`, or `acc[ahrs2+imu]` for attitude and specific force together.
     pub channel: String,
-    /// Lateness, s: positive is late. Against the datum, or relative to `relative_to`. 0 ± 0 for the zero itself.
-    /// With verdict `undecided` nothing may be removed from it: use `interval_95_s`.
+    /// Lateness, s: positive is late. Against the datum, or relative to `relative_to`. 0 ± 0 for the zero itself. With
+    /// verdict `undecided`, do not use it to remove a delay: use `interval_95_s`.
     pub lateness_s: Estimate,
-    /// Part of the uncertainty that comes from model errors and datum, s: it does not average out over flights.
+    /// Part of the uncertainty due to model errors and datum, s. It does not average out over flights.
     pub model_uncertainty_s: f64,
-    /// 95 % interval, s. With verdict `undecided` the hull over all suspects.
+    /// 95 % interval, s. With verdict `undecided`, the hull over all suspects.
     pub interval_95_s: [f64; 2],
-    /// Connected part of the network, from 0.
+    /// Index of the connected part of the network, from 0.
     pub part: u32,
     /// Datum of this part.
     pub datum: NetworkDatum,
-    /// Channel that is zero by convention; `None` where a datum holds. Such figures are never called "late".
+    /// Channel that is zero by convention; `None` where a datum is available. Such values are never called "late".
     pub relative_to: Option<String>,
-    /// Whether the channel is made from others (a filter's output).
+    /// Whether the channel is derived from others (a filter's output).
     pub derived: bool,
-    /// Whether the model part exceeds 20 ms: the only way to the datum leads through a filter that is made from it.
+    /// Whether the model part exceeds 20 ms: the only path to the datum is through a filter derived from it.
     pub weak: bool,
-    /// Lower bound of the lateness, s. If weak: value less twice the part of U that is not model, for the model error
-    /// is one-sided. If the datum was refused: value less that of the earliest channel.
+    /// Lower bound of the lateness, s. If weak: value less twice the non-model part of U, because the model error is
+    /// one-sided. If the datum was refused: value less that of the earliest channel.
     pub at_least_s: Option<f64>,
-    /// Lateness against its own IMU, s, where that differs from the lateness that positions see by more than
-    /// 3 standard uncertainties: a filter, not a delay.
+    /// Lateness against its own IMU, s, where it differs from the lateness seen by positions by more than 3 standard
+    /// uncertainties: a filter, not a delay.
     pub filter_not_a_delay: Option<Estimate>,
-    /// Whether this channel came out earlier than the datum, which refuses the datum.
+    /// Whether this channel is earlier than the datum, so that the datum is refused.
     pub earlier_than_datum: bool,
     /// Lateness against the refused datum, s; only where the datum was refused.
     pub against_refused_datum_s: Option<Estimate>,
-    /// What carries more than half of this figure and is checked by no other pair, as
-    /// `velocity.gps against acceleration, unchecked`.
+    /// Pair that determines more than half of this value and is not checked by another, such as `velocity.gps against
+    /// acceleration, unchecked`.
     pub rests_on: Option<String>,
 }
 
-/// Loop of pairs: its delays should add up to zero.
+/// Loop of pairs whose delays should add up to zero.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayLoop {
-    /// Channels in the order of the walk; the last is tied to the first.
+    /// Channels in order around the loop; the last connects to the first.
     pub channels: Vec<String>,
-    /// Sum of the delays along the walk, s, and the uncertainty that the model allows it.
+    /// Sum of the delays around the loop, s, with the uncertainty according to the model.
     pub misclosure_s: Estimate,
 }
 
@@ -177,7 +178,7 @@ pub struct DelayLoop {
 pub struct NetworkEffect {
     /// Name.
     pub name: EffectName,
-    /// Standard deviation assumed for it, s.
+    /// Its assumed standard deviation, s.
     pub model_s: f64,
     /// Pairs that share it.
     pub pairs: u32,
@@ -185,13 +186,13 @@ pub struct NetworkEffect {
     pub w: Option<f64>,
     /// Size of the error if this effect alone were wrong, s; `None` if no pair checks it.
     pub size_s: Option<f64>,
-    /// Share of an error in this effect that the residuals show: 0 is unchecked, 1 is fully checked.
+    /// Share of an error in this effect that appears in the residuals: 0 is unchecked, 1 is fully checked.
     pub redundancy: f64,
-    /// Least error found with 80 % probability at 0.1 % false alarms (Baarda, δ₀ = 4.13), s; `None` if unchecked.
+    /// Smallest error detected with 80 % probability at 0.1 % false alarms (Baarda, δ₀ = 4.13), s; `None` if unchecked.
     pub least_error_found_s: Option<f64>,
 }
 
-/// Pair that took part.
+/// Pair that was used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct UsedPair {
@@ -201,13 +202,13 @@ pub struct UsedPair {
     pub second: String,
     /// Measured delay, s: lateness of the first less that of the second.
     pub delay_s: Estimate,
-    /// Delay less what the network says, s.
+    /// Delay less the network's estimate, s.
     pub residual_s: f64,
-    /// Effect that it belongs to.
+    /// Effect to which it belongs.
     pub effect: EffectName,
 }
 
-/// Pair that did not take part.
+/// Pair that was not used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct UnusedPair {
@@ -227,15 +228,15 @@ pub struct PairSuggestion {
     pub first: String,
     /// Second channel, or a channel to log.
     pub second: String,
-    /// What it would give, and what stands in its way, in words.
+    /// What it would provide, and what prevents it, in words.
     pub words: String,
 }
 
-/// Lateness judged by a reference that took no part in it (section 3.4).
+/// Lateness checked against a reference that was not used to estimate it (section 3.4).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReferenceJudgement {
-    /// Channel judged.
+    /// Channel checked.
     pub channel: String,
     /// Reference.
     pub reference: String,
@@ -243,7 +244,7 @@ pub struct ReferenceJudgement {
     pub reference_s: Estimate,
     /// Network less reference, s.
     pub error_s: Estimate,
-    /// `|error| / (1.96 u)`: at most 1 is agreement.
+    /// `|error| / (1.96 u)`: they agree if it is at most 1.
     pub e_n: f64,
 }
 
@@ -251,7 +252,7 @@ pub struct ReferenceJudgement {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayPool {
-    /// Flights in the mean.
+    /// Number of flights in the mean.
     pub flights: u32,
     /// Mean lateness, s, with the common part in its uncertainty.
     pub mean_s: Estimate,
@@ -259,19 +260,19 @@ pub struct DelayPool {
     pub interval_95_s: [f64; 2],
     /// Half of its width, s.
     pub half_width_95_s: f64,
-    /// Interval that the next flight's delay lies in with 95 % probability, s; `None` for one flight.
+    /// Interval that contains the next flight's delay with 95 % probability, s; `None` for one flight.
     pub prediction_95_s: Option<[f64; 2]>,
-    /// Standard deviation between flights beyond their own measurement part, s (REML); `None` for one flight.
+    /// Standard deviation between flights in excess of their own measurement part, s (REML); `None` for one flight.
     pub tau_s: Option<f64>,
     /// Model part shared by all flights, s: it does not average out.
     pub common_s: f64,
     /// Test whether flights differ; `None` for one flight.
     pub difference: Option<FlightsDiffer>,
-    /// Every flight against the pool of the others.
+    /// Each flight against the pool of the others.
     pub members: Vec<PoolMember>,
-    /// Two clusters, if the group is not one; then the mean describes neither.
+    /// Two clusters, if the group is divided; the mean then describes neither.
     pub split: Option<GroupSplit>,
-    /// The flights that are no outliers; `None` without outliers, and where the others are not the larger part.
+    /// Mean without the outliers; `None` without outliers, or where the remaining flights are not the majority.
     pub without_outliers: Option<PoolMean>,
 }
 
@@ -279,30 +280,32 @@ pub struct DelayPool {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PoolMean {
-    /// Flights in the mean.
+    /// Number of flights in the mean.
     pub flights: u32,
     /// Mean lateness, s, with the common part in its uncertainty.
     pub mean_s: Estimate,
     /// Half of the width of its 95 % interval, s.
     pub half_width_95_s: f64,
-    /// Standard deviation between flights beyond their own measurement part, s; `None` for one flight.
+    /// Standard deviation between flights in excess of their own measurement part, s; `None` for one flight.
     pub tau_s: Option<f64>,
 }
 
 impl DelayPool {
-    /// Flights that surely differ, and whose spread is more than this, s and as a share of the mean, have no one delay.
+    /// Limits of the spread, s and as a share of the mean. Flights that significantly differ by more do not share one
+    /// delay.
     const MOST_SPREAD_S: f64 = 0.015;
     const MOST_SPREAD_SHARE: f64 = 0.05;
     const SURELY: f64 = 1e-3;
 
-    /// The mean that describes the group: of the flights that are no outliers. `None` where too few are left, and where they
-    /// differ so much that it describes none of them.
+    /// The mean that describes the group, without outliers. `None` where too few flights are left, or where they differ
+    /// so much that the mean describes none of them.
     #[must_use]
     pub fn described(&self) -> Option<PoolMean> {
         self.without_its_outliers().filter(|mean| !self.differ_about(mean))
     }
 
-    /// Whether the flights differ so much that no mean describes them: of three delays in a group none is an outlier.
+    /// Whether the flights differ so much that no mean describes them: if a group has three different delays, no delay
+    /// is an outlier.
     #[must_use]
     pub fn has_no_mean(&self) -> bool {
         self.without_its_outliers().is_some_and(|mean| self.differ_about(&mean))
@@ -327,7 +330,7 @@ impl DelayPool {
     }
 }
 
-/// Test of heterogeneity with the full uncertainties less the datum's.
+/// Test of heterogeneity, with the full uncertainties except the datum's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightsDiffer {
@@ -353,19 +356,19 @@ pub struct PoolMember {
     pub others_s: Option<Estimate>,
     /// Half width of the 95 % interval of that mean, s.
     pub others_half_width_95_s: Option<f64>,
-    /// Externally studentised difference to the others.
+    /// Externally studentised difference from the others.
     pub z: Option<f64>,
     /// Whether |z| > 3.
     pub outlier: bool,
 }
 
-/// Two clusters in what was taken for one group.
+/// Two clusters in an assumed group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GroupSplit {
-    /// Flights of the earlier cluster.
+    /// Flights in the earlier cluster.
     pub early: Vec<String>,
-    /// Flights of the later cluster.
+    /// Flights in the later cluster.
     pub late: Vec<String>,
     /// Mean lateness of the earlier cluster, s.
     pub early_s: Estimate,
@@ -373,9 +376,9 @@ pub struct GroupSplit {
     pub late_s: Estimate,
     /// Empty gap between the clusters, s.
     pub gap_s: f64,
-    /// Upper bound of the probability that one normal group looks this divided.
+    /// Upper bound of the probability that one normal group appears this divided.
     pub p: f64,
-    /// In words.
+    /// Summary in words.
     pub words: String,
 }
 
@@ -390,7 +393,7 @@ pub enum RemovedFrom {
     OwnNetwork,
     /// The sensor card.
     Card,
-    /// The number stated in the pipeline.
+    /// The value stated in the pipeline.
     Stated,
     /// Position less velocity of this flight.
     Pair,
@@ -410,22 +413,22 @@ pub struct RemovedDelay {
     pub value_s: Option<f64>,
     /// Standard uncertainty of the delay of this flight at this value, s.
     pub standard_uncertainty_s: Option<f64>,
-    /// Row of the decision table, 1 to 10; 0 where the user fixed the source and no row speaks of it.
+    /// Row of the decision table, 1 to 10; 0 where the user fixed the source and no row applies.
     pub row: u8,
     /// Source of the value.
     pub source: RemovedFrom,
-    /// Whether the value comes from this flight itself, so that a small residual proves nothing.
+    /// Whether the value comes from this flight itself, in which case a small residual proves nothing.
     pub circular: bool,
     /// What was done and why, in plain English.
     pub words: String,
-    /// Other flights in the mean.
+    /// Number of other flights in the mean.
     pub pooled_flights: u32,
-    /// Externally studentised difference of the flight's own network to the other flights.
+    /// Externally studentised difference between the flight's own network and the other flights.
     pub z: Option<f64>,
     /// E_n between the card and the flights; `None` without either.
     pub card_e_n: Option<f64>,
     /// E_n between the value removed and the reference; `None` without either.
     pub reference_e_n: Option<f64>,
-    /// What the flights say against the number that was stated or the card that was asked for; `None` if nothing does.
+    /// Evidence in the flights against the stated value or the requested card; `None` if there is none.
     pub contradicted: Option<String>,
 }

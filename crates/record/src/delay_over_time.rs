@@ -5,28 +5,28 @@ use crate::replay::Estimate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The word for a delay over a flight.
+/// Kind of a delay over a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayKind {
-    /// The level is not known: too little motion, or too much noise.
+    /// The level is unknown: too little motion, or too much noise.
     CannotTell,
-    /// The level is known. The flight is too short, or moves too little, to say whether the delay stays the same.
+    /// The level is known. The flight is too short, or has too little motion, to show whether the delay stays the same.
     NotTested,
     /// Constant, and zero within the margin.
     OnTime,
-    /// Constant, and the position is late, or later than the channel that it is relative to.
+    /// Constant, and the position is late, or later than the channel it is compared with.
     Constant,
     /// Constant, and the velocity is later than the position.
     Early,
     /// Jumps between levels.
     Steps,
-    /// Jumps between two levels, to and fro.
+    /// Jumps back and forth between two levels.
     Switches,
     /// Changes slowly.
     Drifts,
-    /// Grows, and falls back at once or slowly: messages wait in a queue.
+    /// Grows, then falls back suddenly or slowly: messages wait in a queue.
     Queues,
     /// Grows by more than 0.3 s and does not fall back.
     BuildsUp,
@@ -35,7 +35,7 @@ pub enum DelayKind {
 }
 
 impl DelayKind {
-    /// Whether the delay was seen to change.
+    /// Whether a change of the delay was detected.
     #[must_use]
     pub fn varies(self) -> bool {
         matches!(
@@ -49,7 +49,7 @@ impl DelayKind {
         )
     }
 
-    /// The word as a person reads it: "on time", "builds up".
+    /// The kind as human-readable text: "on time", "builds up".
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -73,69 +73,70 @@ impl DelayKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayOverTime {
-    /// The word.
+    /// The kind.
     pub kind: DelayKind,
-    /// One plain sentence, to be read first.
+    /// Summary in one plain sentence.
     pub words: String,
-    /// Mean level, s. The uncertainty is `None` if the motion says nothing.
+    /// Mean level, s. The uncertainty is `None` if the motion carries no information.
     pub level_s: Estimate,
-    /// Standard uncertainty to add in quadrature to that of a constant fit, s: 0 unless the delay differs between
+    /// Standard uncertainty to add in quadrature to that of a constant fit, s: zero unless the delay differs between
     /// parts of the flight.
     pub level_widening_s: f64,
-    /// Whether the delay stays the same, and how small a change would have been seen.
+    /// Whether the delay stays the same, and how small a change would have been detected.
     pub constancy: Constancy,
-    /// Scatter of the delay from fix to fix; `None` if none was found.
+    /// Scatter of the delay from fix to fix; `None` if no scatter was found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jitters: Option<DelayJitter>,
-    /// Standard deviation of a scatter of the delay from fix to fix that would have been found, s.
+    /// Smallest detectable scatter of the delay from fix to fix, standard deviation, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jitter_limit_s: Option<f64>,
-    /// Single fixes far behind the others; empty unless they lie behind more often than chance gives.
+    /// Single fixes that are far later than the others; empty unless there are more than expected by chance.
     pub late_fixes: Vec<LateFix>,
-    /// Fixes that lie off for no known reason and were left out of all fits.
+    /// Outlier fixes without a known reason, excluded from all fits.
     pub odd_fixes: u64,
-    /// Fixes that arrived at once after a hold.
+    /// Fixes that arrived together after a pause.
     pub bursts: Vec<Burst>,
     /// Delay over the flight, at most 200 points.
     pub curve: Vec<CurvePoint>,
     /// Steps and bends that describe the curve; empty unless the delay varies.
     pub terms: Vec<DelayTerm>,
-    /// Largest less smallest delay of the description, s; 0 unless the delay varies.
+    /// Largest less smallest delay of the description, s; zero unless the delay varies.
     pub span_s: f64,
-    /// Antenna ahead of the point whose velocity is known, m, where the motion tells it from a delay (beyond 3 standard
-    /// uncertainties).
+    /// Distance of the antenna ahead of the point whose velocity is known, m, where the motion distinguishes it from a
+    /// delay (by more than 3 standard uncertainties).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lever_arm_m: Option<Estimate>,
-    /// Seconds by which the speed follows later than the direction, where this is beyond 3 standard uncertainties.
+    /// Lateness of the speed relative to the direction, s, where it exceeds 3 standard uncertainties.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed_after_direction_s: Option<Estimate>,
-    /// Other reasons that could look like this delay, and what rests on them: lever arm, clock skew, resets. Each a sentence.
+    /// Other causes that could look like this delay (lever arm, clock skew, resets) and their consequences. One
+    /// sentence each.
     pub remarks: Vec<String>,
     /// Two delays that explain the flight equally well, s; `None` if one is clearly better.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub two_delays_fit: Option<[f64; 2]>,
-    /// Whether the kind is `cannot-tell`, and parts of a few seconds show surely that the delay changes, or that the position was
-    /// reset along the track.
+    /// Whether the kind is `cannot-tell`, but parts of a few seconds clearly show that the delay changes or that the
+    /// position was reset along the track.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub unplaced_change: bool,
-    /// Delays that were searched, s: first and last.
+    /// Range of delays searched, s: first and last.
     pub search_s: [f64; 2],
-    /// Whether the best delay lies at the edge of the search even after it was widened.
+    /// Whether the best delay is at the edge of the search range even after it was widened.
     pub edge_hit: bool,
-    /// What follows for a compensation, a sentence or two.
+    /// Consequences for compensation, in a sentence or two.
     pub advice: String,
-    /// What to fly to learn more; `None` if nothing is missing.
+    /// Recommended flight to learn more; `None` if nothing is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub what_to_fly: Option<String>,
-    /// Why the configured delay is refuted by this flight; `None` if it is not, or if none is configured.
+    /// How this flight refutes the configured delay; `None` if it does not, or if no delay is configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub configured_contradicted: Option<String>,
     /// Comparison with the device's own time; `None` if it is not logged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device_time: Option<DeviceTime>,
-    /// Fixes used, after bursts, odd fixes and thinning.
+    /// Number of fixes used, after excluding bursts and outliers and thinning.
     pub fixes_used: u64,
-    /// Fixes given.
+    /// Number of fixes in the input.
     pub fixes_given: u64,
 }
 
@@ -143,38 +144,38 @@ pub struct DelayOverTime {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Constancy {
-    /// Whether enough windows know their delay. `false`: nothing is said of constancy.
+    /// Whether enough windows have a known delay. If `false`, constancy is unknown.
     pub tested: bool,
-    /// Whether the delay changes: by more than [`Constancy::limit_s`], surely, and not because of one window.
+    /// Whether the delay changes: by more than [`Constancy::limit_s`], significantly, and not because of one window.
     pub varies: bool,
-    /// Windows that know their delay to 250 ms.
+    /// Number of windows whose delay is known to within 250 ms.
     pub windows: u64,
     /// Length of a window, s.
     pub window_s: f64,
-    /// Probability that a constant delay differs this much; `None` if not tested. Never to be worded alone.
+    /// Probability that a constant delay differs this much; `None` if not tested. Never report it alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p: Option<f64>,
-    /// Largest difference between parts of the flight, s, with its standard uncertainty; where all rests on one window, its
-    /// difference from the others.
+    /// Largest difference between parts of the flight, s, with its standard uncertainty. If it depends on one window,
+    /// that window's difference from the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub difference_s: Option<Estimate>,
-    /// Least difference that counts, s.
+    /// Smallest difference that counts, s.
     pub limit_s: f64,
-    /// Scatter from window to window beyond their uncertainties, s; `None` if not tested.
+    /// Scatter from window to window in excess of their uncertainties, s; `None` if not tested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scatter_s: Option<f64>,
-    /// A lasting change of this size or more would have been seen, s; `None` if not tested.
+    /// Smallest lasting change that would have been detected, s; `None` if not tested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detectable_s: Option<f64>,
-    /// From when to when such a change would have been seen, s; nothing is promised before and after.
+    /// Period in which such a change would have been detected, s from and to. Changes before or after may be missed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detectable_between_s: Option<[f64; 2]>,
-    /// Window without which the change would not have been called one, s from and to; `None` if there is no such window.
+    /// Window without which no change would have been detected, s from and to; `None` if there is no such window.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out_window_s: Option<[f64; 2]>,
-    /// Delay of each window, in order of time.
+    /// Delay of each window, in chronological order.
     pub window_delays: Vec<CurvePoint>,
-    /// What a reader must know although it is no alarm, a sentence; `None` if all is well.
+    /// A remark that the reader must know but that is not an alarm, one sentence; `None` if all is well.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
@@ -191,21 +192,21 @@ pub struct DelayJitter {
     pub half_width_95_s: f64,
 }
 
-/// A single fix far behind its neighbours.
+/// A single fix that is far later than its neighbours.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LateFix {
-    /// Stamp, s.
+    /// Timestamp, s.
     pub t_s: f64,
-    /// How much later than its neighbours, s.
+    /// Lateness relative to its neighbours, s.
     pub late_s: f64,
 }
 
-/// Fixes that arrived at once.
+/// Fixes that arrived together.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Burst {
-    /// Stamp of the first, s.
+    /// Timestamp of the first, s.
     pub start_s: f64,
     /// Number of fixes.
     pub fixes: u64,
@@ -217,7 +218,7 @@ pub struct Burst {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CurvePoint {
-    /// Instant, s, on the clock of the position's stamps.
+    /// Instant, s, on the clock of the position's timestamps.
     pub t_s: f64,
     /// Delay, s.
     pub delay_s: f64,
@@ -225,7 +226,7 @@ pub struct CurvePoint {
     pub standard_uncertainty_s: f64,
 }
 
-/// What a term of a description does.
+/// Kind of a term of a description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -236,15 +237,15 @@ pub enum DelayTermKind {
     Bend,
 }
 
-/// A term of the description of a delay that varies.
+/// A term of the description of a varying delay.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayTerm {
-    /// What it does.
+    /// Its kind.
     pub kind: DelayTermKind,
-    /// When, s.
+    /// Instant, s.
     pub at_s: f64,
-    /// Interval of 95 % of that instant, s; `None` for a bend.
+    /// 95 % interval of that instant, s; `None` for a bend.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_interval_s: Option<[f64; 2]>,
     /// Size: s for a step, s/s for a bend.
@@ -257,15 +258,15 @@ pub struct DelayTerm {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DeviceTime {
-    /// Rate of the arrival's clock against the device's less 1, s/s.
+    /// Rate of the arrival clock relative to the device clock, less 1, s/s.
     pub skew: f64,
-    /// Median lateness above the least, s.
+    /// Median lateness above the minimum, s.
     pub median_s: f64,
-    /// 95th percentile of the lateness above the least, s.
+    /// 95th percentile of the lateness above the minimum, s.
     pub percentile_95_s: f64,
-    /// Largest lateness above the least, s.
+    /// Largest lateness above the minimum, s.
     pub largest_s: f64,
-    /// Difference between late and early parts that the motion shows as well, s; `None` if it cannot be compared.
+    /// Rms disagreement with the delay that the motion shows, about its median, s; `None` if it cannot be compared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub disagreement_rms_s: Option<f64>,
 }

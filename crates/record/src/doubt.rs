@@ -1,24 +1,24 @@
-//! What puts the delays of a bench record in doubt: one rule for its page, its card and the terminal.
+//! Reasons to doubt the delays of a bench record: one rule for its page, its card and the terminal.
 
 use crate::{BenchRecord, ChannelDynamics, Estimate, Finding, GateCheck, ModelFinding, MountCheck};
 use flight::{Code, fixed};
 
-/// Place of the notice that the record shows another sign of the encoder than the rig file.
+/// Place of the notice that the encoder's sign in the record differs from the rig file.
 pub const ENCODER_SIGN: &str = "encoder sign";
-/// Place of the notice that the record shows the sensor on another side of the pivot than the rig file.
+/// Place of the notice that the sensor's side of the pivot in the record differs from the rig file.
 pub const SIDE_OF_PIVOT: &str = "side of the pivot";
-/// Gate check of an encoder that lost counts. Each half of such a record is about another zero.
+/// Gate check for an encoder that lost counts. The two halves of such a record have different zeros.
 pub const ENCODER_SLIP: &str = "encoder slip";
-/// Gate check of how far the encoder's counts scatter about the smoothed motion.
+/// Gate check for the scatter of the encoder's counts about the smoothed motion.
 pub const ENCODER_RESIDUAL: &str = "encoder residual";
-/// How the text of that check ends where they scatter too far, so that the reference motion is wrong.
+/// End of that check's text where the scatter is too large, so that the reference motion is wrong.
 pub const COUNTS_OR_STAMPS_WRONG: &str = "counts are lost or stamps jitter";
-/// How what puts a delay in doubt begins, after the name of the record, where the delay is not one number.
+/// Start of the reason for doubt, after the name of the record, where the delay is not one number.
 pub const DELAY_CHANGES: &str = "the delay changes over the record";
 
 impl BenchRecord {
-    /// What puts every delay of the record in doubt, each in words with its size: data that contradict the rig file, or an
-    /// encoder that slipped or scatters. Every reference is made with rig and encoder.
+    /// Reasons to doubt every delay of the record, each in words with its size: data that contradict the rig file, or
+    /// an encoder that slipped or scatters. Rig file and encoder affect every reference.
     #[must_use]
     pub fn doubts(&self) -> Vec<String> {
         let findings = || self.findings.iter();
@@ -33,7 +33,7 @@ impl BenchRecord {
 }
 
 impl GateCheck {
-    /// Whether it says that the reference motion is wrong.
+    /// Whether this check finds the reference motion wrong.
     #[must_use]
     pub fn is_of_wrong_motion(&self) -> bool {
         let scatters = self.name == ENCODER_RESIDUAL && self.text.ends_with(COUNTS_OR_STAMPS_WRONG);
@@ -42,7 +42,7 @@ impl GateCheck {
 }
 
 impl MountCheck {
-    /// Whether data and rig file differ, and it is the rig file that is wrong.
+    /// Whether data and rig file differ and the rig file is wrong.
     #[must_use]
     pub fn contradicts_rig(&self) -> bool {
         self.of_rig && self.agrees == Some(false)
@@ -53,7 +53,7 @@ impl MountCheck {
         let (Finding::Found(fitted), Some(stated)) = (&self.fitted, self.stated) else { return self.name.clone() };
         let (factor, unit) = if self.unit == "rad" { (1f64.to_degrees(), "°") } else { (1.0, self.unit.as_str()) };
         let u = fitted.standard_uncertainty.map_or(0.0, |u| 2.0 * u * factor);
-        // Two figures of the uncertainty.
+        // Two significant digits of the uncertainty.
         let digits = if u > 0.0 { (1.0 - u.log10().floor()).clamp(0.0, 4.0) as usize } else { 3 };
         let [fitted, stated] = [fitted.value, stated].map(|value| fixed(value * factor, digits));
         format!("{}: {fitted} ± {u:.digits$} {unit} by the data, {stated} {unit} by the rig file", self.name)
@@ -61,7 +61,8 @@ impl MountCheck {
 }
 
 impl ChannelDynamics {
-    /// Least and greatest delay of the windows, s, where the delay surely changes over the record: it is not one number.
+    /// Smallest and largest delay of the windows, s, where the delay significantly changes over the record, so that it
+    /// is not one number.
     #[must_use]
     pub fn changing_delay_s(&self) -> Option<[f64; 2]> {
         let found = self.stationarity.found().filter(|s| s.changes)?;
@@ -69,7 +70,8 @@ impl ChannelDynamics {
         Some([bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY)])
     }
 
-    /// The model of the channel, if it was chosen and has a lag. A delay that changes passes for one and has none.
+    /// The model of the channel, if one was chosen and has a lag. A delay that changes can look like a lag, but is
+    /// excluded.
     #[must_use]
     pub fn lags(&self) -> Option<(&ModelFinding, &[Estimate])> {
         let model = self.model.found().filter(|_| self.changing_delay_s().is_none())?;
@@ -77,7 +79,7 @@ impl ChannelDynamics {
         (!chosen.lags_s.is_empty()).then_some((model, chosen.lags_s.as_slice()))
     }
 
-    /// What puts the delay of this channel in doubt, in words: that it is not one number.
+    /// Reason to doubt the delay of this channel, in words: it is not one number.
     #[must_use]
     pub fn doubt(&self) -> Option<String> {
         let [least, most] = self.changing_delay_s()?.map(|delay_s| fixed(1e3 * delay_s, 1));

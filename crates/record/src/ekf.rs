@@ -1,4 +1,4 @@
-//! What a designer of a filter needs of each channel: noise, wander, delay, rate.
+//! What a filter designer needs to know about each channel: noise, wander, delay, rate.
 
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
@@ -8,29 +8,29 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct EkfValues {
-    /// Channels in the order of their names.
+    /// Channels, sorted by name.
     pub channels: Vec<EkfChannel>,
 }
 
-/// Values of one channel. What the flight does not give is not there.
+/// Values of one channel. Values that the flight does not provide are absent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct EkfChannel {
     /// Name, such as `position.gps`.
     pub channel: String,
-    /// What the values rest on: the pair that was fitted.
+    /// Basis of the values: the pair that was fitted.
     pub rests_on: String,
     /// Updates per second, Hz.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
     /// Values in the order in which they are explained.
     pub values: Vec<EkfValue>,
-    /// What the channel does not give, and why.
+    /// Values that the channel does not provide, and why.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
 }
 
-/// Which value it is.
+/// Kind of value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -43,9 +43,9 @@ pub enum EkfValueKind {
     WanderStd,
     /// Correlation time of the wander, s.
     WanderTimeConstant,
-    /// Density of the noise that drives the wander; of a slow wander that of the random walk.
+    /// Density of the noise that drives the wander; for a slow wander, the density of the random walk.
     RandomWalkDensity,
-    /// Bias of the channel that is integrated, as standard deviation.
+    /// Bias of the integrated channel, as a standard deviation.
     BiasStd,
     /// How late the channel is, s; positive is late.
     Delay,
@@ -55,7 +55,7 @@ pub enum EkfValueKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct EkfValue {
-    /// Which.
+    /// Its kind.
     pub kind: EkfValueKind,
     /// The value.
     pub value: f64,

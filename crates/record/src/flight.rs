@@ -6,7 +6,7 @@ use flight::{Binding, LogHealth, Notices};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A file that the flight was read from.
+/// A file from which the flight was read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct InputFile {
@@ -24,32 +24,32 @@ pub struct InputFile {
 pub struct PipelineUse {
     /// Title from the file.
     pub title: String,
-    /// BLAKE3 of the settings as they are meant (comments and order do not count).
+    /// BLAKE3 of the resolved settings (comments and order do not count).
     pub blake3: String,
-    /// The settings as they are meant, as TOML.
+    /// The resolved settings, as TOML.
     pub toml: String,
 }
 
-/// What became of the flight.
+/// Outcome of the flight.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "outcome", rename_all = "kebab-case")]
 pub enum Outcome {
-    /// There is a [`ReplayRecord`].
+    /// The flight was compensated and has a [`ReplayRecord`].
     Compensated,
-    /// The log was read and its delay looked for, but no delay was removed.
+    /// The log was read and the delay was analysed, but no delay was removed.
     Uncompensated {
-        /// Why.
+        /// Reason.
         reason: String,
     },
-    /// The log was read, but compensation says nothing here.
+    /// The log was read, but the flight cannot be measured.
     NotMeasurable {
-        /// Why, and what would make it so.
+        /// Reason, and what would make it measurable.
         reason: String,
     },
-    /// No result has been made yet: nothing is known against it.
+    /// No result yet, and no known reason against one.
     Pending {
-        /// What is to come.
+        /// What is pending.
         reason: String,
     },
     /// The log could not be used.
@@ -60,7 +60,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The outcome as tables give it.
+    /// The outcome as shown in tables.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
@@ -85,32 +85,32 @@ impl Outcome {
     }
 }
 
-/// Everything found about one flight. Free of times of day, hosts and folders, so that the
-/// same log, settings and analysis give the same bytes.
+/// Everything found about one flight. It contains no times of day, hosts or folders, so that the same log, settings and
+/// analysis give the same bytes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
-    /// Raised by hand when the analysis gives other numbers.
+    /// Analysis version, raised by hand when the numbers change.
     pub analysis_version: u32,
-    /// Hash of inputs, pipeline and analysis version: the name of this result.
+    /// Hash of inputs, pipeline and analysis version: the key of this result.
     pub key: String,
-    /// What was read.
+    /// Files that were read.
     pub inputs: Vec<InputFile>,
-    /// With which settings.
+    /// Settings used.
     pub pipeline: PipelineUse,
-    /// What came of it.
+    /// Outcome.
     #[serde(flatten)]
     pub outcome: Outcome,
-    /// How the reading went; `None` if the file could not even be opened.
+    /// Result of reading the log; `None` if the file could not be opened.
     pub log: Option<LogHealth>,
-    /// Which map bound what; `None` if no map fits.
+    /// Channels bound by the channel map; `None` if no map matches.
     pub binding: Option<Binding>,
     /// The replay.
     pub replay: Option<ReplayRecord>,
-    /// What the compensators would have done with the difference between position and velocity, of a flight from which
-    /// nothing was removed: for its page alone, no result of the flight.
+    /// What the compensators would have done with the measured delay between position and velocity, for a flight from
+    /// which nothing was removed. Used only on its page; not a result of the flight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trial: Option<ReplayRecord>,
     /// Delays measured from the flight itself; `None` if no channel was bound.
@@ -122,42 +122,42 @@ pub struct FlightRecord {
     /// One lateness for each channel; `None` if no pair gave a delay.
     #[serde(default)]
     pub network: Option<DelayNetwork>,
-    /// What is removed, and why; `None` before it is decided.
+    /// Delay removed, and why; `None` before it is decided.
     #[serde(default)]
     pub decision: Option<Decision>,
-    /// Whether that helped; `None` where nothing could be compared.
+    /// Whether removing it helped; `None` where nothing could be compared.
     #[serde(default)]
     pub effect: Option<Effect>,
-    /// What the criteria say; `None` where none were given. Not part of the result under its key: it is judged anew
-    /// whenever pages are made, so that another limit recomputes no flight.
+    /// Verdicts of the criteria; `None` without criteria. Not part of the result under its key: criteria are evaluated
+    /// again whenever pages are generated, so that a changed limit does not recompute flights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub criteria: Option<FlightCriteria>,
-    /// What the test cards say; `None` without one. Like the criteria no part of the result under its key.
+    /// Test cards; `None` without a card. Like the criteria, not part of the result under its key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test: Option<FlightTest>,
     /// All notices, in the order in which they were raised.
     pub notices: Notices,
-    /// JSON pointers (RFC 6901) of the lists that `details.json.gz` holds and that are empty here, for the record would be longer
-    /// than 64 kB with them.
+    /// JSON pointers (RFC 6901) of the lists that are empty here and stored in `details.json.gz`, because with them the
+    /// record would exceed 64 kB.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub details: Vec<String>,
 }
 
 impl FlightRecord {
-    /// Whether bytes or messages that the logger wrote were lost, and that touches a result or is much.
+    /// Whether bytes or messages that the logger wrote were lost, and the loss affects a result or is large.
     #[must_use]
     pub fn has_loss(&self) -> bool {
         self.notices.any_loss()
     }
 
-    /// The replay, else the trial: what the page can draw.
+    /// The replay, otherwise the trial: what the page can draw.
     #[must_use]
     pub fn drawable(&self) -> Option<&ReplayRecord> {
         self.replay.as_ref().or(self.trial.as_ref())
     }
 
-    /// UTC (Unix, ns) at time zero of the replay, else of the first pair of channels; `None` if the clock does not know the
-    /// day and the log does not tie it to UTC.
+    /// UTC (Unix, ns) at time zero of the replay, otherwise of the first pair of channels. `None` if the clock does not
+    /// know the date and the log does not tie it to UTC.
     #[must_use]
     pub fn began(&self) -> Option<flight::Stamp> {
         let replay = self.drawable().map(|r| (r.origin_ns, r.clock));
@@ -167,7 +167,7 @@ impl FlightRecord {
         clock.unix(flight::Stamp(origin_ns)).or_else(|| tie?.unix(flight::Stamp(origin_ns)))
     }
 
-    /// Whether a little was lost that touches no result.
+    /// Whether a small amount was lost without affecting a result.
     #[must_use]
     pub fn has_minor_loss(&self) -> bool {
         self.notices.iter().any(|notice| notice.code == ::flight::Code::MinorLoss)

@@ -1,4 +1,4 @@
-//! How late the channels of a flight are against each other, found from the flight itself.
+//! How late the channels of a flight are against each other, estimated from the flight itself.
 
 use crate::bench::{Finding, ObjectiveCurve};
 use crate::delay_over_time::DelayOverTime;
@@ -8,14 +8,14 @@ use flight::Clock;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What a pair of channels compares.
+/// The quantities that a pair of channels compares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayPairKind {
     /// Position against the integral of velocity: δ = Tp − Tv.
     PositionAgainstVelocity,
-    /// Velocity against the integral of acceleration (specific force turned by attitude, less gravity): δ = Tv − Ta.
+    /// Velocity against the integral of acceleration (specific force rotated by attitude, less gravity): δ = Tv − Ta.
     VelocityAgainstAcceleration,
     /// Position against a reference position, which is on time by definition: δ = Tp.
     PositionAgainstReference,
@@ -25,62 +25,64 @@ pub enum DelayPairKind {
     BetweenReceivers,
 }
 
-/// All delays that one flight can give. Every pair that was tried is here, measured or not.
+/// All delays that one flight can provide. Every pair that was tried is listed, whether measured or not.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightDelays {
-    /// Pairs, in the order of [`DelayPairKind`], then of their names.
+    /// Pairs, sorted by [`DelayPairKind`], then by name.
     pub pairs: Vec<PairDelay>,
 }
 
-/// What was found about one pair.
+/// Results of one pair.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PairDelay {
-    /// Which comparison this is.
+    /// Kind of comparison.
     pub kind: DelayPairKind,
-    /// Channel whose lateness is measured, such as `position.gps`. Positive δ: this one is late against the second.
+    /// Channel whose lateness is measured, such as `position.gps`. Positive δ: this channel is late against the second.
     pub first: String,
-    /// What it is compared with: a channel, or two as `attitude.ins + specific-force.imu`.
+    /// What it is compared with: one channel, or two such as `attitude.ins + specific-force.imu`.
     pub second: String,
-    /// What δ means, and what cannot be seen from this pair, in words.
+    /// What δ means, and what this pair cannot show, in words.
     pub meaning: String,
     /// Time zero of the pair's seconds; `None` if it has no samples.
     pub origin: Option<DelayOrigin>,
-    /// What the flight offers for measuring it; `None` if it did not come so far.
+    /// What the flight offers for measuring it; `None` if the analysis did not get that far.
     pub excitation: Option<DelayExcitation>,
-    /// The delay, or why there is none and which manoeuvre would give one.
+    /// The delay, or why it is unknown and which manoeuvre would show it.
     pub delay: Finding<MeasuredDelay>,
-    /// Whether the delay stays the same; `None` where that was not asked.
+    /// Whether the delay stays the same; `None` where that was not tested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varies: Option<DelayOverTime>,
-    /// Why the pair must not take part in the delay network; `None` if it may.
+    /// Why the pair must not be used in the delay network; `None` if it may be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_for_network: Option<String>,
-    /// Change of the delay for each 0.1 m by which the antenna is ahead of where velocity is taken, s; `None` if the
-    /// lever arm is known or does not matter.
+    /// Change of the delay for each 0.1 m by which the antenna is ahead of the point at which velocity is measured, s;
+    /// `None` if the lever arm is known or does not matter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lever_arm_s_per_decimetre: Option<f64>,
 }
 
-/// What the flown path says about a delay, whatever the noise (design note 4).
+/// What the flown path reveals about a delay, independent of noise (design note 4).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayExcitation {
     /// Samples of the first channel that could be compared.
     pub samples: u64,
-    /// Seconds that they cover, gaps left out.
+    /// Seconds that they cover, without gaps.
     pub duration_s: f64,
     /// Pieces with an offset of their own: the integral is unknown across gaps, the position across resets.
     pub pieces: u64,
     /// 95th percentile of the ground speed, m/s.
     pub speed_p95_mps: f64,
-    /// Σ‖P⊥v‖²/Σ‖v‖² with offset and drift of every piece projected out: 0 in straight and steady flight. (For
-    /// velocity against acceleration: of the acceleration.)
+    /// Σ‖P⊥v‖²/Σ‖v‖² with offset and drift of every piece projected out: 0 in straight and steady flight. (For velocity
+    /// against acceleration, the same of the acceleration.)
     pub moving_share: f64,
-    /// Share of the displacement over some seconds (rms) that the second channel does not explain, 0 if all.
+    /// Share of the displacement over some seconds (rms) that the second channel does not explain; 0 if it explains
+    /// all.
     pub unexplained_share: Option<f64>,
-    /// Standard uncertainty of the delay that this motion and the noise found permit, s; `None` if nothing was fitted.
+    /// Standard uncertainty of the delay achievable with this motion and the noise found, s; `None` if nothing was
+    /// fitted.
     pub predicted_s: Option<f64>,
 }
 
@@ -88,7 +90,7 @@ pub struct DelayExcitation {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MeasuredDelay {
-    /// δ, s: positive means that the first channel is late against the second.
+    /// δ, s; positive if the first channel is late against the second.
     pub delay_s: Estimate,
     /// 95 % interval, s.
     pub interval_95_s: [f64; 2],
@@ -96,17 +98,18 @@ pub struct MeasuredDelay {
     pub hessian_s: f64,
     /// Standard uncertainty from the sandwich that allows for autocorrelation, s.
     pub hac_s: f64,
-    /// Part of the standard uncertainty for what a constant delay does not explain (motion slow or fast, operating point,
-    /// time), s. What is left without it is the noise's.
+    /// Part of the standard uncertainty due to effects that a constant delay does not explain (slow or fast motion,
+    /// operating point, time), s. The rest is due to noise.
     #[serde(default)]
     pub widened_s: f64,
     /// Cramér–Rao bound at the fitted noise, s.
     pub crlb_s: f64,
-    /// 2.8 standard uncertainties, s: a change of the delay that a test at 5 % finds with 80 % probability.
+    /// 2.8 standard uncertainties, s: the change of the delay that a test at the 5 % level detects with 80 %
+    /// probability.
     pub smallest_detectable_s: f64,
     /// Samples of both axes used.
     pub samples: u64,
-    /// Share of the samples that robust weights held back, 0 to 1: of normal noise 0.179.
+    /// Share of the samples down-weighted by the robust fit, 0 to 1; 0.179 for normal noise.
     pub downweighted_share: f64,
     /// Another delay that explains the data almost as well (within three units of chi-squared times the noise), s.
     pub rival_s: Option<f64>,
@@ -115,29 +118,29 @@ pub struct MeasuredDelay {
     pub objective: Option<ObjectiveCurve>,
     /// Pieces with an offset of their own.
     pub pieces: Vec<DelayPiece>,
-    /// Delay over time, in windows that do not overlap and say about equally much.
+    /// Delay over time, in windows that do not overlap and carry about equal information.
     pub over_time: Vec<WindowDelay>,
     /// Whether all windows agree; `None` with fewer than two.
     pub homogeneity: Option<DelayHomogeneity>,
-    /// What a reader must be told of a delay that does not stay the same; `None` if it does.
+    /// What a reader must know about a delay that changes; `None` if it stays the same.
     pub alarm: Option<String>,
     /// Delay by operating point: speed, and quality channels where logged.
     pub splits: Vec<DelaySplit>,
-    /// Known delays put into the second half of the flight and found again.
+    /// Known delays injected into the second half of the flight and recovered.
     pub injections: Vec<FlightInjection>,
-    /// What was done to the delay after the fit, such as taking a lever arm out.
+    /// Corrections of the delay after the fit, such as for a lever arm.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
-    /// What else is doubtful about the delay, the gravest first.
+    /// Other doubts about the delay, the most serious first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub alarms: Vec<String>,
 }
 
 impl MeasuredDelay {
-    /// Share of normal noise that Huber's weights (k = 1.345) hold back, and that is no outlier.
+    /// Share of normal noise that Huber's weights (k = 1.345) down-weight although it is not an outlier.
     const HELD_BACK_BY_CHANCE: f64 = 0.179;
 
-    /// Share of the samples that are outliers: what the weights hold back beyond what they hold back of normal noise.
+    /// Share of the samples that are outliers: the down-weighted share in excess of that of normal noise.
     #[must_use]
     pub fn outlier_share(&self) -> f64 {
         ((self.downweighted_share - Self::HELD_BACK_BY_CHANCE) / (1.0 - Self::HELD_BACK_BY_CHANCE)).max(0.0)
@@ -152,7 +155,7 @@ pub struct DelayPiece {
     pub start_s: f64,
     /// Last sample.
     pub end_s: f64,
-    /// What began it, in words; empty for the first.
+    /// Why it starts here, in words; empty for the first.
     pub begun_by: String,
     /// Drift north and east, m/s (m/s² for velocity against acceleration): the bias of the second channel.
     pub drift: [Estimate; 2],
@@ -164,7 +167,7 @@ pub struct DelayPiece {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayNoise {
-    /// Standard deviation of the wander; `None` if there is none.
+    /// Standard deviation of the wander; `None` without wander.
     pub wander_std: Option<f64>,
     /// Correlation time of the wander, s.
     pub time_constant_s: Option<f64>,
@@ -176,7 +179,7 @@ pub struct DelayNoise {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct WindowDelay {
-    /// Begin, s after the origin.
+    /// Start, s after the origin.
     pub start_s: f64,
     /// End.
     pub end_s: f64,
@@ -192,9 +195,9 @@ pub struct DelayHomogeneity {
     pub chi2: f64,
     /// Degrees of freedom.
     pub degrees_of_freedom: u64,
-    /// Probability of a chi-squared as large by chance.
+    /// Probability of a chi-squared at least this large by chance.
     pub p: f64,
-    /// The split of the flight in two whose delays differ most.
+    /// The split of the flight into the two parts whose delays differ most.
     pub largest_step: DelayStep,
 }
 
@@ -211,13 +214,13 @@ impl DelayHomogeneity {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayStep {
-    /// When, s after the origin: the border of two windows.
+    /// When, s after the origin: the boundary of two windows.
     pub at_s: f64,
     /// Mean delay before, s.
     pub before_s: Estimate,
     /// Mean delay after, s.
     pub after_s: Estimate,
-    /// Probability of a step as large by chance, corrected for the number of places where one was looked for.
+    /// Probability of a step at least this large by chance, corrected for the number of places searched.
     pub p: f64,
 }
 
@@ -225,11 +228,11 @@ pub struct DelayStep {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelaySplit {
-    /// What it is split by: `ground speed, m/s`, or the name of a channel.
+    /// Quantity that it is split by: `ground speed, m/s`, or the name of a channel.
     pub by: String,
-    /// Groups, rising.
+    /// Groups, in ascending order.
     pub groups: Vec<DelayGroup>,
-    /// Probability of differences as large by chance; `None` with fewer than two groups.
+    /// Probability of differences at least this large by chance; `None` with fewer than two groups.
     pub p: Option<f64>,
 }
 
@@ -237,7 +240,7 @@ pub struct DelaySplit {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayGroup {
-    /// Least and largest value in the group.
+    /// Smallest and largest value in the group.
     pub range: [f64; 2],
     /// Samples of both axes.
     pub samples: u64,
@@ -245,17 +248,17 @@ pub struct DelayGroup {
     pub delay_s: Estimate,
 }
 
-/// A known delay that was put into the second half of the flight (half of what the flight says, not of its time).
+/// A known delay injected into the second half of the flight (half of its information, not of its time).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightInjection {
-    /// What was put in, s.
+    /// Delay injected, s.
     pub injected_s: f64,
-    /// Delay of the second half less that of the first, less what was put in, s: zero within its uncertainty.
+    /// Delay of the second half less that of the first, less the injected delay, s: zero within its uncertainty.
     pub error_s: Estimate,
     /// 95 % interval of the error, s.
     pub interval_95_s: [f64; 2],
-    /// Border of the halves, s after the origin.
+    /// Boundary of the halves, s after the origin.
     pub split_s: f64,
 }
 
@@ -263,15 +266,15 @@ pub struct FlightInjection {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayOrigin {
-    /// Stamp, ns.
+    /// Timestamp, ns.
     pub origin_ns: i64,
     /// Its clock.
     pub clock: Clock,
 }
 
-/// Whether a channel such as `velocity.ekf-2` is what a filter made of other channels: EKF, AHRS, odometry, INS.
+/// Whether a channel such as `velocity.ekf-2` is the output of a filter on other channels: EKF, AHRS, odometry, INS.
 ///
-/// Told by the beginning of the source's name, in either case; a channel map knows better where it says `measured`.
+/// Inferred from the start of the source's name, ignoring case. A channel map that says `measured` takes precedence.
 #[must_use]
 pub fn is_filter_output(channel: &str) -> bool {
     const FILTERS: [&str; 13] = [

@@ -1,30 +1,30 @@
-//! Which flights have the same receiver: their delays may be pooled.
+//! Groups of flights with the same receiver, whose delays may be pooled.
 
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The group that a flight belongs to (delay-network.md, section 5): receiver, its rate and line, channel map and kind of
-/// log. Delays are pooled within a group only.
+/// The group that a flight belongs to (delay-network.md, section 5): receiver, its rate and serial line, channel map
+/// and kind of log. Delays are pooled within a group only.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReceiverGroup {
-    /// For people: `u-blox M8 3.01, 5 Hz, 115200 baud, ArduPilot DataFlash`.
+    /// Human-readable name: `u-blox M8 3.01, 5 Hz, 115200 baud, ArduPilot DataFlash`.
     pub name: String,
-    /// Flights with the same key are one group. It follows from the parts that count.
+    /// Flights with the same key form one group. The key is made from the relevant parts.
     pub key: String,
-    /// What the group is made of, in the order of the name.
+    /// Parts that define the group, in the order of the name.
     pub parts: Vec<GroupPart>,
-    /// Whether the log says what the receiver is. If not, map, format and rate stand for it: flights of two receivers of
-    /// one kind are one group then.
+    /// Whether the log names the receiver. If not, map, format and rate are used instead, and flights of two receivers
+    /// of one kind form one group.
     pub told_by_log: bool,
 }
 
-/// One fact that makes a group.
+/// One fact that defines a group.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GroupPart {
-    /// What it is: `receiver`, `firmware`, `rate`.
+    /// Its name: `receiver`, `firmware`, `rate`.
     pub what: String,
     /// Its value, with its unit.
     pub value: String,
@@ -32,24 +32,25 @@ pub struct GroupPart {
     pub from: String,
 }
 
-/// What a flight's position holds, in a few bytes: to find copies of it, and copies that have lost some of it.
+/// Fingerprint of a flight's position samples, used to find complete and partial copies.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightContent {
-    /// Hash of all of it.
+    /// Hash of all samples.
     pub fingerprint: String,
-    /// Fixes.
+    /// Number of fixes.
     pub fixes: u64,
-    /// The least hashes of stretches of a few fixes each, rising: two flights that share fixes share some of these.
+    /// The smallest hashes of short runs of fixes, in ascending order. Two flights that share fixes share some of these
+    /// hashes.
     pub sketch: Vec<u64>,
 }
 
-/// A flight that is there more than once, under other names or in other containers.
+/// A flight that occurs more than once, under other names or in other containers.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DuplicateFlight {
-    /// The flight that counts: of those with the most fixes the first by its identity.
+    /// The flight that counts: among those with the most fixes, the first by identity.
     pub counts: String,
-    /// The others, in their order: the same, or parts of it.
+    /// The others, in order: complete or partial copies.
     pub duplicates: Vec<String>,
 }

@@ -1,10 +1,10 @@
-//! The second waist: what was found. Serialised types with a version, and no arithmetic.
+//! The second waist of the architecture: results as versioned, serialised types without arithmetic.
 //!
-//! A [`FlightRecord`] is everything that an analysis says of one flight: its page can be
-//! drawn from it years later without the log. A [`CampaignRecord`] is the list of flights
-//! of one run. A [`BenchRecord`] is everything that a bench says of a sensor, a
-//! [`SensorCard`] what is carried from the bench to the flights. Times are seconds, lengths metres, angles radians unless a name says else.
-//! `None` means that there is no such number, never that it is zero.
+//! A [`FlightRecord`] holds everything that an analysis found about one flight: its page can be drawn from it years
+//! later without the log. A [`CampaignRecord`] is the list of flights of one run. A [`BenchRecord`] holds everything
+//! that a bench found about a sensor. A [`SensorCard`] carries the bench results to the flights. Times are in seconds,
+//! lengths in metres, angles in radians unless a name says otherwise. `None` means that the number does not exist,
+//! never that it is zero.
 //!
 //! ```
 //! use record::Estimate;
@@ -99,5 +99,5 @@ pub use crate::test_card::{
     TestCardSource, TestConditions, TestInstrument, TestReport,
 };
 
-/// Version of the shape of these records: raised when a field changes its meaning.
+/// Version of the schema of these records: raised when the meaning of a field changes.
 pub const RECORD_VERSION: u32 = 1;

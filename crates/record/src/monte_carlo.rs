@@ -1,4 +1,4 @@
-//! What a Monte-Carlo study says of an estimator.
+//! Results of a Monte-Carlo study of an estimator.
 
 use crate::replay::Estimate;
 #[cfg(feature = "schema")]
@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 pub struct MonteCarloCase {
     /// What was simulated, in words.
     pub name: String,
-    /// Trials.
+    /// Number of trials.
     pub trials: u64,
-    /// Columns of numbers, in the order of the group's columns; `None` where the case has no such number.
+    /// Columns of numbers, in the order of the group's columns; `None` where a number does not apply to the case.
     pub values: Vec<Option<Estimate>>,
-    /// Whether each goal of the group is met within the error of the study; `None` where the column has none.
+    /// Whether each goal of the group is met within the error of the study; `None` where the column has no goal.
     pub met: Vec<Option<bool>>,
 }
 
@@ -27,9 +27,9 @@ pub struct MonteCarloGroup {
     pub title: String,
     /// What is done and what the goals are, in words.
     pub text: String,
-    /// Columns with units, as `rms/CRLB`.
+    /// Columns with units, such as `rms/CRLB`.
     pub columns: Vec<String>,
-    /// Goal of each column in words; empty if none.
+    /// Goal of each column in words; empty without a goal.
     pub goals: Vec<String>,
     /// Cases.
     pub cases: Vec<MonteCarloCase>,
@@ -43,9 +43,9 @@ pub struct MonteCarloRecord {
     pub record_version: u32,
     /// Title.
     pub title: String,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Command that makes this again.
+    /// Command that reproduces this.
     pub command: String,
     /// Groups of cases.
     pub groups: Vec<MonteCarloGroup>,

@@ -1,4 +1,4 @@
-//! What a night found: what changed against the runs before, trends, and whether recommended settings held.
+//! Findings of a nightly run: changes since earlier runs, trends, and whether recommended settings worked.
 
 use crate::{CampaignTotals, Estimate};
 #[cfg(feature = "schema")]
@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 pub struct NamedFlight {
     /// Name of the campaign.
     pub campaign: String,
-    /// Path of the flight below the campaign's folder.
+    /// Path of the flight relative to the campaign's folder.
     pub flight: String,
-    /// Its page, relative to the page that names it; `None` if it has none.
+    /// Its page, relative to the page that links to it; `None` without a page.
     pub page: Option<String>,
 }
 
-/// Why a flight has another result than before.
+/// Why the result of a flight changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -26,11 +26,11 @@ pub enum ChangeCause {
     Log,
     /// The resolved settings changed.
     Settings,
-    /// The analysis changed: another build of flightlag.
+    /// The analysis changed: a different build of flightlag.
     Build,
     /// The criteria changed.
     Criteria,
-    /// Nothing of the flight itself changed: what is removed follows from the other flights of its group.
+    /// The flight itself did not change: the removed delay depends on the other flights of its group.
     OtherFlights,
 }
 
@@ -48,25 +48,25 @@ impl ChangeCause {
     }
 }
 
-/// A flight with another result than before.
+/// A flight whose result changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RerunCause {
     /// The flight.
     #[serde(flatten)]
     pub flight: NamedFlight,
-    /// Every cause.
+    /// All causes.
     pub causes: Vec<ChangeCause>,
 }
 
-/// A number of a flight that is another one than before.
+/// A number of a flight that changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MovedNumber {
     /// The flight.
     #[serde(flatten)]
     pub flight: NamedFlight,
-    /// What moved: `lateness`, `position minus velocity` or `error after compensation`.
+    /// The number that moved: `lateness`, `position minus velocity` or `error after compensation`.
     pub quantity: String,
     /// Unit of both values: `s` or `m`.
     pub unit: String,
@@ -74,14 +74,14 @@ pub struct MovedNumber {
     pub before: Estimate,
     /// Value now.
     pub now: Estimate,
-    /// Difference over the root of the sum of both squared standard uncertainties, with the sign of now − before; `None` where
-    /// one of them is not known: then the value changed by more than a tenth.
+    /// Difference divided by the root sum of squares of both standard uncertainties, with the sign of now − before.
+    /// `None` where one of them is unknown: the value then changed by more than a tenth.
     pub sigmas: Option<f64>,
-    /// Every cause.
+    /// All causes.
     pub causes: Vec<ChangeCause>,
 }
 
-/// Words about a flight: troubles or alarms that came or went.
+/// Problems or alarms of a flight that are new or gone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightWords {
@@ -90,14 +90,14 @@ pub struct FlightWords {
     pub flight: NamedFlight,
     /// Each in a word or two.
     pub words: Vec<String>,
-    /// First line of the error, or what is wrong with a damaged log; `None` if nothing says it.
+    /// First line of the error, or what is wrong with a damaged log; `None` if unknown.
     pub error: Option<String>,
-    /// What each alarm says in full, in the order of the words; empty for troubles, remarks and alarms that are gone.
+    /// Full text of each alarm, in the order of the words; empty for problems, remarks and alarms that are gone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<String>,
 }
 
-/// A value that is recommended for a parameter of the autopilot, and that is another one than before.
+/// A changed recommendation for an autopilot parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MovedAdvice {
@@ -106,51 +106,52 @@ pub struct MovedAdvice {
     pub flight: NamedFlight,
     /// The parameter.
     pub parameter: String,
-    /// Value recommended before, s; `None` if there was none.
+    /// Value recommended before, s; `None` without a recommendation.
     pub before_s: Option<f64>,
-    /// Value recommended now, s; `None` if there is none.
+    /// Value recommended now, s; `None` without a recommendation.
     pub now_s: Option<f64>,
 }
 
-/// One set of results against another.
+/// Comparison of two sets of results.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RunChanges {
-    /// Flights that are in both.
+    /// Number of flights in both.
     pub compared: u64,
-    /// Flights that were not there before.
+    /// New flights.
     pub new: Vec<NamedFlight>,
-    /// Flights that are no longer there.
+    /// Flights that are gone.
     pub gone: Vec<NamedFlight>,
-    /// Flights with another result.
+    /// Flights whose result changed.
     pub rerun: Vec<RerunCause>,
-    /// Numbers that moved by more than two standard uncertainties, the largest move first; after them those that moved by more
-    /// than a tenth and have no uncertainty.
+    /// Numbers that moved by more than two standard uncertainties, the largest move first, followed by numbers without
+    /// an uncertainty that moved by more than a tenth.
     pub moved: Vec<MovedNumber>,
-    /// Flights with a trouble that they did not have; new flights with a trouble too, except those that cannot be measured.
+    /// Flights with a new problem, including new flights with a problem, except those that cannot be measured.
     pub failing: Vec<FlightWords>,
-    /// New flights that cannot be measured, as one that stands still: nothing failed.
+    /// New flights that cannot be measured, such as one that does not move. This is not a failure.
     #[serde(default)]
     pub new_not_measurable: Vec<NamedFlight>,
-    /// Flights that lost a trouble.
+    /// Flights with a problem that is gone.
     pub recovered: Vec<FlightWords>,
-    /// Alarms that are new and ask for something.
+    /// New alarms that require action.
     pub alarms_new: Vec<FlightWords>,
-    /// Such alarms that are gone.
+    /// Alarms requiring action that are gone.
     pub alarms_cleared: Vec<FlightWords>,
-    /// Remarks that are new: they ask for nothing.
+    /// New remarks, which require no action.
     #[serde(default)]
     pub remarks_new: Vec<FlightWords>,
     /// Remarks that are gone.
     #[serde(default)]
     pub remarks_cleared: Vec<FlightWords>,
-    /// Flights for which another value is recommended than before.
+    /// Flights whose recommended value changed.
     #[serde(default)]
     pub advice: Vec<MovedAdvice>,
 }
 
 impl RunChanges {
-    /// How many numbers moved by more than two standard uncertainties, and how many by more than a tenth without one.
+    /// How many numbers moved by more than two standard uncertainties, and how many without an uncertainty by more than
+    /// a tenth.
     #[must_use]
     pub fn moved_counts(&self) -> (usize, usize) {
         let known = self.moved.iter().filter(|moved| moved.sigmas.is_some()).count();
@@ -165,7 +166,7 @@ pub struct TrendPoint {
     /// The flight.
     #[serde(flatten)]
     pub flight: NamedFlight,
-    /// Instant, UTC, at which it was flown; `None` if its log does not know the day. Such flights are ordered by their run.
+    /// Time of the flight, UTC; `None` if its log does not know the date. Such flights are ordered by their run.
     pub flown_at: Option<String>,
     /// Lateness, s.
     pub lateness_s: Estimate,
@@ -175,7 +176,7 @@ pub struct TrendPoint {
     pub limit_s: f64,
     /// Whether it is outside its limits.
     pub is_outside: bool,
-    /// Whether it differs from the flights before and after it: it takes no part in the search for changes.
+    /// Whether it differs from the flights before and after it, and is therefore excluded from the search for changes.
     pub is_odd: bool,
 }
 
@@ -187,7 +188,7 @@ pub struct TrendSegment {
     pub first: NamedFlight,
     /// Last flight.
     pub last: NamedFlight,
-    /// Number of flights that count.
+    /// Number of flights included.
     pub flights: u64,
     /// Weighted mean, s.
     pub mean_s: Estimate,
@@ -199,17 +200,17 @@ pub struct TrendSegment {
 pub struct TrendChange {
     /// First flight after the step.
     pub at: NamedFlight,
-    /// Instant, UTC, at which that flight was flown.
+    /// Time of that flight, UTC.
     pub flown_at: Option<String>,
-    /// The step is at one of the flights from this one (95 %) …
+    /// First flight of the range that contains the step (95 %).
     pub earliest: NamedFlight,
-    /// … to this one.
+    /// Last flight of that range.
     pub latest: NamedFlight,
     /// Mean after less mean before, s.
     pub step_s: Estimate,
-    /// The step over its standard uncertainty.
+    /// The step divided by its standard uncertainty.
     pub sigmas: f64,
-    /// What else is another one after the step, as `firmware: 3.01 → 4.04`.
+    /// Other changes at the step, such as `firmware: 3.01 → 4.04`.
     pub with_it: Vec<String>,
 }
 
@@ -221,18 +222,18 @@ pub struct TrendChart {
     pub dimension: String,
     /// Its value.
     pub value: String,
-    /// What the lateness is counted from.
+    /// The datum of the lateness.
     pub datum: String,
-    /// Standard deviation between flights beyond their own uncertainties, s.
+    /// Standard deviation between flights in excess of their own uncertainties, s.
     pub between_s: f64,
-    /// A change counts if it lowers the weighted sum of squares by more than this; `None` if there are fewer than six
-    /// flights, or if even a lower threshold shows none.
+    /// Threshold: a change counts if it lowers the weighted sum of squares by more than this. `None` if there are fewer
+    /// than six flights, or if even a lower threshold shows no change.
     pub threshold: Option<f64>,
-    /// Flights before those in `points`: they count in the segments.
+    /// Number of flights before those in `points`, which are included in the segments.
     pub older_points: u64,
-    /// Flights in the order in which they were flown.
+    /// Flights in the order flown.
     pub points: Vec<TrendPoint>,
-    /// Stretches without a change.
+    /// Segments without a change.
     pub segments: Vec<TrendSegment>,
     /// Steps between them.
     pub changes: Vec<TrendChange>,
@@ -255,37 +256,38 @@ impl TrendChart {
 pub struct TrendRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
-    /// Probability that one chart without a change shows one.
+    /// False-alarm probability of one chart: it shows a change although there is none.
     pub false_alarm: f64,
-    /// Whether that is over every look as the chart grows, as a night needs it, and not for one look.
+    /// Whether that probability covers all repeated evaluations as the chart grows, as needed for nightly runs, and not
+    /// only one.
     #[serde(default)]
     pub every_look: bool,
     /// Charts by dimension and value.
     pub charts: Vec<TrendChart>,
-    /// Flights that are on no chart, with the reason: `3 without a lateness`.
+    /// Flights that are not on a chart, with the reason: `3 without a lateness`.
     pub left_out: Vec<String>,
-    /// Charts without a change, which the page of a night leaves out; 0 on the page of `trend`.
+    /// Number of charts without a change, which the nightly page omits; 0 on the page of `trend`.
     #[serde(default)]
     pub without_change: u64,
 }
 
-/// Whether a recommended setting did what was predicted.
+/// Whether a recommended setting had the predicted effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ProofVerdict {
-    /// It did not.
+    /// It did not have the predicted effect.
     Fail,
-    /// The flights after it cannot show it.
+    /// The later flights cannot show it.
     CannotTell,
     /// No later log shows that the parameter was set.
     NotSet,
-    /// It did.
+    /// It had the predicted effect.
     Pass,
 }
 
 impl ProofVerdict {
-    /// The verdict as pages and tables give it.
+    /// The verdict as shown on pages and in tables.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -297,8 +299,8 @@ impl ProofVerdict {
     }
 }
 
-/// A recommended setting and the flights after it. The residual is the lateness less the parameter: what the autopilot does
-/// not account for.
+/// A recommended setting and the flights after it. The residual is the lateness less the parameter: the part that the
+/// autopilot does not account for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct SettingProof {
@@ -308,41 +310,41 @@ pub struct SettingProof {
     pub of: String,
     /// Name of the parameter.
     pub parameter: String,
-    /// Run that recommended it.
+    /// Run that made the recommendation.
     pub recommended_by: String,
-    /// Value in the logs that the recommendation follows from, s; `None` if those logs do not say it.
+    /// Value in the logs that led to the recommendation, s; `None` if it is not in those logs.
     pub was_s: Option<f64>,
     /// Recommended value, s.
     pub recommended_s: f64,
     /// Value in the later logs, s; `None` if it was not set.
     pub set_s: Option<f64>,
-    /// Residual before, s; `None` if the logs do not say the parameter.
+    /// Residual before, s; `None` if the parameter is not in the logs.
     pub before_s: Option<Estimate>,
-    /// Residual that the set value predicts, s; with `set_s` absent the one that the recommended value predicts.
+    /// Residual predicted for the value set, s; if `set_s` is absent, for the recommended value.
     pub predicted_s: Estimate,
-    /// Residual measured on the flights after it, s; `None` without such a flight.
+    /// Residual measured on the later flights, s; `None` without such a flight.
     pub measured_s: Option<Estimate>,
     /// Flights that measured it.
     pub flights: Vec<NamedFlight>,
-    /// Whether they agree.
+    /// Whether prediction and measurement agree.
     pub verdict: ProofVerdict,
     /// The verdict in a sentence or two.
     pub words: String,
 }
 
-/// A log that a night left for the next one.
+/// A log that a nightly run deferred to the next one.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeftLog {
     /// Name of the campaign.
     pub campaign: String,
-    /// Path of the log below the campaign's folder.
+    /// Path of the log relative to the campaign's folder.
     pub path: String,
-    /// Why.
+    /// Reason.
     pub reason: String,
 }
 
-/// One campaign of a night.
+/// One campaign of a nightly run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NightCampaign {
@@ -350,11 +352,11 @@ pub struct NightCampaign {
     pub name: String,
     /// Folder of its logs.
     pub flights: String,
-    /// Its report, relative to the page of the night; empty if there is none yet.
+    /// Its report, relative to the nightly page; empty if there is no report yet.
     pub report: String,
     /// Counts over all flights; `None` if the campaign failed.
     pub totals: Option<CampaignTotals>,
-    /// Flights that fail a criterion.
+    /// Number of flights that fail a criterion.
     pub criteria_failed: u64,
     /// Exit code of this campaign.
     pub exit: u8,
@@ -372,54 +374,54 @@ pub struct NightGroup {
     pub campaign: String,
     /// The group.
     pub group: String,
-    /// In what its flights differ.
+    /// How its flights differ.
     pub words: String,
-    /// Whether they shared one delay in the report before.
+    /// Whether they shared one delay in the previous report.
     pub is_new: bool,
 }
 
-/// Everything that a night found.
+/// All findings of a nightly run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NightRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
-    /// Name of the night.
+    /// Name of the nightly run.
     pub title: String,
     /// Name of the run: its start, UTC.
     pub run_id: String,
     /// Start, UTC.
     pub started: String,
-    /// Time that it took, s.
+    /// Duration of the run, s.
     pub seconds: f64,
     /// Version of flightlag.
     pub flightlag_version: String,
-    /// The run before; `None` for the first.
+    /// The previous run; `None` for the first.
     pub before: Option<String>,
-    /// Exit code of the night.
+    /// Exit code of the nightly run.
     pub exit: u8,
     /// The summary: five lines.
     pub summary: Vec<String>,
     /// Campaigns in the order of the nightly file.
     pub campaigns: Vec<NightCampaign>,
-    /// What changed since the night before.
+    /// Changes since the previous nightly run.
     pub changes: RunChanges,
-    /// Logs that are left for the next night.
+    /// Logs that are deferred to the next nightly run.
     pub left: Vec<LeftLog>,
     /// Groups whose flights do not share one delay, so that no value for all of them is recommended.
     #[serde(default)]
     pub groups: Vec<NightGroup>,
-    /// Changes of a trend that the night before did not show, with the chart: `receiver u-blox M8`.
+    /// Trend changes that the previous nightly run did not show, with the chart: `receiver u-blox M8`.
     pub new_trend_changes: Vec<NewTrendChange>,
     /// Charts with a change, and how many charts there are.
     pub trend: TrendRecord,
-    /// Recommended settings and the flights after them.
+    /// Recommended settings and their effect on later flights.
     pub proofs: Vec<SettingProof>,
-    /// What went wrong with the night itself, such as a history file that cannot be read.
+    /// Problems of the nightly run itself, such as a history file that cannot be read.
     pub problems: Vec<String>,
 }
 
-/// A change of a trend that is new.
+/// A new change of a trend.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NewTrendChange {
@@ -440,7 +442,7 @@ pub struct DiffRecord {
     pub before: ComparedReport,
     /// The second report.
     pub now: ComparedReport,
-    /// What of the settings differs, a line each, as `delay.position_s: was 0.4, is 0.35`.
+    /// Differences of the settings, one line each, such as `delay.position_s: was 0.4, is 0.35`.
     pub settings: Vec<String>,
     /// What changed.
     pub changes: RunChanges,

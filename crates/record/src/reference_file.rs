@@ -1,4 +1,4 @@
-//! A second file of a flight: a reference or a velocity of its own, and how its clock relates to that of the log.
+//! A second file of a flight with a reference or its own velocity, and how its clock relates to that of the log.
 
 use crate::Estimate;
 #[cfg(feature = "schema")]
@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 pub struct ReferenceFile {
     /// Names of its files.
     pub files: Vec<String>,
-    /// Channels of the flight that are from it; empty if its clock cannot be related to that of the log.
+    /// Channels of the flight that come from it; empty if its clock cannot be related to that of the log.
     pub channels: Vec<String>,
     /// How its clock relates to that of the log.
     pub clock: ReferenceClock,
-    /// In a sentence.
+    /// Summary in a sentence.
     pub words: String,
 }
 
@@ -35,26 +35,26 @@ pub enum ReferenceClock {
     },
 }
 
-/// Clock of the log less clock of the reference file.
+/// Offset: clock of the log less clock of the reference file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ClockOffset {
     /// Channel of the log that counts as on time; its lateness is part of the offset.
     pub by: String,
-    /// Stamp of the reference file at which the offset holds, ns.
+    /// Timestamp of the reference file at which the offset holds, ns.
     pub at_ns: i64,
     /// The offset there, ns.
     pub offset_ns: i64,
     /// Its standard uncertainty (k = 1), s.
     pub standard_uncertainty_s: f64,
-    /// Seconds that the clock of the log gains on the other in each second; `None` where no drift shows.
+    /// Drift: seconds that the clock of the log gains on the other per second; `None` where no drift was detected.
     pub drift: Option<Estimate>,
     /// Correlation coefficient of the velocities at that offset.
     pub correlation: f64,
 }
 
 impl ClockOffset {
-    /// The stamp in the clock of the log, ns, of a stamp of the reference file. `None` beyond the range of `i64`.
+    /// Converts a timestamp of the reference file to the clock of the log, ns. `None` outside the range of `i64`.
     #[must_use]
     pub fn in_log_ns(&self, stamp_ns: i64) -> Option<i64> {
         let since_s = (i128::from(stamp_ns) - i128::from(self.at_ns)) as f64 * 1e-9;
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stamp_moves_by_offset_and_drift() {
+    fn a_timestamp_is_shifted_by_offset_and_drift() {
         let drift = Some(Estimate { value: 20e-6, standard_uncertainty: Some(1e-6) });
         let offset = ClockOffset {
             by: "velocity.gps".into(),
@@ -78,7 +78,7 @@ mod tests {
             drift,
             correlation: 0.99,
         };
-        // 100 s behind the middle the clock of the log has gained 2 ms.
+        // 100 s after the middle, the clock of the log has gained 2 ms.
         assert_eq!(offset.in_log_ns(1_100_000_000_000), Some(1_100_000_000_000 - 400_000_000 + 2_000_000));
         assert_eq!(offset.in_log_ns(i64::MIN), None);
     }

@@ -1,4 +1,4 @@
-//! What the compensators made of a flight.
+//! Results of the compensators on a flight.
 
 use crate::{CardUse, DelayChoice, DelaySweep, Finding, OnboardComparison, ReplayScores};
 use flight::Delay;
@@ -6,19 +6,19 @@ use flight::Delay;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A number with how well it is known.
+/// A number with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Estimate {
     /// Best value.
     pub value: f64,
-    /// Standard uncertainty (k = 1), same unit; `None` only where a page says why.
+    /// Standard uncertainty (k = 1), same unit; `None` only where a page states why.
     pub standard_uncertainty: Option<f64>,
 }
 
 impl Estimate {
-    /// E_n = (a − b)/√(U_a² + U_b²) with U = 2u (ISO 13528): up to 1 in size they agree. An uncertainty that is not stated
-    /// counts as none; `None` if neither is stated.
+    /// E_n = (a − b)/√(U_a² + U_b²) with U = 2u (ISO 13528): they agree if |E_n| is at most 1. A missing uncertainty
+    /// counts as zero; `None` if both are missing.
     #[must_use]
     pub fn normalised_difference(&self, other: &Self) -> Option<f64> {
         let [u, v] = [self, other].map(|e| e.standard_uncertainty.unwrap_or(0.0));
@@ -31,15 +31,15 @@ impl Estimate {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum StartRule {
-    /// The first velocity has always been flown: output starts at `Td · v0`.
+    /// The first velocity is assumed for all earlier time: output starts at `Td · v0`.
     Warm,
-    /// State zero, as a naive implementation.
+    /// State zero, as in a naive implementation.
     Cold,
-    /// No output until Td of velocity has been seen.
+    /// No output until velocity has been available for Td.
     InvalidUntilTd,
 }
 
-/// Settings of the replay as they were used.
+/// Settings used for the replay.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReplaySettings {
@@ -47,9 +47,9 @@ pub struct ReplaySettings {
     pub delay: Delay,
     /// Its standard uncertainty, s, if the pipeline or the sensor card states one.
     pub delay_uncertainty_s: Option<f64>,
-    /// Where the delay comes from, in words.
+    /// Source of the delay, in words.
     pub delay_source: String,
-    /// The sensor card that the delay comes from; `None` if the pipeline states the number itself.
+    /// The sensor card that the delay comes from; `None` if the pipeline states the value itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub card: Option<CardUse>,
     /// Start rule.
@@ -70,27 +70,28 @@ pub struct PairUse {
     pub reference: Option<String>,
 }
 
-/// Seconds of the flight by what the output is worth.
+/// Coverage of the flight by validity of the output.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Coverage {
-    /// From the first to the last output row, s.
+    /// Duration from the first to the last output row, s.
     pub duration_s: f64,
-    /// Output rows in all.
+    /// Total number of output rows.
     pub rows: u64,
-    /// Rows with a valid compensated position.
+    /// Number of rows with a valid compensated position.
     pub valid_rows: u64,
-    /// Seconds up to the next row that these rows stand for; where rows are missing there is none.
+    /// Time covered by these rows, s, each up to the next row; missing rows cover no time.
     pub valid_s: f64,
-    /// Rows without one, by reason.
+    /// Rows without a valid compensated position, by reason.
     pub invalid: Vec<flight::RejectCount>,
-    /// Velocity gaps that were bridged.
+    /// Number of velocity gaps that were bridged.
     pub bridged_gaps: u64,
-    /// Velocity gaps too long to bridge: the compensators started anew.
+    /// Number of velocity gaps too long to bridge: the compensators were restarted.
     pub restarts: u64,
-    /// Position fixes used.
+    /// Number of position fixes used.
     pub fixes: u64,
-    /// Fixes that jump against the integrated velocity by more than five sigma of the fixes around: passed on and counted.
+    /// Fixes that jump against the integrated velocity by more than five standard deviations of the surrounding fixes:
+    /// passed on and counted.
     pub position_resets: u64,
     /// Longest time without a position fix, s.
     pub longest_position_gap_s: f64,
@@ -104,11 +105,11 @@ pub struct CompensatorResult {
     pub name: String,
     /// What it is, in words.
     pub title: String,
-    /// The delay it was given, s (with half the update interval where it runs on held fixes).
+    /// The delay set for it, s (plus half the update interval where it runs on held fixes).
     pub delay: Delay,
     /// 2-D rms of raw − this, m; zero for raw.
     pub raw_minus_this_rms_m: Estimate,
-    /// Step of the output at a position fix, 2-D rms, m: what the next fix disagrees with.
+    /// Step of the output at a position fix, 2-D rms, m: the disagreement with the next fix.
     pub step_at_fix_rms_m: Option<Estimate>,
     /// 2-D rms error against the reference, m.
     pub error_rms_m: Option<Estimate>,
@@ -116,25 +117,25 @@ pub struct CompensatorResult {
     pub error_p95_m: Option<Estimate>,
 }
 
-/// A curve for a figure, decimated so that every extreme is kept. In `record.json` its lists are empty: the file of the figure
-/// holds the points.
+/// A curve for a figure, decimated so that every extreme is kept. In `record.json` its lists are empty: the figure's
+/// file contains the points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Curve {
     /// Name in the legend.
     pub name: String,
-    /// Seconds after the flight's origin. A gap is where `breaks` says, not NaN.
+    /// Seconds after the flight's origin. Gaps are marked by `breaks`, not by NaN.
     pub t_s: Vec<f64>,
     /// Values, in the figure's unit.
     pub y: Vec<f64>,
-    /// Rows before which the pen is lifted.
+    /// Rows before which the line is interrupted.
     pub breaks: Vec<u32>,
-    /// How many samples these rows stand for.
+    /// Number of samples that these rows represent.
     pub stands_for: u64,
 }
 
-/// A curve in the horizontal plane, thinned so that what is left out lies within a thousandth of its extent. In `record.json`
-/// its lists are empty: the file of the figure holds the points.
+/// A curve in the horizontal plane, thinned so that the omitted points are within a thousandth of its extent. In
+/// `record.json` its lists are empty: the figure's file contains the points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PathCurve {
@@ -144,20 +145,20 @@ pub struct PathCurve {
     pub east_m: Vec<f64>,
     /// Metres north of the origin.
     pub north_m: Vec<f64>,
-    /// Rows before which the pen is lifted.
+    /// Rows before which the line is interrupted.
     pub breaks: Vec<u32>,
-    /// How many samples these rows stand for.
+    /// Number of samples that these rows represent.
     pub stands_for: u64,
 }
 
-/// How far other positions are ahead of raw along the track, at the first row of every fix, less what was flown since the fix:
-/// its age is no part of it.
+/// How far other positions are ahead of raw along the track, at the first row of every fix, less the distance flown
+/// since the fix, so that its age is not included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeadCurves {
-    /// The compensated position first, then the reference, if there is one.
+    /// The compensated position first, then the reference, if any.
     pub of: Vec<Lead>,
-    /// Below this ground speed a lead is no time, m/s.
+    /// Ground speed below which a lead is not expressed as time, m/s.
     pub least_speed_mps: f64,
     /// Ground track of the compensated position.
     pub track: LeadTrack,
@@ -169,18 +170,18 @@ pub struct LeadCurves {
 pub struct Lead {
     /// Median, m.
     pub median_m: f64,
-    /// Largest in size, m.
+    /// Largest absolute value, m.
     pub largest_m: f64,
-    /// Median over the ground speed, ms; `None` if the aircraft is nowhere fast enough.
+    /// Median divided by ground speed, ms; `None` if the aircraft is never fast enough.
     pub median_ms: Option<f64>,
-    /// Over the flight, m.
+    /// Curve over the flight, m.
     pub over_time_m: Curve,
-    /// Over the flight, over the ground speed, ms.
+    /// Curve over the flight, divided by ground speed, ms.
     pub over_time_ms: Curve,
 }
 
-/// A ground track with the lead at each of its points. In `record.json` its lists are empty: the file of the figure holds the
-/// points.
+/// A ground track with the lead at each of its points. In `record.json` its lists are empty: the figure's file contains
+/// the points.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeadTrack {
@@ -190,9 +191,9 @@ pub struct LeadTrack {
     pub north_m: Vec<f64>,
     /// Lead of the compensated position over raw along the track, m.
     pub lead_m: Vec<f64>,
-    /// Rows before which the pen is lifted.
+    /// Rows before which the line is interrupted.
     pub breaks: Vec<u32>,
-    /// How many samples these rows stand for.
+    /// Number of samples that these rows represent.
     pub stands_for: u64,
 }
 
@@ -202,21 +203,21 @@ pub struct LeadTrack {
 pub struct AxisCurves {
     /// `north` or `east`.
     pub axis: String,
-    /// Position, m from the origin: raw first, then one curve for each compensator.
+    /// Position, m from the origin: raw first, then one curve per compensator.
     pub position_m: Vec<Curve>,
-    /// Raw − compensated, m, by compensator, and what velocity alone predicts.
+    /// Raw − compensated, m, by compensator, and as predicted from velocity alone.
     pub difference_m: Vec<Curve>,
 }
 
-/// The hardest manoeuvre, drawn without decimation where it fits.
+/// The hardest manoeuvre, drawn without decimation if it fits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Zoom {
     /// Start, s after the origin.
     pub start_s: f64,
-    /// End.
+    /// End, s after the origin.
     pub end_s: f64,
-    /// Why this window.
+    /// Reason for choosing this window.
     pub why: String,
     /// The axes in this window.
     pub axes: Vec<AxisCurves>,
@@ -230,25 +231,26 @@ pub struct ReplayRecord {
     pub settings: ReplaySettings,
     /// Channels used.
     pub pair: PairUse,
-    /// Time zero of all `t_s`: a stamp, ns, in the clock beside it.
+    /// Time zero of all `t_s`: a timestamp, ns, on `clock`.
     pub origin_ns: i64,
     /// Clock of the origin.
     pub clock: flight::Clock,
-    /// Origin of north and east. `None` if the log gives local coordinates only.
+    /// Origin of north and east. `None` if the log has only local coordinates.
     pub origin: Option<flight::Geodetic>,
-    /// How much of the flight the numbers cover.
+    /// Coverage of the flight by the numbers.
     pub coverage: Coverage,
     /// Ground speed: median, percentiles, m/s.
     pub speed_mps: flight::Distribution,
-    /// 2-D distance that one velocity, half way back, flies in Td and the age of the fix, rms, m: what raw −
-    /// compensated should be.
+    /// 2-D distance flown with one velocity, half way back, during Td plus the age of the fix, rms, m: the expected
+    /// value of raw − compensated.
     pub predicted_rms_m: Estimate,
     /// Raw first, then the compensators.
     pub compensators: Vec<CompensatorResult>,
-    /// What they are worth, with a reference and without; `None` in records from before this was looked at.
+    /// Their scores, with and without a reference; `None` in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scores: Option<ReplayScores>,
-    /// The compensated position that the aircraft computed in flight beside these; `None` if the log holds none.
+    /// Comparison with the compensated position that the aircraft computed in flight; `None` if the log does not
+    /// contain one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub onboard: Option<Finding<OnboardComparison>>,
     /// Whole flight, north then east.
@@ -257,13 +259,13 @@ pub struct ReplayRecord {
     pub zoom: Option<Zoom>,
     /// Ground track, raw first, then the compensators.
     pub track: Vec<PathCurve>,
-    /// How far the compensated position is ahead of raw; `None` in records from before this was looked at.
+    /// How far the compensated position is ahead of raw; `None` in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lead: Option<LeadCurves>,
-    /// Which delay was removed, and why this one.
+    /// The delay that was removed, and why.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub choice: Option<DelayChoice>,
-    /// What other delays would have done.
+    /// The effect of other delays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep: Option<DelaySweep>,
 }
@@ -276,7 +278,7 @@ mod tests {
     fn the_normalised_difference_is_that_of_iso_13528() {
         let estimate = |value, standard_uncertainty| Estimate { value, standard_uncertainty };
         let found = estimate(0.412, Some(0.0015));
-        // 12 ms over √(3² + 4²) ms, over 3 ms, and over nothing.
+        // 12 ms divided by √(3² + 4²) ms, by 3 ms, and without an uncertainty.
         let e_n = |other| found.normalised_difference(&other);
         assert!((e_n(estimate(0.4, Some(0.002))).unwrap() - 2.4).abs() < 1e-12);
         assert!((e_n(estimate(0.4, None)).unwrap() - 4.0).abs() < 1e-12);

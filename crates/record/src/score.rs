@@ -1,5 +1,5 @@
-//! What the compensators are worth: with a reference and without one, where they help, and how that compares with what
-//! the aircraft itself computed.
+//! Performance of the compensators with and without a reference, where they help, and comparison with the position that
+//! the aircraft computed in flight.
 
 use crate::{Estimate, Finding};
 #[cfg(feature = "schema")]
@@ -10,19 +10,19 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReplayScores {
-    /// One for each compensator of the replay, in its order: raw first.
+    /// One score per compensator, in the order of the replay: raw first.
     pub compensators: Vec<CompensatorScore>,
-    /// What velocity alone predicts for raw − compensated north and east, rms, m: one velocity, half way back, over Td
-    /// and the age of the fix.
+    /// Raw − compensated north and east as predicted from velocity alone, rms, m: one velocity, half way back, times Td
+    /// plus the age of the fix.
     pub predicted_axes_rms_m: [f64; 2],
-    /// Straight legs that were looked at.
+    /// Straight legs that were evaluated.
     pub straight_legs: Finding<StraightLegs>,
     /// Passes over the same place in opposite directions.
     pub opposite_passes: Finding<OppositePasses>,
-    /// Delay of the velocity itself, s: what is late against the reference beyond what is late against the integrated
+    /// Delay of the velocity itself, s: lateness against the reference in excess of the lateness against the integrated
     /// velocity.
     pub velocity_delay_s: Finding<Estimate>,
-    /// How the motion is spread over frequency.
+    /// Distribution of the motion over frequency.
     pub motion: Finding<MotionSpectrum>,
     /// Frequency bands of [`ReferenceScore::bands_rms_m`], Hz, from and to.
     pub bands_hz: Vec<[f64; 2]>,
@@ -30,13 +30,13 @@ pub struct ReplayScores {
     pub speeds_mps: Vec<[f64; 2]>,
 }
 
-/// Stretches on which velocity keeps its direction.
+/// Segments on which velocity keeps its direction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StraightLegs {
-    /// How many.
+    /// Number of legs.
     pub legs: u64,
-    /// Seconds in all.
+    /// Total duration, s.
     pub duration_s: f64,
     /// Largest lateral acceleration that still counts as straight, m/s².
     pub lateral_limit_mps2: f64,
@@ -46,14 +46,14 @@ pub struct StraightLegs {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct OppositePasses {
-    /// How many pairs.
+    /// Number of pairs.
     pub pairs: u64,
     /// Fixes in all pairs.
     pub fixes: u64,
     /// Largest distance between the two passes that still counts as the same place, m.
     pub within_m: f64,
-    /// Mean sum of both ground speeds, m/s: along the track a position that is late by T stands apart by T times it,
-    /// which is 2 U T.
+    /// Mean sum of both ground speeds, m/s: along the track, a position that is late by T is displaced by T times this
+    /// sum, which is 2 U T.
     pub closing_speed_mps: f64,
 }
 
@@ -65,43 +65,44 @@ pub struct CompensatorScore {
     pub name: String,
     /// How late the output still is against the integrated velocity.
     pub residual_delay: Finding<ResidualDelay>,
-    /// Along-track way of the output before raw over the way flown in a second, s: should be
+    /// Along-track lead of the output over raw, divided by the distance flown in a second, s: should be
     /// [`expected_lead_s`](Self::expected_lead_s).
     pub lead_s: Finding<Estimate>,
-    /// The delay that this compensator was given, s.
+    /// The delay set for this compensator, s.
     pub expected_lead_s: f64,
-    /// Correlation (−1 to 1) of the output's steps at the fixes with the way flown between them: 1 for raw, 0 after
-    /// compensation.
+    /// Correlation (−1 to 1) of the output's steps at the fixes with the distance flown between them: 1 for raw, 0
+    /// after compensation.
     pub step_correlation: Finding<Estimate>,
     /// Offset between opposite passes.
     pub hysteresis: Finding<Hysteresis>,
     /// Raw − this, north and east, rms, m.
     pub raw_minus_this_axes_rms_m: [Estimate; 2],
-    /// Whether it does harm where there is nothing to do but to move ahead.
+    /// Whether it does harm on straight legs, where it only has to move ahead.
     pub straight: Finding<StraightScore>,
-    /// Against the reference.
+    /// Score against the reference.
     pub reference: Finding<ReferenceScore>,
-    /// What its error should be.
+    /// Its predicted error.
     pub budget: ErrorBudget,
-    /// Where it helps.
+    /// Frequencies at which it helps.
     pub band: Finding<HelpfulBand>,
 }
 
-/// How late the output is against the integral of velocity; a right compensation leaves minus what the velocity is
-/// late. A delay set wrongly by e leaves e times the cosine of what the track turns in Td: the way missed was flown then, not
-/// now.
+/// How late the output is against the integral of velocity; a correct compensation leaves minus the velocity's own
+/// lateness. A delay set wrong by e leaves e times the cosine of the turn of the track during Td, because the missing
+/// distance was flown then, not now.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ResidualDelay {
-    /// s; positive is late still, negative too early.
+    /// Remaining lateness, s; positive is still late, negative is too early.
     pub delay_s: Estimate,
     /// 95 % interval, s.
     pub interval_95_s: [f64; 2],
     /// Samples of both axes used.
     pub samples: u64,
-    /// What is expected, s: position minus velocity, less the delay removed (of raw nothing is removed); for a filter that
-    /// does not know the age of a fix also its mean at the rows looked at, for a Padé filter what its truncation looks like in
-    /// this motion, known to a half of it for the estimator weighs fast motion more.
+    /// Expected value, s: position minus velocity, less the delay removed (no delay is removed for raw). For a filter
+    /// that does not know the age of a fix, it includes the mean age at the evaluated rows. For a Padé filter, it
+    /// includes the apparent delay of its truncation in this motion, known to half its size because the estimator gives
+    /// fast motion more weight.
     pub expected_s: Estimate,
 }
 
@@ -109,11 +110,11 @@ pub struct ResidualDelay {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Hysteresis {
-    /// Along the track, m: positive if each pass stands behind, as a late position does.
+    /// Along the track, m: positive if each pass lags, as a late position does.
     pub along_m: Estimate,
     /// Across the track, m.
     pub across_m: Estimate,
-    /// What is expected along the track, m: the closing speed times what is left of position minus velocity.
+    /// Expected value along the track, m: the closing speed times the remaining delay of position minus velocity.
     pub expected_along_m: f64,
 }
 
@@ -121,23 +122,23 @@ pub struct Hysteresis {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StraightScore {
-    /// Output − raw along the track less the way flown in the delay given, mean, m.
+    /// Output − raw along the track, less the distance flown during the set delay, mean, m.
     pub along_excess_m: Estimate,
     /// Output − raw across the track, rms, m.
     pub across_rms_m: Estimate,
-    /// Noise of the output over that of raw at the fixes, both about a parabola for each leg.
+    /// Noise of the output divided by that of raw at the fixes, both about a parabola for each leg.
     pub noise_ratio: Estimate,
 }
 
-/// The output beside an independent reference, horizontal.
+/// The output compared with an independent reference, horizontal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReferenceScore {
-    /// Rows compared.
+    /// Number of rows compared.
     pub rows: u64,
     /// 2-D rms, m.
     pub rms_m: Estimate,
-    /// 2-D error that half, 68, 95 and 99 % of the rows stay below, m.
+    /// 50th, 68th, 95th and 99th percentile of the 2-D error, m.
     pub percentiles_m: [f64; 4],
     /// Largest 2-D error, m.
     pub max_m: f64,
@@ -161,12 +162,12 @@ pub struct ReferenceScore {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ErrorBudget {
-    /// All terms, also those that are not known.
+    /// All terms, including unknown ones.
     pub terms: Vec<BudgetTerm>,
-    /// Root of the sum of the squares of all terms, 2-D rms, m; `None` where one of them is not known, for then nobody knows
-    /// the sum.
+    /// Root of the sum of the squares of all terms, 2-D rms, m; `None` where a term is unknown, because the sum is then
+    /// unknown.
     pub total_m: Option<f64>,
-    /// Root of the sum of the squares of those that are known, 2-D rms, m: the error is at least about this.
+    /// Root of the sum of the squares of the known terms, 2-D rms, m: the error is at least about this.
     #[serde(default)]
     pub known_m: f64,
     /// Measured against the reference, 2-D rms, m.
@@ -177,29 +178,29 @@ pub struct ErrorBudget {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct BudgetTerm {
-    /// What errs.
+    /// Source of the error.
     pub name: String,
-    /// 2-D rms, m, or why it is not known.
+    /// 2-D rms, m, or why it is unknown.
     pub size_m: Finding<f64>,
-    /// Formula and where its numbers come from.
+    /// Formula and the source of its numbers.
     pub source: String,
 }
 
-/// Between which frequencies a compensator is of use.
+/// The frequencies at which a compensator helps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct HelpfulBand {
     /// The error must be below this share of the raw one to count as help.
     pub factor: f64,
-    /// It helps below, Hz; `None` if not even slow motion is helped.
+    /// It helps below this frequency, Hz; `None` if it does not help even slow motion.
     pub helps_below_hz: Option<f64>,
-    /// At least half of the raw error is removed below, Hz.
+    /// At least half of the raw error is removed below this frequency, Hz.
     pub halves_below_hz: Option<f64>,
-    /// Worse than raw above, Hz; `None` if never below one over the delay.
+    /// Worse than raw above this frequency, Hz; `None` if it is never worse below 1/delay.
     pub worse_above_hz: Option<f64>,
-    /// Delays that this is for, s: of the position, of the velocity, and the one removed.
+    /// Delays to which this applies, s: of the position, of the velocity, and the one removed.
     pub delays_s: [f64; 3],
-    /// Shares of the power of the flight's velocity that are helped, in between, and made worse; they add to 1.
+    /// Shares of the power of the flight's velocity that are improved, in between, and made worse; they add up to 1.
     pub motion_share: Option<[f64; 3]>,
 }
 
@@ -207,41 +208,41 @@ pub struct HelpfulBand {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MotionSpectrum {
-    /// Edges of the bins, Hz, in equal ratios; one more than bins.
+    /// Edges of the bins, Hz, logarithmically spaced; one more than bins.
     pub edges_hz: Vec<f64>,
     /// Share of the power in each bin.
     pub share: Vec<f64>,
-    /// Seconds that the spectrum is from.
+    /// Duration of the data for the spectrum, s.
     pub duration_s: f64,
     /// One-sided noise floor of the velocity, (m/s)²/Hz, north and east.
     pub noise_floor: [f64; 2],
 }
 
-/// What the aircraft computed in flight beside what the replay computes.
+/// The position that the aircraft computed in flight, compared with the replay.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct OnboardComparison {
     /// The channel.
     pub channel: String,
-    /// Its samples.
+    /// Number of its samples.
     pub samples: u64,
-    /// Those with a row of the replay to compare with.
+    /// Number of samples with a matching row of the replay.
     pub compared: u64,
-    /// Whether they carry the stamps of the replay's rows; if not, rows are interpolated between.
+    /// Whether their timestamps are those of the replay's rows; otherwise rows are interpolated.
     pub same_stamps: bool,
-    /// What rounding allows, m.
+    /// Tolerance due to rounding, m.
     pub tolerance_m: f64,
-    /// Why so much.
+    /// Reason for the tolerance.
     pub tolerance_source: String,
     /// Seconds after the first sample that count as the start.
     pub start_s: f64,
-    /// One for each compensator of the replay, raw first.
+    /// One difference per compensator of the replay, raw first.
     pub against: Vec<OnboardAgainst>,
-    /// The compensator that reproduces it: the closest, if within the tolerance.
+    /// The compensator that reproduces it: the closest one within the tolerance.
     pub reproduced_by: Finding<String>,
 }
 
-/// On-board less one compensator.
+/// On-board position less one compensator's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct OnboardAgainst {
@@ -249,11 +250,11 @@ pub struct OnboardAgainst {
     pub name: String,
     /// 2-D rms after the start, m.
     pub rms_m: f64,
-    /// 95 % stay below, m.
+    /// 95th percentile, m.
     pub p95_m: f64,
     /// Largest, m.
     pub max_m: f64,
-    /// Largest during the start, m; `None` if it was not seen.
+    /// Largest during the start, m; `None` if the start was not recorded.
     pub start_max_m: Option<f64>,
     /// How late the on-board position is against this one, s.
     pub delay_s: Finding<Estimate>,

@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DelaySource {
-    /// A number that the pipeline states.
+    /// A number stated in the pipeline.
     Fixed,
-    /// A sensor card of the bench.
+    /// A sensor card from the bench.
     Card,
-    /// The delay network: the mean of the other flights of the group, else the flight's own.
+    /// The delay network: the mean of the other flights of the group, otherwise the flight's own lateness.
     Network,
     /// The mean lateness over the other flights of the group.
     OthersFlights,
@@ -43,7 +43,7 @@ impl DelaySource {
     }
 }
 
-/// A delay that could be removed, or why this source has none for the flight.
+/// A delay that could be removed, or why this source has no delay for the flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayCandidate {
@@ -51,7 +51,7 @@ pub struct DelayCandidate {
     pub source: DelaySource,
     /// Delay of position against velocity, s; positive is late.
     pub delay_s: Finding<Estimate>,
-    /// Where exactly it comes from, in words; empty if there is none.
+    /// Where exactly it comes from, in words; empty if there is no delay.
     pub words: String,
 }
 
@@ -63,31 +63,31 @@ pub struct DelayChoice {
     pub asked: DelaySource,
     /// The source that was used.
     pub used: DelaySource,
-    /// Why, in a sentence.
+    /// The reason, in a sentence.
     pub why: String,
-    /// The delay was found in the very data that it is removed from: what these data then say of a residual delay is
-    /// zero by construction.
+    /// The delay was estimated from the same data that it is removed from. The residual delay of these data is zero by
+    /// construction.
     pub circular: bool,
-    /// What was looked at: the used one first.
+    /// The delays that were considered, the one used first.
     pub candidates: Vec<DelayCandidate>,
-    /// How far the others, and the best of the sweep, are from the used one.
+    /// How far the others, and the optimum of the sweep, are from the one used.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub differences: Vec<DelayDifference>,
 }
 
-/// A delay against the one that is removed.
+/// A delay compared with the one that is removed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayDifference {
     /// Its source.
     pub source: DelaySource,
-    /// E_n of ISO 13528, positive if it is later than the removed one: up to 1 in size they agree.
+    /// E_n of ISO 13528, positive if it is later than the removed one. They agree if |E_n| is at most 1.
     pub e_n: f64,
 }
 
 impl DelayChoice {
-    /// Compares what was found with what is removed. A delay is not compared with itself, nor a position against a
-    /// velocity with a lateness: both may be right and differ.
+    /// Compares the delays found with the one removed. A delay is not compared with itself. A delay of position against
+    /// velocity is not compared with a lateness: both may be correct and still differ.
     pub fn compare(&mut self, sweep: Option<&DelaySweep>) {
         let comparable = |source| source != self.used && ![source, self.used].contains(&DelaySource::Flight);
         let removed = self.candidates.iter().find(|c| c.source == self.used).and_then(|c| c.delay_s.found());
@@ -102,37 +102,37 @@ impl DelayChoice {
             .collect();
     }
 
-    /// E_n of the delay of this source against the removed one, where they can be compared.
+    /// E_n of this source's delay against the removed one, where they can be compared.
     #[must_use]
     pub fn e_n(&self, source: DelaySource) -> Option<f64> {
         self.differences.iter().find(|d| d.source == source).map(|d| d.e_n)
     }
 }
 
-/// What a sweep scores.
+/// The quantity that a sweep scores.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepScore {
     /// 2-D error of the exact asynchronous form against this reference channel.
     ErrorAgainst(String),
-    /// 2-D step of the exact asynchronous form at each fix: there is no reference.
+    /// 2-D step of the exact asynchronous form at each fix, because there is no reference.
     StepAtFixes,
 }
 
-/// The score of one flight over the delay that is removed. All delays are scored on the same samples.
+/// The score of one flight as a function of the delay removed. All delays are scored on the same samples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelaySweep {
-    /// What is scored.
+    /// The quantity scored.
     pub score: SweepScore,
     /// Output rows (against a reference) or fixes that were scored.
     pub samples: u64,
-    /// Delays, s; rising.
+    /// Delays, s, in ascending order.
     pub delay_s: Vec<f64>,
-    /// 2-D rms at each of them, m.
+    /// 2-D rms at each delay, m.
     pub rms_m: Vec<f64>,
-    /// The score at the delays that somebody could have chosen, each source once; that of the sweep is the optimum.
+    /// The score at the delay of each source, once per source. The entry of the sweep is the optimum.
     pub at: Vec<SweepPoint>,
     /// The delay that fits the flight best.
     pub optimum: Finding<SweepOptimum>,
@@ -142,11 +142,11 @@ pub struct DelaySweep {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct SweepPoint {
-    /// Who says this delay.
+    /// The source of this delay.
     pub source: DelaySource,
     /// The delay, s.
     pub delay_s: Estimate,
-    /// 2-D rms there, m; its uncertainty is that of the sample and that of the delay.
+    /// 2-D rms at this delay, m. Its uncertainty includes that of the sample and that of the delay.
     pub rms_m: Estimate,
 }
 
@@ -155,10 +155,10 @@ pub struct SweepPoint {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepMethod {
-    /// Least squares against the reference; interval by a delete-one jackknife over consecutive blocks, which allows for
-    /// errors correlated over much less than a block.
+    /// Least squares against the reference; interval by a delete-one jackknife over consecutive blocks, which allows
+    /// for errors whose correlation is much shorter than a block.
     Jackknife,
-    /// Without a reference the delay estimator's objective decides, with the estimator's own interval.
+    /// No reference: the minimum of the delay estimator's objective, with the estimator's own interval.
     Estimator,
 }
 
@@ -170,12 +170,13 @@ pub struct SweepOptimum {
     pub delay_s: Estimate,
     /// 95 % interval, s.
     pub interval_95_s: [f64; 2],
-    /// How.
+    /// How it was found.
     pub method: SweepMethod,
 }
 
 impl DelaySweep {
-    /// The score at the delay of this source; for a criterion as "would this flight have met it at the bench value?"
+    /// The score at the delay of this source, for a criterion such as "would this flight have met it at the bench
+    /// value?"
     #[must_use]
     pub fn score_at(&self, source: DelaySource) -> Option<&SweepPoint> {
         self.at.iter().find(|point| point.source == source)
@@ -186,19 +187,19 @@ impl DelaySweep {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignDelay {
-    /// Over the delays that the flights themselves show.
+    /// From the delays measured in the flights themselves.
     pub measured: Finding<DelayOverFlights>,
-    /// Over the optima of the flights' sweeps.
+    /// From the optima of the flights' sweeps.
     pub swept: Finding<DelayOverFlights>,
-    /// What the card says, s, if it says the same for all flights.
+    /// The sensor card's value, s, if it is the same for all flights.
     pub card_s: Option<Estimate>,
-    /// The measured delays in the order in which they were flown, with their limits. Not in the JSON, for it has one for each
+    /// The measured delays in the order flown, with their limits. Not in the JSON, because there is one for each
     /// flight.
     #[serde(skip)]
     pub control: Vec<ControlPoint>,
-    /// Whether that order is the order of time; else it is that of the names.
+    /// Whether that order is chronological; otherwise it is the order of the names.
     pub in_time_order: bool,
-    /// The score of all flights over one delay for all.
+    /// The score of all flights together as a function of one common delay.
     pub curve: Finding<PooledSweep>,
 }
 
@@ -206,11 +207,11 @@ pub struct CampaignDelay {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayOverFlights {
-    /// Flights that have one.
+    /// Flights that have a delay.
     pub flights: u64,
     /// Random-effects mean, s.
     pub delay_s: Estimate,
-    /// Standard deviation between flights beyond what their own uncertainties explain, s; `None` for one flight.
+    /// Standard deviation between flights in excess of their own uncertainties, s; `None` for one flight.
     pub between_s: Option<f64>,
     /// The hypothesis of one delay for all flights; `None` for one flight.
     pub homogeneity: Option<FlightHomogeneity>,
@@ -224,7 +225,7 @@ pub struct FlightHomogeneity {
     pub chi2: f64,
     /// Degrees of freedom.
     pub degrees_of_freedom: u64,
-    /// Probability of one as large by chance.
+    /// Probability of a value at least this large by chance.
     pub p: f64,
 }
 
@@ -234,29 +235,29 @@ pub struct FlightHomogeneity {
 pub struct ControlPoint {
     /// The flight's name.
     pub flight: String,
-    /// UTC instant of its beginning, if its clock knows the day.
+    /// UTC start time, if its clock knows the date.
     pub flown_at: Option<String>,
     /// Its delay, s.
     pub delay_s: Estimate,
-    /// What it should be, s: the card's value, else the mean over the flights.
+    /// Expected value, s: the card's value, otherwise the mean over the flights.
     pub centre_s: f64,
     /// Three standard uncertainties of the difference, s.
     pub limit_s: f64,
-    /// The difference is larger than that.
+    /// The difference exceeds that limit.
     pub is_outside: bool,
 }
 
-/// Mean square over the samples of all flights.
+/// Mean square, pooled over the samples of all flights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PooledSweep {
     /// Whether errors against a reference are pooled, or steps at fixes.
     pub against_reference: bool,
-    /// Flights.
+    /// Number of flights.
     pub flights: u64,
-    /// Their samples.
+    /// Number of their samples.
     pub samples: u64,
-    /// Delays, s; rising.
+    /// Delays, s, in ascending order.
     pub delay_s: Vec<f64>,
     /// 2-D rms, m.
     pub rms_m: Vec<f64>,

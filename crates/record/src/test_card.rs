@@ -1,4 +1,5 @@
-//! What was to be tested, with what, and what was flown of it. The words come from test card files; nothing here is measured.
+//! What was to be tested, with what, and which parts were flown. The text comes from test card files; nothing here is
+//! measured.
 
 use crate::FlightCriteria;
 #[cfg(feature = "schema")]
@@ -38,9 +39,9 @@ pub struct TestAircraft {
     pub mass_kg: Option<f64>,
     /// Position of the centre of gravity, with its unit and reference.
     pub centre_of_gravity: Option<String>,
-    /// Configuration: payload, antenna, what differs from the baseline.
+    /// Configuration: payload, antenna, differences from the baseline.
     pub configuration: Option<String>,
-    /// Software of autopilot and receiver.
+    /// Software of the autopilot and receiver.
     pub software: Option<String>,
 }
 
@@ -49,7 +50,7 @@ pub struct TestAircraft {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TestInstrument {
-    /// Channel of the log, as `position.gps`.
+    /// Channel of the log, such as `position.gps`.
     pub channel: String,
     /// Maker and model of the sensor.
     pub sensor: Option<String>,
@@ -61,9 +62,9 @@ pub struct TestInstrument {
     pub resolution: Option<String>,
     /// Rate, Hz.
     pub rate_hz: Option<f64>,
-    /// Where its timestamps come from, as `GPS time of the fix` or `time of arrival`.
+    /// Source of its timestamps, such as `GPS time of the fix` or `time of arrival`.
     pub timestamp_source: Option<String>,
-    /// Day of the last calibration, `YYYY-MM-DD`.
+    /// Date of the last calibration, `YYYY-MM-DD`.
     pub calibrated_on: Option<String>,
     /// Number of the calibration certificate.
     pub certificate: Option<String>,
@@ -71,7 +72,7 @@ pub struct TestInstrument {
     pub standard_uncertainty: Option<String>,
 }
 
-/// Under which conditions it was flown.
+/// Conditions during the flight.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -97,22 +98,24 @@ pub struct TestCard {
     pub title: Option<String>,
     /// What the test is to show.
     pub objective: Option<String>,
-    /// How much it matters, as `1` or `must`.
+    /// Priority, such as `1` or `must`.
     pub priority: Option<String>,
     /// The manoeuvre, step by step.
     #[serde(default)]
     pub procedure: Vec<String>,
-    /// Limits at which the test is broken off.
+    /// Limits at which the test is aborted.
     #[serde(default)]
     pub limits: Vec<String>,
-    /// Criteria file that decides whether the card is done, relative to the card's file. Left out: the criteria of the campaign.
+    /// Criteria file that decides whether the card is done, relative to the card's file. Default: the criteria of the
+    /// campaign.
     pub criteria: Option<String>,
-    /// Flights that fly this card, in the card of a campaign: paths below the folder of flights; `*` stands for anything.
+    /// Flights that fly this card, in the card of a campaign: paths relative to the folder of flights; `*` matches
+    /// anything.
     #[serde(default)]
     pub flights: Vec<String>,
 }
 
-/// How a card stands after the flights: the most urgent first.
+/// Status of a card after the flights, the most urgent first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -121,15 +124,15 @@ pub enum CardStatus {
     Missing,
     /// Flown, but every flight failed a criterion, could not decide one, or has no result.
     Repeat,
-    /// A flight has a result, and meets the criteria where there are any.
+    /// A flight has a result and meets the criteria, if any.
     Done,
 }
 
-/// A file that test cards were read from.
+/// A file from which test cards were read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TestCardSource {
-    /// Path below the folder of flights.
+    /// Path relative to the folder of flights.
     pub file: String,
     /// BLAKE3 of its content.
     pub blake3: String,
@@ -141,19 +144,20 @@ pub struct TestCardSource {
 pub struct FlownCard {
     /// The card.
     pub card: TestCard,
-    /// Whether this flight is enough: done or repeat.
+    /// Whether this flight is sufficient: done or repeat.
     pub status: CardStatus,
     /// Why it has to be repeated; empty if done.
     pub why: String,
-    /// What the criteria file of the card says; `None` without one.
+    /// Result of the card's criteria file; `None` without one.
     pub criteria: Option<FlightCriteria>,
 }
 
-/// What the test cards say of a flight. What the card of the flight leaves out is taken from that of the campaign.
+/// The test card information for a flight. The campaign's card is the fallback for anything missing from the flight's
+/// card.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightTest {
-    /// Where this comes from: the campaign's card, then that of the flight.
+    /// Source files: the campaign's card, then the flight's.
     pub sources: Vec<TestCardSource>,
     /// Title of the report.
     pub title: Option<String>,
@@ -165,11 +169,11 @@ pub struct FlightTest {
     pub instrumentation: Vec<TestInstrument>,
     /// Conditions.
     pub conditions: TestConditions,
-    /// The cards that it has flown.
+    /// The cards that the flight has flown.
     pub cards: Vec<FlownCard>,
 }
 
-/// A card that a flight has flown, short.
+/// A card that a flight has flown, in brief.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RowCard {
@@ -177,7 +181,7 @@ pub struct RowCard {
     pub number: String,
     /// Title of the card.
     pub title: Option<String>,
-    /// Whether this flight is enough: done or repeat.
+    /// Whether this flight is sufficient: done or repeat.
     pub status: CardStatus,
     /// Why it has to be repeated; empty if done.
     pub why: String,
@@ -187,7 +191,7 @@ pub struct RowCard {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CardFlight {
-    /// Path below the folder of flights.
+    /// Path relative to the folder of flights.
     pub flight: String,
     /// Its page, relative to the campaign's page.
     pub page: String,
@@ -203,15 +207,15 @@ pub struct CardFlight {
 pub struct CardCoverage {
     /// The card.
     pub card: TestCard,
-    /// Whether the card of the campaign holds it.
+    /// Whether the campaign's card contains it.
     pub is_planned: bool,
-    /// Done if one of its flights is, repeat if it was only flown, else missing.
+    /// Done if one of its flights is done, repeat if it was flown but is not done, otherwise missing.
     pub status: CardStatus,
     /// The flights that flew it, by name.
     pub flights: Vec<CardFlight>,
 }
 
-/// What the test cards say of a campaign.
+/// The test card information for a campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignTest {

@@ -1,4 +1,4 @@
-//! Pages: what a person reads. Numbers are rounded here and nowhere else.
+//! HTML pages for people. Numbers are rounded only here.
 
 mod anomalies;
 mod bench;
@@ -48,12 +48,12 @@ use crate::verdict;
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 use record::{Estimate, Finding, Outcome, SensorIdentity, TimeBasis, Verdict};
 
-/// What a page needs beside the style sheet of all. It reads as well without the script.
+/// What a page needs besides the common style sheet. Every page is readable without its script.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Needs {
     /// No script.
     Nothing,
-    /// The script of a wide table.
+    /// The script for a wide table.
     Table,
     /// The script of the flight explorer.
     Explorer,
@@ -106,12 +106,12 @@ fn data_lost() -> Markup {
     badge("lost", "▲", "LOG DAMAGED")
 }
 
-/// A little of the log was lost, and that touches no result.
+/// A small part of the log was lost. No result is affected.
 fn minor_loss() -> Markup {
     badge("unsure", "▲", "minor loss")
 }
 
-/// The log ends inside its last record: nothing that touches a result.
+/// The log ends inside its last record. No result is affected.
 fn tail_cut() -> Markup {
     badge("off", "–", "tail cut")
 }
@@ -128,7 +128,7 @@ fn verdict_badge(verdict: Verdict) -> Markup {
     badge(class, icon, verdict::word(verdict))
 }
 
-/// The same of a delay that something puts in doubt: no colour of trust.
+/// Verdict on a delay. If the delay is in doubt, the verdict has no colour.
 fn verdict_or_doubt(verdict: Verdict, is_in_doubt: bool) -> Markup {
     html! {
         @if is_in_doubt { (verdict::word(verdict)) ", " (in_doubt()) } @else { (verdict_badge(verdict)) }
@@ -156,7 +156,7 @@ fn basis(basis: &TimeBasis) -> Markup {
     }
 }
 
-/// Which sensor, in a line.
+/// Sensor identity in one line.
 fn sensor_name(sensor: &SensorIdentity) -> String {
     let serial = sensor.serial.as_ref().map(|s| format!(", serial {s}"));
     let firmware = sensor.firmware.as_ref().map(|f| format!(", firmware {f}"));
@@ -181,24 +181,24 @@ fn reason(outcome: &Outcome) -> Option<&str> {
     }
 }
 
-/// `6.984 ± 0.020` in one piece or the value alone, with all bits of the value in the markup.
+/// `6.984 ± 0.020` without a line break, or the value alone. The markup has the value at full precision.
 fn estimate(estimate: &Estimate) -> Markup {
     let bits = Some(estimate.value).filter(|v| v.is_finite());
     html! { data value=[bits] { (number::with_uncertainty(estimate)) } }
 }
 
-/// The same, where there may be none.
-/// Expanded uncertainty of a cell to two digits, for its CSV.
+/// Expanded uncertainty of a cell to two digits, for the CSV file.
 fn expanded(value: &Estimate) -> Option<f64> {
     let u = value.standard_uncertainty.map(|u| number::COVERAGE_FACTOR * u).filter(|u| u.is_finite())?;
     format!("{u:.1e}").parse().ok()
 }
 
+/// An estimate, or a dash if it is absent.
 fn maybe_estimate(value: Option<&Estimate>) -> Markup {
     maybe(value, estimate)
 }
 
-/// A cell whose number may be absent: absent is a dash, never zero.
+/// A cell whose number may be absent. An absent number is a dash, never zero.
 fn maybe<T>(value: Option<T>, show: impl FnOnce(T) -> Markup) -> Markup {
     match value {
         Some(value) => show(value),
@@ -206,7 +206,7 @@ fn maybe<T>(value: Option<T>, show: impl FnOnce(T) -> Markup) -> Markup {
     }
 }
 
-/// The first rows of a list, and how many more there are: a page stays small whatever the log.
+/// The first rows of a list and the number of further rows. This limits the size of a page for any log.
 fn rows<T>(all: &[T], most: usize, columns: usize, row: impl Fn(&T) -> Markup) -> Markup {
     html! {
         @for item in all.iter().take(most) { (row(item)) }
@@ -220,7 +220,7 @@ fn more(count: usize) -> String {
     format!("and {} more, in the record (JSON)", number::count(count as u64))
 }
 
-/// A column head: numbers stand right, words left.
+/// A column head: numbers are right-aligned, text is left-aligned.
 #[derive(Clone, Copy)]
 enum Head {
     Text(&'static str),
@@ -236,12 +236,12 @@ impl Render for Head {
     }
 }
 
-/// A table that scrolls by itself when it is wider than the page, reachable by keyboard.
+/// A table that scrolls on its own if it is wider than the page, and can be focused by keyboard.
 fn table(caption: &str, head: &[Head], body: impl Render) -> Markup {
     table_of(caption, html! { tr { @for column in head { (column) } } }, body)
 }
 
-/// The same with heads that the record names.
+/// A table with a custom header row.
 fn table_of(caption: &str, head: impl Render, body: impl Render) -> Markup {
     html! {
         div.scroll tabindex="0" role="region" aria-label=(sentence(caption)) {
@@ -270,7 +270,7 @@ fn figure(figure: &Figure) -> Markup {
     }
 }
 
-/// Links to files beside the page.
+/// Links to files in the folder of the page.
 fn files(names: &[&str]) -> Markup {
     html! {
         p.note {
@@ -285,7 +285,7 @@ fn command_block(command: &str) -> Markup {
     html! { pre.command tabindex="0" { code { (shown_block(command)) } } }
 }
 
-/// Which settings, and all of them.
+/// Title and hash of the pipeline.
 fn pipeline_rows(pipeline: &record::PipelineUse) -> Markup {
     html! {
         tr { th scope="row" { "Pipeline" } td { (shown(&pipeline.title)) } }
@@ -293,7 +293,7 @@ fn pipeline_rows(pipeline: &record::PipelineUse) -> Markup {
     }
 }
 
-/// Versions that decide the numbers and the bytes of a page.
+/// Versions that determine the numbers and the bytes of a page.
 fn versions(record: u32, analysis: u32) -> String {
     format!("record {record}, analysis {analysis}, report {}", crate::REPORT_VERSION)
 }
@@ -302,7 +302,7 @@ fn pipeline_details(pipeline: &record::PipelineUse) -> Markup {
     settings_details("Pipeline settings as they were used (TOML)", &pipeline.toml)
 }
 
-/// A settings file, folded away.
+/// A settings file, collapsed.
 fn settings_details(summary: &str, toml: &str) -> Markup {
     html! {
         details {
@@ -312,7 +312,7 @@ fn settings_details(summary: &str, toml: &str) -> Markup {
     }
 }
 
-/// A dash, and why there is no number.
+/// A dash and the reason why there is no number.
 fn no_number(why: &str) -> Markup {
     html! { span.none { "— " (shown(why)) } }
 }
@@ -322,7 +322,7 @@ fn or_why<T>(value: Option<T>, why: &str, show: impl FnOnce(T) -> Markup) -> Mar
     value.map_or_else(|| no_number(why), show)
 }
 
-/// A finding, or why it cannot be told.
+/// A finding, or the reason why it is unknown.
 fn finding<'a, T>(found: &'a Finding<T>, show: impl FnOnce(&'a T) -> Markup) -> Markup {
     match found {
         Finding::Found(found) => show(found),
@@ -330,22 +330,22 @@ fn finding<'a, T>(found: &'a Finding<T>, show: impl FnOnce(&'a T) -> Markup) -> 
     }
 }
 
-/// A row of a table of facts.
+/// A table row with a name and a value.
 fn fact(name: &str, value: impl Render) -> Markup {
     html! { tr { th scope="row" { (name) } td.any { (value) } } }
 }
 
-/// A plain number, with all its bits in the markup and so many significant digits shown.
+/// A number shown with `digits` significant digits. The markup has it at full precision.
 fn plain(value: f64, digits: i32) -> Markup {
     html! { data value=[Some(value).filter(|v| v.is_finite())] { (number::significant(value, digits)) } }
 }
 
-/// A number that somebody set, with all its bits in the markup.
+/// A number from the settings, shown exactly. The markup has it at full precision.
 fn exact(value: f64) -> Markup {
     html! { data value=[Some(value).filter(|v| v.is_finite())] { (number::exact(value)) } }
 }
 
-/// Links to the parts of a page.
+/// Links to the sections of a page.
 fn contents(parts: &[(&str, &str)]) -> Markup {
     html! { nav aria-label="On this page" { @for (id, name) in parts { a href={ "#" (id) } { (name) } } } }
 }
@@ -355,10 +355,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_script_of_a_page_is_the_one_its_policy_names() {
+    fn the_policy_of_a_page_has_the_hash_of_its_script() {
         let page = document("t", Needs::Table, html! { p { "x" } });
         let script = page.split("<script>").nth(1).and_then(|rest| rest.split("</script>").next()).unwrap();
-        // Quotes of the policy are escaped inside the attribute or not: compare the hash alone.
+        // The attribute may escape the quotes of the policy. Compare only the hash.
         let policy = style::content_security_policy(&[script]);
         let hash = policy.split("sha256-").nth(1).unwrap().trim_end_matches('\'');
         assert!(page.contains(hash));

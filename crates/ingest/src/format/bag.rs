@@ -1,7 +1,7 @@
 //! ROS 1 bags, version 2.0 (<http://wiki.ros.org/Bags/Format/2.0>), record by record.
 //!
-//! The index at the end only lends its connections and counts: a bag whose recorder crashed has
-//! none, and reads the same.
+//! The index at the end is used only for its connections and counts. A bag whose recorder crashed has
+//! no index, and reads the same.
 
 mod connections;
 mod index;
@@ -46,7 +46,7 @@ fn check_version(file: &mut LogFile, context: &ReadContext<'_>) -> Result<(), In
     }
 }
 
-/// The bag header of an encrypted bag names the plugin (rosbag, `Encryptor`): then chunks and connections are no records.
+/// The bag header of an encrypted bag names the plugin (rosbag, `Encryptor`): chunks and connections are not records.
 fn check_encryption(file: &mut LogFile) -> Result<(), IngestError> {
     let head = file.up_to(MAGIC.len() as u64, LONGEST)?;
     match Record::of(head).map(|record| record.kind) {

@@ -1,5 +1,5 @@
-//! `metadata.yaml` of a ROS 2 bag: which files make up one recording, in order, and what the recorder
-//! counted. It is a hint: what was read is compared with it.
+//! `metadata.yaml` of a ROS 2 bag: the files of one recording, in order, and the recorder's message
+//! counts. It is a hint: the data read is compared with it.
 
 use super::yaml::{self, ELEMENT};
 use crate::error::{IngestError, file_name};
@@ -10,25 +10,25 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Name of the file.
+/// File name.
 pub(crate) const NAME: &str = "metadata.yaml";
-/// As much of it is read.
+/// Maximum length that is read.
 const LONGEST: u64 = 16 << 20;
-/// What its first key is called.
+/// Its first key.
 const ROOT: &str = "rosbag2_bagfile_information";
 /// The key of the list of topics.
 const TOPICS: &str = "topics_with_message_count";
 
-/// What a recorder says of its bag.
+/// What a recorder states about its bag.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Metadata {
     /// Length of the file.
     pub(crate) bytes: u64,
-    /// Names of the files, without folders, in the order of the recording.
+    /// Names of the files, without folders, in recording order.
     pub(crate) files: Vec<String>,
-    /// Messages by topic.
+    /// Message count by topic.
     topics: BTreeMap<String, u64>,
-    /// Where and why the rest of it cannot be read.
+    /// Where and why the rest cannot be read.
     broken: Option<String>,
 }
 
@@ -44,7 +44,7 @@ impl Metadata {
         Ok(Metadata::parse(&String::from_utf8_lossy(&text)).map(|m| Metadata { bytes: about.len(), ..m }))
     }
 
-    /// Takes the metadata out of the files of a bag.
+    /// Removes the metadata from the files of a bag.
     pub(crate) fn split_off(files: &[PathBuf]) -> Result<(Option<Metadata>, Vec<PathBuf>), IngestError> {
         let is_metadata = |path: &&PathBuf| path.file_name().is_some_and(|name| name == NAME);
         let Some(found) = files.iter().find(is_metadata) else { return Ok((None, files.to_vec())) };
@@ -55,7 +55,7 @@ impl Metadata {
         Ok((Some(metadata.unwrap_or_else(|| Metadata::of_something_else(bytes))), rest))
     }
 
-    /// A file of this length that has the name alone.
+    /// A file of this length that only shares its name with the metadata.
     fn of_something_else(bytes: u64) -> Metadata {
         Metadata { bytes, broken: Some(format!("there is no {ROOT} in it")), ..Metadata::default() }
     }
@@ -75,7 +75,7 @@ impl Metadata {
                 ([ROOT, TOPICS, ELEMENT, "topic_metadata", "name"], Some(name)) => topic = Some(name.to_owned()),
                 _ => {}
             }
-            // A topic of two types is listed twice.
+            // A topic with two types is listed twice.
             if let (Some(name), Some(messages)) = (topic.as_ref(), count) {
                 *found.topics.entry(name.clone()).or_default() += messages;
                 (topic, count) = (None, None);
@@ -86,9 +86,9 @@ impl Metadata {
         known.then_some(found)
     }
 
-    /// Says where the recorder's account and what was read differ. `files` are those that were read.
+    /// Reports differences between the recorder's account and the data read. `files` are the files that were read.
     pub(crate) fn compare(&self, files: &[PathBuf], log: &mut Log) {
-        // Files that were packed have been unpacked under the name within.
+        // Packed files were unpacked under the name without the packing suffix.
         let inner = |name: &str| name.trim_end_matches(".zstd").trim_end_matches(".zst").to_owned();
         let read = files.iter().map(|path| inner(&path.file_name().unwrap_or_default().to_string_lossy()));
         let read: Vec<String> = read.collect();
@@ -130,13 +130,13 @@ impl Metadata {
     }
 }
 
-/// `bag` and 10 of `bag_10.db3`, whatever is behind.
+/// `bag` and 10 for `bag_10.db3`, with any suffix.
 fn numbered(name: &str) -> Option<(&str, u64)> {
     let (front, number) = name.split('.').next()?.rsplit_once('_')?;
     Some((front, number.parse().ok()?))
 }
 
-/// `bag_10.db3` comes behind `bag_2.db3`, however the list was made; files of other names stay as they are listed.
+/// Sorts `bag_10.db3` after `bag_2.db3`, whatever the input order; files with other names keep their place.
 fn in_order_of_numbers(files: &mut [String]) {
     let front = files.first().and_then(|first| numbered(first)).map(|(front, _)| front.to_owned());
     if front.is_some() && files.iter().all(|name| numbered(name).map(|(front, _)| front) == front.as_deref()) {
@@ -144,8 +144,8 @@ fn in_order_of_numbers(files: &mut [String]) {
     }
 }
 
-/// Says which numbers are missing among the files of a recording that nothing describes. A recorder that keeps only the
-/// newest files takes the first ones away itself.
+/// Reports numbers missing among the files of a recording without metadata. A recorder that keeps only the
+/// newest files removes the first ones itself.
 pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
     let mut parts = BTreeMap::<_, Vec<(u64, String)>>::new();
     for path in files {
@@ -176,7 +176,7 @@ pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
 mod tests {
     use super::*;
 
-    /// As rosbag2 of 2020 and as that of 2025 write it: lists are indented or not, and the order differs.
+    /// As written by rosbag2 of 2020 and of 2025: list indentation and key order differ.
     const OLD: &str = "rosbag2_bagfile_information:\n  version: 2\n  relative_file_paths:\n    - bag/bag_0.db3\n    \
         - bag/bag_1.db3\n  duration:\n    nanoseconds: 5\n  message_count: 7\n  topics_with_message_count:\n    \
         - topic_metadata:\n        name: /imu\n        type: sensor_msgs/msg/Imu\n      message_count: 4\n    \
@@ -188,7 +188,7 @@ mod tests {
         version: 8\n";
 
     #[test]
-    fn old_and_new_recorders_say_the_same() {
+    fn metadata_of_old_and_new_recorders_reads_the_same() {
         for text in [OLD, NEW] {
             let metadata = Metadata::parse(text).unwrap();
             assert_eq!(metadata.files, ["bag_0.db3", "bag_1.db3"]);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_before_the_damage_counts_and_the_damage_is_told() {
+    fn metadata_before_the_damage_is_used_and_the_damage_is_reported() {
         let broken = NEW.replace("offered_qos_profiles: \"", "offered_qos_profiles: ]\"");
         let metadata = Metadata::parse(&broken).unwrap();
         assert_eq!(metadata.files, ["bag_0.db3", "bag_1.db3"]);
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_has_the_name_of_the_metadata_alone_is_told() {
+    fn a_file_with_only_the_name_of_the_metadata_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(NAME);
         for text in [&[0; 2000][..], b"", b"<html>404</html>"] {
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn qualities_of_service_as_a_list_do_not_take_the_count_from_their_topic() {
+    fn a_list_of_qos_profiles_does_not_hide_the_message_count() {
         // As rosbag2 of Jazzy writes it (`metadata_io.cpp`, version 9).
         let text = "rosbag2_bagfile_information:\n  version: 9\n  message_count: 9\n  topics_with_message_count:\n    \
             - topic_metadata:\n        name: /imu\n        type: sensor_msgs/msg/Imu\n        offered_qos_profiles:\n          \
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn brackets_quotes_comments_and_marks_of_other_writers_say_the_same() {
+    fn yaml_variants_of_other_writers_read_the_same() {
         // PyYAML with `default_flow_style=None`, PyYAML with `True`, json, and by hand.
         let leaves = "rosbag2_bagfile_information:\n  duration: {nanoseconds: 5}\n  relative_file_paths: [bag_0.db3, bag_1.db3]\n  \
             topics_with_message_count:\n  - message_count: 4\n    topic_metadata: {name: /imu, offered_qos_profiles: '- a: [1',\n      \
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn the_parts_of_a_recording_are_in_the_order_of_their_numbers() {
+    fn the_parts_of_a_recording_are_sorted_by_number() {
         let list = |names: &[&str]| {
             let text = format!("rosbag2_bagfile_information:\n  relative_file_paths:\n  - {}\n", names.join("\n  - "));
             Metadata::parse(&text).unwrap().files
@@ -275,7 +275,7 @@ mod tests {
         }
     }
 
-    /// The gaps that are told of files of these names.
+    /// The gaps reported for files with these names.
     fn told(names: &[&str]) -> Vec<(Severity, String, u64)> {
         let mut notices = Notices::new();
         tell_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_missing_among_the_parts_of_a_recording_are_told() {
+    fn missing_numbers_among_the_parts_of_a_recording_are_reported() {
         assert_eq!(told(&["b_0.mcap", "b_1.mcap", "b_2.mcap"]), []);
         assert_eq!(told(&["b_7.mcap"]), []);
         assert_eq!(told(&["a.mcap", "b_7.mcap"]), []);
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_count_only_among_files_of_one_recording_and_in_their_own_order() {
+    fn numbers_are_compared_only_within_one_recording_and_in_order() {
         assert_eq!(told(&["a_0.mcap", "b_7.mcap"]), []);
         assert_eq!(told(&["a_0.mcap", "a_1.mcap", "b_0.mcap", "b_1.mcap", "c.mcap"]), []);
         assert_eq!(
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_was_renamed_is_no_loss_if_every_message_is_there() {
+    fn a_renamed_file_is_not_a_loss_if_every_message_is_present() {
         let metadata = Metadata::parse(NEW).unwrap();
         let topic = |name: &str, messages| flight::TopicHealth {
             name: name.to_owned(),
@@ -329,21 +329,21 @@ mod tests {
     }
 
     #[test]
-    fn a_topic_of_two_types_has_the_messages_of_both() {
+    fn the_counts_of_a_topic_with_two_types_are_added() {
         let text = "rosbag2_bagfile_information:\n  topics_with_message_count:\n    - topic_metadata:\n        name: /t\n      \
             message_count: 4\n    - topic_metadata:\n        name: /t\n      message_count: 2\n";
         assert_eq!(Metadata::parse(text).unwrap().topics, BTreeMap::from([("/t".to_owned(), 6)]));
     }
 
     #[test]
-    fn another_file_of_that_name_is_none() {
+    fn an_unrelated_file_of_that_name_is_not_metadata() {
         for text in ["", "title: a book\n", "- a\n- b\n", "{}", "a: &a [*a, *a]\n"] {
             assert_eq!(Metadata::parse(text), None, "{text:?}");
         }
     }
 
     #[test]
-    fn names_never_lead_out_of_the_folder() {
+    fn file_names_never_point_outside_the_folder() {
         let text = "rosbag2_bagfile_information:\n  relative_file_paths:\n  - ../../etc/passwd\n  - /etc/shadow\n  - 'a\\b.db3'\n";
         assert_eq!(Metadata::parse(text).unwrap().files, ["passwd", "shadow", "b.db3"]);
     }

@@ -1,7 +1,7 @@
-//! What parameters, texts and version messages say of the receivers, and where the sensors sit.
+//! Receivers and sensor positions, from parameters, texts and version messages.
 //!
-//! A text that the autopilot wrote when it found the receiver goes before a parameter: the parameter says what was asked
-//! for, the text what was found.
+//! A text that the autopilot wrote when it detected the receiver takes precedence over a parameter: the parameter says
+//! what was requested, the text what was found.
 
 mod parameters;
 mod tables;
@@ -20,17 +20,17 @@ pub(in crate::format) type Parameters<'a> = dyn Fn(&str) -> Option<f64> + 'a;
 /// Receivers by their numbers.
 type Receivers = BTreeMap<u32, ReceiverIdentity>;
 
-/// The receiver with this number, made if it is not there yet.
+/// The receiver with this number, created if it does not exist yet.
 fn numbered(receivers: &mut Receivers, number: u32) -> &mut ReceiverIdentity {
     receivers.entry(number).or_insert_with(|| ReceiverIdentity { number, ..ReceiverIdentity::default() })
 }
 
-/// Those of which the log says anything, in the order of their numbers.
+/// Receivers about which the log says anything, in numeric order.
 fn told(receivers: Receivers) -> Vec<ReceiverIdentity> {
     receivers.into_values().filter(ReceiverIdentity::is_told).collect()
 }
 
-/// Notes a fact and where it was found. What is known already stays.
+/// Records a fact and its source. A fact that is already known is kept.
 fn note<T>(field: &mut Option<T>, value: Option<T>, known: Known<'_>) {
     if field.is_none() && value.is_some() {
         *field = value;
@@ -38,14 +38,14 @@ fn note<T>(field: &mut Option<T>, value: Option<T>, known: Known<'_>) {
     }
 }
 
-/// Name of a fact and where it was found.
+/// Name of a fact and its source.
 struct Known<'a> {
     sources: &'a mut BTreeMap<String, String>,
     name: &'a str,
     source: &'a str,
 }
 
-/// Model, protocol and firmware as one source tells them.
+/// Model, protocol and firmware from one source.
 fn note_text(receiver: &mut ReceiverIdentity, name: &str, value: Option<&str>, source: &str) {
     let value = value.map(str::trim).filter(|value| !value.is_empty()).map(str::to_owned);
     let ReceiverIdentity { model, firmware, serial, protocol, sources, .. } = receiver;

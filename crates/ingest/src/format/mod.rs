@@ -1,4 +1,4 @@
-//! One format, one file.
+//! One file per format.
 
 mod bag;
 pub(crate) mod bag_folder;
@@ -41,7 +41,7 @@ use flight::{Code, Notices, Severity};
 use logscan::{Ledger, LogFile, MOST_ZEROS};
 use std::path::PathBuf;
 
-/// Says that a file is several, put one behind another.
+/// Reports that a file contains several logs, one after another.
 fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
     if logs > 1 {
         let text = "logs follow each other in this file; all were read";
@@ -49,22 +49,22 @@ fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
     }
 }
 
-/// Says how many messages belong to no topic that the log announces.
+/// Reports how many messages belong to no topic that the log defines.
 fn tell_unplaced(unplaced: &Tally, file: &str, notices: &mut Notices) {
     unplaced.tell(Code::Undecodable, file, "messages that belong to no known topic", notices);
 }
 
-/// Says how many messages, as the format calls them, are of more topics than are taken.
+/// Reports how many messages (in the format's own term) belong to topics above the topic limit.
 fn tell_too_many_topics(unplaced: &Tally, what: &str, file: &str, notices: &mut Notices) {
     unplaced.tell(Code::TooMuchData, file, &format!("{what} found no topic, for there are too many"), notices);
 }
 
-/// Says how many messages could not be decompressed.
+/// Reports how many messages could not be decompressed.
 fn tell_broken(broken: &Tally, file: &str, notices: &mut Notices) {
     broken.tell(Code::Undecodable, file, "messages whose compression is broken", notices);
 }
 
-/// Compares the number of messages with what `by`, such as an index, states.
+/// Compares the number of messages with the number stated by `by`, such as an index.
 fn compare_count(by: &str, stated: u64, found: u64, file: &str, notices: &mut Notices) {
     if stated > found {
         let text = format!("messages are missing: the {by} counts {stated}, {found} were found");
@@ -75,8 +75,8 @@ fn compare_count(by: &str, stated: u64, found: u64, file: &str, notices: &mut No
     }
 }
 
-/// A file that is empty, zero as far as one looks, or text is no damaged log but none. `wrong_start`
-/// is what the walk would say of its first bytes.
+/// A file that is empty, all zeros as far as examined, or text is not a damaged log but not a log at all. `wrong_start`
+/// is what the walk would report for its first bytes.
 fn refuse_foreign(file: &mut LogFile, wrong_start: &str, context: &ReadContext<'_>) -> Result<(), IngestError> {
     let nothing = all_zero(file)?;
     let what = match file.up_to(0, 4096)? {
@@ -88,7 +88,7 @@ fn refuse_foreign(file: &mut LogFile, wrong_start: &str, context: &ReadContext<'
     Err(IngestError::NotALog { file: file.name().to_owned(), what })
 }
 
-/// Of one of several files that make up a log: whether it is none itself, which is told then. The others are read all the same.
+/// Whether one of the files that make up a log is not a log itself. This is reported, and the other files are read.
 fn is_foreign_part(
     refused: Result<(), IngestError>,
     size: u64,
@@ -104,8 +104,8 @@ fn is_foreign_part(
     Ok(true)
 }
 
-/// What is said of a file that does not begin as it should: `wrong_start`, or that it went through a copy that takes all
-/// files for text, which changes line ends, or what is no UTF-8.
+/// Describes a wrong start of a file: `wrong_start`, or that the file was copied in a text mode, which changes line ends
+/// or invalid UTF-8.
 fn wrong_start(found: &[u8], magic: &[u8], wrong_start: &'static str) -> &'static str {
     let line = |end: &[u8]| [magic.trim_ascii_end(), end].concat();
     let all: [Vec<u8>; 3] = [b"\n", &b"\r\n"[..], b"\r\r\n"].map(line);
@@ -117,7 +117,7 @@ fn wrong_start(found: &[u8], magic: &[u8], wrong_start: &'static str) -> &'stati
     wrong_start
 }
 
-/// Whether a file is zero as far as one looks: one that lost its first blocks is not.
+/// Whether a file is all zeros as far as examined. A file that only lost its first blocks is not.
 fn all_zero(file: &mut LogFile) -> Result<bool, IngestError> {
     let end = file.size().min(MOST_ZEROS);
     let (mut at, mut most) = (0, 4096);
@@ -132,12 +132,12 @@ fn all_zero(file: &mut LogFile) -> Result<bool, IngestError> {
     Ok(true)
 }
 
-/// Text without control characters, of more bytes than a log that was cut could have before the first
-/// length in it.
+/// Text without control characters, longer than a truncated log could be before its first length
+/// field.
 fn is_text(head: &[u8]) -> bool {
     const SHORTEST: usize = 16;
     let plain = |b: &u8| *b >= b' ' || b"\t\r\n".contains(b);
-    // The last character may be cut.
+    // The last character may be truncated.
     let valid = std::str::from_utf8(head).map_or_else(|e| e.error_len().is_none(), |_| true);
     head.len() > SHORTEST && valid && head.iter().all(plain)
 }
@@ -150,13 +150,13 @@ fn kind_of_text(head: &[u8], context: &ReadContext<'_>) -> String {
     format!("its first line {first:?}")
 }
 
-/// Makes the tables of a format whose messages nobody has stamped as such tables are.
+/// Creates the topic tables of a format whose messages have no log timestamp.
 fn forget_log_times(log: &mut Log) {
     log.tables.iter_mut().for_each(|table| table.logged_ns = None);
     log.health.topics.iter_mut().for_each(|topic| topic.stamps.clear());
 }
 
-/// As `context`, with no more topics than a log of a format can reasonably have: each takes a few kilobytes.
+/// As `context`, limited to the number of topics that a log can reasonably have: each takes a few kilobytes.
 fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c> {
     let limits = Limits { topics: context.limits.topics.min(most), ..context.limits };
     ReadContext { limits, cancel: context.cancel, on_bytes: context.on_bytes }
@@ -174,7 +174,7 @@ fn tell_preamble(bytes: u64, notices: &mut Notices) {
     }
 }
 
-/// What the readers of messages share while they read.
+/// State that the readers of message formats share.
 struct Reading<'w> {
     files: Vec<LogFile>,
     ledger: Ledger,
@@ -192,10 +192,10 @@ impl<'w> Reading<'w> {
         Ok(Reading { files, ledger, notices: Notices::new(), topics })
     }
 
-    /// Puts the log together. One in which nothing at all is intact is an error; an empty one that is
-    /// whole is not.
+    /// Assembles the log. A log with nothing intact is an error; an empty but complete one
+    /// is not.
     fn conclude(self, mut log: Log) -> Result<Log, IngestError> {
-        // Damage first: it explains what follows.
+        // Damage first: it explains the notices that follow.
         self.ledger.finish(&mut log.health, &mut log.notices);
         log.notices.extend(self.notices);
         self.topics.finish(&mut log);

@@ -1,16 +1,16 @@
 //! NMEA 0183: lines of text with a checksum, as receivers write them
-//! (<https://gpsd.gitlab.io/gpsd/NMEA.html> gathers what is public of the standard).
+//! (<https://gpsd.gitlab.io/gpsd/NMEA.html> collects what is public of the standard).
 //!
 //! A topic is named after the address, `GNRMC`, and its type is `RMC`; messages of u-blox and Trimble have their own,
-//! `PUBX,00`; where a receiver changed its talker in between, it is `RMC` alone. The date comes from RMC, ZDA, PUBX,04
-//! and PTNL,GGK; a sentence that says the time alone has the day that is nearest to the sentence before it, and VTG,
-//! which says neither, its time, or that of the sentence behind it if RMC shows that the receiver has it so. What
-//! stands before the first date is dated backwards from it. A logger may have put the Unix time, or a date and time
-//! with its zone, in front of each line, or have said it in a tag block (NMEA 0183, version 4): that is when the
+//! `PUBX,00`. If a receiver changed its talker, the topic is named `RMC`. The date comes from RMC, ZDA, PUBX,04
+//! and PTNL,GGK. A sentence with only a time of day gets the day nearest to the previous sentence. VTG,
+//! which has neither, gets the time of the previous sentence, or of the next one if RMC shows that order. Sentences
+//! before the first date are dated backwards from it. A logger may have put the Unix time, or a date and time
+//! with its zone, before each line or in a tag block (NMEA 0183, version 4): that is when the
 //! sentence was logged.
 //!
-//! Fields are taken apart here and not by the `nmea` crate, whose values are single-precision floats and have lost the
-//! last digits of speeds, tracks and heights. Latitude and longitude are the doubles nearest to what the text says.
+//! Fields are parsed here, not by the `nmea` crate, whose single-precision floats lose the
+//! last digits of speeds, tracks and heights. Latitude and longitude are the doubles nearest to the text.
 
 mod book;
 mod kind;
@@ -32,26 +32,26 @@ use logscan::{Fate, LogFile, Parsed, Trust};
 use memchr::{memchr, memchr_iter, memchr2};
 use std::borrow::Cow;
 
-/// Bytes looked through for the first sentence.
+/// Bytes searched for the first sentence.
 const SOUGHT: u64 = 64 << 20;
-/// Lines by which sentences are told from other text.
+/// Number of lines that distinguish sentences from other text.
 const LOOKED_AT: usize = 100;
-/// So many lines in a row show whether a logger keeps checksums, of so many bytes at most.
+/// Consecutive lines that show whether a logger keeps checksums, and most bytes of these.
 const DECIDED_BY: usize = 20;
 const DECIDING: usize = 8 << 10;
-/// Longest line of text, or text in front of a sentence with it, bytes.
+/// Longest line of text, or of a sentence with the text before it, bytes.
 const LONGEST_LINE: usize = 4096;
 
-/// Longest text behind a sentence, as a time, that is passed over.
+/// Longest text after a sentence, such as a time, that is skipped.
 const LONGEST_SUFFIX: usize = 64;
 
 const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
 
-/// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is; or
+/// Whether these first bytes of a file hold sentences: two with a right checksum, or one and nothing else; or
 /// sentences of the types that are read, and no checksum anywhere.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
-    // Another logger may have gone on with it.
+    // Another logger may have continued the file.
     let hundred = memchr_iter(b'\n', head).nth(LOOKED_AT).map_or(head.len(), |end| end + 1);
     looks_checked(head) || (is_bare(head.get(..hundred).unwrap_or_default()) && looks_bare(head))
 }
@@ -70,7 +70,7 @@ fn looks_checked(head: &[u8]) -> bool {
     good >= 2 || headless >= 2 || (good == 1 && bad == 0)
 }
 
-/// A line that is a sentence with a right checksum but for the `$` in front, with that: some loggers take it off.
+/// A line that is a sentence with a right checksum if a `$` is prepended: some loggers remove it.
 fn with_dollar(line: &[u8]) -> Option<Vec<u8>> {
     let may_be =
         line.first().is_some_and(u8::is_ascii_uppercase) && memchr(b'*', line).is_some() && begin_of(line).is_none();
@@ -79,7 +79,7 @@ fn with_dollar(line: &[u8]) -> Option<Vec<u8>> {
     is_one.then_some(whole)
 }
 
-/// Whether lines are sentences of types that are read, as far as that can be told without a checksum.
+/// Whether lines are sentences of types that are read, as far as this shows without a checksum.
 fn looks_bare(head: &[u8]) -> bool {
     let lines = head.split_inclusive(|b| *b == b'\n').take(LOOKED_AT);
     let is_read = |line: &&[u8]| {
@@ -96,19 +96,19 @@ fn begin_of(line: &[u8]) -> Option<usize> {
     Some(at + doubled.saturating_sub(1))
 }
 
-/// Whether there are sentences and most have no checksum: some loggers take it off. What follows the last line's end does
-/// not count, for it may be cut.
+/// Whether there are sentences and most have no checksum: some loggers remove it. Text after the last line end does
+/// not count, because it may be truncated.
 fn is_bare(head: &[u8]) -> bool {
     let (bare, checked) = bare_and_checked(head);
     bare > checked
 }
 
-/// Sentences without a checksum in these lines, and lines that have one, be it a wrong one.
+/// Sentences without a checksum in these lines, and lines with one, right or wrong.
 fn bare_and_checked(head: &[u8]) -> (usize, usize) {
     let whole = head.get(..memchr::memrchr(b'\n', head).map_or(0, |end| end + 1)).unwrap_or_default();
     let (mut bare, mut checked) = (0, 0);
     for line in whole.split_inclusive(|b| *b == b'\n').filter(|line| memchr(b'$', line).is_some()).take(1000) {
-        // What other devices write behind a `$` says nothing.
+        // What other devices write after a `$` is irrelevant.
         let is_read = || {
             let sentence = begin_of(line).and_then(|at| Sentence::at(line.get(at..)?, true).ok());
             sentence.is_some_and(|sentence| Kind::of(sentence.address().1).is_some())
@@ -121,7 +121,7 @@ fn bare_and_checked(head: &[u8]) -> (usize, usize) {
     (bare, checked)
 }
 
-/// As [`is_bare`], of the first block of a file that holds sentences: what stands before may be zeros or junk.
+/// Like [`is_bare`], for the first block of a file with sentences: zeros or junk may precede it.
 pub(super) fn has_bare_sentences(file: &mut LogFile) -> Result<bool, IngestError> {
     let mut at = 0;
     while at < file.size().min(SOUGHT) {
@@ -134,8 +134,8 @@ pub(super) fn has_bare_sentences(file: &mut LogFile) -> Result<bool, IngestError
     Ok(false)
 }
 
-/// Whether the next lines are sentences of types that are read and have all a checksum, or all none: as many as decide, or
-/// those up to the end if there are a few.
+/// Whether the next lines are sentences of types that are read and either all or none have a checksum. Enough lines to
+/// decide are examined, or those up to the end if there are a few.
 fn are_all(lines: &[u8], checked: bool) -> bool {
     let mut seen = 0;
     let with_dollar = |line: &&[u8]| memchr(b'$', line).is_some() && line.ends_with(b"\n");
@@ -158,7 +158,7 @@ fn unmarked(text: &[u8]) -> Cow<'_, [u8]> {
 /// The lines of a log: sentences, what a logger wrote around them, and text.
 pub(super) struct Lines {
     book: Book,
-    /// Text may stand between the sentences, and in front of them; else there are frames and sentences alone.
+    /// Text may occur between and before the sentences; otherwise there are only frames and sentences.
     has_text: bool,
     /// Sentences may have no checksum.
     bare: bool,
@@ -168,13 +168,13 @@ pub(super) struct Lines {
     counts: Counts,
 }
 
-/// What was not as the standard has it.
+/// Deviations from the standard.
 #[derive(Debug, Default)]
 struct Counts {
     unchecked: u64,
-    /// Text in front of sentences that is no such time.
+    /// Text before sentences that is not such a time.
     prefixes: u64,
-    /// Bytes of text in front of the first sentence, of comments, and of lines of text.
+    /// Bytes of text before the first sentence, of comments, and of lines of text.
     preamble: u64,
     sentences: u64,
     /// Without a `$`.
@@ -193,7 +193,7 @@ impl Lines {
         self.breaks();
     }
 
-    /// Something is missing here.
+    /// Bytes are missing here.
     pub(super) fn breaks(&mut self) {
         self.book.breaks();
     }
@@ -202,12 +202,12 @@ impl Lines {
         self.has_text
     }
 
-    /// A frame is between the lines.
+    /// There is a frame between the lines.
     pub(super) fn begin_line(&mut self) {
         self.is_begin = true;
     }
 
-    /// What these bytes begin with: a sentence with what is in front of it, the end of a line, or text.
+    /// What these bytes begin with: a sentence with what precedes it, a line end, or text.
     pub(super) fn parse(&self, bytes: &[u8]) -> Parsed {
         let length = match bytes {
             [b'\r', b'\n', ..] => Some(2),
@@ -240,7 +240,7 @@ impl Lines {
         }
     }
 
-    /// Bytes of what a line begins with that is no sentence yet: one with text in front, or nothing but text.
+    /// Bytes at the start of a line that are not yet a sentence: text before a sentence, or only text.
     fn text(&self, bytes: &[u8]) -> Option<usize> {
         let line = line_of(bytes);
         if self.is_comment(line) {
@@ -260,15 +260,15 @@ impl Lines {
         self.is_begin && line.starts_with(b"#") && line.ends_with(b"\n") && is_plain(line)
     }
 
-    /// Bytes of a sentence without its `$`. Where others have one, it has lost it with what stood before.
+    /// Length of a sentence without its `$`. Where other sentences have one, it was lost with the preceding bytes.
     fn headless(&self, line: &[u8]) -> Option<usize> {
         let whole = with_dollar(line).filter(|_| self.is_begin && self.counts.sentences == self.counts.headless)?;
         Sentence::at(&whole, false).ok().map(|sentence| sentence.length - 1)
     }
 
-    /// Whether text without a sentence is no damage: blanks, what stands before the first sentence or behind one, and
-    /// whole lines that a receiver or a logger put between, which are no pieces of sentences: these have commas, and no
-    /// blanks. Where text stands in front of the sentences too, it may look as it likes.
+    /// Whether text without a sentence is not damage: blanks, text before the first sentence or after one, and
+    /// whole lines that a receiver or logger wrote between sentences and that are not fragments of one: fragments have
+    /// commas and no blanks. Where text precedes the sentences too, it may have any form.
     fn is_aside(&self, text: &[u8]) -> bool {
         let plain = unmarked(text);
         let is_line = || self.is_begin && text.ends_with(b"\n") && (self.counts.prefixes > 0 || is_prose(text));
@@ -280,7 +280,7 @@ impl Lines {
                 && (self.counts.sentences == 0 || is_line() || is_suffix()))
     }
 
-    /// Takes what was found to be here; `after` is what follows it.
+    /// Takes what was found here; `after` is what follows it.
     pub(super) fn take(&mut self, piece: &[u8], after: &[u8], topics: &mut Topics<'_>) -> Fate {
         let ends_line = piece.ends_with(b"\n");
         let headless = if ends_line { None } else { self.headless(piece) };
@@ -294,7 +294,7 @@ impl Lines {
                 let (prefix, sentence) = piece.split_at_checked(at).unwrap_or_default();
                 self.take_sentence(&Sentence::of(sentence), prefix, after, topics)
             }
-            // The end of a line, or the first of two `$`.
+            // A line end, or the first of two `$`.
             _ if is_blank(&unmarked(piece)) || piece == b"$" => Fate::Structure,
             _ => {
                 self.counts.preamble += piece.len() as u64;
@@ -318,7 +318,7 @@ impl Lines {
         self.book.sentence(sentence, logged_ns, topics)
     }
 
-    /// What is wrong where nothing was found.
+    /// Describes what is wrong where nothing was found.
     pub(super) fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         let line = line_of(bytes);
         let (prefix, rest) = begin_of(line).and_then(|at| line.split_at_checked(at)).unwrap_or((line, b""));
@@ -330,7 +330,7 @@ impl Lines {
         if self.has_text { format!("line {}: {reason}", self.number).into() } else { reason.into() }
     }
 
-    /// Says what of a file was not as the standard has it.
+    /// Reports deviations of a file from the standard.
     pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
         let mut say = |what: Graded, count, text: &str| {
             if count > 0 {
@@ -352,13 +352,13 @@ impl Lines {
         );
     }
 
-    /// Writes what the receiver says of itself. What is returned dates the tables when they are made.
+    /// Writes what the receiver says about itself. The returned value dates the tables once they are made.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
         self.book.finish(log, notices)
     }
 }
 
-/// A line with its end, or as much of it as is looked at.
+/// A line with its end, or the part of it that is examined.
 fn line_of(bytes: &[u8]) -> &[u8] {
     let head = bytes.get(..LONGEST_LINE).unwrap_or(bytes);
     head.get(..memchr(b'\n', head).map_or(head.len(), |end| end + 1)).unwrap_or_default()
@@ -368,18 +368,18 @@ fn is_blank(text: &[u8]) -> bool {
     text.iter().all(u8::is_ascii_whitespace)
 }
 
-/// Whether a line of text is no piece of a sentence.
+/// Whether a line of text is not a fragment of a sentence.
 fn is_prose(line: &[u8]) -> bool {
     memchr(b' ', line).is_some() && memchr(b',', line).is_none()
 }
 
-/// The time in front of a sentence, ns of UTC, if that is all there is: the Unix time, or a date and time with its zone.
+/// The time before a sentence, ns of UTC, if nothing else precedes it: the Unix time, or a date and time with its zone.
 fn logged(prefix: &[u8]) -> Option<i64> {
     let text = std::str::from_utf8(prefix).ok()?.trim_matches([' ', '\t', ',', ';', ':', '[', ']']);
     unix_time(text).or_else(|| zoned_time(text)).or_else(|| tag_time(text))
 }
 
-/// What a tag block says between its backslashes, and its checksum: `\s:r1,c:1699999999*1F\`.
+/// The content of a tag block between its backslashes, and its checksum: `\s:r1,c:1699999999*1F\`.
 fn tag(text: &str) -> Option<(&str, u8)> {
     let (said, sum) = text.strip_prefix('\\')?.strip_suffix('\\')?.rsplit_once('*')?;
     Some((said, u8::from_str_radix(sum, 16).ok()?))
@@ -389,19 +389,19 @@ fn is_intact(said: &str, sum: u8) -> bool {
     said.bytes().fold(0, |sum, b| sum ^ b) == sum
 }
 
-/// Whether the text in front of a sentence is a tag block whose checksum is wrong.
+/// Whether the text before a sentence is a tag block with a wrong checksum.
 fn is_damaged_tag(prefix: &[u8]) -> bool {
     let text = std::str::from_utf8(prefix).unwrap_or_default().trim();
     tag(text).is_some_and(|(said, sum)| !is_intact(said, sum))
 }
 
-/// `c` of a tag block: the Unix time at its source, s, or of some ms.
+/// `c` of a tag block: the Unix time at its source, in s or, by some devices, in ms.
 fn tag_time(text: &str) -> Option<i64> {
     let (said, _) = tag(text).filter(|(said, sum)| is_intact(said, *sum))?;
     unix_time(said.split(',').find_map(|part| part.strip_prefix("c:"))?)
 }
 
-/// Seconds, or milli-, micro- or nanoseconds as the number of digits tells.
+/// Seconds, or milli-, micro- or nanoseconds, depending on the number of digits.
 fn unix_time(text: &str) -> Option<i64> {
     let whole = text.split('.').next().unwrap_or_default();
     let digits = text.bytes().all(|b| b.is_ascii_digit() || b == b'.');
@@ -415,7 +415,7 @@ fn unix_time(text: &str) -> Option<i64> {
     if digits { tick.of_text(text) } else { None }
 }
 
-/// ISO 8601. Without a zone it is the time of the place where the logger stood, which nobody knows.
+/// ISO 8601. Without a zone it is local time at an unknown place.
 fn zoned_time(text: &str) -> Option<i64> {
     let behind = text.get("2024-05-10T17:27".len()..)?;
     let zoned = behind.ends_with(['Z', 'z']) || behind.contains(['+', '-']);
@@ -427,7 +427,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_unix_time_or_one_with_its_zone_in_front_is_when_it_was_logged_and_other_text_is_not() {
+    fn only_a_unix_time_or_one_with_a_zone_before_a_sentence_is_its_log_time() {
         assert_eq!(logged(b"1699999999.123 "), Some(1_699_999_999_123_000_000));
         assert_eq!(logged(b"1699999999123,"), Some(1_699_999_999_123_000_000));
         assert_eq!(logged(b"1699999999123456\t"), Some(1_699_999_999_123_456_000));
@@ -449,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_told_from_sentences() {
+    fn text_is_distinguished_from_sentences() {
         assert!(looks_like(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"));
         assert!(!looks_like(b"$FLYS,1\r\n$COL,GNSS,time\r\n$DATA\r\n"));
         assert!(!looks_like(b"time,lat,lon\n1,2,3\n"));

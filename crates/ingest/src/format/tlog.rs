@@ -1,19 +1,19 @@
-//! Telemetry of MAVLink as ground stations write it: each frame behind the time at which it came, µs of UTC in eight
-//! bytes, the highest first (<https://mavlink.io/en/file_formats/#tlog>).
+//! MAVLink telemetry as ground stations write it: before each frame the time of its reception, µs of UTC, eight
+//! bytes, big-endian (<https://mavlink.io/en/file_formats/#tlog>).
 //!
-//! Every frame has a checksum, and it is checked; that of a message that is not defined cannot be, and the message is not
-//! read. A topic is named after its message. The vehicle with the smallest number has the plain name; what another vehicle
-//! says is `GPS_RAW_INT@2`, and another component of this one `ODOMETRY@1.197`.
+//! The checksum of every frame is verified. For a message that is not defined this is impossible, and the message is
+//! not read. A topic is named after its message. The vehicle with the lowest system ID has the plain name. Messages of
+//! another vehicle are named `GPS_RAW_INT@2`, and those of another component of this vehicle `ODOMETRY@1.197`.
 //!
-//! A stream may also be written as it came, frame after frame without times (MAVProxy's `.tlog.raw`, a capture of a serial
-//! line). Then the messages' own clocks are all there is. Of a vehicle that restarts the first run has the plain names, and
-//! what it says in its second one is `GPS_RAW_INT#2`.
+//! A stream may also be recorded as received, frame after frame without times (MAVProxy's `.tlog.raw`, a capture of a
+//! serial line). Then only the clocks of the messages are available. If a vehicle restarts, its first run has the plain
+//! names, and messages of the second run are named `GPS_RAW_INT#2`.
 //!
-//! In front of the fields of GPS_INPUT the reader puts `use_flags`, the inverse of its `ignore_flags`.
+//! The reader prepends `use_flags`, the inverse of `ignore_flags`, to the fields of GPS_INPUT.
 //!
-//! The definitions are a table and not the `mavlink` crate, which refuses whole messages for one number that its
-//! enumerations do not know, and passes what it cannot read without a count. The table goes into columns as it is, the
-//! checksum of every frame proves its line, and the crate writes and reads every message of it in the tests.
+//! The definitions are a table. The `mavlink` crate rejects whole messages for one number that its enumerations do
+//! not know, and skips what it cannot read without a count. The table is decoded directly into columns, the
+//! checksum of every frame proves its line, and the tests write and read every message of it with the crate.
 
 mod book;
 mod checksum;
@@ -36,9 +36,9 @@ use memchr::memchr2;
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// Bytes in which the heartbeat of every vehicle is expected.
+/// Number of bytes in which the heartbeat of every vehicle is expected.
 const BEGIN: usize = 1 << 20;
-/// Bytes of two records and the begin of a third: the times of the next two frames confirm that of this one.
+/// Bytes of two records and the start of a third: the times of the next two frames confirm the time of this one.
 const LOOK: usize = 2 * (TIME + LONGEST) + TIME + 1;
 
 /// Reads one telemetry log, or several that make up one flight.
@@ -51,7 +51,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
         Some((first, framing)) => main_vehicle(first, *framing)?,
         None => Sender::default(),
     };
-    // Times that only some of the frames have would be none of the log's.
+    // Times that only some of the frames have are not used as the log's.
     let stamped = !framings.contains(&Framing::Bare);
     log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
     let mut book = Book::new(main, stamped, &mut topics);
@@ -73,7 +73,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     Ok(log)
 }
 
-/// Who sent a frame.
+/// Sender of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 struct Sender {
     system: u8,
@@ -87,13 +87,13 @@ impl Sender {
 }
 
 impl Default for Sender {
-    /// An autopilot whose numbers nobody has changed.
+    /// An autopilot with default system and component IDs.
     fn default() -> Sender {
         Sender { system: 1, component: 1 }
     }
 }
 
-/// The autopilot with the smallest number among those whose heartbeat is near the begin of the log.
+/// The autopilot with the lowest system ID among those with a heartbeat near the start of the log.
 fn main_vehicle(file: &mut LogFile, framing: Framing) -> Result<Sender, IngestError> {
     let bytes = file.up_to(0, BEGIN)?;
     let (mut main, mut at) = (None, 0);
@@ -112,7 +112,7 @@ fn main_vehicle(file: &mut LogFile, framing: Framing) -> Result<Sender, IngestEr
     Ok(main.unwrap_or_default())
 }
 
-/// The records of a file, each a frame and what stands before it, on their way to the book.
+/// Passes the records of a file, each a frame and what precedes it, to the book.
 struct Records<'r, 'b, 't> {
     book: &'r mut Book<'b, 't>,
     framing: Framing,

@@ -1,4 +1,4 @@
-//! ROS 1 bags: agreement with what was written and with other readers, and what is made of damage.
+//! ROS 1 bags: agreement with what was written and with other readers, and handling of damage.
 
 use crate::made::{
     BagCodec, CAMERA, Encoding, FIX, OnDisk, Sent, assert_balanced, assert_received, assert_subset, bag, check_cuts,
@@ -16,7 +16,7 @@ fn read_all(path: &Path) -> Log {
 }
 
 #[test]
-fn what_was_written_comes_back_bit_for_bit_whatever_the_compression() {
+fn written_data_is_read_back_bit_for_bit_with_any_compression() {
     let sent = flight(40);
     for codec in BagCodec::ALL {
         for in_chunks in [true, false] {
@@ -34,7 +34,7 @@ fn what_was_written_comes_back_bit_for_bit_whatever_the_compression() {
 }
 
 #[test]
-fn a_bag_that_was_never_closed_reads_whole_and_says_so() {
+fn a_bag_that_was_never_closed_is_read_whole_and_reported() {
     let sent = flight(20);
     for codec in BagCodec::ALL {
         let log = OnDisk::new(&bag(&sent, codec, 9, true, false), true).read().unwrap();
@@ -44,7 +44,7 @@ fn a_bag_that_was_never_closed_reads_whole_and_says_so() {
 }
 
 #[test]
-fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
+fn any_cut_gives_a_prefix_of_the_flight_and_is_reported() {
     let sent = flight(12);
     for (codec, stride) in
         [(BagCodec::None, 1), (BagCodec::Lz4Linked, 3), (BagCodec::Lz4Independent, 3), (BagCodec::Bz2, 7)]
@@ -87,7 +87,7 @@ fn damage_in_one_chunk_leaves_the_others() {
 }
 
 #[test]
-fn a_wrong_length_costs_one_message_and_not_its_neighbours() {
+fn a_wrong_length_costs_one_message_but_not_its_neighbours() {
     let sent = flight(20);
     let content = bag(&sent, BagCodec::None, 1000, true, true);
     let message = content.windows(5).enumerate().filter(|(_, w)| *w == b"time=").nth(21).unwrap().0;
@@ -116,7 +116,7 @@ fn no_flipped_bit_panics_or_loses_the_count_of_the_bytes() {
             if let Ok(log) = disk.read()
                 && !lost(&log)
             {
-                // Values may differ, for nothing guards them; that there are fewer must be said.
+                // Values are unprotected and may differ; missing ones must be reported.
                 assert_eq!(log.health.messages, 15, "{codec:?} bit {bit}");
             }
             disk.write_at(at as u64, &content[at..=at]);
@@ -140,7 +140,7 @@ fn hostile_lengths_neither_abort_nor_hang() {
 }
 
 #[test]
-fn damage_of_any_kind_neither_panics_nor_goes_unsaid() {
+fn damage_of_any_kind_is_reported_without_a_panic() {
     let sent = flight(8);
     for codec in BagCodec::ALL {
         let content = bag(&sent, codec, 7, true, true);
@@ -148,7 +148,7 @@ fn damage_of_any_kind_neither_panics_nor_goes_unsaid() {
             if let Ok(log) = OnDisk::new(damaged, true).read()
                 && !lost(&log)
             {
-                // Without checksums changed values cannot be told, but missing messages can.
+                // Without checksums changed values are undetectable, but missing messages are not.
                 assert!(
                     log.health.messages >= 24,
                     "{codec:?}: {} {:?} {:?}",
@@ -162,7 +162,7 @@ fn damage_of_any_kind_neither_panics_nor_goes_unsaid() {
 }
 
 #[test]
-fn what_is_no_bag_is_refused_by_name() {
+fn a_file_that_is_not_a_bag_is_rejected_by_name() {
     let content = bag(&flight(3), BagCodec::None, 4, true, true);
     for (bytes, what) in [
         (&b"#ROSBAG V1.2\nsomething"[..], "version 1"),
@@ -192,7 +192,7 @@ fn a_broken_first_line_does_not_hide_the_rest() {
 fn messages_whose_connection_is_lost_are_counted() {
     let sent = flight(10);
     let log_of = |content: &[u8]| OnDisk::new(content, true).read();
-    // Connections only at the end, and the end is cut off.
+    // Connections only at the end, and the end is truncated.
     let content = bag(&sent, BagCodec::Bz2, 9, false, false);
     let error = log_of(&content).unwrap_err().to_string();
     assert!(error.contains("nothing in it is intact"), "{error}");
@@ -283,7 +283,7 @@ fn all_ten_containers_of_one_flight_give_the_same_columns() {
 #[test]
 fn the_damaged_copies_give_what_can_be_recovered_and_are_marked() {
     let Some(folder) = real_logs("derived-alfa") else { return };
-    // Messages that the notes beside these files call recoverable; of uncompressed and of later chunks we get more.
+    // Recoverable messages according to these files' notes; from uncompressed and later chunks we get more.
     for (file, recoverable) in [
         ("alfa_none_trunc60.bag", 1149),
         ("alfa_bz2_trunc60.bag", 1149),
@@ -344,7 +344,7 @@ fn small(type_name: &str, md5: &str, definition: &str, encryptor: Option<&str>) 
 }
 
 #[test]
-fn an_encrypted_bag_is_said_to_be_one() {
+fn an_encrypted_bag_is_reported_as_such() {
     let read = |encryptor| OnDisk::new(&small("p/A", "*", "float64 x", encryptor), true).read();
     let error = read(Some("rosbag/AesCbcEncryptor")).unwrap_err().to_string();
     assert!(error.contains("encrypted") && error.contains("rosbag/AesCbcEncryptor"), "{error}");
@@ -354,7 +354,7 @@ fn an_encrypted_bag_is_said_to_be_one() {
 }
 
 #[test]
-fn a_connection_without_a_definition_is_not_one_of_messages_without_fields() {
+fn a_connection_without_a_definition_is_not_an_empty_message_type() {
     let read =
         |type_name, md5| OnDisk::new(&small(type_name, md5, "", None), true).read().unwrap().health.topics.remove(0);
     for (type_name, md5) in [("*", "*"), ("my_msgs/Fix", "2d3a8cd499b9b4a0249fb98fd05cfa48")] {
@@ -365,7 +365,7 @@ fn a_connection_without_a_definition_is_not_one_of_messages_without_fields() {
     assert!(read("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e").decoded);
 }
 
-/// Where records begin, the lengths of their data stand, and their data end; with their types.
+/// Offsets of the records, of their data lengths and of their data ends, with their types.
 fn records_of(bag: &[u8]) -> Vec<(u8, usize, usize, usize)> {
     let u32_at = |at: usize| u32::from_le_bytes(bag[at..at + 4].try_into().unwrap()) as usize;
     let (mut at, mut all) = (13, vec![]);
@@ -381,7 +381,7 @@ fn records_of(bag: &[u8]) -> Vec<(u8, usize, usize, usize)> {
 }
 
 #[test]
-fn one_bit_of_a_length_that_leads_over_other_records_costs_no_more_than_its_own() {
+fn one_flipped_length_bit_costs_no_more_than_its_own_record() {
     let mut led_over = [0, 0];
     for (codec, per_chunk) in [(BagCodec::Lz4Independent, 3), (BagCodec::Lz4Linked, 5), (BagCodec::Bz2, 3)] {
         let sent = flight(120);
@@ -412,7 +412,7 @@ fn one_bit_of_a_length_that_leads_over_other_records_costs_no_more_than_its_own(
 }
 
 #[test]
-fn chunks_of_wrong_lengths_do_not_forbid_long_headers_behind_them() {
+fn chunks_with_wrong_lengths_do_not_rule_out_long_headers_after_them() {
     let (int, md5, definition) = ("std_msgs/Int32", "da5909fbe378aeaf85e547e830cc1bb7", "int32 data\n");
     let mut content = small(int, md5, definition, None);
     let long = "x".repeat(1500);

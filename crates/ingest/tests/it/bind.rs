@@ -1,4 +1,4 @@
-//! What the binder does with rows, stamps and maps: small tables with exact expectations.
+//! How the binder handles rows, timestamps and maps: small tables with exact expectations.
 
 use crate::support::*;
 use flight::{ChannelHealth, Notice, Quantity, StampKind};
@@ -29,7 +29,7 @@ fn row(second: u32, lat: f64) -> String {
 }
 
 #[test]
-fn rows_that_cannot_be_used_are_counted_by_reason_with_their_first_line() {
+fn unusable_rows_are_counted_by_reason_with_their_first_line() {
     let rows = [
         row(1, 47.1),
         "2024-05-10T17:27:02Z,,8.5,400,1,2,3,3\n".into(),
@@ -64,7 +64,7 @@ fn rows_that_cannot_be_used_are_counted_by_reason_with_their_first_line() {
 }
 
 #[test]
-fn rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept() {
+fn rows_are_sorted_by_timestamp_and_the_first_of_equal_ones_is_kept() {
     let loaded = flysight(&[row(3, 47.3), row(1, 47.1), row(3, 47.9), row(2, 47.2)].concat());
     let series = &loaded.flight.channels["position.gps"].series;
     let degrees: Vec<f64> = series.component(0).iter().map(|r| (r.to_degrees() * 10.0).round() / 10.0).collect();
@@ -74,7 +74,7 @@ fn rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept() {
         [("stamp equal to the one before, and another value", 1, "line 4")]
     );
     assert_eq!(health(&loaded, "position.gps").stamps.as_ref().unwrap().back_jumps, 2);
-    // Once for each of the two channels; of the jumps one notice speaks for both.
+    // Once for each of the two channels; one notice reports the jumps of both.
     assert_eq!((count_of(&loaded, "unreliable-stamps"), count_of(&loaded, "duplicate-stamp")), (4, 2));
     let back: Vec<&Notice> = loaded.flight.notices.iter().filter(|n| n.code == "unreliable-stamps").collect();
     let [notice] = back.as_slice() else { panic!("{back:?}") };
@@ -82,8 +82,8 @@ fn rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept() {
 }
 
 #[test]
-fn a_hole_that_the_order_of_the_log_hides_is_a_gap_of_the_channel() {
-    // Two recordings in one file, the later one first: nowhere in it is there a long step forward.
+fn a_gap_hidden_by_the_order_of_the_log_is_found() {
+    // Two recordings in one file, the later one first: it has no long step forward anywhere.
     let later: String = (40..60).map(|i| row(i, 47.0 + f64::from(i) * 1e-4)).collect();
     let earlier: String = (0..10).map(|i| row(i, 47.0 + f64::from(i) * 1e-4)).collect();
     let loaded = flysight(&(later + &earlier));
@@ -94,7 +94,7 @@ fn a_hole_that_the_order_of_the_log_hides_is_a_gap_of_the_channel() {
 }
 
 #[test]
-fn why_a_map_was_taken_counts_its_channels() {
+fn the_reason_for_a_map_counts_its_channels() {
     let binding = flysight(&[row(1, 47.1), row(2, 47.2)].concat()).binding.unwrap();
     let channels = format!("; {} channels", binding.channels.len());
     assert!(binding.why.ends_with(&channels) && !binding.why.contains("position.gps"), "{}", binding.why);
@@ -114,11 +114,11 @@ fn values_held_over_rows_are_marked_and_a_parked_receiver_is_not() {
     let loaded = flysight(&parked);
     assert!(!loaded.flight.channels["position.gps"].is_held());
     assert!(health(&loaded, "position.gps").held.is_none());
-    // Never moving at all is one long run, and no sign of holding either.
+    // Never moving at all is one long run, and not a sign of held values.
     assert!(!flysight(&(0..30).map(|i| row(i, 47.0)).collect::<String>()).flight.channels["position.gps"].is_held());
 }
 
-/// A vehicle that moves by less than the last decimal from row to row repeats values and holds none.
+/// A vehicle that moves by less than the last decimal from row to row repeats values without holding any.
 #[test]
 fn rounded_values_that_repeat_are_measurements() {
     let place = |i: u32| 47.0 + 0.43e-4 * (f64::from(i) + 8.0 * (0.2 * f64::from(i)).sin());
@@ -136,13 +136,13 @@ fn a_height_that_most_rows_lack_does_not_cost_the_rows() {
     assert_eq!((position.present.as_slice(), position.series.len()), (&[true, true, false][..], 4));
     assert_eq!(position.series.component(2), [0.0; 4]);
     assert_eq!(health(&loaded, "position.gps").absent, ["height"]);
-    // One row without it among many is one row less.
+    // A single row without it among many costs just that row.
     let loaded = flysight(&[row(1, 47.1), without(2), row(3, 47.3), row(4, 47.4)].concat());
     assert_eq!(reasons(health(&loaded, "position.gps")), [("hMSL is missing", 1, "line 3")]);
 }
 
 #[test]
-fn a_channel_without_a_usable_row_is_absent_and_says_why() {
+fn a_channel_without_a_usable_row_is_absent_with_a_reason() {
     let loaded = flysight("2024-05-10T17:27:02Z,47,8,1,1,2,3,0\n2024-05-10T17:27:03Z,47,8,1,1,2,3,0\n");
     assert!(loaded.flight.channels.is_empty());
     assert_eq!(health(&loaded, "position.gps").used, 0);
@@ -150,7 +150,7 @@ fn a_channel_without_a_usable_row_is_absent_and_says_why() {
 }
 
 #[test]
-fn a_log_that_no_map_knows_has_its_health_and_a_reason_with_its_columns() {
+fn a_log_without_a_map_has_health_and_a_reason_with_its_columns() {
     let (_folder, path) = file("motor.csv", b"t,rpm\n0,1\n1,2\n");
     let loaded = load(&tables(&[path])).unwrap();
     let reason = loaded.binding.unwrap_err();
@@ -169,7 +169,7 @@ fn what_is_missing_in_the_nearest_map_is_named() {
 }
 
 #[test]
-fn a_time_that_nobody_understands_is_shown() {
+fn a_time_that_cannot_be_parsed_is_shown() {
     let rows = "10h27m02,47,8,1,1,2,3,3\n10h27m03,47,8,1,1,2,3,3\n";
     let (_folder, path) = file("f.csv", format!("{HEADER}{rows}").as_bytes());
     let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
@@ -177,13 +177,13 @@ fn a_time_that_nobody_understands_is_shown() {
 }
 
 #[test]
-fn a_reason_stays_short_and_a_column_of_the_time_brings_no_map_near() {
+fn a_reason_stays_short_and_a_time_column_alone_suggests_no_map() {
     // The maps of autopilots know the topic by its name, and have some thirty channels.
     let (_folder, path) = file("IMU.csv", b"time,a,b\n0.0,1,2\n0.1,1,2\n");
     let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
     assert!(reason.contains("ardupilot lacks angular-rate.imu: topic IMU: no x (GyrX), specific"), "{reason}");
     assert!(reason.contains(" more channels") && reason.len() < 400, "{reason}");
-    // Garmin's and other maps have its date and time, and nothing else of it.
+    // Garmin's and other maps have its date and time, but nothing else of it.
     let (_folder, path) = file("fuel.csv", b"Lcl Date,Lcl Time,fuel\n2024-05-10,17:27:02,3\n2024-05-10,17:27:03,3\n");
     let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
     assert!(!reason.contains("nearest"), "{reason}");
@@ -204,7 +204,7 @@ fn load_with(library: &MapLibrary, text: &str, forced: Option<&str>) -> Result<L
 }
 
 #[test]
-fn two_maps_that_fit_equally_are_an_error_that_names_both_and_the_user_decides() {
+fn two_equally_fitting_maps_are_an_error_that_names_both() {
     let mut library = MapLibrary::shipped().unwrap();
     library.add(same("first", "m/s", ""));
     library.add(same("second", "kt", ""));
@@ -283,7 +283,7 @@ fn topics_by_type_are_found_under_any_name_and_east_north_up_becomes_north_east_
     assert_eq!(binding.map, "navsatfix-twist");
     let velocity = &flight.channels["velocity.gps"].series;
     assert_eq!([0, 1, 2].map(|i| velocity.component(i)[0]), [2.0, 1.0, -3.0]);
-    // The publish time that repeats the log time says nothing.
+    // A publish time equal to the log time carries no information.
     let others: Vec<StampKind> = flight.channels["position.gps"].other_stamps.iter().map(|(kind, ..)| *kind).collect();
     assert_eq!(others, [StampKind::Logged]);
     let offset = &binding.channels[0].offsets[0];
@@ -292,14 +292,14 @@ fn topics_by_type_are_found_under_any_name_and_east_north_up_becomes_north_east_
 }
 
 #[test]
-fn two_topics_of_the_same_type_are_named_when_nobody_can_know() {
+fn two_topics_of_the_same_type_are_named_when_ambiguous() {
     let type_name = "sensor_msgs/NavSatFix";
     let error = bound(vec![fix("/a", type_name), fix("/c", type_name)]).unwrap_err().to_string();
     assert!(error.contains("/a and /c fit equally well"), "{error}");
 }
 
 #[test]
-fn topics_by_name_go_before_topics_by_type_and_below_a_namespace() {
+fn topics_match_by_name_before_type_also_below_a_namespace() {
     let tables = vec![
         fix("/uav1/mavros/global_position/raw/fix", "sensor_msgs/NavSatFix"),
         twist("/uav1/mavros/local_position/velocity_local", STAMPS),
@@ -311,7 +311,7 @@ fn topics_by_name_go_before_topics_by_type_and_below_a_namespace() {
 }
 
 #[test]
-fn stamps_that_were_never_filled_in_give_way_to_the_log_time_with_a_warning() {
+fn log_time_replaces_timestamps_never_filled_in_with_a_warning() {
     let (flight, _) = bound(vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", &[0; 3])]).unwrap();
     let velocity = &flight.channels["velocity.gps"].series;
     assert_eq!(velocity.timeline().kind(), StampKind::Logged);
@@ -324,7 +324,7 @@ fn stamps_that_were_never_filled_in_give_way_to_the_log_time_with_a_warning() {
 }
 
 #[test]
-fn stamps_of_another_clock_make_no_offset() {
+fn timestamps_of_another_clock_yield_no_offset() {
     let simulated = [10_000_000_000, 11_000_000_000, 12_000_000_000];
     let (flight, binding) = bound(vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", &simulated)]).unwrap();
     assert!(binding.channels.iter().find(|c| c.name == "velocity.gps").unwrap().offsets.is_empty());
@@ -332,7 +332,7 @@ fn stamps_of_another_clock_make_no_offset() {
 }
 
 #[test]
-fn clocks_that_are_days_apart_are_told_once_for_all_channels_with_the_days() {
+fn clocks_that_are_days_apart_are_reported_once_with_the_days() {
     let simulated = [10_000_000_000, 11_000_000_000, 12_000_000_000];
     let place =
         typed("/a", "sensor_msgs/NavSatFix", &[("latitude", &[47.0; 3]), ("longitude", &[8.0; 3])], &simulated, LOGGED);
@@ -360,14 +360,14 @@ fn a_number_that_is_not_finite_rejects_its_message() {
 }
 
 #[test]
-fn a_file_that_is_not_there_is_an_error_with_its_name() {
+fn a_missing_file_is_an_error_with_its_name() {
     let unit = FlightUnit { id: "x".into(), files: vec!["/nowhere/x.csv".into()], kind: LogKind::Csv };
     let error = load(&unit).unwrap_err();
     assert!(matches!(&error, IngestError::Io { file, .. } if file == "x.csv"), "{error}");
 }
 
 #[test]
-fn a_log_that_is_written_to_while_it_is_read_is_an_error() {
+fn a_log_written_to_while_being_read_is_an_error() {
     let text: String = (0..50_000).map(|i| format!("{i},1,2\n")).collect();
     let (_folder, path) = file("f.csv", format!("t,a,b\n{text}").as_bytes());
     let library = MapLibrary::shipped().unwrap();
@@ -409,7 +409,7 @@ fn imu(name: &str, w: f64) -> Table {
 }
 
 #[test]
-fn an_imu_of_ros_becomes_attitude_rate_and_force_of_forward_right_down() {
+fn a_ros_imu_becomes_attitude_rate_and_force_in_forward_right_down() {
     let (flight, binding) = bound(vec![imu("/anything", 1.0)]).unwrap();
     assert_eq!(binding.map, "navsatfix-twist");
     let first = |name: &str| -> Vec<f64> { flight.channels[name].series.components().iter().map(|c| c[0]).collect() };
@@ -420,7 +420,7 @@ fn an_imu_of_ros_becomes_attitude_rate_and_force_of_forward_right_down() {
 }
 
 #[test]
-fn an_imu_without_orientation_is_no_warning_and_changes_no_flight() {
+fn an_imu_without_orientation_is_no_warning_and_leaves_the_flight_unchanged() {
     let tables = || vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", STAMPS)];
     let (plain, _) = bound(tables()).unwrap();
     let (flight, binding) = bound([tables(), vec![imu("/c", 0.0)]].concat()).unwrap();
@@ -438,7 +438,7 @@ fn an_imu_without_orientation_is_no_warning_and_changes_no_flight() {
 }
 
 #[test]
-fn an_encoder_without_a_stamp_of_its_own_is_stamped_by_the_logger_and_never_outranks_a_flight() {
+fn an_encoder_without_a_timestamp_uses_log_time_and_never_outranks_a_flight() {
     let ticks = |name| typed(name, "std_msgs/Int64", &[("data", &[7.0, 7.0, 9.0])], &[0; 3], LOGGED);
     let (flight, binding) = bound(vec![ticks("/motor/ticks")]).unwrap();
     assert_eq!(binding.map, "encoder-ros");

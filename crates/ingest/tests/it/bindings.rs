@@ -1,4 +1,4 @@
-//! Messages made by hand, one for each binding, with a value whose unit, sign and frame leave no doubt.
+//! Messages made by hand, one for each binding, with values whose unit, sign and frame are unambiguous.
 
 use crate::support::*;
 use crate::wire::*;
@@ -34,17 +34,17 @@ fn shorts(values: &[i16]) -> Vec<u8> {
 }
 
 const G: f64 = 9.806_65;
-/// A quarter turn to the right, from north: w, x, y, z.
+/// Rotated 90° to the right of north: w, x, y, z.
 const EAST: [f32; 4] = [std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2];
 
 fn east() -> [f64; 4] {
     EAST.map(f64::from)
 }
 
-/// Number, what stands for the layout in the checksum, and the payload at a time since boot, ms.
+/// Message ID, CRC_EXTRA, and the payload at a time since boot, ms.
 type Message<'m> = (u32, u8, &'m dyn Fn(u64) -> Vec<u8>);
 
-/// Frames in which each message stands five times, 100 ms apart.
+/// Frames with each message five times, 100 ms apart.
 fn tlog(messages: &[Message<'_>]) -> Vec<u8> {
     let frame = |step: u64| {
         messages.iter().flat_map(move |(number, extra, payload)| {
@@ -55,7 +55,7 @@ fn tlog(messages: &[Message<'_>]) -> Vec<u8> {
 }
 
 #[test]
-fn inertial_messages_of_mavlink_are_in_thousandths_of_their_units() {
+fn mavlink_inertial_messages_are_in_thousandths_of_their_units() {
     let xyz = [100, -200, -1000, 1500, -250, 5, 230, -10, 410];
     let boot = move |ms: u64| [(ms as u32).to_le_bytes().to_vec(), shorts(&xyz)].concat();
     let raw = move |ms: u64| [(1000 * ms).to_le_bytes().to_vec(), shorts(&xyz)].concat();
@@ -69,12 +69,12 @@ fn inertial_messages_of_mavlink_are_in_thousandths_of_their_units() {
         let timeline = loaded.flight.channels[&format!("specific-force.{name}")].series.timeline();
         assert_eq!((timeline.kind(), timeline.first().unwrap().0), (StampKind::Measured, 65_000_000_000));
     }
-    // What RAW_IMU counts is an assumption, and told.
+    // The units of RAW_IMU are an assumption, which is reported.
     assert_eq!(count_of(&loaded, "assumption"), 10);
 }
 
 #[test]
-fn other_estimates_and_the_truth_of_a_simulator_are_bound_from_mavlink() {
+fn other_estimates_and_simulator_truth_are_bound_from_mavlink() {
     let (lat, lon) = (473_977_420_i32, -85_455_940_i32);
     let place = move || [lat.to_le_bytes(), lon.to_le_bytes()].concat();
     let degrees = [47.397_742_f64.to_radians(), -8.545_594_f64.to_radians()];
@@ -98,15 +98,15 @@ fn other_estimates_and_the_truth_of_a_simulator_are_bound_from_mavlink() {
     assert_all(&loaded, "attitude.truth-sim", &east());
     assert_all(&loaded, "position.odometry", &[1.0, -2.0, -30.0]);
     assert_all(&loaded, "velocity.odometry", &[4.0, 5.0, -0.5]);
-    // In no message of these is a time of the vehicle.
+    // None of these messages carries a vehicle timestamp.
     assert_eq!(loaded.flight.channels["position.ahrs2"].series.timeline().kind(), StampKind::Logged);
-    // A pose that turns the body, with a velocity along the body: that is none to the north.
+    // A pose that rotates the body, with a body-frame velocity: not a velocity to the north.
     let loaded = load_as(LogKind::Tlog, &tlog(&[(331, 91, &body as _)]));
     assert_all(&loaded, "attitude.odometry", &east());
     assert!(!loaded.flight.channels.contains_key("velocity.odometry"));
 }
 
-/// A DataFlash log in which each type stands five times, 100 ms apart: name, format, columns, and what follows the time.
+/// A DataFlash log with each type five times, 100 ms apart: name, format, columns, and what follows the time.
 fn dataflash(types: &[(&str, &str, &str, Vec<u8>)]) -> Vec<u8> {
     let mut out = dataflash_begin();
     for (id, (name, codes, columns, _)) in (10..).zip(types) {
@@ -135,7 +135,7 @@ fn turned() -> [f64; 4] {
 }
 
 #[test]
-fn both_lanes_of_ardupilots_estimator_are_bound_old_and_new() {
+fn both_lanes_of_old_and_new_ardupilot_estimators_are_bound() {
     for types in [
         vec![("XKF1", CORE.0, CORE.1, core(0)), ("XKF1", CORE.0, CORE.1, core(1))],
         vec![("NKF1", CORE.0, CORE.1, core(0)), ("NKF1", CORE.0, CORE.1, core(1))],
@@ -158,7 +158,7 @@ fn both_lanes_of_ardupilots_estimator_are_bound_old_and_new() {
 }
 
 #[test]
-fn other_types_of_dataflash_have_their_units_and_signs() {
+fn other_dataflash_types_have_their_units_and_signs() {
     let place = || [473_977_420_i32, -85_455_940].map(i32::to_le_bytes).concat();
     let turn = || [shorts(&[1000, -2000]), 9000_u16.to_le_bytes().to_vec()].concat();
     let whole = "Roll,Pitch,Yaw,Alt,Lat,Lng,Q1,Q2,Q3,Q4";
@@ -200,13 +200,13 @@ fn other_types_of_dataflash_have_their_units_and_signs() {
         assert_all(&loaded, &format!("specific-force.{device}"), &[1.0, -2.0, -9.8]);
         assert_all(&loaded, &format!("magnetic-field.{device}"), &[23e-6, -1e-6, 41e-6]);
     }
-    // When the picture was taken, and not when the autopilot wrote it down.
+    // When the picture was taken, not when the autopilot logged it.
     let camera = loaded.flight.channels["position.vision"].series.timeline();
     assert_eq!((camera.kind(), camera.first().unwrap().0), (StampKind::Measured, 64_980_000_000));
 }
 
 #[test]
-fn lanes_and_cameras_of_px4_are_bound_in_the_frame_that_they_name() {
+fn px4_lanes_and_cameras_are_bound_in_the_frame_they_name() {
     let odometry = "uint64_t timestamp;uint64_t timestamp_sample;float[3] position;float[4] q;float[3] velocity;\
                     uint8_t pose_frame;uint8_t velocity_frame;";
     let local = "estimator_local_position:uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;float vx;\
@@ -234,7 +234,7 @@ fn lanes_and_cameras_of_px4_are_bound_in_the_frame_that_they_name() {
         let timeline = loaded.flight.channels[&format!("position.{name}")].series.timeline();
         assert_eq!(timeline.first().unwrap().0, 65_000_000_000);
     }
-    // 2 is a frame that does not know north, 3 the body's.
+    // 2 is a frame without a north reference, 3 the body frame.
     let loaded = log([2, 3]);
     let bound = |name: &str| loaded.flight.channels.contains_key(name);
     assert!(!bound("position.vision") && !bound("velocity.vision") && !bound("attitude.vision"));
@@ -242,14 +242,14 @@ fn lanes_and_cameras_of_px4_are_bound_in_the_frame_that_they_name() {
 }
 
 #[test]
-fn marks_and_pulses_of_a_receiver_are_stamped_in_its_own_time_to_the_nanosecond() {
+fn receiver_marks_and_pulses_have_receiver_time_to_the_nanosecond() {
     const WEEK: u16 = 2445;
     let mark = |n: u32| {
         let times = [561_600_123 + 1000 * n, 456_789, 561_600_200 + 1000 * n, 1].map(u32::to_le_bytes).concat();
         let weeks = [40 + n as u16, WEEK, WEEK].map(u16::to_le_bytes).concat();
         ubx_frame(0x0d, 3, &[&[0, 0xc8][..], &weeks, &times, &[0; 4]].concat())
     };
-    // Of a receiver that counts pulses in UTC, as its flags say: 18 leap seconds behind.
+    // From a receiver whose flags say that it counts pulses in UTC: 18 leap seconds behind.
     let pulse = |n: u32| {
         let times = [561_582_000 + 1000 * n, 0, 0].map(u32::to_le_bytes).concat();
         ubx_frame(0x0d, 1, &[&times[..], &WEEK.to_le_bytes(), &[3, 0]].concat())
@@ -276,7 +276,7 @@ fn novatel(name: &str, seconds: f64, fields: &str) -> String {
 }
 
 #[test]
-fn rows_of_novatel_without_a_solution_are_not_used_and_counted() {
+fn novatel_rows_without_a_solution_are_rejected_and_counted() {
     let epoch = |n: u32| {
         let (seconds, latitude) = (561_600.0 + f64::from(n), 47.3 + 1e-5 * f64::from(n));
         let (status, inertial) = match n {
@@ -314,14 +314,14 @@ fn rows_of_novatel_without_a_solution_are_not_used_and_counted() {
         let rejected: Vec<(&str, u64)> = health.rejected.iter().map(|r| (r.reason.as_str(), r.count)).collect();
         assert_eq!((health.used, rejected), (20 - unusable, vec![("solution_ok is below 1", unusable)]), "{name}");
     }
-    // The first that is used is the third.
+    // The first used row is the third.
     let velocity = &loaded.flight.channels["velocity.gps"].series;
     assert!((velocity.component(1)[0] - 3.0).abs() < 1e-12, "{:?}", velocity.component(1));
     assert_eq!(count_of(&loaded, "rejected-row"), 13);
 }
 
 #[test]
-fn angles_of_inertial_systems_are_those_of_aircraft_and_messages_apart_are_bound_as_together() {
+fn inertial_angles_are_aircraft_angles_and_split_messages_bind_as_one() {
     let row = |n: u32| {
         let (seconds, latitude) = (561_600.0 + f64::from(n), 47.3 + 1e-5 * f64::from(n));
         let inertial =
@@ -346,13 +346,13 @@ fn angles_of_inertial_systems_are_those_of_aircraft_and_messages_apart_are_bound
     assert_all(&oxts, "velocity.ins", &[10.0, 5.0, -1.0]);
     let side = std::f64::consts::FRAC_1_SQRT_2;
     assert_all(&oxts, "attitude.ins", &[half.cos() * side, -half.sin() * side, half.sin() * side, half.cos() * side]);
-    // Thirteen o'clock there is noon.
+    // 13:00 local is noon UTC.
     let timeline = oxts.flight.channels["position.ins"].series.timeline();
     assert_eq!((timeline.clock(), timeline.stamps()[8].0), (Clock::Unix, 1_795_262_408_000_000_000));
 }
 
 #[test]
-fn what_mavlink_does_not_know_is_absent() {
+fn values_unknown_to_mavlink_are_absent() {
     let unknown = u32::MAX;
     let raw = move |ms: u64| {
         let step = ms as i32;
@@ -378,7 +378,7 @@ fn what_mavlink_does_not_know_is_absent() {
     assert_eq!(loaded.flight.channels["position.gps"].series.len(), 5);
 }
 
-/// A text export of MT Manager at 10 Hz, from 2026-11-21T12:00:00 UTC on; `utc` says what stands in the columns of UTC.
+/// A text export of MT Manager at 10 Hz, from 2026-11-21T12:00:00 UTC on; `utc` gives the UTC columns.
 fn mt_manager(rows: u32, utc: impl Fn(u32) -> String) -> String {
     let header = "SampleTimeFine,UTC_Nano,UTC_Year,UTC_Month,UTC_Day,UTC_Hour,UTC_Minute,UTC_Second,UTC_Valid,Roll,Pitch,Yaw,\
                   Latitude,Longitude,Altitude,Vel_X,Vel_Y,Vel_Z";
@@ -392,7 +392,7 @@ fn noon(n: u32) -> String {
 }
 
 #[test]
-fn angles_of_mt_manager_turn_the_sensor_to_east_north_up() {
+fn mt_manager_angles_rotate_the_sensor_to_east_north_up() {
     let loaded = load_as(LogKind::Csv, mt_manager(30, noon).as_bytes());
     // Heading north with the nose ten degrees up.
     let half = 5.0_f64.to_radians();
@@ -402,7 +402,7 @@ fn angles_of_mt_manager_turn_the_sensor_to_east_north_up() {
 }
 
 #[test]
-fn the_frame_that_a_comment_of_mt_manager_says_is_the_one_that_is_bound_and_no_comment_is_an_assumption() {
+fn an_mt_manager_comment_sets_the_frame_and_without_one_it_is_assumed() {
     let said = |text: &str| {
         let text = mt_manager(30, noon).replace("// Coordinate system: ENU\n", text);
         load_as(LogKind::Csv, text.as_bytes())
@@ -430,7 +430,7 @@ fn the_frame_that_a_comment_of_mt_manager_says_is_the_one_that_is_bound_and_no_c
 }
 
 #[test]
-fn where_comments_of_mt_manager_contradict_one_another_no_frame_is_assumed() {
+fn contradictory_mt_manager_comments_leave_no_frame_assumed() {
     let text = mt_manager(30, noon).replace("// Coordinate", "// Coordinate system: NED\n// Coordinate");
     let loaded = load_as(LogKind::Csv, text.as_bytes());
     assert_eq!(loaded.flight.channels.keys().collect::<Vec<_>>(), ["position.ins"]);
@@ -439,8 +439,8 @@ fn where_comments_of_mt_manager_contradict_one_another_no_frame_is_assumed() {
 }
 
 #[test]
-fn rows_of_mt_manager_without_utc_are_dated_by_the_devices_counter() {
-    // None, and a day of the device's own.
+fn mt_manager_rows_without_utc_are_dated_by_the_devices_counter() {
+    // No UTC, and a date from the device itself.
     let absent = |n: u32| if n < 5 { ",,,,,,,0".to_owned() } else { noon(n) };
     let own = |n: u32| if n < 5 { format!("{},2000,1,1,0,0,0,0", n * 100_000_000) } else { noon(n) };
     for text in [mt_manager(30, absent), mt_manager(30, own)] {

@@ -1,5 +1,5 @@
-//! Clocks that go wrong, one after the other, through the reader and the channel map of every format: a sample has its
-//! true time, or is left out and counted, or the log is told to be in doubt. Other tests of clocks are in `time`.
+//! Clock faults, one at a time, through the reader and the channel map of every format: a sample has its
+//! true time, or is rejected and counted, or the log is reported as doubtful. Other tests of clocks are in `time`.
 
 use crate::made::{self, BagCodec, Encoding, Layout, Sent};
 use crate::support::*;
@@ -15,31 +15,31 @@ const DAY: i128 = 86_400 * S;
 const STEP: i128 = 100 * MS;
 const ROWS: usize = 200;
 const MIDDLE: usize = ROWS / 2;
-/// Read once, for it takes longer than a log.
+/// Read only once, as it takes longer than a log.
 static SHIPPED: LazyLock<MapLibrary> = LazyLock::new(|| MapLibrary::shipped().unwrap());
-/// All bits of a stamp are one.
+/// A timestamp with all bits set.
 const ONES: i128 = i128::MAX;
 
-/// A format that stamps a height, which is the number of its row.
+/// A format that timestamps a height, which is its row number.
 struct Format {
     name: &'static str,
     kind: LogKind,
-    /// Of the map: topic, sources of stamps, field.
+    /// For the map: topic, timestamp sources, field.
     map: [&'static str; 3],
     counter: Counter,
-    /// Rows have a time of the logger's too.
+    /// Rows also have a logger timestamp.
     logged: bool,
     write: fn(&[i128]) -> Vec<u8>,
 }
 
-/// How stamps count.
+/// The kind of clock of the timestamps.
 struct Counter {
     clock: Clock,
-    /// Of the first row, ns.
+    /// Time of the first row, ns.
     begin: i128,
     /// ns.
     quantum: i128,
-    /// Bits of a stamp that counts in quanta.
+    /// Bits of a timestamp that counts quanta.
     bits: u32,
     signed: bool,
 }
@@ -113,7 +113,7 @@ const FORMATS: [Format; 7] = [
 const HEADER: &str =
     "measured = [{ field = \"header.stamp\", unit = \"ns\", clock = \"unix\" }]\nlogged = [{ container = \"logged\" }]";
 
-/// When the logger had a row.
+/// When the logger received a row.
 fn logged(row: usize) -> i64 {
     1_700_000_000_250_000_000 + 100_000_000 * row as i64
 }
@@ -139,7 +139,7 @@ fn csv(stamps: &[i128], quantum: i128) -> Vec<u8> {
     format!("t,v\n{}", stamps.iter().enumerate().map(row).collect::<String>()).into_bytes()
 }
 
-/// Ticks as an unsigned field holds them.
+/// Ticks as stored in an unsigned field.
 fn ticks(stamp: i128, quantum: i128) -> u64 {
     if stamp == ONES { u64::MAX } else { stamp.div_euclid(quantum) as u64 }
 }
@@ -193,18 +193,18 @@ impl Format {
     }
 }
 
-/// What a case must come to.
+/// Expected outcome of a case.
 #[derive(Debug, Clone, Copy)]
 enum Outcome {
     /// Every row at its true time.
     Exact,
-    /// So many rows are left out, and counted; the others are at their true time.
+    /// This many rows are rejected and counted; the others are at their true time.
     LeftOut(usize),
-    /// Half the rows are left out, and counted; the others stand as they were written.
+    /// Half the rows are rejected and counted; the others are as written.
     Half,
-    /// Rows stand as they were written, in the order of the log but for one step; a notice of this code tells of it.
+    /// Rows are as written, in the order of the log except for one step; a notice of this code reports it.
     Told(&'static str),
-    /// As told, by nothing but the gaps of the stamps: the log cannot be told from one with a hole.
+    /// The same, but only the timestamp gaps show it: the log cannot be distinguished from one with a gap.
     Gap,
 }
 
@@ -212,7 +212,7 @@ fn health(loaded: &Loaded) -> &ChannelHealth {
     &loaded.binding.as_ref().unwrap_or_else(|e| panic!("{e}: {:?}", loaded.flight.notices)).channels[0]
 }
 
-/// Stamps and rows of the samples.
+/// Timestamps and rows of the samples.
 fn samples(loaded: &Loaded) -> Vec<(i128, usize)> {
     let series = &loaded.flight.channels["height.x"].series;
     let stamps = series.timeline().stamps().iter().map(|s| i128::from(s.0));
@@ -224,7 +224,7 @@ fn check(format: &Format, case: &str, written: &[i128], truth: &[i128], outcome:
     let loaded = format.load(written);
     let (health, samples) = (health(&loaded), samples(&loaded));
     let stamps = health.stamps.as_ref().unwrap();
-    // Which stamps were used is said.
+    // The timestamps used are reported.
     assert_eq!((stamps.kind, stamps.clock), (StampKind::Measured, format.counter.clock), "{what}");
     assert!(samples.windows(2).all(|w| w[0].0 < w[1].0), "{what}");
     let down = |stamp: i128| stamp.div_euclid(format.counter.quantum) * format.counter.quantum;
@@ -246,7 +246,7 @@ fn check(format: &Format, case: &str, written: &[i128], truth: &[i128], outcome:
     }
 }
 
-/// Checks all formats that `fits`, each with what `spoil` makes of its stamps.
+/// Checks all formats that `fits`, each with its timestamps changed by `spoil`.
 fn each(case: &str, outcome: Outcome, fits: impl Fn(&Format) -> bool, spoil: impl Fn(usize, i128) -> i128) {
     let mut checked = 0;
     for format in FORMATS.iter().filter(|f| fits(f)) {
@@ -263,18 +263,18 @@ fn any(_: &Format) -> bool {
 }
 
 #[test]
-fn good_stamps_and_rows_in_disorder_are_exact() {
+fn good_timestamps_and_disordered_rows_are_exact() {
     each("good", Outcome::Exact, any, |_, stamp| stamp);
     let swapped = |row: usize, stamp| if row.is_multiple_of(2) { stamp + STEP } else { stamp - STEP };
     for format in &FORMATS {
-        // The value goes with its stamp: what is written second is what was true first.
+        // The value moves with its timestamp: the second one written is the first one in time.
         let written: Vec<i128> = format.true_stamps().iter().enumerate().map(|(row, s)| swapped(row, *s)).collect();
         check(format, "swapped pairs", &written, &written, Outcome::Exact);
     }
 }
 
 #[test]
-fn of_equal_stamps_the_first_is_kept_and_the_others_are_counted() {
+fn the_first_of_equal_timestamps_is_kept_and_the_others_are_counted() {
     for (every, lost) in [(100, 2), (10, 20)] {
         let case = format!("every {every}th stamp is that before it");
         each(
@@ -291,7 +291,7 @@ fn of_equal_stamps_the_first_is_kept_and_the_others_are_counted() {
 }
 
 #[test]
-fn a_stamp_that_never_changes_gives_way_to_the_logs_or_there_is_no_channel() {
+fn a_constant_timestamp_yields_to_log_time_or_there_is_no_channel() {
     for format in &FORMATS {
         for constant in [0, format.counter.begin, ONES] {
             let loaded = format.load(&[constant; ROWS]);
@@ -309,12 +309,12 @@ fn a_stamp_that_never_changes_gives_way_to_the_logs_or_there_is_no_channel() {
 }
 
 #[test]
-fn a_clock_that_is_set_back_is_told_and_no_two_stretches_are_mixed() {
+fn a_clock_set_back_is_reported_and_its_stretches_are_not_mixed() {
     for back in [1, 1000, MS, 37 * MS, STEP, S, S + 37 * MS, 5 * S + MS, 60 * S, 3600 * S, DAY - 60 * S] {
         let case = format!("{back} ns back");
         let set_back = |row: usize, stamp| if row < MIDDLE { stamp } else { stamp - STEP - back };
         let fits = |f: &Format| back < f.counter.begin && back >= f.counter.quantum;
-        // Telemetry has the times of reception beside it, which know of no such step.
+        // Telemetry also has receive times, which have no such step.
         let found = |f: &Format| f.kind == LogKind::Tlog && back > S;
         each(&case, Outcome::Told("unreliable-stamps"), |f| fits(f) && !found(f), set_back);
         if FORMATS.iter().any(|f| fits(f) && found(f)) {
@@ -339,7 +339,7 @@ fn a_clock_that_is_set_back_is_told_and_no_two_stretches_are_mixed() {
 }
 
 #[test]
-fn a_clock_that_is_set_forward_leaves_a_gap_or_half_of_the_rows() {
+fn a_clock_set_forward_leaves_a_gap_or_half_of_the_rows() {
     for forward in [S, 3600 * S] {
         each(&format!("{forward} ns forward"), Outcome::Gap, any, |row, stamp| {
             stamp + if row < MIDDLE { 0 } else { forward }
@@ -354,7 +354,7 @@ fn a_clock_that_is_set_forward_leaves_a_gap_or_half_of_the_rows() {
 }
 
 #[test]
-fn single_rows_with_a_wrong_stamp_are_left_out_and_counted() {
+fn single_rows_with_a_wrong_timestamp_are_rejected_and_counted() {
     let few = |row: usize| [30, 77, 140].contains(&row);
     for leap in [-3652 * DAY, -DAY, -3600 * S, -50 * S, -S - 37 * MS, -S, S, S + 37 * MS, 3600 * S, DAY, 3652 * DAY] {
         let fits = |f: &Format| (leap.abs() < f.counter.begin || leap > 0) && (f.counter.bits == 64 || leap < DAY);
@@ -368,7 +368,7 @@ fn single_rows_with_a_wrong_stamp_are_left_out_and_counted() {
     each("all ones", Outcome::LeftOut(3), any, |row, stamp| if few(row) { ONES } else { stamp });
 }
 
-/// As [`each`], of a log that begins at `begin` and whose stamps keep only this many quanta.
+/// As [`each`], for a log that begins at `begin` and whose timestamps wrap around after this many quanta.
 fn each_counter(case: &str, outcome: Outcome, names: &[&str], begin: i128, range: i128) {
     for format in FORMATS.iter().filter(|f| names.contains(&f.name)) {
         let truth: Vec<i128> = (0..ROWS as i128).map(|i| begin + STEP * i).collect();
@@ -378,8 +378,8 @@ fn each_counter(case: &str, outcome: Outcome, names: &[&str], begin: i128, range
 }
 
 #[test]
-fn counters_run_on_or_cost_the_rows_beyond_their_end() {
-    // Of tables there is a test in `time`.
+fn counters_wrap_around_or_cost_the_rows_beyond_their_end() {
+    // Tables are tested in `time`.
     let micros = 1000 << 32;
     each_counter("32 bits of microseconds", Outcome::Exact, &["ulog", "dataflash"], micros - 10 * S, micros);
     each_counter("32 bits of milliseconds", Outcome::Exact, &["tlog"], (MS << 32) - 10 * S, MS << 32);
@@ -387,7 +387,7 @@ fn counters_run_on_or_cost_the_rows_beyond_their_end() {
     for (name, begin) in [("mcap", S << 31), ("bag", S << 32)] {
         let format = FORMATS.iter().find(|f| f.name == name).unwrap();
         let truth: Vec<i128> = (0..ROWS as i128).map(|i| begin - 10 * S + STEP * i).collect();
-        // The earlier half is 136 years away from the later, of which the median is one.
+        // The earlier half is 136 years away from the later, which contains the median.
         let late = if name == "mcap" { begin - (S << 32) } else { 0 };
         let read: Vec<i128> = truth.iter().map(|t| if *t < begin { *t } else { *t - begin + late }).collect();
         let loaded = format.load(&truth);
@@ -407,7 +407,7 @@ fn counters_run_on_or_cost_the_rows_beyond_their_end() {
 }
 
 #[test]
-fn the_header_against_the_log_is_measured_and_the_header_is_used() {
+fn header_and_log_times_are_compared_and_the_header_is_used() {
     for format in FORMATS.iter().filter(|f| f.map[1] == HEADER) {
         let offset = |spoil: fn(i128) -> i128| {
             let written: Vec<i128> =
@@ -418,7 +418,7 @@ fn the_header_against_the_log_is_measured_and_the_header_is_used() {
             assert_eq!(health.stamps.as_ref().unwrap().source, "header.stamp");
             (health.offsets[0].of, health.offsets[0].offset_s)
         };
-        // The logger has every row 0.25 s late.
+        // The logger receives every row 0.25 s late.
         let (of, late) = offset(|_| 120 * MS);
         assert_eq!((of, late.min, late.max), (StampKind::Logged, 0.37, 0.37));
         // 50 ppm in 19.9 s.
@@ -428,7 +428,7 @@ fn the_header_against_the_log_is_measured_and_the_header_is_used() {
 }
 
 #[test]
-fn log_times_at_the_end_of_64_bits_are_no_reason_to_panic() {
+fn log_times_at_the_end_of_64_bits_do_not_panic() {
     let mut sent = sent(&FORMATS[0].true_stamps());
     for (row, fix) in sent.iter_mut().enumerate() {
         fix.stamp_ns = 0;

@@ -68,7 +68,7 @@ fn the_same_table_in_every_dialect_is_the_same_table() {
     }
 }
 
-/// The same numbers for ever.
+/// A fixed sequence of numbers.
 fn drawn(seed: u64) -> impl FnMut(usize) -> usize {
     let mut state = seed;
     move |below| {
@@ -78,8 +78,8 @@ fn drawn(seed: u64) -> impl FnMut(usize) -> usize {
 }
 
 #[test]
-fn what_becomes_of_a_line_does_not_depend_on_a_quote_far_behind_it() {
-    // Where a quote is ahead every line is looked at on its own, elsewhere blocks of rows are.
+fn a_lines_fate_does_not_depend_on_a_quote_far_after_it() {
+    // Before a quote every line is parsed on its own, elsewhere in blocks of rows.
     const ODD: [&str; 16] = [
         "",
         "  ",
@@ -117,7 +117,7 @@ fn what_becomes_of_a_line_does_not_depend_on_a_quote_far_behind_it() {
     }
 }
 
-/// A large table whose rows are seldom out of the common: one in `rare`.
+/// A large table with an unusual row in every `rare`.
 fn large_table(seed: u64, rare: usize) -> String {
     let mut draw = drawn(seed);
     let cell = |row: usize, column: usize| match column {
@@ -179,7 +179,7 @@ fn a_large_table_is_the_same_to_one_thread_and_to_many() {
     let pools = [1, 2, 4].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap());
     for (seed, rare) in (0..12).zip([3, 40, 1000, 20_000, 300_000].into_iter().cycle()) {
         let text = large_table(seed, rare);
-        // Lines of more than this many bytes are too long.
+        // Lines longer than this many bytes are rejected.
         let limits = Limits { line_bytes: [1 << 20, 15_000][seed as usize % 2], ..Limits::default() };
         let wanted = Selection::Fields(fields.iter().skip(seed as usize / 2 % 3).cloned().collect());
         let [one, two, four] = pools.each_ref().map(|pool| {
@@ -195,7 +195,7 @@ fn a_large_table_is_the_same_to_one_thread_and_to_many() {
 }
 
 #[test]
-fn the_columns_of_the_readers_own_are_the_same_whatever_else_is_wanted() {
+fn the_readers_own_columns_do_not_depend_on_what_else_is_wanted() {
     let row = |n: usize| format!("{n};2026;{};0000008{};0;0;0;{};8.5;400\n", n % 8, 3 + n % 5, n % 2 * 47);
     let xsens = "SampleTimeFine;UTC_Year;UTC_Valid;StatusWord;Vel_E;Vel_N;Vel_U;Latitude;Longitude;Altitude\n";
     let oxts = |n: usize| format!("{n},47.0,8.5,{}.000\n", n % 12);
@@ -219,7 +219,7 @@ fn the_columns_of_the_readers_own_are_the_same_whatever_else_is_wanted() {
 }
 
 #[test]
-fn the_layout_that_was_found_is_stated() {
+fn the_detected_layout_is_stated() {
     let format = |text| read(text).health.format;
     assert_eq!(format("t,x\n1,2\n"), "CSV, ',' delimited, header in line 1");
     assert_eq!(format("# a\n#s,m\n t; x \n(s);(m)\n1;2\n"), "CSV, ';' delimited, header in line 3, units in line 4");
@@ -236,12 +236,12 @@ fn a_decimal_comma_is_read_where_it_is_certain_and_the_layout_says_so() {
     // Quoted in a table with commas between, it may be a list: it stays text.
     let log = read("t,x\n1,\"0,5\"\n2,\"1,5\"\n");
     assert_eq!(log.tables[0].column("x").unwrap().text(0).as_deref(), Some("0,5"));
-    // Times with a comma are the same times.
+    // Times with a decimal comma are the same.
     let log = read("date;time;x\n23.06.2021;17:27:44,3;0,5\n23.06.2021;17:27:44,4;0,5\n");
     assert_eq!(log.tables[0].column("time").unwrap().text(0).as_deref(), Some("17:27:44.3"));
 }
 
-/// Cells of `x` as they were refused: the notice names line and column.
+/// Rejected cells of `x`: the notice names line and column.
 fn assert_refused(text: &str, cell: &str, lines: &str) {
     let fields = vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }];
     let log = read_limited(text.as_bytes(), &Selection::Fields(fields), Limits::default()).unwrap();
@@ -251,17 +251,17 @@ fn assert_refused(text: &str, cell: &str, lines: &str) {
 }
 
 #[test]
-fn separators_of_thousands_are_refused_with_line_and_column_and_never_misread() {
-    // Nobody can know whether these are decimals.
+fn thousands_separators_are_rejected_with_line_and_column() {
+    // Whether these are decimals is ambiguous.
     assert_refused("t;x\n1;1,250\n2;12,500\n", "\"1,250\"", "2, 3");
-    // With decimals beside them they are none.
+    // Next to decimals they are not decimals.
     assert_refused("t;x\n1;1,250.5\n2;7.5\n", "\"1,250.5\"", "2");
     assert_refused("t;x\n1;1.250,5\n2;7,5\n", "\"1.250,5\"", "2");
     assert_refused("t,x\n1,\"1,250\"\n2,7.5\n", "\"1,250\"", "2");
-    // A point in a table with decimal commas may be one of thousands.
+    // A point in a table with decimal commas may be a thousands separator.
     assert_refused("t;x\n1;0,5\n2;7.500\n", "\"7.500\"", "3");
     assert_refused("t,x\n1,1 250\n2,0x1f\n3,5\n", "\"1 250\"", "2, 3");
-    // A whole column of them is lost, one of words is not: it was meant as something else.
+    // A whole column of them is a loss; a column of words is not, as it was not meant as numbers.
     let lost = |text: &str| {
         let fields = vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }];
         read_limited(text.as_bytes(), &Selection::Fields(fields), Limits::default()).unwrap().notices.any_loss()
@@ -271,7 +271,7 @@ fn separators_of_thousands_are_refused_with_line_and_column_and_never_misread() 
 }
 
 #[test]
-fn nineteen_digit_stamps_stay_exact_and_small_integers_are_plain_numbers() {
+fn nineteen_digit_timestamps_stay_exact_and_small_integers_are_numbers() {
     let log = read("stamp,count,mixed\n1531943812200143162,1,7\n1531943812200143163,2,7.5\n");
     let table = &log.tables[0];
     let of = |path: &str| &table.column(path).unwrap().data;
@@ -281,13 +281,13 @@ fn nineteen_digit_stamps_stay_exact_and_small_integers_are_plain_numbers() {
 }
 
 #[test]
-fn empty_and_not_finite_cells_are_missing_and_counted() {
+fn empty_and_non_finite_cells_are_missing_and_counted() {
     let log = read("t,x\n1,\n2,nan\n3,-inf\n4,1e999\n5,6\n");
     assert_eq!(numbers(&log, "x"), [None, None, None, None, Some(6.0)]);
 }
 
 #[test]
-fn a_column_that_was_wanted_as_a_number_says_where_it_is_none() {
+fn a_column_wanted_as_a_number_reports_cells_that_are_not() {
     let fields = vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }];
     let text = b"t,x\n1,a\n2,2\n3,b\n4,nan\n5,N/A\n";
     let log = read_limited(text, &Selection::Fields(fields), Limits::default()).unwrap();
@@ -309,7 +309,7 @@ fn more_than_one_bad_cell_in_a_hundred_is_a_loss() {
 }
 
 #[test]
-fn a_path_wanted_both_ways_is_text_where_it_holds_no_number() {
+fn a_path_wanted_as_number_and_text_is_text_if_it_holds_no_number() {
     let both = |path: &str| [ValueKind::Number, ValueKind::Text].map(|kind| FieldRequest { path: path.into(), kind });
     let selection = Selection::Fields([both("time"), both("n")].concat());
     let log = read_limited(b"time,n\n2024-05-10T17:27:44Z,0.10\n", &selection, Limits::default()).unwrap();
@@ -336,13 +336,13 @@ fn ragged_rows_are_rejected_with_their_line_and_bytes() {
 }
 
 #[test]
-fn a_row_cut_at_the_end_of_the_file_is_told_from_one_that_only_lacks_its_line_end() {
+fn a_truncated_last_row_is_distinguished_from_a_missing_line_end() {
     let cut = read("t,x\n1,2\n3,4\n5");
     assert_eq!(
         cut.health.damage[0].reason,
         "line 4: 1 fields where the header has 2, and no line end: the log was cut here"
     );
-    // Only the digits behind the last delimiter may be missing.
+    // Only digits after the last delimiter may be missing.
     let open = read("t,x\n1,2\n3,45");
     assert_eq!(numbers(&open, "t"), [Some(1.0), Some(3.0)]);
     assert_eq!(numbers(&open, "x"), [Some(2.0), None]);
@@ -350,7 +350,7 @@ fn a_row_cut_at_the_end_of_the_file_is_told_from_one_that_only_lacks_its_line_en
 }
 
 #[test]
-fn zero_bytes_cost_their_row_and_a_sea_of_them_ends_the_reading() {
+fn zero_bytes_cost_their_row_and_a_long_run_of_them_ends_the_table() {
     let log = read("t,x\n1,2\n3,\0\0\n5,6\n");
     assert_eq!(numbers(&log, "t"), [Some(1.0), Some(5.0)]);
     assert_eq!(log.health.damage[0].reason, "line 3: zero bytes in the row");
@@ -362,7 +362,7 @@ fn zero_bytes_cost_their_row_and_a_sea_of_them_ends_the_reading() {
 }
 
 #[test]
-fn a_line_over_the_limit_is_passed_and_counted() {
+fn a_line_over_the_limit_is_skipped_and_counted() {
     let text = format!("t,x\n1,2\n3,{}\n5,6\n", "9".repeat(20_000));
     let limits = Limits { line_bytes: 1000, ..Limits::default() };
     let log = read_limited(text.as_bytes(), &Selection::All, limits).unwrap();
@@ -371,7 +371,7 @@ fn a_line_over_the_limit_is_passed_and_counted() {
 }
 
 #[test]
-fn a_stray_quote_costs_its_row_and_not_the_rest() {
+fn a_stray_quote_costs_only_its_row() {
     let log = read("t,x,note\n1,2,a\n3,4,\"b\n5,6,c\n7,8,\"d\n9,10,e\n");
     assert_eq!(numbers(&log, "t"), [Some(1.0), Some(5.0), Some(9.0)]);
     let log = read("t,x\n1,\"2\n3,4\n5,6\n");
@@ -388,7 +388,7 @@ fn repeated_and_empty_names_become_unique_with_a_notice() {
 }
 
 #[test]
-fn names_and_texts_that_were_kept_from_being_formulas_come_back_as_they_were() {
+fn formula_escapes_in_names_and_texts_are_undone() {
     let texts = ["=SUM(A1:A9)", "-5", "'quoted'", "@home", "plain"];
     let rows: String = texts.iter().map(|text| format!("1.5,{}\n", ingest::inert(text))).collect();
     let log = read(&format!("t,{}\n{rows}", ingest::inert("=n")));
@@ -397,7 +397,7 @@ fn names_and_texts_that_were_kept_from_being_formulas_come_back_as_they_were() {
 }
 
 #[test]
-fn what_is_no_table_is_refused_with_the_reason() {
+fn a_file_that_is_not_a_table_is_rejected_with_a_reason() {
     for (text, reason) in [
         (&b""[..], "empty"),
         (b"\xff\xfet\0,\0x\0", "UTF-16"),
@@ -410,20 +410,20 @@ fn what_is_no_table_is_refused_with_the_reason() {
 }
 
 #[test]
-fn bytes_that_are_no_utf8_hurt_only_their_cell_and_are_latin_1_in_a_name() {
+fn invalid_utf8_costs_only_its_cell_and_is_latin_1_in_a_name() {
     let log = read_limited(b"t,x\xe9\n1,2\n\xff,3\n", &Selection::All, Limits::default()).unwrap();
     assert_eq!(numbers(&log, "x\u{e9}"), [Some(2.0), Some(3.0)]);
 }
 
 #[test]
-fn a_table_that_nobody_wants_is_counted_and_not_taken_apart() {
+fn an_unwanted_table_is_counted_but_not_parsed() {
     let log = read_limited(b"t,x\n1,2\n3\n4,5\n", &Selection::Skip, Limits::default()).unwrap();
     assert!(log.tables.is_empty());
     assert_eq!((log.health.messages, log.health.bytes.skipped, log.health.bytes.structure), (3, 10, 4));
 }
 
 #[test]
-fn flysight_2_rows_go_to_the_tables_that_they_name() {
+fn flysight_2_rows_go_to_the_tables_they_name() {
     let text = "$FLYS,1\n$VAR,FIRMWARE_VER,v1\n$COL,GNSS,time,lat\n$UNIT,GNSS,,deg\n$COL,IMU,time,wx\n$DATA\n\
                 $GNSS,2024-04-20T04:20:00.000Z,33.5\n$IMU,1.5,0.25\n$IMU,2.5\n$XYZ,1\n$IMU,3.5,0.5\n";
     let log = read(text);
@@ -436,14 +436,14 @@ fn flysight_2_rows_go_to_the_tables_that_they_name() {
 }
 
 #[test]
-fn a_flysight_2_file_that_announces_its_tables_without_end_is_read_in_time() {
+fn a_flysight_2_file_with_endless_table_declarations_is_read_in_time() {
     let text: String = (0..60_000).map(|i| format!("$COL,T{},a{i}\n$VAR,k,{i}\n", i % 30_000)).collect();
     let log = read_limited(format!("$FLYS,1\n{text}").as_bytes(), &Selection::Skip, Limits::default()).unwrap();
     assert_eq!((log.health.topics.len(), log.health.extras.len()), (60_000, 256));
 }
 
 #[test]
-fn a_table_that_is_announced_again_goes_on_and_one_with_other_columns_is_another() {
+fn a_table_declared_again_continues_unless_its_columns_differ() {
     let log = read("$FLYS,1\n$COL,GNSS,t,x\n$GNSS,1,2\n$COL,GNSS,t,x\n$GNSS,3,4\n$COL,GNSS,t,y\n$GNSS,5,6\n");
     let names: Vec<(&str, usize)> = log.tables.iter().map(|t| (t.topic.name.as_str(), t.rows)).collect();
     assert_eq!(names, [("GNSS", 2), ("GNSS from line 6", 1)]);
@@ -460,14 +460,14 @@ fn a_header_of_a_hundred_thousand_equal_names_is_read_in_time() {
 }
 
 #[test]
-fn rostopic_echo_names_lose_their_field_and_keep_the_time() {
+fn rostopic_echo_names_lose_their_field_prefix_and_keep_the_time() {
     let log = read("%time,field.header.stamp,field.data\n10,1531943812200143162,1.5\n");
     assert_eq!(log.tables[0].column("header.stamp").unwrap().integer(0), Some(1_531_943_812_200_143_162));
     assert_eq!(numbers(&log, "%time"), [Some(10.0)]);
 }
 
 #[test]
-fn several_files_are_topics_of_one_log_and_a_stray_one_among_them_is_no_end() {
+fn several_files_are_topics_of_one_log_and_a_stray_one_is_harmless() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| {
         let path = folder.path().join(name);
@@ -485,7 +485,7 @@ fn several_files_are_topics_of_one_log_and_a_stray_one_among_them_is_no_end() {
 }
 
 #[test]
-fn every_truncation_gives_a_prefix_or_a_reason_and_accounts_for_every_byte() {
+fn every_truncation_gives_a_prefix_or_a_reason_and_counts_every_byte() {
     let texts = [
         "# c\nt,x,n\ns,m,\n1,0.5,\"a,b\"\n2,1.5,\"c\nd\"\n3,2.5,e\n",
         "\u{feff}t;x\r\n1;2.25\r\n3;4.75\r\n5;6.125\r\n",
@@ -500,7 +500,7 @@ fn every_truncation_gives_a_prefix_or_a_reason_and_accounts_for_every_byte() {
         let (t, x) = (rows(&whole, "t").unwrap(), rows(&whole, "x").unwrap());
         for end in 0..text.len() {
             let Ok(log) = read_limited(&text.as_bytes()[..end], &Selection::All, Limits::default()) else { continue };
-            // A header that is cut has other names; then there are no rows either.
+            // A truncated header has other names, but then there are no rows.
             for (path, truth) in [("t", &t), ("x", &x)] {
                 let got = rows(&log, path).unwrap_or_default();
                 for (row, value) in got.iter().enumerate() {
@@ -510,13 +510,13 @@ fn every_truncation_gives_a_prefix_or_a_reason_and_accounts_for_every_byte() {
             let cut_inside =
                 !text.as_bytes()[..end].ends_with(b"\n") && log.health.messages + log.health.undecodable > 0;
             let flagged = !log.notices.is_empty() || log.health.bytes.damaged > 0;
-            assert!(flagged || !cut_inside || text.as_bytes()[end - 1] == b'\r', "{end}: a cut that nobody mentions");
+            assert!(flagged || !cut_inside || text.as_bytes()[end - 1] == b'\r', "{end}: an unreported cut");
         }
     }
 }
 
 #[test]
-fn every_single_bit_flip_is_read_or_refused_without_a_panic() {
+fn every_single_bit_flip_is_read_or_rejected_without_a_panic() {
     let text = b"# c\nt,x,n\n1,0.5,\"a,b\"\n2,1.5,c\n3,2.5,e\n";
     for byte in 0..text.len() {
         for bit in 0..8 {
@@ -529,20 +529,20 @@ fn every_single_bit_flip_is_read_or_refused_without_a_panic() {
 }
 
 #[test]
-fn real_garmin_file_that_ends_inside_a_row_loses_that_row_only() {
+fn a_real_garmin_file_that_ends_inside_a_row_loses_only_that_row() {
     let Some(loaded) = load_real("flightlogstats-G1000/flightlogstatsTests/TestAssets/log_220417_125002_LFQA.csv")
     else {
         return;
     };
     // wc -l and awk: 2844 lines, 3 of them before the rows; the 2845th has 5 of 80 fields.
     assert_eq!((loaded.health.messages, loaded.health.undecodable), (2841, 0));
-    // 47 of 1.9 million bytes: that is where the power went off.
+    // 47 of 1.9 million bytes: where the power was lost.
     assert_eq!((loaded.health.bytes.tail_cut, loaded.health.bytes.damaged), (47, 0));
     assert!(!lossy(&loaded));
 }
 
 #[test]
-fn a_header_that_stands_again_between_the_rows_is_no_row() {
+fn a_repeated_header_between_the_rows_is_not_a_row() {
     let log = read("t,x\n1,2\nt,x\n3,4\n\nt,x\n5,6\n");
     assert_eq!(numbers(&log, "t"), [Some(1.0), Some(3.0), Some(5.0)]);
     let notice = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
@@ -550,7 +550,7 @@ fn a_header_that_stands_again_between_the_rows_is_no_row() {
 }
 
 #[test]
-fn lines_behind_two_slashes_are_comments_and_blanks_are_a_delimiter() {
+fn lines_after_two_slashes_are_comments_and_blanks_are_a_delimiter() {
     assert_plain("// Start Time: Unknown\n// Update Rate: 100.0Hz, \"x\nt\tx\n1\t0.5\n2\t-1.5e-3\n", "slashes");
     assert_plain("t x\n  1   0.5\n  2  -1.5e-3\n", "blanks");
     let log = read("   1.0e+00   5.0e-01\r\n   2.0e+00  -1.5e-03\r\n 3 4\r\n 5 6\r\n");
@@ -565,7 +565,7 @@ fn rows_that_name_their_table_go_to_it_and_keep_its_width() {
     let table = |name: &str| log.tables.iter().find(|t| t.topic.name == name).unwrap();
     assert_eq!((table("imu").rows, table("baro").rows), (4, 5));
     assert_eq!(table("imu").column("column_5").unwrap().number(1), Some(6.0));
-    // The row that is cut at the end has lost its value, and the short one is told.
+    // The row truncated at the end lost its value, and the short one is reported.
     assert_eq!(table("baro").column("column_3").unwrap().number(4), None);
     assert_eq!(log.health.damage[0].reason, "line 9: 4 fields where the header has 5");
 }
@@ -583,8 +583,8 @@ fn novatel_messages_become_tables_and_a_wrong_checksum_costs_its_line() {
 }
 
 #[test]
-fn words_for_nothing_are_missing_numbers_and_no_loss() {
-    // As pandas, databases, spreadsheets and the C library of Windows write what is not there.
+fn words_for_missing_values_are_missing_numbers_and_not_a_loss() {
+    // Missing values as written by pandas, databases, spreadsheets and the C library of Windows.
     let words = ["N/A", "NA", "null", "NULL", "None", "--", "-", "#N/A", "-nan(ind)", "1.#QNAN"];
     let rows: String = words.iter().map(|word| format!("1,{word}\n2,7.5\n")).collect();
     for selection in
@@ -594,14 +594,14 @@ fn words_for_nothing_are_missing_numbers_and_no_loss() {
         assert_eq!(numbers(&log, "x"), [None, Some(7.5)].repeat(words.len()));
         assert!(!log.notices.any_loss(), "{:?}", log.notices);
     }
-    // Minus and point alone, a unit behind a number, hexadecimal digits say something that is not understood.
+    // A lone minus or point, a unit after a number, and hexadecimal digits are not understood.
     for bad in ["+", ".", "5%", "0x1f", "n", "nothing"] {
         assert_refused(&format!("t,x\n1,{bad}\n2,7.5\n"), bad, "2");
     }
 }
 
 #[test]
-fn words_for_nothing_among_other_words_or_alone_stay_words() {
+fn words_for_missing_values_among_words_or_alone_stay_words() {
     let texts = |text: &str| {
         let log = read(text);
         let column = log.tables[0].column("x").unwrap().clone();
@@ -616,7 +616,7 @@ fn words_for_nothing_among_other_words_or_alone_stay_words() {
 
 #[test]
 fn rows_below_another_header_are_a_loss_up_to_the_first_header_again() {
-    // Logs that were put together, or a logger that was set anew: another order; a column more in front, so another width;
+    // Concatenated logs, or a reconfigured logger: another order; an extra first column, so another width;
     // one less; quotes.
     for below in [
         "x,t\n30,3\n40,4\n",
@@ -638,13 +638,13 @@ fn rows_below_another_header_are_a_loss_up_to_the_first_header_again() {
     // The same header in quotes.
     let log = read("t,x\n1,10\n\"t\",\"x\"\n2,20\n");
     assert_eq!((numbers(&log, "t"), log.notices.any_loss()), (vec![Some(1.0), Some(2.0)], false));
-    // Words of rows are no header.
+    // Words in rows are not a header.
     let log = read("t,mode,x\n1,auto,x\n2,x,auto\n3,t,7\n");
     assert_eq!(log.health.messages, 3);
 }
 
 #[test]
-fn rows_of_another_table_before_the_header_are_a_loss_and_remarks_are_none() {
+fn rows_of_another_table_before_the_header_are_a_loss_but_remarks_are_not() {
     let rows = |columns: usize, rows: usize| format!("1{}\n", ",2".repeat(columns - 1)).repeat(rows);
     let log = read(&format!("t,x,y\n{}t,x,y,z\n{}", rows(3, 6), rows(4, 20)));
     assert_eq!(log.health.messages, 20);
@@ -657,7 +657,7 @@ fn rows_of_another_table_before_the_header_are_a_loss_and_remarks_are_none() {
 }
 
 #[test]
-fn a_first_row_that_is_no_description_stays_a_row() {
+fn a_first_row_that_is_not_a_description_stays_a_row() {
     for text in [
         "t,event\n1,start\n2,stop\n",
         "date,event\n2024-05-06,N/A\n2024-05-07,3\n",
@@ -668,7 +668,7 @@ fn a_first_row_that_is_no_description_stays_a_row() {
 }
 
 #[test]
-fn a_table_with_binary_bytes_between_its_rows_is_one_whatever_its_name() {
+fn a_table_with_binary_bytes_between_rows_is_a_table_under_any_name() {
     let rows: String = (0..100).map(|i| format!("{i},47.4,8.5\n")).collect();
     let text = [b"time,lat,lon\n", rows.as_bytes()].concat();
     let garbage = b"\xfe\x09\x00\x01\x01\x00\x00\x00\x00\x00\x02\x03\x51\x04\x03\n";
@@ -682,7 +682,7 @@ fn a_table_with_binary_bytes_between_its_rows_is_one_whatever_its_name() {
     assert_eq!(kinds(&damaged).0, [ingest::LogKind::Csv]);
     let log = read_limited(&damaged, &Selection::All, Limits::default()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (200, garbage.len() as u64));
-    // Some lines before binary numbers prove nothing, nor does text that is no table.
+    // Some lines before binary numbers prove nothing, nor does text that is not a table.
     for head in ["BEGIN 1.0\nname,size\nx,3\n".to_owned(), "A line of text.\n".repeat(20)] {
         let (kinds, reason) = kinds(&[head.as_bytes(), garbage].concat());
         assert_eq!((kinds.len(), reason.as_str()), (0, "binary file of an unknown format"), "{head}");
@@ -690,13 +690,13 @@ fn a_table_with_binary_bytes_between_its_rows_is_one_whatever_its_name() {
 }
 
 #[test]
-fn other_headers_without_end_are_passed_in_time_and_told_once() {
+fn endless_other_headers_are_skipped_in_time_and_reported_once() {
     let names: Vec<String> = (0..30_000).map(|i| format!("c{i}")).collect();
     let back: Vec<String> = names.iter().rev().cloned().collect();
     let text = format!("{}\n{}", names.join(","), [back.join(","), names.join(",")].join("\n").repeat(3)) + "\n";
     let log = read_limited(text.as_bytes(), &Selection::Skip, Limits::default()).unwrap();
     assert_eq!(log.health.messages, 0);
-    // All of one name, and more of it further down.
+    // All of the same name, with more of it further down.
     let text = format!("a,b{}\n{}\n", ",a".repeat(30_000), ["b", &",a".repeat(60_000)].concat());
     let log = read_limited(text.as_bytes(), &Selection::Skip, Limits::default()).unwrap();
     assert_eq!(log.health.messages, 0);
@@ -714,7 +714,7 @@ fn rows(count: usize, delimiter: &str, cells: &[&dyn Fn(usize) -> String]) -> St
 }
 
 #[test]
-fn another_header_is_told_from_rows_wherever_names_are_missing_quoted_or_marked() {
+fn another_header_is_distinguished_from_rows_in_any_style() {
     let (t, x, index) =
         (&|i: usize| i.to_string(), &|i: usize| (100 + i).to_string(), &|i: usize| (7000 + i).to_string());
     for (delimiter, first, second, names) in [
@@ -758,7 +758,7 @@ fn another_header_is_told_from_rows_wherever_names_are_missing_quoted_or_marked(
 }
 
 #[test]
-fn units_that_stand_far_behind_a_repeated_header_are_a_row_however_much_is_read_at_once() {
+fn units_far_after_a_repeated_header_are_a_row_for_any_block_size() {
     let block = |from: usize| (from..from + 50_000).map(|i| format!("{i},{}.5,{i}\n", 2 * i)).collect::<String>();
     for rows in [3, 100_000] {
         let few = |from: usize| block(from).lines().take(rows).map(|line| format!("{line}\n")).collect::<String>();
@@ -773,7 +773,7 @@ fn units_that_stand_far_behind_a_repeated_header_are_a_row_however_much_is_read_
 }
 
 #[test]
-fn damage_in_a_table_that_nobody_wants_is_found_where_nothing_may_stay_closed() {
+fn damage_in_an_unwanted_table_is_found_if_nothing_may_be_skipped() {
     let text = "t,x\n1,2\n3\n4,5\n\"6,7\n8,9,10\n11,12\n";
     let read = |may_leave_closed| {
         let limits = Limits { may_leave_closed, ..Limits::default() };
@@ -785,16 +785,16 @@ fn damage_in_a_table_that_nobody_wants_is_found_where_nothing_may_stay_closed() 
 }
 
 #[test]
-fn remarks_are_no_rows_and_those_that_look_like_rows_are_told() {
+fn remarks_are_not_rows_and_those_that_look_like_rows_are_reported() {
     let row = |i: usize| format!("{}{i},{i},{}.5\n", if i.is_multiple_of(3) { '#' } else { 'A' }, 2 * i);
     let log = read(&format!("tag,t,b\n{}", (0..300).map(row).collect::<String>()));
     let told = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
     assert_eq!((log.tables[0].rows, told.count, numbers(&log, "t")[0]), (200, 100, Some(1.0)), "{:?}", log.notices);
-    // A row of numbers that somebody took out.
+    // A commented-out row of numbers.
     let log = read("t,b\n1,2\n#3,4\n# a remark, of words\n5,6\n");
     assert_eq!(log.tables[0].rows, 2);
     assert!(log.notices.iter().any(|n| n.code == "irregular-table" && n.count == 1), "{:?}", log.notices);
-    // Remarks of a spreadsheet, and rows that were taken out of a table that begins with words.
+    // Remarks of a spreadsheet, and commented-out rows of a table that begins with words.
     for remark in ["# second part,,", "#second part,,", "# total,1,2", "#2024-01-01 12:00:20,777,9", "// note,1,2"] {
         let log = read(&format!("name,x,y\na,1,2\nb,3,4\n{remark}\nc,5,6\n"));
         assert_eq!(log.tables[0].rows, 3, "{remark}");
@@ -802,7 +802,7 @@ fn remarks_are_no_rows_and_those_that_look_like_rows_are_told() {
 }
 
 #[test]
-fn a_table_behind_another_of_as_many_columns_is_told() {
+fn a_table_after_another_with_as_many_columns_is_reported() {
     let rows = "1,2,3\n4,5,6\n".repeat(20);
     let log = read(&format!("t,a,b\n{rows}\nx,y,z\n{rows}"));
     let told = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
@@ -810,7 +810,7 @@ fn a_table_behind_another_of_as_many_columns_is_told() {
 }
 
 #[test]
-fn a_labview_measurement_file_is_the_table_behind_its_preambles() {
+fn a_labview_measurement_file_is_the_table_after_its_preambles() {
     let preamble = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDate\t2024/05/10\n***End_of_Header***\t\n\t\n\
                     Channels\t2\t\t\nSamples\t100\t100\t\nX0\t0.0\t0.0\t\n***End_of_Header***\t\t\t\n";
     for end in ["", "\t"] {
@@ -822,7 +822,7 @@ fn a_labview_measurement_file_is_the_table_behind_its_preambles() {
 }
 
 #[test]
-fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first() {
+fn rows_of_another_table_of_equal_width_are_not_mixed_with_the_first() {
     let number: &dyn Fn(usize) -> String = &|i: usize| (100 + i).to_string();
     let text = |first: &str, second: &str| {
         let width = |header: &str| header.trim_end_matches(',').split(',').count();
@@ -846,7 +846,7 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
             }
         }
     }
-    // Rows of words are rows, and cost nothing that follows.
+    // Rows of words are rows, and cost no later rows.
     for odd in [
         "ERR,ERR,ERR",
         "nan,inf,N/A",
@@ -877,7 +877,7 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
 }
 
 #[test]
-fn rows_with_quotes_below_no_header_are_rows() {
+fn rows_with_quotes_and_no_header_are_rows() {
     for cell in [|i: u32| format!("\"{i}\""), |i: u32| if i % 10 == 3 { "\"7\"".to_owned() } else { i.to_string() }] {
         let text: String = (0..200).map(|i| format!("{i},{},0.5\n", cell(i))).collect();
         let log = read(&text);
@@ -889,7 +889,7 @@ fn rows_with_quotes_below_no_header_are_rows() {
 }
 
 #[test]
-fn where_a_remark_names_the_columns_rows_without_numbers_are_rows() {
+fn if_a_remark_names_the_columns_rows_without_numbers_are_rows() {
     let cells = |i: u32| if i < 2 { ",".to_owned() } else { format!("47.1,8.{i}") };
     let times: String = (0..60).map(|i| format!("12:00:{i:02}.0,{},INIT\n", cells(i))).collect();
     let log = read(&format!("#utc,lat,lon,mode\n{times}"));
@@ -913,7 +913,7 @@ fn the_last_name_of_a_marked_header_may_be_missing() {
 }
 
 #[test]
-fn units_are_told_from_rows_where_they_stand_again_cells_are_empty_or_a_remark_is_above() {
+fn units_are_distinguished_from_rows_in_unusual_layouts() {
     let row = |i: u32| format!("{i}.0,12,{i},{i}\n");
     let header = "time,volt,cur,alt\ns,V,A,m\n";
     let plain: String = (0..200).map(row).collect();
@@ -934,19 +934,19 @@ fn units_are_told_from_rows_where_they_stand_again_cells_are_empty_or_a_remark_i
 }
 
 #[test]
-fn what_is_in_doubt_below_a_remark_or_with_gaps_stays_what_it_was() {
+fn doubtful_lines_below_a_remark_or_with_gaps_keep_their_meaning() {
     // Names that begin with a digit.
     let rows: String = (0..100).map(|i| format!("{i}.5,{i},5.0\n")).collect();
     for header in ["# sec,meters,volts\ntime,alt,5V_rail\n", "# Flight log, firmware x, board y\ntime,3d_fix,alt\n"] {
         let log = read(&format!("{header}{rows}"));
         assert_eq!((log.health.messages, numbers(&log, "time")[1]), (100, Some(1.5)), "{header}");
     }
-    // Events are no units.
+    // Events are not units.
     let events: String = (0..100).map(|i| format!("P{i},{}\n", if i % 2 == 0 { "" } else { "7" })).collect();
     assert_eq!(read(&format!("event,value\nFIRMWARE,v43\n{events}")).health.messages, 101);
     let sparse: String = (0..100).map(|i| format!("MODE,auto,{}\n", if i % 2 == 0 { "" } else { "7" })).collect();
     assert_eq!(read(&format!("what,how,alt\nARM,by stick,ground\n{sparse}")).health.messages, 101);
-    // A TAB behind the names or the units, and none behind the rows.
+    // A TAB after the names or the units, but not after the rows.
     let tabs: String = (0..100).map(|i| format!("{i}\t{i}\t7\n")).collect();
     for header in ["# t\talt\tspd\t\n", "# t\talt\tspd\t\n# s\tm\tm/s\t\n", "t\talt\tspd\n# s\tm\tm/s\t\n"] {
         let log = read(&format!("{header}{tabs}"));
@@ -956,7 +956,7 @@ fn what_is_in_doubt_below_a_remark_or_with_gaps_stays_what_it_was() {
 }
 
 #[test]
-fn what_tells_a_spreadsheet_the_delimiter_is_no_header() {
+fn the_delimiter_line_for_spreadsheets_is_not_a_header() {
     for (hint, delimiter) in [("sep=;", ";"), ("sep=,", ","), ("SEP=;", ";")] {
         let rows: String = (0..50).map(|i| format!("{i}{delimiter}{i}.5\n")).collect();
         let log = read(&format!("{hint}\nt{delimiter}a\n{rows}"));

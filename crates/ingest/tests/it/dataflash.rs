@@ -1,4 +1,4 @@
-//! ArduPilot DataFlash: real logs against pymavlink, a simulated flight, and everything that can go wrong.
+//! ArduPilot DataFlash: real logs against pymavlink, a simulated flight, and all kinds of damage.
 
 use crate::made::lost;
 use crate::stream::*;
@@ -27,7 +27,7 @@ fn samples_begin() -> Vec<u8> {
 }
 
 #[test]
-fn real_logs_have_the_messages_that_pymavlink_counts() {
+fn real_logs_have_the_message_counts_of_pymavlink() {
     // Messages and topics by pymavlink 2.4.50, instances counted apart; all values were compared bit for bit too.
     for (path, messages, topics) in [
         ("pymavlink/tests/test.BIN", 1731, 47),
@@ -56,7 +56,7 @@ fn real_logs_have_the_messages_that_pymavlink_counts() {
 }
 
 #[test]
-fn a_real_log_of_2017_tells_of_its_vehicle_and_its_samples_are_those_of_pymavlink() {
+fn a_real_log_of_2017_names_its_vehicle_and_agrees_with_pymavlink() {
     let Some(path) = real_logs("pymavlink/tests/test.BIN") else { return };
     let log = read(READER, &path).unwrap();
     let about = &log.health.about;
@@ -73,13 +73,13 @@ fn a_real_log_of_2017_tells_of_its_vehicle_and_its_samples_are_those_of_pymavlin
 }
 
 #[test]
-fn a_simulated_flight_comes_back_within_the_quantum_of_its_log() {
+fn a_simulated_flight_survives_within_the_resolution_of_its_log() {
     let flown = flight(20.0, 100.0);
     let truth = flown.to_flight().unwrap();
     let loaded = load_written(Container::DataFlash, &flown, "flight.bin", LogKind::DataFlash, "ardupilot");
     assert_eq!(count_of(&loaded, "unit-differs"), 0);
     let start_ns = flown.settings.start.0 - 60_000_000_000;
-    // The receiver's week and milliseconds tie the clock since boot to UTC.
+    // The receiver's week and milliseconds date the clock since boot in UTC.
     let dated = loaded.flight.unix(Clock::Boot, flight::Stamp(60_000_000_000)).unwrap();
     assert!((dated.0 - flown.settings.start.0).abs() <= 1_000_000, "{dated:?}");
     for (ours, theirs, quanta) in [
@@ -99,7 +99,7 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_log() {
 }
 
 #[test]
-fn the_text_of_a_log_gives_the_channels_of_the_binary_log_bit_for_bit() {
+fn a_text_log_yields_the_channels_of_the_binary_log_bit_for_bit() {
     let flight = flight(20.0, 50.0);
     let [binary, text] = [(Container::DataFlash, "flight.bin"), (Container::DataFlashText, "flight.log")]
         .map(|(container, name)| load_written(container, &flight, name, LogKind::DataFlash, "ardupilot"));
@@ -117,7 +117,7 @@ fn the_text_of_a_log_gives_the_channels_of_the_binary_log_bit_for_bit() {
     assert_eq!(about.modes.iter().map(|m| m.mode.as_str()).collect::<Vec<_>>(), ["AUTO"]);
 }
 
-/// Where records begin, and the end; with each its type.
+/// Offsets and types of the records, and the end.
 fn boundaries(bytes: &[u8]) -> Vec<(usize, u8)> {
     let mut lengths = BTreeMap::from([(128_u8, 89_usize)]);
     let (mut at, mut all) = (0, vec![]);
@@ -140,7 +140,7 @@ fn nine_samples(container: Container) -> Vec<u8> {
 }
 
 #[test]
-fn a_log_cut_anywhere_gives_the_records_before_the_cut_and_says_so() {
+fn a_log_cut_anywhere_gives_the_records_before_the_cut_and_reports_it() {
     let bytes = nine_samples(Container::DataFlash);
     let places = boundaries(&bytes);
     let ends: Vec<usize> = places.iter().map(|(at, _)| *at).collect();
@@ -157,7 +157,7 @@ fn places_of(bytes: &[u8], definitions: bool) -> Vec<usize> {
     records.flat_map(|p| p[0].0..p[1].0).collect()
 }
 
-/// Without a checksum a changed value is a value. Only the record just before damage may be lost with it, and none silently.
+/// Without a checksum a changed value is undetectable. Only the record before damage may be lost too, never silently.
 fn check_sample_flips(bits_of_each_byte: usize) {
     let bytes = nine_samples(Container::DataFlash);
     let whole = rows(&read_bytes(READER, &bytes).unwrap());
@@ -166,14 +166,14 @@ fn check_sample_flips(bits_of_each_byte: usize) {
     each_flip(READER, &bytes, bits(places, bits_of_each_byte), |log, place, bit| {
         let found = rows(log);
         let (gone, new) = (missing(&whole, &found), missing(&found, &whole));
-        assert!(gone <= 2 && new <= 1, "byte {place}, bit {bit}: {gone} rows gone, {new} new");
+        assert!(gone <= 2 && new <= 1, "byte {place}, bit {bit}: {gone} rows missing, {new} new");
         assert!(new > 0 || gone == 0 || log.health.bytes.damaged > 0, "byte {place}, bit {bit}: silent loss");
         lost += usize::from(new == 0 && gone > 0);
     });
     assert!(lost > 0, "no flip cost a sample");
 }
 
-/// What a definition says, every record of its type says: the definition, the type that it defines, and the one whose
+/// A changed definition affects all records of its type: the definition, the type that it defines, and the one whose
 /// number it may now have.
 fn check_definition_flips(bits_of_each_byte: usize, stride: usize) {
     let bytes = nine_samples(Container::DataFlash);
@@ -190,18 +190,18 @@ fn check_definition_flips(bits_of_each_byte: usize, stride: usize) {
 }
 
 #[test]
-fn a_flipped_bit_of_a_sample_costs_no_other_sample_and_none_is_lost_in_silence() {
+fn a_flipped_bit_in_a_sample_costs_no_other_sample_and_none_silently() {
     check_sample_flips(2);
 }
 
 #[test]
-fn a_flipped_bit_of_a_definition_costs_only_its_own_types() {
+fn a_flipped_bit_in_a_definition_costs_only_its_own_types() {
     check_definition_flips(1, 5);
 }
 
 #[test]
 #[ignore = "all 22 000 single bits, about a minute"]
-fn every_flipped_bit_of_a_log_costs_its_own_record_or_type() {
+fn every_flipped_bit_in_a_log_costs_only_its_own_record_or_type() {
     check_sample_flips(8);
     check_definition_flips(8, 1);
 }
@@ -218,14 +218,14 @@ fn a_text_log_with_a_bit_flipped_anywhere_accounts_for_every_byte() {
     let bytes = nine_samples(Container::DataFlashText);
     let whole = read_bytes(READER, &bytes).unwrap().health.messages;
     each_flip(READER, &bytes, (0..bytes.len()).step_by(3).map(|place| (place, place % 8)), |log, place, bit| {
-        // At worst a definition goes, and with it the ten lines of its type.
+        // At worst a definition is lost, with the ten lines of its type.
         let messages = log.health.messages;
         assert!(messages + 12 >= whole, "byte {place}, bit {bit}: {messages} of {whole} messages");
     });
 }
 
 #[test]
-fn every_format_character_means_what_pymavlink_takes_it_for() {
+fn every_format_character_is_decoded_like_in_pymavlink() {
     let codes = "aBbhHiI";
     let more = "fdnNZcCeELMqQg";
     let array: Vec<u8> = (0..32_i16).flat_map(|i| (i - 5).to_le_bytes()).collect();
@@ -283,7 +283,7 @@ fn every_format_character_means_what_pymavlink_takes_it_for() {
 }
 
 #[test]
-fn a_second_receiver_is_a_topic_of_its_own_with_and_without_units() {
+fn a_second_receiver_is_a_separate_topic_with_and_without_units() {
     let gps = |instance: u8, lat: i32| {
         record(10, &[&(1_000_000_u64 * u64::from(instance) + 7).to_le_bytes(), &[instance], &lat.to_le_bytes()])
     };
@@ -294,17 +294,17 @@ fn a_second_receiver_is_a_topic_of_its_own_with_and_without_units() {
     assert_eq!(numbers(&log, "GPS", "Lat"), [1e-7, 3e-7]);
     assert_eq!(numbers(&log, "GPS_1", "Lat"), [2e-7]);
     assert_eq!(table(&log, "GPS_1").topic.type_name, "GPS");
-    // A log that says that its I is no instance is believed.
+    // A log may state that its column I is not an instance.
     let log =
         read_bytes(READER, &[definitions.clone(), units.clone(), fmtu("s-D"), gps(0, 1), gps(1, 2)].concat()).unwrap();
     assert_eq!(numbers(&log, "GPS", "Lat").len(), 2);
-    // One that says it too late is told of.
+    // If it states so too late, that is reported.
     let log = read_bytes(READER, &[definitions, units, gps(1, 1), fmtu("s-D"), gps(1, 2)].concat()).unwrap();
     assert!(codes(&log).contains(&"redefined"), "{:?}", log.notices);
 }
 
 #[test]
-fn the_estimator_that_replay_runs_stands_beside_that_of_the_flight() {
+fn the_replay_estimator_is_bound_next_to_that_of_the_flight() {
     let core = |number: u8, time_us: u64, north: f32| {
         record(10, &[&time_us.to_le_bytes(), &[number], &[0; 6], &[north, 0.0, 0.0].map(f32::to_le_bytes).concat()])
     };
@@ -322,7 +322,7 @@ fn the_estimator_that_replay_runs_stands_beside_that_of_the_flight() {
 }
 
 #[test]
-fn a_gps_record_of_2013_is_stamped_when_the_autopilot_had_it_and_not_by_its_time_of_week() {
+fn a_gps_record_of_2013_has_autopilot_time_not_its_time_of_week() {
     let bytes = [
         dataflash_begin(),
         dataflash_fmt(10, "GPS", "BIHBcLLeeEeI", "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,T"),
@@ -359,7 +359,7 @@ fn a_gps_record_of_2013_is_stamped_when_the_autopilot_had_it_and_not_by_its_time
 }
 
 #[test]
-fn fixes_before_2013_are_stamped_by_their_time_of_week_for_they_have_no_other() {
+fn fixes_before_2013_use_their_time_of_week_for_lack_of_another_time() {
     let lines = [
         "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
         "FMT, 130, 35, GPS, BIBcLLeeEe, Status,Time,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs",
@@ -381,7 +381,7 @@ fn fixes_before_2013_are_stamped_by_their_time_of_week_for_they_have_no_other() 
 }
 
 #[test]
-fn records_of_px4_before_ulog_have_the_time_of_the_time_record_before_them() {
+fn px4_records_before_ulog_use_the_preceding_time_record() {
     let time = |us: u64| record(129, &[&us.to_le_bytes()]);
     // 2015-06-01 12:00:00 UTC.
     let gps = |utc_us: u64, fix: u8, lat_e7: i32| {
@@ -418,7 +418,7 @@ fn records_of_px4_before_ulog_have_the_time_of_the_time_record_before_them() {
     let channel = |name: &str| &loaded.flight.channels[name].series;
     let stamps = |name: &str| channel(name).timeline().stamps().iter().map(|s| s.0).collect::<Vec<_>>();
     assert_eq!(stamps("position.gps"), [5_000_000_000, 5_200_000_000]);
-    // The velocity of the second is said not to be valid.
+    // The velocity of the second row is flagged invalid.
     assert_eq!(stamps("velocity.ekf"), [5_000_000_000, 5_400_000_000]);
     assert_eq!(channel("position.gps").component(0)[1], 47.397_743_f64.to_radians());
     assert_eq!(channel("velocity.gps").component(1), [4.0, 4.0]);
@@ -430,7 +430,7 @@ fn records_of_px4_before_ulog_have_the_time_of_the_time_record_before_them() {
 }
 
 #[test]
-fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
+fn a_log_whose_first_receiver_has_no_fix_is_dated_by_its_second() {
     let gps = |time_us: u64, instance: u8| {
         let (fix, week_ms, week) = if instance == 1 { (3_u8, (time_us / 1000) as u32, 2086_u16) } else { (1, 0, 0) };
         let place = [473_977_420_i32, 85_455_940, 48_800].map(i32::to_le_bytes).concat();
@@ -449,7 +449,7 @@ fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
 }
 
 #[test]
-fn a_parameter_that_changes_is_what_was_set_and_has_the_time_of_its_record() {
+fn a_changed_parameter_has_its_new_value_and_the_time_of_its_record() {
     let set = |time_us: u64, value: f32| record(10, &[&time_us.to_le_bytes(), &padded("A", 16), &value.to_le_bytes()]);
     let begin = [dataflash_begin(), dataflash_fmt(10, "PARM", "QNf", "TimeUS,Name,Value")].concat();
     let log = read_bytes(READER, &[begin, set(1_000_000, 0.1), set(2_500_000, 0.15)].concat()).unwrap();
@@ -457,7 +457,7 @@ fn a_parameter_that_changes_is_what_was_set_and_has_the_time_of_its_record() {
 }
 
 #[test]
-fn two_boots_in_one_file_follow_one_another_and_the_restart_is_told() {
+fn two_boots_in_one_file_are_consecutive_and_the_restart_is_reported() {
     let boot = |from: u64| -> Vec<u8> {
         let samples = (0..50_u64).flat_map(|i| sample(from + 20_000 * i, i as f32));
         [samples_begin(), samples.collect()].concat()
@@ -466,19 +466,19 @@ fn two_boots_in_one_file_follow_one_another_and_the_restart_is_told() {
     let times = numbers(&log, "ABC", "TimeUS");
     assert_eq!(times.len(), 100);
     assert!(times.windows(2).all(|w| w[0] < w[1]), "{times:?}");
-    // Within a boot nothing moves, and whole seconds are between what the log says and what it is taken for.
+    // Within a boot nothing moves, and the applied shift is in whole seconds.
     assert_eq!(times[49], 5_980_000.0);
     assert_eq!(times[50], 15_000_000.0);
     assert_eq!(times[99] - times[50], 980_000.0);
     assert!(codes(&log).contains(&"several-sessions"), "{:?}", log.notices);
-    // A second log whose clock goes on is not moved.
+    // A second log whose clock continues is not shifted.
     let log = read_bytes(READER, &[boot(5_000_000), boot(9_000_000)].concat()).unwrap();
     assert_eq!(numbers(&log, "ABC", "TimeUS")[50], 9_000_000.0);
     assert!(!codes(&log).contains(&"several-sessions"));
 }
 
 #[test]
-fn a_clock_that_steps_back_is_told_and_mere_disorder_is_not() {
+fn a_clock_that_steps_back_is_reported_and_mere_disorder_is_not() {
     let log = |times: &[u64]| {
         let samples: Vec<u8> = times.iter().flat_map(|t| sample(*t, 0.0)).collect();
         read_bytes(READER, &[samples_begin(), samples].concat()).unwrap()
@@ -487,13 +487,13 @@ fn a_clock_that_steps_back_is_told_and_mere_disorder_is_not() {
     let jump = log(&[10_000_000, 10_020_000, 2_000_000, 2_020_000]);
     assert_eq!(codes(&jump), ["unreliable-stamps"]);
     assert_eq!(numbers(&jump, "ABC", "TimeUS"), [1e7, 10_020_000.0, 2e6, 2_020_000.0]);
-    // A stamp beyond what counts nanoseconds is no stamp, and no panic.
+    // A timestamp that overflows nanoseconds is rejected, without a panic.
     let beyond = log(&[1_000_000, u64::MAX, i64::MAX as u64, 1_020_000]);
     assert_eq!(table(&beyond, "ABC").rows, 4);
 }
 
 #[test]
-fn filling_at_the_end_is_no_damage_and_garbage_is() {
+fn padding_at_the_end_is_not_damage_but_garbage_is() {
     let whole: Vec<u8> = [samples_begin(), (0..9).flat_map(|i| sample(20_000 * i, 1.0)).collect()].concat();
     for filling in [0, 0xff] {
         for length in [1, 2, 300, 700_000] {
@@ -502,11 +502,11 @@ fn filling_at_the_end_is_no_damage_and_garbage_is() {
             assert_eq!(codes(&log), ["skipped"]);
         }
     }
-    // The record in front of a little garbage has nothing behind it that vouches for it.
+    // Nothing after the record just before a little garbage confirms it.
     let garbage = b"garbage that is no record";
     let log = read_bytes(READER, &[whole.clone(), garbage.to_vec(), vec![0; 1000]].concat()).unwrap();
     assert_eq!((log.health.bytes.damaged, log.health.bytes.structure, log.health.messages), (15 + 25, 1000, 10));
-    // Zeros in the middle of a log are damage, and cost the record before them.
+    // Zeros in the middle of a log are damage and cost the preceding record.
     let log =
         read_bytes(READER, &[whole.clone(), vec![0; 5000], sample(1_000_000, 2.0), sample(1_020_000, 2.0)].concat())
             .unwrap();
@@ -514,7 +514,7 @@ fn filling_at_the_end_is_no_damage_and_garbage_is() {
 }
 
 #[test]
-fn a_log_that_begins_in_the_middle_is_found_and_read_from_its_first_definition_on() {
+fn a_log_without_its_beginning_is_read_from_its_first_definition() {
     let bytes = [&[7; 1000][..], &sample(1, 1.0), &samples_begin(), &sample(2, 2.0), &sample(3, 3.0)].concat();
     let (folder, _path) = file("00000007.BIN", &bytes);
     let found = ingest::discover(folder.path(), &MapLibrary::shipped().unwrap()).unwrap();
@@ -525,7 +525,7 @@ fn a_log_that_begins_in_the_middle_is_found_and_read_from_its_first_definition_o
 }
 
 #[test]
-fn definitions_of_senseless_lengths_cost_their_own_records_and_nothing_else() {
+fn definitions_with_nonsense_lengths_cost_only_their_own_records() {
     let good: Vec<u8> = (0..5).flat_map(|i| sample(20_000 * i, 1.0)).collect();
     for length in [0, 1, 2, 3, 14, 16, 254, 255] {
         // The length disagrees with the format characters, which say 15.
@@ -552,7 +552,7 @@ fn codes_of_trouble(log: &Log) -> Vec<&str> {
 }
 
 #[test]
-fn a_type_that_is_defined_twice_is_read_by_its_last_definition_and_told_if_they_differ() {
+fn a_type_defined_twice_uses_its_last_definition_and_is_reported() {
     let again =
         read_bytes(READER, &[samples_begin(), samples_begin(), sample(1, 1.0), sample(2, 1.0)].concat()).unwrap();
     assert_eq!((numbers(&again, "ABC", "V").len(), codes(&again)), (2, vec![]));
@@ -570,7 +570,7 @@ fn a_type_that_is_defined_twice_is_read_by_its_last_definition_and_told_if_they_
     let unused = [samples_begin(), dataflash_fmt(10, "XYZ", "Qh", "TimeUS,H")].concat();
     let log = read_bytes(READER, &unused).unwrap();
     assert_eq!((codes(&log), codes_of_trouble(&log)), (vec!["redefined"], vec![]));
-    // A hostile log does not take memory without bound.
+    // Memory stays bounded with a hostile log.
     let many: Vec<u8> = (0..6000_u32).flat_map(|i| dataflash_fmt(10, "ABC", "Qf", &format!("TimeUS,V{i}"))).collect();
     let log = read_bytes(READER, &[dataflash_begin(), many].concat()).unwrap();
     assert!(log.health.bytes.damaged > 0 && codes(&log).contains(&"redefined"));
@@ -609,7 +609,7 @@ fn a_definition_under_the_id_of_another_type_is_reported() {
 }
 
 #[test]
-fn units_of_another_type_make_no_instances_and_are_told() {
+fn units_of_another_type_make_no_instances_and_are_reported() {
     let [begin, records] = three_types(40);
     let fmtu = dataflash_fmt(13, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds");
     let units = |id: u8, units: &str| {
@@ -631,12 +631,12 @@ fn units_of_another_type_make_no_instances_and_are_told() {
 }
 
 #[test]
-fn the_record_just_before_damage_is_given_up_and_none_is_made_of_two() {
+fn the_record_just_before_damage_is_dropped_and_none_is_mixed_from_two() {
     let [begin, records] = three_types(30);
     let places: Vec<usize> = memchr::memmem::find_iter(&records, b"\xa3\x95").collect();
     let whole = read_bytes(READER, &[&begin[..], &records].concat()).unwrap().health.messages;
     for (index, &at) in places.iter().enumerate().skip(3).step_by(5) {
-        // The sync bytes of one, and what stands where none is.
+        // The sync bytes of a record, and a place without a record.
         let mut overwritten = records.clone();
         overwritten[at..at + 2].fill(0x11);
         let zeros = [&records[..at], &[0; 512], &records[at..]].concat();
@@ -649,7 +649,7 @@ fn the_record_just_before_damage_is_given_up_and_none_is_made_of_two() {
 }
 
 #[test]
-fn a_unit_that_the_map_takes_for_another_is_told() {
+fn a_unit_that_differs_from_the_map_is_reported() {
     let flight = flight(5.0, 20.0);
     let bytes = Container::DataFlash.files(&flight, "f").unwrap().remove(0).bytes;
     let text = MapLibrary::shipped().unwrap().get("ardupilot").unwrap().text().to_owned();
@@ -664,7 +664,7 @@ fn a_unit_that_the_map_takes_for_another_is_told() {
 }
 
 #[test]
-fn lines_of_the_console_in_front_of_a_text_log_are_no_damage_and_bad_lines_are() {
+fn console_lines_before_a_text_log_are_not_damage_but_bad_lines_are() {
     let lines = [
         "ArduCopter V3.1",
         "",
@@ -693,7 +693,7 @@ fn lines_of_the_console_in_front_of_a_text_log_are_no_damage_and_bad_lines_are()
 }
 
 #[test]
-fn two_records_in_one_line_are_damage_and_commas_of_a_text_are_none() {
+fn two_records_in_one_line_are_damage_but_commas_in_a_text_are_not() {
     for comma in [", ", ","] {
         let text = |joint: &str| {
             let head =
@@ -711,7 +711,7 @@ fn two_records_in_one_line_are_damage_and_commas_of_a_text_are_none() {
 }
 
 #[test]
-fn what_mission_planner_writes_of_characters_that_cannot_be_printed_makes_no_text_too_long() {
+fn mission_planners_escapes_do_not_make_a_text_too_long() {
     let line = |text: &str| {
         let head = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 11, 75, MSG, QZ, TimeUS,Message\n";
         read_bytes(READER, format!("{head}MSG, 10, {text}\r\n").as_bytes()).unwrap()
@@ -722,12 +722,12 @@ fn what_mission_planner_writes_of_characters_that_cannot_be_printed_makes_no_tex
         assert_eq!(line(&written.repeat(64)).health.bytes.damaged, 0, "{written}");
         assert!(line(&written.repeat(65)).health.bytes.damaged > 0, "{written}");
     }
-    // These are none.
+    // These are not escapes.
     assert!(line(&"\\q".repeat(33)).health.bytes.damaged > 0 && line(&"\\xG1".repeat(17)).health.bytes.damaged > 0);
 }
 
 #[test]
-fn a_text_log_without_its_first_line_has_lost_something() {
+fn a_text_log_without_its_first_line_reports_a_loss() {
     let text = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 10, 15, ABC, Qf, TimeUS,V\n\
                 FMT, 11, 15, DEF, Qf, TimeUS,V\nABC, 1, 2.5\n";
     let lost = |text: &str| {
@@ -763,7 +763,7 @@ fn what_is_no_log_is_refused_with_a_reason() {
 }
 
 #[test]
-fn values_of_a_damaged_record_are_not_taken_from_the_records_that_its_wrong_type_would_swallow() {
+fn a_damaged_record_takes_no_values_from_records_its_wrong_type_spans() {
     // Type 12 is as long as two records of type 10.
     let big = [
         dataflash_begin(),
@@ -781,9 +781,9 @@ fn values_of_a_damaged_record_are_not_taken_from_the_records_that_its_wrong_type
 }
 
 #[test]
-fn a_number_that_looks_like_the_head_of_a_record_is_a_number() {
-    // As in real logs of ArduPilot, which have a double of -0.0211 there: its last bytes are a head, and the record that would
-    // begin with it ends where the one with the number ends.
+fn a_number_that_looks_like_a_record_head_is_still_a_number() {
+    // As in real ArduPilot logs with a double of -0.0211: its last bytes look like a record head, and the false record
+    // ends where the true one ends.
     let looks_like = f64::from_bits(0x0a95_a3b8_de1c_ec0c);
     let position = record(12, &[&2_u64.to_le_bytes(), &looks_like.to_le_bytes(), &(-5.02_f64).to_le_bytes(), &[7; 4]]);
     assert_eq!(position.windows(3).position(|head| head == [0xa3, 0x95, 10]), Some(position.len() - 15));

@@ -11,7 +11,7 @@ fn u32_at(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
 }
 
-/// A text with its length in front.
+/// A length-prefixed text.
 fn counted(content: &[u8]) -> Vec<u8> {
     [&(content.len() as u32).to_le_bytes()[..], content].concat()
 }
@@ -97,7 +97,7 @@ fn a_bag_whose_definitions_lack_the_header_reads_as_the_intact_one() {
 }
 
 #[test]
-fn a_definition_that_the_md5_sum_contradicts_is_refused_with_topic_and_type() {
+fn a_definition_that_fails_its_md5_sum_is_rejected_with_topic_and_type() {
     let log = flight_with(&|name, value| match name {
         "message_definition" => without(&value, "std_msgs/Header"),
         "md5sum" => value.replace("2d3a8cd499b9b4a0249fb98fd05cfa48", "2d3a8cd499b9b4a0249fb98fd05cfa49"),
@@ -128,7 +128,7 @@ fn a_definition_without_an_md5_sum_is_not_completed() {
         "md5sum" => "*".to_owned(),
         _ => value,
     });
-    // The one type that lacks nothing.
+    // The only complete type.
     assert!(log.tables.iter().all(|table| table.topic.type_name == "std_msgs/String"), "{:?}", log.health.topics);
     assert!(notice(&log, "not-decoded").text.contains("the log states no MD5 sum"));
 }
@@ -171,7 +171,7 @@ const OWN_SUM: &str = "c6a5af61840f6289423d34fa36b336f6";
 const PART: &str = "# both\nfloat32 gain\nfloat64 level\n";
 
 #[test]
-fn definitions_beside_the_maps_serve_ros_1_if_the_md5_sum_agrees() {
+fn definitions_next_to_the_maps_serve_ros_1_if_the_md5_sum_matches() {
     for own in [OWN, ""] {
         let log = own_type(own, PART);
         let value = |path: &str| log.tables[0].column(path).unwrap().number(0);
@@ -185,7 +185,7 @@ fn definitions_beside_the_maps_serve_ros_1_if_the_md5_sum_agrees() {
 }
 
 #[test]
-fn a_type_that_nobody_has_is_named_with_the_file_that_would_define_it() {
+fn an_unknown_type_is_named_with_the_file_that_would_define_it() {
     let log = own_type("Alien alien\n", PART);
     assert!(notice(&log, "not-decoded").text.contains("my_msgs/msg/Alien.msg"), "{:?}", log.notices);
 }

@@ -33,7 +33,7 @@ fn reason<'a>(found: &'a Discovery, path: &str) -> &'a str {
 }
 
 #[test]
-fn logs_are_known_by_their_content_and_the_rest_is_listed_with_a_reason() {
+fn logs_are_detected_by_content_and_the_rest_is_listed_with_a_reason() {
     let folder = tree(&[
         ("b/one.csv", FLYSIGHT),
         ("b/two.txt", FLYSIGHT),
@@ -82,7 +82,7 @@ fn logs_are_known_by_their_content_and_the_rest_is_listed_with_a_reason() {
 }
 
 #[test]
-fn tables_of_one_topic_each_are_one_flight_by_the_beginning_that_they_share() {
+fn tables_of_one_topic_each_are_one_flight_by_their_shared_prefix() {
     let folder = tree(&[
         ("run1-mavros-global_position-raw-fix.csv", TOPIC),
         ("run1-mavros-local_position-velocity.csv", TOPIC),
@@ -101,7 +101,7 @@ fn tables_of_one_topic_each_are_one_flight_by_the_beginning_that_they_share() {
 }
 
 #[test]
-fn tables_whose_last_word_says_what_they_hold_are_one_flight() {
+fn tables_whose_last_word_names_their_content_are_one_flight() {
     let table: &[u8] = b"time,lat,lon\n0,1,2\n1,1,2\n";
     let names = ["x_GPS.csv", "x_Imu.csv", "x_ppk.csv", "x.csv", "day-1-pos.csv", "day-2-pos.csv", "gps.csv"];
     let files: Vec<(&str, &[u8])> = names.iter().map(|name| (*name, table)).collect();
@@ -115,7 +115,7 @@ fn tables_whose_last_word_says_what_they_hold_are_one_flight() {
 }
 
 #[test]
-fn tables_that_are_called_after_what_they_hold_are_one_flight() {
+fn tables_named_after_their_content_are_one_flight() {
     let table: &[u8] = b"time,lat,lon\n0,1,2\n1,1,2\n";
     for names in [["f/gps.csv", "f/IMU.csv"], ["f/GPS_1.csv", "f/imu_1.csv"]] {
         let folder = tree(&names.map(|name| (name, table)));
@@ -132,7 +132,7 @@ fn a_folder_of_bare_topics_is_one_flight() {
     let folder =
         tree(&[("day/f1/gps-fix.csv", TOPIC), ("day/f1/gps-vel.csv", TOPIC), ("day/f1/operator-notes.csv", TOPIC)]);
     assert_eq!(ids(&found(folder.path())), [("day/f1", LogKind::Csv, 3)]);
-    // The root itself has a name too.
+    // The root itself also has a name.
     let below = found(&folder.path().join("day/f1"));
     assert_eq!(ids(&below), [("f1", LogKind::Csv, 3)]);
 }
@@ -149,7 +149,7 @@ fn track_and_sensor_of_a_flysight_2_are_one_flight() {
 }
 
 #[test]
-fn links_in_a_circle_end_and_no_log_counts_twice() {
+fn circular_links_end_and_no_log_counts_twice() {
     let folder = tree(&[("a/log.csv", FLYSIGHT), ("b/other.csv", FLYSIGHT)]);
     let root = folder.path();
     symlink(root, root.join("a/up")).unwrap();
@@ -167,7 +167,7 @@ fn links_in_a_circle_end_and_no_log_counts_twice() {
 }
 
 #[test]
-fn what_could_not_be_looked_at_is_not_among_what_is_no_log() {
+fn unreadable_files_are_not_listed_as_not_logs() {
     let folder = tree(&[("log.csv", FLYSIGHT), ("notes.md", b"hello")]);
     symlink(folder.path().join("gone"), folder.path().join("a.mcap")).unwrap();
     symlink("itself", folder.path().join("itself")).unwrap();
@@ -180,7 +180,7 @@ fn what_could_not_be_looked_at_is_not_among_what_is_no_log() {
 }
 
 #[test]
-fn what_is_no_regular_file_is_never_opened() {
+fn only_regular_files_are_opened() {
     let folder = tree(&[("log.csv", FLYSIGHT)]);
     let pipe = folder.path().join("pipe.csv");
     // Opening a pipe without a writer would wait for ever.
@@ -202,7 +202,7 @@ fn a_single_file_is_a_root_too() {
 }
 
 #[test]
-fn odd_names_are_names() {
+fn odd_file_names_are_accepted() {
     use std::ffi::OsStr;
     use std::os::unix::ffi::OsStrExt;
     let folder = tree(&[("-rf.csv", FLYSIGHT), ("a b\n\"c\".csv", FLYSIGHT), ("ünïcode 🚁.csv", FLYSIGHT)]);
@@ -217,7 +217,7 @@ fn odd_names_are_names() {
 }
 
 #[test]
-fn a_part_of_a_bag_that_lies_there_packed_and_unpacked_is_one_flight() {
+fn a_bag_part_present_packed_and_unpacked_is_one_flight() {
     let plain = b"SQLite format 3\0".as_slice();
     let packed = zstd::bulk::compress(plain, 3).unwrap();
     let named = |file: &str| {
@@ -239,7 +239,7 @@ fn a_part_of_a_bag_that_lies_there_packed_and_unpacked_is_one_flight() {
         assert!(found.units[0].files[0].ends_with(kept), "{found:?}");
         assert!(reason(&found, copy).contains(kept), "{found:?}");
     }
-    // Neither another recording nor tables of one name.
+    // Neither another recording nor tables with the same name.
     let longer = [plain, plain].concat();
     let root = tree(&[("f/f_0.db3", longer.as_slice()), ("f/f_0.db3.zstd", packed.as_slice())]);
     assert!(found(root.path()).ignored.is_empty());
@@ -250,7 +250,7 @@ fn a_part_of_a_bag_that_lies_there_packed_and_unpacked_is_one_flight() {
 }
 
 #[test]
-fn a_bag_that_was_renamed_is_still_described_by_the_metadata_beside_it() {
+fn a_renamed_bag_is_still_described_by_its_metadata_sidecar() {
     let metadata = b"rosbag2_bagfile_information:\n  relative_file_paths:\n  - old_0.mcap\n";
     let mcap: &[u8] = b"\x89MCAP0\r\n";
     let one = tree(&[("metadata.yaml", metadata), ("new.mcap", mcap), ("deeper/other.mcap", mcap)]);

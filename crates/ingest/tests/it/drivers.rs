@@ -9,7 +9,7 @@ const UTC_S: i64 = 1_607_114_692;
 const WEEK: f64 = 2134.0;
 const TOW_MS: f64 = 506_710_000.0;
 
-/// What a driver publishes, once a second from [`UTC_S`] on and stamped 0.3 s after it.
+/// Messages of a driver, once a second from [`UTC_S`] on, with timestamps 0.3 s later.
 struct Topic(Table);
 
 impl Topic {
@@ -63,7 +63,7 @@ fn assert_near(found: &[f64], expected: &[f64]) {
 }
 
 #[test]
-fn novatels_driver_has_the_receivers_gps_time_and_not_when_the_driver_had_it() {
+fn novatels_driver_uses_the_receivers_gps_time_not_the_drivers() {
     let head = |topic: Topic| {
         let tow: Vec<f64> = (0..topic.0.rows).map(|row| TOW_MS + 1000.0 * row as f64).collect();
         let week = vec![WEEK; tow.len()];
@@ -110,7 +110,7 @@ fn novatels_driver_has_the_receivers_gps_time_and_not_when_the_driver_had_it() {
 }
 
 #[test]
-fn septentrios_driver_counts_angles_in_radians_and_minus_2e10_is_no_velocity() {
+fn septentrios_driver_has_angles_in_radians_and_minus_2e10_is_absent() {
     let head = |topic: Topic| {
         let tow: Vec<f64> = (0..topic.0.rows).map(|row| TOW_MS + 1000.0 * row as f64).collect();
         let week = vec![WEEK; tow.len()];
@@ -146,12 +146,12 @@ fn septentrios_driver_counts_angles_in_radians_and_minus_2e10_is_no_velocity() {
     assert_eq!(rows("velocity.gps"), [(2000, vec![1.5, 2.5, -3.5])]);
     assert_eq!(rows("position.ins").len(), 2);
     assert_eq!(rows("velocity.ins"), [(1000, vec![1.5, 2.5, -3.5])]);
-    // Nobody can know which way its angles turn.
+    // The direction of its angles is unknown.
     assert!(!flight.channels.contains_key("attitude.ins"));
 }
 
 #[test]
-fn navpvt_of_the_ublox_driver_is_read_in_the_words_of_ros_1_and_ros_2() {
+fn navpvt_of_the_ublox_driver_is_read_from_ros_1_and_ros_2() {
     for [fix_type, north, east, down] in [["fixType", "velN", "velE", "velD"], ["fix_type", "vel_n", "vel_e", "vel_d"]]
     {
         let solution = Topic::new("/ublox/navpvt", "ublox_msgs/NavPVT", 3).numbers(&[
@@ -161,9 +161,9 @@ fn navpvt_of_the_ublox_driver_is_read_in_the_words_of_ros_1_and_ros_2() {
             ("hour", &[20.0; 3]),
             ("min", &[44.0; 3]),
             ("sec", &[52.0, 53.0, 54.0]),
-            // The second begins a quarter of a second early.
+            // The second one begins a quarter of a second early.
             ("nano", &[0.0, -250_000_000.0, 400.0]),
-            // Others than the lowest bit say of what kind a fix is, whether it is good or not.
+            // All but the lowest bit describe the kind of fix, valid or not.
             ("flags", &[130.0, 1.0, 131.0]),
             (fix_type, &[3.0; 3]),
             ("lat", &[470_000_000.0; 3]),
@@ -185,7 +185,7 @@ fn navpvt_of_the_ublox_driver_is_read_in_the_words_of_ros_1_and_ros_2() {
 }
 
 #[test]
-fn a_gps_fix_has_place_and_velocity_of_one_solution_if_it_is_one() {
+fn a_valid_gps_fix_has_position_and_velocity_of_one_solution() {
     for type_name in ["gps_common/GPSFix", "gps_msgs/msg/GPSFix"] {
         let fix = Topic::new("/gps/gps", type_name, 3).numbers(&[
             ("status.status", &[-1.0, 0.0, 2.0]),
@@ -199,7 +199,7 @@ fn a_gps_fix_has_place_and_velocity_of_one_solution_if_it_is_one() {
         let (flight, binding) = bound([fix]);
         assert_eq!(binding.map, "gps-fix");
         let velocity = content(&flight, "velocity.gps");
-        // The header's stamp.
+        // The header's timestamp.
         assert_eq!(times(&flight, "velocity.gps"), [1300, 2300]);
         assert_near(&velocity[0].1, &[0.0, -20.0, -1.0]);
         assert_near(&velocity[1].1, &[30.0, 0.0, 1.0]);
@@ -208,7 +208,7 @@ fn a_gps_fix_has_place_and_velocity_of_one_solution_if_it_is_one() {
 }
 
 #[test]
-fn px4_in_ros_2_is_dated_by_its_receiver_whether_its_stamps_count_from_boot_or_are_utc() {
+fn px4_in_ros_2_is_dated_by_its_receiver_for_boot_time_and_utc() {
     for (begin_us, gps, local) in [
         (12_000_000, "/fmu/out/vehicle_gps_position", "/fmu/out/vehicle_local_position_v1"),
         (UTC_S * 1_000_000, "/px4_2/fmu/out/vehicle_gps_position", "/px4_2/fmu/out/vehicle_local_position"),
@@ -247,7 +247,7 @@ fn px4_in_ros_2_is_dated_by_its_receiver_whether_its_stamps_count_from_boot_or_a
         assert_eq!(binding.map, "px4-ros2");
         assert_eq!(times(&flight, "velocity.gps"), [0, 2000], "{gps}");
         assert_eq!(times(&flight, "velocity.ekf"), [0, 1000, 2000], "{gps}");
-        // Samples keep their stamps.
+        // Samples keep their timestamps.
         assert_eq!(flight.channels["velocity.ekf"].series.timeline().stamps()[0], flight::Stamp(begin_us * 1000));
         assert_near(&content(&flight, "velocity.ekf")[0].1, &[4.0, 5.0, 6.0]);
         assert_eq!(flight.channels["position.ekf"].quantity, Quantity::PositionNed);
@@ -255,7 +255,7 @@ fn px4_in_ros_2_is_dated_by_its_receiver_whether_its_stamps_count_from_boot_or_a
 }
 
 #[test]
-fn a_height_that_is_zero_in_every_row_stands_back_behind_the_one_above_mean_sea_level_and_both_are_told() {
+fn an_all_zero_height_yields_to_mean_sea_level_height_and_is_reported() {
     for (ellipsoid, expected, codes) in
         [([0.0; 2], [550.0, 551.0], vec!["assumption", "assumption"]), ([600.0, 0.0], [600.0, 0.0], vec![])]
     {
@@ -292,7 +292,7 @@ fn gps_fix(speed: f64) -> Topic {
 }
 
 #[test]
-fn a_map_for_any_gps_fix_stands_behind_that_of_the_device_and_behind_a_velocity_that_is_not_zero() {
+fn a_generic_gps_fix_map_ranks_below_device_maps_and_nonzero_velocity() {
     let week = Topic::new("/pvtgeodetic", "septentrio_gnss_driver/msg/PVTGeodetic", 2).numbers(&[
         ("block_header.wnc", &[WEEK; 2]),
         ("block_header.tow", &[TOW_MS, TOW_MS + 1000.0]),
@@ -320,7 +320,7 @@ fn a_map_for_any_gps_fix_stands_behind_that_of_the_device_and_behind_a_velocity_
         ]);
         (place, velocity)
     };
-    // What was made of a NavSatFix has no speed.
+    // A fix converted from NavSatFix has no speed.
     for (speed, map) in [(0.0, "navsatfix-twist"), (20.0, "gps-fix")] {
         let (place, velocity) = standard();
         assert_eq!(bound([place, velocity, gps_fix(speed)]).1.map, map, "{speed}");
@@ -328,7 +328,7 @@ fn a_map_for_any_gps_fix_stands_behind_that_of_the_device_and_behind_a_velocity_
 }
 
 #[test]
-fn the_height_of_inspvax_is_above_mean_sea_level_and_that_of_inspva_above_the_ellipsoid() {
+fn inspvax_height_is_above_mean_sea_level_and_inspva_above_ellipsoid() {
     for (type_name, status, is_told) in [("INSPVA", "status.status", false), ("INSPVAX", "ins_status.status", true)] {
         let solution = Topic::new("/ins", &format!("novatel_oem7_msgs/msg/{type_name}"), 2).numbers(&[
             ("nov_header.gps_week_number", &[WEEK; 2]),

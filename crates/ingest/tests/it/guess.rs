@@ -1,5 +1,5 @@
-//! Own tables that no map fits: bound by names, units and motion, or refused with the reason. The truth is a flight in circles
-//! whose position is 0.3 s late.
+//! User tables that no map fits: bound by names, units and motion, or rejected with a reason. The truth is a
+//! circling flight whose position is 0.3 s late.
 
 use crate::support::*;
 use flight::{Channel, Quantity};
@@ -8,18 +8,18 @@ use std::path::Path;
 
 const LATE_S: f64 = 0.3;
 const RADIUS_M: f64 = 6_378_137.0;
-/// The equator makes metres of angles easy.
+/// At the equator angles convert to metres easily.
 const SCALE: f64 = RADIUS_M;
 
-/// The truth at a time: north, east, up, m, and their velocities, m/s.
+/// The truth at a time: north, east, up, m, and the velocities, m/s.
 fn truth(t: f64) -> ([f64; 3], [f64; 3]) {
     let (w, r) = (0.25, 60.0);
     let place = [r * (w * t).sin() + 3.0 * t, -r * (w * t).cos(), 100.0 + 1.5 * t + 8.0 * (0.3 * t).sin()];
     (place, [r * w * (w * t).cos() + 3.0, r * w * (w * t).sin(), 1.5 + 2.4 * (0.3 * t).cos()])
 }
 
-/// A table of 90 s at 10 Hz. Each row is made of the time, the angles of a late place near the equator, its height, and the
-/// velocity.
+/// A table of 90 s at 10 Hz. Each row is built from the time, the angles of a late position near the equator, its height,
+/// and the velocity.
 fn table(header: &str, row: impl Fn(f64, [f64; 3], [f64; 3]) -> String) -> String {
     let rows = (0..900).map(|i| {
         let t = 0.1 * f64::from(i);
@@ -190,7 +190,7 @@ fn the_suggested_map_reads_the_same_channels_and_says_why() {
 }
 
 #[test]
-fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
+fn bindings_that_motion_contradicts_or_leaves_open_are_rejected() {
     let refused = |text: &str| load_text(text).binding.unwrap_err();
     let swapped = table("time,lat,lon,alt,vn,ve,vd", |t, [a, b, h], [n, e, u]| {
         format!("{t:.1},{:.9},{:.9},{h:.3},{e:.4},{n:.4},{:.4}", deg(a), deg(b), -u)
@@ -228,7 +228,7 @@ fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
 }
 
 #[test]
-fn the_heading_of_motion_is_a_course_and_names_of_another_language_are_asked_for_in_a_map() {
+fn a_heading_along_the_motion_is_a_course_and_foreign_names_need_a_map() {
     let text = table("UTC,latitude,longitude,speed,heading_motion", |t, [a, b, _], [n, e, _]| {
         let course = deg(e.atan2(n).rem_euclid(std::f64::consts::TAU));
         let (speed, minute, second) = (n.hypot(e), (t / 60.0 + 1e-6) as i32, t - 60.0 * (t / 60.0 + 1e-6).floor());
@@ -244,13 +244,13 @@ fn the_heading_of_motion_is_a_course_and_names_of_another_language_are_asked_for
     assert!(refused.contains(advice), "{refused}");
 }
 
-/// The notice of what was bound by guess.
+/// The notice about guessed bindings.
 fn said(loaded: &Loaded) -> String {
     loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text.clone()
 }
 
 #[test]
-fn the_time_column_its_unit_and_its_clock_are_said_and_an_unknown_unit_of_it_is_refused() {
+fn the_time_column_unit_and_clock_are_stated_and_unknown_units_rejected() {
     let with_units = |unit: &str| {
         table(&format!("time,lat,lon,alt,vn,ve,vd\n{unit},deg,deg,m,m/s,m/s,m/s"), |t, [a, b, h], [n, e, u]| {
             format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", deg(a), deg(b), -u)
@@ -264,9 +264,9 @@ fn the_time_column_its_unit_and_its_clock_are_said_and_an_unknown_unit_of_it_is_
     assert!(error.contains("the table states the time time in \"(fortnight)\""), "{error}");
 }
 
-/// 13:59:00 to 14:00:30 as numbers: a minute ends in a jump of 41.
+/// 13:59:00 to 14:00:30 as numbers: each minute ends with a jump of 41.
 #[test]
-fn hours_minutes_and_seconds_in_a_number_are_a_time_of_day() {
+fn hours_minutes_and_seconds_in_one_number_are_a_time_of_day() {
     let text = table("utc,lat,lon,alt,vn,ve,vu", |t, [latitude, longitude, up], [n, e, u]| {
         let of_day = 13.0 * 3600.0 + 59.0 * 60.0 + t;
         let clock = 1e4 * (of_day / 3600.0).floor() + 1e2 * (of_day % 3600.0 / 60.0).floor() + of_day % 60.0;
@@ -278,7 +278,7 @@ fn hours_minutes_and_seconds_in_a_number_are_a_time_of_day() {
 }
 
 #[test]
-fn what_is_called_true_or_of_the_gps_is_named_so() {
+fn columns_called_true_or_gps_are_named_accordingly() {
     let text =
         table("time,lat,lon,gps_lat,gps_lon,true_lat,true_lon,vn,ve", |t, [latitude, longitude, _], [n, e, _]| {
             let [lat, lon] = [deg(latitude), deg(longitude)];
@@ -293,7 +293,7 @@ fn what_is_called_true_or_of_the_gps_is_named_so() {
 }
 
 #[test]
-fn columns_of_a_second_receiver_are_channels_of_their_own() {
+fn columns_of_a_second_receiver_are_separate_channels() {
     let text = table("time,lat,lon,lat2,lon2,gps_vn,gps_ve,vn,ve", |t, [latitude, longitude, _], [n, e, _]| {
         let [lat, lon] = [deg(latitude), deg(longitude)];
         format!("{t},{lat},{lon},{lat},{lon},{n},{e},{n},{e}")
@@ -310,7 +310,7 @@ fn columns_of_a_second_receiver_are_channels_of_their_own() {
 }
 
 #[test]
-fn a_height_whose_unit_nothing_shows_is_said_to_be_assumed() {
+fn a_height_of_unknown_unit_is_reported_as_assumed() {
     let text = table("time,lat,lon,alt,vn,ve", |t, [a, b, h], [n, e, _]| {
         format!("{t},{},{},{},{n},{e}", deg(a), deg(b), h / 0.3048)
     });
@@ -318,9 +318,9 @@ fn a_height_whose_unit_nothing_shows_is_said_to_be_assumed() {
     assert!(said.contains("alt is taken as metres, which nothing shows"), "{said}");
 }
 
-/// Of earth-centred coordinates no axis goes north, though x and y move as their velocities say.
+/// No ECEF axis points north, although x and y move consistently with their velocities.
 #[test]
-fn earth_centred_coordinates_are_asked_for_in_a_map() {
+fn earth_centred_coordinates_need_a_map() {
     let text = table("time,x,y,z,vx,vy,vz", |t, [a, b, h], [n, e, u]| {
         let place = flight::Geodetic { latitude: a, longitude: b, height: h }.to_ecef();
         let ((sa, ca), (sb, cb)) = (a.sin_cos(), b.sin_cos());
@@ -345,9 +345,9 @@ fn a_utm_grid_is_metres_north_and_east() {
     assert!(said.contains("north = UTM_N [m], east = UTM_E [m]"), "{said}");
 }
 
-/// x east and y north, as latitude and longitude show.
+/// x east and y north, as shown by latitude and longitude.
 #[test]
-fn the_axes_of_a_local_position_are_those_that_latitude_and_longitude_show() {
+fn local_position_axes_are_inferred_from_latitude_and_longitude() {
     let text = table("time,x,y,vx,vy,gps_lat,gps_lon", |t, [a, b, _], [n, e, _]| {
         let ([north, east, _], _) = truth(t - LATE_S);
         format!("{t},{east},{north},{e},{n},{},{}", deg(a), deg(b))
@@ -362,7 +362,7 @@ fn the_axes_of_a_local_position_are_those_that_latitude_and_longitude_show() {
 /// X-Plane's axes: x east, y up, z south.
 #[test]
 fn axes_that_contradict_latitude_and_longitude_are_not_called_north_and_east() {
-    // A track that is that of x and y.
+    // A track consistent with x and y.
     let text = table("time,lat,lon,x,y,speed,track", |t, [a, b, _], [n, e, _]| {
         let ([north, east, _], _) = truth(t - LATE_S);
         let track = deg(n.atan2(e)).rem_euclid(360.0);
@@ -392,7 +392,7 @@ fn a_receiver_without_a_fix_contradicts_nothing() {
 }
 
 #[test]
-fn a_time_in_whole_seconds_of_many_rows_gives_way_to_a_finer_one() {
+fn a_time_in_whole_seconds_yields_to_a_finer_one() {
     let of = |first: &str| {
         table(&format!("{first},boot_time_ms,lat,lon,alt,vn,ve,vd"), |t, [a, b, h], [n, e, u]| {
             let second = (t + 1e-6).floor();
@@ -405,9 +405,9 @@ fn a_time_in_whole_seconds_of_many_rows_gives_way_to_a_finer_one() {
     assert!(said(&loaded).contains("time = boot_time_ms [ms]"), "{}", said(&loaded));
 }
 
-/// Two tables that count from their own first row and differ in length: their delays would hold the time between the starts.
+/// Two tables of different length, each counting from its first row: delays would include the time between the starts.
 #[test]
-fn an_imu_that_may_have_begun_at_another_time_is_not_bound() {
+fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
     let said_of = |imu_begins_s: f64, imu_counts_from_s: f64| {
         let gps = table("time,lat,lon,vn,ve,vd", |t, [latitude, longitude, _], [n, e, u]| {
             format!("{t},{},{},{n},{e},{}", deg(latitude), deg(longitude), -u)
@@ -439,7 +439,7 @@ fn an_imu_that_may_have_begun_at_another_time_is_not_bound() {
 }
 
 #[test]
-fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_left_open() {
+fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_unknown() {
     let height = |loaded: &Loaded| of(loaded, Quantity::PositionGeodetic).series.components()[2].clone();
     for (factor, unit) in [(1e3, "mm"), (1e2, "cm"), (1.0 / 0.3048, "ft"), (1.0, "m")] {
         let text = table("time,lat,lon,alt,vn,ve,vd", move |t, [a, b, h], [n, e, u]| {
@@ -455,7 +455,7 @@ fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_left_open() {
         assert!(said(&loaded).contains(&format!("height = alt [{unit}]")), "{}", said(&loaded));
         assert!((height(&loaded)[0] - truth(-LATE_S).0[2]).abs() < 0.51, "{unit}");
     }
-    // Of u-blox: integers of 1e-7 deg and mm, without a vertical velocity.
+    // From u-blox: integers of 1e-7 deg and mm, without a vertical velocity.
     let ublox = table("iTOW,lat,lon,hMSL,velN,velE", |t, [a, b, h], [n, e, _]| {
         let (lat, lon) = (1e7 * deg(a), 1e7 * deg(b));
         format!("{:.0},{lat:.0},{lon:.0},{:.0},{:.0},{:.0}", 1e3 * t, 1e3 * h, 1e3 * n, 1e3 * e)
@@ -470,7 +470,7 @@ fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_left_open() {
 }
 
 #[test]
-fn a_time_under_an_unknown_name_is_the_column_that_rises_steadily() {
+fn a_steadily_rising_column_is_the_time_under_an_unknown_name() {
     let text = table("Nr;Zeit;Lat;Lon;Alt;VN;VE;VD", |t, [a, b, h], [n, e, u]| {
         let nr = (10.0 * t).round();
         format!("{nr};{t:.1};{:.9};{:.9};{h:.3};{n:.4};{e:.4};{:.4}", deg(a), deg(b), -u)
@@ -481,7 +481,7 @@ fn a_time_under_an_unknown_name_is_the_column_that_rises_steadily() {
     assert!(said(&loaded).contains(expected), "{}", said(&loaded));
 }
 
-/// The suggested map of a table, and the channels that it then gives.
+/// The suggested map of a table, and the channels that it yields.
 fn suggested(text: &str) -> (String, Loaded) {
     let (_folder, path) = file("bare.csv", text.trim_start().as_bytes());
     let unit = tables(&[path]);
@@ -493,7 +493,7 @@ fn suggested(text: &str) -> (String, Loaded) {
 }
 
 #[test]
-fn a_header_that_says_nothing_is_no_obstacle_to_a_suggestion() {
+fn a_meaningless_header_does_not_prevent_a_suggestion() {
     let text = table("A,B,C,D,E,F,G", |t, [a, b, h], [n, e, u]| {
         format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", deg(a), deg(b), -u)
     });
@@ -508,7 +508,7 @@ fn a_header_that_says_nothing_is_no_obstacle_to_a_suggestion() {
 }
 
 #[test]
-fn columns_without_names_may_be_east_first_and_behind_a_counter() {
+fn columns_without_names_may_be_east_first_and_follow_a_counter() {
     // Far from the equator, where latitude and longitude cannot be exchanged.
     let text = table("", |t, _, [n, e, _]| {
         let [north, east, up] = truth(t - LATE_S).0;
@@ -529,7 +529,7 @@ fn columns_without_names_may_be_east_first_and_behind_a_counter() {
 }
 
 #[test]
-fn a_map_that_fits_is_not_guessed_at() {
+fn nothing_is_guessed_if_a_map_fits() {
     let text = table("time,lat,lon,hMSL,velN,velE,velD,gpsFix", |t, [a, b, h], [n, e, u]| {
         format!("2024-05-10T17:27:{:04.1}Z,{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},3", t.min(59.9), deg(a), deg(b), -u)
     });
@@ -554,13 +554,13 @@ fn names_of_vectornav_tables_are_understood() {
 }
 
 #[test]
-fn a_table_without_a_header_is_suggested_a_map_by_its_motion_alone() {
+fn a_table_without_a_header_gets_a_suggested_map_from_motion_alone() {
     let text = table("", |t, [a, b, h], [n, e, u]| {
         format!("{t:.1},{:.2},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},7", 0.1 * (3.0 * t).sin(), deg(a), deg(b), -u)
     });
     let (_folder, path) = file("bare.csv", text.trim_start().as_bytes());
     let unit = tables(&[path]);
-    // What to do is the first thing that is said.
+    // The message starts with what to do.
     let refused = load_text(text.trim_start()).binding.unwrap_err();
     let what_to_do = "no channel map fits, and its columns cannot be bound by guess: the table has no header; `flightlag maps --suggest LOG`";
     assert!(refused.starts_with(what_to_do), "{refused}");
@@ -583,7 +583,7 @@ fn a_table_without_a_header_is_suggested_a_map_by_its_motion_alone() {
 
 const G: f64 = 9.806_65;
 
-/// The attitude of the truth, which flies where it points and banks as its turn needs: roll, pitch and yaw, rad.
+/// The true attitude, in coordinated flight: roll, pitch and yaw, rad.
 fn attitude(t: f64) -> [f64; 3] {
     let course = |t: f64| truth(t).1[1].atan2(truth(t).1[0]);
     let [north, east, up] = truth(t).1;
@@ -621,7 +621,7 @@ fn imu(t: f64) -> ([f64; 3], [f64; 3]) {
     (rates, [0, 1, 2].map(|i| (0..3).map(|j| axes[j][i] * force[j]).sum()))
 }
 
-/// A position and a velocity with what else `row` makes of a time.
+/// A position and a velocity, plus the columns that `row` computes from a time.
 fn with_body(header: &str, row: impl Fn(f64) -> Vec<f64>) -> Loaded {
     let text = table(&format!("time,lat,lon,alt,vn,ve,vd,{header}"), |t, [a, b, h], [n, e, u]| {
         let more: Vec<String> = row(t).iter().map(|value| format!("{value:.6}")).collect();
@@ -662,7 +662,7 @@ fn attitude_rates_and_forces_under_usual_names_are_the_same_flight() {
     assert_body_is_truth(&with_body("roll_rad,pitch_rad,heading_rad,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z", |t| {
         [attitude(t), flu(imu(t).0), flu(imu(t).1.map(|f| f / G))].concat()
     }));
-    // Radians that nothing states, and yaw anticlockwise from east with the nose down, as ROS has it.
+    // Unlabelled radians, yaw anticlockwise from east and pitch nose-down, as in ROS.
     assert_body_is_truth(&with_body(
         "roll,pitch,yaw,gyro_x_dps,gyro_y_dps,gyro_z_dps,AccelX [g],AccelY [g],AccelZ [g]",
         |t| {
@@ -680,7 +680,7 @@ fn attitude_rates_and_forces_under_usual_names_are_the_same_flight() {
 }
 
 #[test]
-fn a_suggested_map_holds_attitude_rates_and_forces_with_their_reasons() {
+fn a_suggested_map_has_attitude_rates_and_forces_with_reasons() {
     let header = "time,lat,lon,alt,vn,ve,vd,roll,pitch,yaw,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z";
     let text = table(header, |t, [a, b, h], [n, e, u]| {
         let more: Vec<String> =
@@ -712,7 +712,7 @@ fn a_suggested_map_holds_attitude_rates_and_forces_with_their_reasons() {
 }
 
 #[test]
-fn an_attitude_rates_or_forces_that_the_motion_contradicts_are_left_out_with_the_reason() {
+fn attitude_rates_or_forces_that_motion_contradicts_are_rejected() {
     let body = |turn: fn([f64; 3]) -> [f64; 3], rate: fn([f64; 3]) -> [f64; 3], force: fn([f64; 3]) -> [f64; 3]| {
         let loaded = with_body("roll,pitch,yaw,p,q,r,ax,ay,az", |t| {
             let (rates, forces) = imu(t);
@@ -739,7 +739,7 @@ fn an_attitude_rates_or_forces_that_the_motion_contradicts_are_left_out_with_the
     assert!(!channels.contains("force") && said.contains("along gravity"), "{channels}: {said}");
 }
 
-/// Noise that is the same every time, of this amplitude.
+/// Repeatable noise of this amplitude.
 fn noise(t: f64, seed: f64, amplitude: f64) -> f64 {
     let x = ((t * 1e3).round() * 12.9898 + seed * 78.233).sin() * 43_758.545_3;
     amplitude * 2.0 * (x - x.floor() - 0.5)
@@ -764,7 +764,7 @@ fn noise_and_a_late_attitude_do_not_change_what_is_bound() {
 }
 
 #[test]
-fn an_imu_in_a_table_of_its_own_is_bound_by_the_attitude_of_another() {
+fn an_imu_in_a_separate_table_is_bound_by_the_attitude_of_another() {
     let nav = table("time,lat,lon,alt,vn,ve,vd,roll,pitch,yaw", |t, [a, b, h], [n, e, u]| {
         let [roll, pitch, yaw] = attitude(t).map(deg);
         format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},{roll:.5},{pitch:.5},{yaw:.5}", deg(a), deg(b), -u)
@@ -787,7 +787,7 @@ fn an_imu_in_a_table_of_its_own_is_bound_by_the_attitude_of_another() {
 }
 
 #[test]
-fn a_way_too_straight_to_tell_what_yaw_counts_is_said_so() {
+fn a_path_too_straight_to_identify_yaw_is_reported() {
     let text = table("time,lat,lon,vn,ve,roll,pitch,yaw", |t, _, _| {
         format!(
             "{t:.1},{:.9},{:.9},7,7,1,2,45.0",

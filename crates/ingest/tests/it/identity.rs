@@ -1,4 +1,4 @@
-//! What logs say of the receiver, its rate and its line, and of lever arms.
+//! What logs state about the receiver, its rate and serial line, and about lever arms.
 
 use crate::nmea::sealed;
 use crate::stream::*;
@@ -30,7 +30,7 @@ fn all_of(below: &str) -> Vec<(String, About)> {
 }
 
 #[test]
-fn real_logs_say_what_the_receiver_is_and_how_it_is_set() {
+fn real_logs_name_the_receiver_and_its_settings() {
     for (path, told) in [
         ("DeLorean/data/00000117.BIN", vec!["1: u-blox | - | UBX | 5 Hz | 230400 baud"]),
         ("pymavlink/tests/test.BIN", vec!["1: u-blox 6 | 7.03 (45970) | UBX | 5 Hz | 115200 baud"]),
@@ -57,25 +57,25 @@ fn real_logs_say_what_the_receiver_is_and_how_it_is_set() {
 }
 
 #[test]
-fn a_real_log_says_where_its_antenna_is() {
+fn a_real_log_states_the_antenna_position() {
     for (_, about) in all_of("px4-ulog-rs/tests/fixtures/esc_status_log.ulg") {
         let arm = about.lever_arm("gps").unwrap();
         assert_eq!((arm.forward_m, arm.parameter.as_str()), (0.0, "EKF2_GPS_POS_X/Y/Z"));
         assert!((arm.right_m - 0.046).abs() < 1e-6, "{arm:?}");
-        // Zeros are the default: the IMU's place was set by nobody.
+        // Zeros are the default: the IMU's position was never set.
         assert!(about.lever_arms.iter().any(|arm| arm.sensor == "imu") && about.lever_arm("imu").is_none());
     }
 }
 
 #[test]
-fn a_ubx_log_says_what_its_version_message_says() {
+fn a_ubx_log_reports_its_version_message() {
     let loaded = load_written(Container::Ubx, &flight(5.0, 10.0), "flight.ubx", LogKind::Ubx, "ubx");
     let found: Vec<String> = loaded.health.about.receiver_identities.iter().map(words).collect();
     assert_eq!(found, ["1: SIMULATED | SIM CORE 1.00 | UBX | - Hz | - baud"]);
 }
 
 #[test]
-fn sentences_with_texts_say_what_a_version_message_says() {
+fn text_sentences_are_reported_like_a_version_message() {
     let fix = "GPRMC,120000.00,A,4723.86520,N,00832.73570,E,0.1,0.0,211126,,,A";
     let texts =
         ["GPTXT,01,01,02,HW  UBX-M8030   00080000", "GPTXT,01,01,02,FWVER=SPG 3.01", "GPTXT,01,01,02,PROTVER=18.00"];
@@ -85,10 +85,10 @@ fn sentences_with_texts_say_what_a_version_message_says() {
     assert_eq!(found, ["1: u-blox M8 | SPG 3.01 | NMEA, version 18.00 | - Hz | - baud"]);
 }
 
-/// `cargo test -p flightlag-ingest --test it -- --ignored --nocapture what_all_real_logs_say` prints it.
+/// `cargo test -p flightlag-ingest --test it -- --ignored --nocapture list_identity_of_all_real_logs` prints it.
 #[test]
 #[ignore = "a listing to be read: it takes half a minute"]
-fn what_all_real_logs_say() {
+fn list_identity_of_all_real_logs() {
     for folder in ["DeLorean", "pymavlink", "px4-ulog-rs", "pyulog", "yule_log", "foxglove-mcap", "ALFA", "SSScoring"] {
         for (id, about) in all_of(folder) {
             println!("{folder}/{id}");

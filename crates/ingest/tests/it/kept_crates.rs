@@ -1,4 +1,4 @@
-//! Our readers of MAVLink, UBX and NMEA beside the kept crates for them: the same bytes, the same values.
+//! Our readers of MAVLink, UBX and NMEA against the kept crates for them: the same bytes, the same values.
 //!
 //! Payloads and sentences are pseudo-random, so that every bit of every field that both know is compared.
 
@@ -43,7 +43,7 @@ impl Random {
 /// Noon of 2026-11-21, µs of UTC.
 const NOON_US: u64 = 1_795_262_400_000_000;
 
-/// The definitions of all dialects that come with the crate; where, cargo knows.
+/// The definitions of all dialects that come with the crate, located through cargo.
 fn dialect() -> DynamicDialect {
     let system = if cfg!(target_os = "macos") { "apple-darwin" } else { "unknown-linux-gnu" };
     let metadata = Command::new(env!("CARGO"))
@@ -70,7 +70,7 @@ enum Value {
 }
 
 impl Value {
-    /// An element of a field as it lies in a payload.
+    /// An element of a field as encoded in a payload.
     fn of(primitive: &str, bytes: &[u8]) -> Value {
         let mut eight = [0; 8];
         eight[..bytes.len()].copy_from_slice(bytes);
@@ -86,7 +86,7 @@ impl Value {
         }
     }
 
-    /// Whether it stands in this row of a column.
+    /// Whether this row of a column has the value.
     fn is_at(&self, column: &Column, row: usize) -> bool {
         match self {
             Value::Whole(whole) => {
@@ -110,12 +110,12 @@ fn element_size(field: &DynamicField) -> usize {
     }
 }
 
-/// The name of a field in the definitions; `type` is a word of Rust.
+/// The name of a field in the definitions; `type` is a Rust keyword.
 fn name_of(field: &DynamicField) -> &str {
     if field.name() == "mavtype" { "type" } else { field.name() }
 }
 
-/// The values of a field as the crate has it, with the names of our columns.
+/// The values of a field according to the crate, with our column names.
 fn values_of(message: &DynamicMessage, field: &DynamicField) -> Vec<(String, Value)> {
     let (name, bytes) = (name_of(field), message.field_bytes(field.name()).unwrap());
     if field.primitive_type() == "char" {
@@ -162,7 +162,7 @@ fn message_by_name(
     write(allowed).unwrap()
 }
 
-/// The frame that the crate makes of a message, with a time in front; every third frame of MAVLink 2 is signed.
+/// The crate's frame of a message, after a timestamp; every third frame of MAVLink 2 is signed.
 fn tlog_record<D: Dialect>(dialect: &D, version: MavlinkVersion, message: &D::Message, count: usize) -> Vec<u8> {
     let header = MavHeader { sequence: count as u8, system_id: 1, component_id: 1 };
     let frame = match version {
@@ -191,8 +191,8 @@ fn read_tlog(bytes: &[u8]) -> Log {
     read_bytes(|path| ingest::reader_of(ingest::LogKind::Tlog, vec![path]), bytes).unwrap()
 }
 
-/// Every message in both versions of the protocol: from named values, from any bits, and from fewer bytes, for MAVLink 2
-/// does not send zeros at the end.
+/// Every message in both versions of the protocol: from named values, from any bits, and from fewer bytes, as MAVLink 2
+/// does not send trailing zeros.
 fn messages_of(dialect: &DynamicDialect, random: &mut Random) -> Vec<DynamicMessage> {
     let mut all = vec![];
     for definition in dialect.message_definitions() {
@@ -213,7 +213,7 @@ fn messages_of(dialect: &DynamicDialect, random: &mut Random) -> Vec<DynamicMess
 }
 
 #[test]
-fn every_message_of_mavlink_is_read_as_the_mavlink_crate_writes_and_reads_it() {
+fn every_mavlink_message_agrees_with_the_mavlink_crate() {
     let dialect = dialect();
     let sent = messages_of(&dialect, &mut Random(1));
     let bytes: Vec<u8> = sent.iter().enumerate().flat_map(|(i, m)| tlog_record(&dialect, m.version(), m, i)).collect();
@@ -241,7 +241,7 @@ fn every_message_of_mavlink_is_read_as_the_mavlink_crate_writes_and_reads_it() {
                 (compared, columns) = (compared + 1, columns - 1);
             }
         }
-        // `use_flags` of GPS_INPUT is worked out of its `ignore_flags`.
+        // `use_flags` of GPS_INPUT is derived from its `ignore_flags`.
         let derived = usize::from(definition.name() == "GPS_INPUT");
         assert_eq!(columns, derived, "{} has columns that the crate does not know", definition.name());
         *row += 1;
@@ -249,7 +249,7 @@ fn every_message_of_mavlink_is_read_as_the_mavlink_crate_writes_and_reads_it() {
     assert!(compared > 30_000, "{compared}");
 }
 
-/// Bytes changed, cut out and put in, a hundred of each.
+/// Bytes changed, removed and inserted, a hundred of each.
 fn damage(bytes: &mut Vec<u8>, random: &mut Random) {
     for _ in 0..100 {
         let mut place = || random.below(bytes.len() as u64 - 40) as usize;
@@ -261,7 +261,7 @@ fn damage(bytes: &mut Vec<u8>, random: &mut Random) {
     }
 }
 
-/// Knows heartbeats, as they lie in a frame.
+/// Recognizes heartbeats in a frame.
 struct Heartbeats;
 
 impl Dialect for Heartbeats {
@@ -287,7 +287,7 @@ impl Dialect for Heartbeats {
 }
 
 #[test]
-fn what_the_mavlink_crate_finds_in_a_damaged_log_we_find_too_unless_its_time_is_gone() {
+fn we_find_what_the_mavlink_crate_finds_in_a_damaged_log() {
     let mut random = Random(2);
     let record = |i: u32| {
         let heartbeat = [&i.to_le_bytes()[..], &[2, 3, 0, 4, 3]].concat();
@@ -305,7 +305,7 @@ fn what_the_mavlink_crate_finds_in_a_damaged_log_we_find_too_unless_its_time_is_
     assert!((2500..3000).contains(&theirs.len()) && missing.len() < 50, "{} {missing:?}", theirs.len());
 }
 
-/// The values of a field of whole numbers that says which message it is.
+/// The values of an integer field that identifies the message.
 fn numbers_of(log: &Log, topic: &str, field: &str) -> BTreeSet<u32> {
     numbers(log, topic, field).into_iter().map(|number| number as u32).collect()
 }
@@ -393,7 +393,7 @@ fn read_ubx(bytes: &[u8]) -> Log {
     read_bytes(|path| ingest::reader_of(ingest::LogKind::Ubx, vec![path]), bytes).unwrap()
 }
 
-/// Columns that our reader puts in front of the fields of a message.
+/// Columns that our reader puts before the fields of a message.
 const DERIVED: [&str; 10] = [
     "gps_week",
     "gps_tow_ms",
@@ -408,7 +408,7 @@ const DERIVED: [&str; 10] = [
 ];
 
 #[test]
-fn every_message_of_a_u_blox_receiver_that_we_read_has_the_values_of_the_ublox_crate() {
+fn every_ubx_message_that_we_read_agrees_with_the_ublox_crate() {
     const ROWS: usize = 20;
     let mut random = Random(3);
     let frames = UBX.map(|(class, number, name, length)| {
@@ -432,7 +432,7 @@ fn every_message_of_a_u_blox_receiver_that_we_read_has_the_values_of_the_ublox_c
 }
 
 #[test]
-fn what_the_ublox_crate_finds_in_a_damaged_log_we_find_too() {
+fn we_find_what_the_ublox_crate_finds_in_a_damaged_log() {
     let mut random = Random(6);
     let position = |i: u32| ubx_frame(0x01, 0x02, &[&i.to_le_bytes()[..], &[1; 24]].concat());
     let mut bytes: Vec<u8> = (0..3000).flat_map(position).collect();
@@ -486,7 +486,7 @@ fn sentences(count: usize, random: &mut Random) -> Vec<Vec<u8>> {
     (0..count).map(sentence).collect()
 }
 
-/// What a sentence says of its time, ns.
+/// The time of a sentence, ns.
 enum Time {
     Unsaid,
     OfDay(i64),
@@ -570,7 +570,7 @@ fn read_nmea(lines: &[Vec<u8>]) -> Log {
 }
 
 #[test]
-fn every_sentence_that_both_read_has_the_values_of_the_nmea_crate() {
+fn every_sentence_that_both_read_agrees_with_the_nmea_crate() {
     let lines = sentences(800, &mut Random(4));
     let log = read_nmea(&lines);
     assert_eq!((log.health.messages, log.health.bytes.damaged), (lines.len() as u64, 0));
@@ -597,7 +597,7 @@ fn every_sentence_that_both_read_has_the_values_of_the_nmea_crate() {
 }
 
 #[test]
-fn a_flipped_bit_gets_past_us_only_where_it_gets_past_the_nmea_crate() {
+fn we_miss_a_flipped_bit_only_if_the_nmea_crate_misses_it() {
     let flip = |line: &Vec<u8>| -> Vec<Vec<u8>> {
         let flipped = |bit: usize| {
             let mut bytes = line.clone();
@@ -608,7 +608,7 @@ fn a_flipped_bit_gets_past_us_only_where_it_gets_past_the_nmea_crate() {
     };
     let damaged: Vec<Vec<u8>> = sentences(16, &mut Random(5)).iter().flat_map(flip).collect();
     let theirs: Vec<&[u8]> = damaged.iter().map(Vec::as_slice).filter(|line| nmea::parse_bytes(line).is_ok()).collect();
-    // Digits of a checksum may be small letters.
+    // Digits of a checksum may be lower case.
     assert!(!theirs.is_empty() && theirs.iter().all(|line| line.last().is_some_and(u8::is_ascii_lowercase)));
     assert_eq!(read_nmea(&damaged).health.messages, theirs.len() as u64);
 }

@@ -1,4 +1,4 @@
-//! Tests of the crate from outside.
+//! Tests of the crate's public interface.
 
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 

@@ -1,4 +1,4 @@
-//! The shipped channel maps: their schema, their checks, and what they say of real logs.
+//! The shipped channel maps: their schema, their checks, and how they bind real logs.
 
 use crate::support::*;
 use flight::{Clock, StampKind};
@@ -35,7 +35,7 @@ const GOOD: &str = "schema = 1\nname = \"n\"\ntitle = \"t\"\n[time]\nlogged = [{
                     north = { field = \"a\", unit = \"m/s\" }\neast = { field = \"b\", unit = \"kt\" }\n";
 
 #[test]
-fn a_wrong_map_is_refused_with_its_file_its_line_and_what_is_wrong() {
+fn a_wrong_map_is_rejected_with_file_line_and_reason() {
     let of = |text: &str| ChannelMap::from_toml(Path::new("mine.toml"), text);
     assert!(of(GOOD).is_ok());
     for (from, to, expected) in [
@@ -59,19 +59,19 @@ fn a_wrong_map_is_refused_with_its_file_its_line_and_what_is_wrong() {
 }
 
 #[test]
-fn the_text_of_a_map_is_that_of_its_file_and_says_the_same_when_read_again() {
+fn a_maps_text_is_its_files_text_and_parses_to_the_same_map() {
     for map in MapLibrary::shipped().unwrap().iter() {
         let path = maps_folder().join(format!("{}.toml", map.name));
         assert_eq!(map.text(), std::fs::read_to_string(&path).unwrap(), "{}", path.display());
         let again = ChannelMap::from_toml(&path, &format!("# mine\n{}", map.text())).unwrap();
         assert_ne!(again.text(), map.text());
-        // Campaigns take the debug text for what a map means.
+        // Campaigns use the debug text as the meaning of a map.
         assert_eq!(format!("{again:?}"), format!("{map:?}"));
     }
 }
 
 #[test]
-fn a_map_of_the_user_replaces_the_shipped_one_of_the_same_name() {
+fn a_user_map_replaces_the_shipped_one_of_the_same_name() {
     let (folder, _path) = file("mine.toml", GOOD.replace("name = \"n\"", "name = \"mavros\"").as_bytes());
     let shipped = MapLibrary::shipped().unwrap();
     let count = shipped.iter().count();
@@ -82,8 +82,8 @@ fn a_map_of_the_user_replaces_the_shipped_one_of_the_same_name() {
     assert!(error.contains("the nearest are flysight-1, flysight-2, "), "{error}");
 }
 
-/// The map that was taken, and how displacement and velocity agree. Scale within `scale` of one, rotation
-/// within `degrees` of none: swapped axes, a wrong sign or a wrong unit are far outside.
+/// Checks the chosen map, and that displacement and velocity agree. Scale within `scale` of one, rotation
+/// within `degrees` of zero: swapped axes, a wrong sign or a wrong unit are far outside.
 fn assert_agrees(loaded: &Loaded, map: &str, pair: (&str, &str), scale: f64, degrees: f64) {
     let binding = loaded.binding.as_ref().unwrap();
     assert_eq!(binding.map, map, "{}", binding.why);
@@ -100,7 +100,7 @@ fn assert_agrees(loaded: &Loaded, map: &str, pair: (&str, &str), scale: f64, deg
     assert!((a.scale - 1.0).abs() < scale && a.rotation.to_degrees().abs() < degrees && a.left_over < 0.15, "{what}");
 }
 
-/// The first row of the file below `folder` whose name ends so, by column: a parse of its own, on files without quotes.
+/// First row, by column, of the file below `folder` with this ending: an independent parser, for files without quotes.
 fn first_row(folder: &Path, ending: &str, header_lines: usize) -> HashMap<String, String> {
     let mut open = vec![folder.to_owned()];
     while let Some(next) = open.pop() {
@@ -152,10 +152,10 @@ fn alfa_tables_of_mavros_agree_with_themselves() {
 }
 
 #[test]
-fn the_odometry_of_mavros_turned_by_its_orientation_is_the_local_velocity() {
+fn mavros_odometry_rotated_by_its_orientation_is_the_local_velocity() {
     let Some(folder) = real_logs("ALFA/alfa-cpp/csv") else { return };
     let text = std::fs::read_to_string(maps_folder().join("navsatfix-twist.toml")).unwrap();
-    // The table has no type, so the rule is given a name instead.
+    // The table has no type, so the rule gets a name instead.
     let named = text.replace("type = [\"nav_msgs/Odometry\"]", "topic = [\"/local_position/odom\"]");
     let mut library = MapLibrary::shipped().unwrap();
     library.add(ChannelMap::from_toml(Path::new("odometry.toml"), &named).unwrap());
@@ -167,7 +167,7 @@ fn the_odometry_of_mavros_turned_by_its_orientation_is_the_local_velocity() {
     let at = |i: usize| local.timeline().stamps().iter().position(|s| *s == turned.timeline().stamps()[i]);
     let pairs: Vec<(usize, usize)> = (0..turned.len()).filter_map(|i| Some((i, at(i)?))).collect();
     assert!(pairs.len() > 500, "{}", pairs.len());
-    // Now and then mavros pairs a velocity with the attitude of the message before.
+    // Occasionally mavros pairs a velocity with the attitude of the message before.
     let error = |&(i, j): &(usize, usize)| {
         (0..3).map(|k| (turned.component(k)[i] - local.component(k)[j]).powi(2)).sum::<f64>().sqrt()
     };
@@ -191,7 +191,7 @@ fn the_px4_map_agrees_with_itself() {
     }
     let channels = &loaded.flight.channels;
     let gps = &channels["position.gps"];
-    // The 2 Hz table is taken, not sensor_gps at 1 Hz; times are microseconds, angles 1e-7 deg, heights mm.
+    // The 2 Hz table is used, not sensor_gps at 1 Hz; times are microseconds, angles 1e-7 deg, heights mm.
     assert_eq!((gps.source.topic.as_str(), gps.series.len()), ("flight3_vehicle_gps_position_0", 1948));
     assert_eq!((gps.series.timeline().kind(), gps.series.timeline().clock()), (StampKind::Published, Clock::Boot));
     let row = first_row(&folder, "flight3_vehicle_gps_position_0.csv", 1);
@@ -230,7 +230,7 @@ fn flysight_tables_agree_with_themselves() {
     ] {
         let Some(loaded) = load_real(path) else { return };
         assert_agrees(&loaded, map, ("position.gps", "velocity.gps"), 0.01, 1.0);
-        // wc -l less the lines before the rows.
+        // wc -l minus the lines before the rows.
         assert_eq!(loaded.flight.channels["position.gps"].series.len(), rows, "{path}");
         assert!(!lossy(&loaded) && count_of(&loaded, "assumption") > 0, "{path}");
     }
@@ -255,8 +255,8 @@ fn the_first_flysight_row_is_read_to_the_last_digit() {
 }
 
 #[test]
-fn the_garmin_map_agrees_with_itself_when_the_variation_is_added_to_the_track() {
-    // Rows as in REFERENCE.csv. In France the variation is 1.9 deg: half a degree leaves no room for its sign.
+fn the_garmin_map_agrees_with_itself_with_variation_added_to_the_track() {
+    // Rows as in REFERENCE.csv. In France the variation is 1.9 deg: so half a degree rules out the wrong sign.
     for (name, rows, degrees) in [("log_220417_125002_LFQA.csv", 2760, 0.6), ("log_210623_141501_TEST1.csv", 4475, 0.6)]
     {
         let Some(loaded) = load_real(&format!("flightlogstats-G1000/flightlogstatsTests/TestAssets/{name}")) else {
@@ -277,7 +277,7 @@ fn the_vertical_axis_of_every_map_points_the_right_way() {
         let Some(loaded) = load_real(path) else { return };
         let position = &loaded.flight.channels["position.gps"].series;
         let down = &loaded.flight.channels[velocity].series;
-        // Height lost must be the integral of the speed down: slope one within a tenth.
+        // Height loss must be the integral of the speed down: slope one within a tenth.
         let (mut product, mut square) = (0.0, 0.0);
         let seconds = position.timeline().seconds_since(flight::Stamp(0));
         for i in 1..position.len().min(down.len()) {
@@ -294,7 +294,7 @@ fn the_vertical_axis_of_every_map_points_the_right_way() {
 }
 
 #[test]
-fn alfa_gives_the_same_channels_from_every_intact_container() {
+fn alfa_yields_the_same_channels_from_every_intact_container() {
     let (Some(folder), Some(derived)) = (real_logs("ALFA"), real_logs("derived-alfa")) else { return };
     let library = MapLibrary::shipped().unwrap();
     let of = |path: &Path| load(&ingest::discover(path, &library).unwrap().units[0]).unwrap();
@@ -335,7 +335,7 @@ fn the_old_mti_g_driver_publishes_every_velocity_twice_and_stamps_on_sending() {
     assert_eq!(count_of(&loaded, "duplicate-stamp"), 356);
 }
 
-/// What the shipped maps make of a text.
+/// Loads a text with the shipped maps.
 fn bound(text: &str) -> Loaded {
     let (_folder, path) = file("log.csv", text.as_bytes());
     let unit = FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Csv };
@@ -345,14 +345,14 @@ fn bound(text: &str) -> Loaded {
     loaded
 }
 
-/// Clock and first and last stamp of a channel.
+/// Clock, first and last timestamp of a channel.
 fn times(loaded: &Loaded, channel: &str) -> (Clock, i64, i64) {
     let channel = loaded.flight.channels.get(channel).unwrap_or_else(|| panic!("no {channel}: {:?}", loaded.binding));
     let timeline = channel.series.timeline();
     (timeline.clock(), timeline.stamps()[0].0, timeline.stamps().last().unwrap().0)
 }
 
-/// Rows of a channel that are used, and why others are not.
+/// Number of used rows of a channel, and why others are rejected.
 fn used(loaded: &Loaded, channel: &str) -> (u64, Vec<(String, u64)>) {
     let health = loaded.binding.iter().flat_map(|b| &b.channels).find(|c| c.name == channel).unwrap();
     (health.used, health.rejected.iter().map(|r| (r.reason.clone(), r.count)).collect())
@@ -368,7 +368,7 @@ const NOON_NS: i64 = 1_795_262_400_000_000_000;
 const GPS_NOON_S: i64 = 1_795_262_400 - 315_964_800 + 18;
 
 #[test]
-fn exports_of_oxts_have_the_time_of_their_zone_in_every_way_to_write_it() {
+fn oxts_exports_use_their_time_zone_in_every_notation() {
     let columns = "PosLat (deg);PosLon (deg);PosAlt (m);VelNorth (km/h);VelEast (km/h);VelDown (km/h)";
     for (zone, date, hour) in [
         ("UTC+1,00", "21.11.2026", 13),
@@ -386,7 +386,7 @@ fn exports_of_oxts_have_the_time_of_their_zone_in_every_way_to_write_it() {
         assert_eq!(times(&loaded, "velocity.ins"), (Clock::Unix, half, half + 19_000_000_000), "{zone}");
         assert_eq!(loaded.flight.channels["velocity.ins"].series.component(0)[0], 10.0, "{zone}");
     }
-    // A zone that says nothing known leaves the seconds from the start.
+    // With an unknown zone, the seconds from the start are used.
     let text = lines("Date (UTC+X),Time (UTC+X),TimeFromStart (s),PosLat (deg),PosLon (deg),PosAlt (m)", |n| {
         format!("2026-11-21,12:00:{n:02},{n},47.3{n:04},8.5,400")
     });
@@ -394,7 +394,7 @@ fn exports_of_oxts_have_the_time_of_their_zone_in_every_way_to_write_it() {
 }
 
 #[test]
-fn gps_seconds_and_nanoseconds_of_navgraph_are_gps_time_and_the_device_before_the_names_is_left_out() {
+fn navgraph_times_are_gps_time_and_the_device_prefix_is_dropped() {
     let header = |device: &str, time: &str| {
         let names = [time, "Latitude (deg)", "Longitude (deg)", "Altitude (m)", "Velocity north (mph)"];
         let more = ["Velocity east (mph)", "Velocity down (mph)", "Heading (deg)", "Pitch (deg)", "Roll (deg)"];
@@ -408,7 +408,7 @@ fn gps_seconds_and_nanoseconds_of_navgraph_are_gps_time_and_the_device_before_th
     assert_eq!(times(&plain, "position.ins"), (Clock::Gps, first, first + 76_000_000));
     let fine = bound(&lines(&header("", "Time (GPS ns)"), |n| row(nanos(n), n)));
     assert_eq!(times(&fine, "position.ins"), (Clock::Gps, first + 1, first + 76_000_001));
-    // One device, and another one behind it, whose names stay.
+    // One device followed by another, whose names are kept.
     let (one, two) = ("[Tag 0 SN1234 Real-Time]", "[Tag 1 SN5678 Range]");
     let alone = bound(&lines(&header(one, "Time (GPS s)"), |n| row(seconds(n), n)));
     let both = format!("{},{two}Latitude (deg)", header(one, "Time (GPS s)"));
@@ -424,7 +424,7 @@ fn gps_seconds_and_nanoseconds_of_navgraph_are_gps_time_and_the_device_before_th
 }
 
 #[test]
-fn what_ncom_to_csv_writes_has_gps_time_and_not_its_local_time() {
+fn ncom_to_csv_output_uses_gps_time_not_local_time() {
     let header = " Time(), Date, Local Time, Latitude(deg), Longitude(deg), Altitude(m), Velocity north(m/s), \
                   Velocity east(m/s), Velocity down(m/s), Velocity up(m/s), Acceleration Xv(m/s²), \
                   Acceleration Yv(m/s²), Acceleration Zv(m/s²), Heading(deg), Pitch(deg), Roll(deg), \
@@ -445,7 +445,7 @@ fn what_ncom_to_csv_writes_has_gps_time_and_not_its_local_time() {
 }
 
 #[test]
-fn positions_and_velocities_of_oxts_without_a_gnss_position_are_not_used_and_counted() {
+fn oxts_rows_without_a_gnss_position_are_rejected_and_counted() {
     let text = |column: &str, mode: &dyn Fn(u32) -> String| {
         let header = "Time (GPS s),PosLat (deg),PosLon (deg),PosAlt (m),VelNorth (m/s),VelEast (m/s),VelDown (m/s),\
                       AngleHeading (deg),AnglePitch (deg),AngleRoll (deg)";
@@ -462,12 +462,12 @@ fn positions_and_velocities_of_oxts_without_a_gnss_position_are_not_used_and_cou
         }
         assert_eq!(used(&loaded, "attitude.ins"), (20, vec![]));
     }
-    // Empty, the mode says nothing; in a word that nobody knows it says nothing either, and that is told.
+    // An empty mode is ignored; so is an unknown word, which is reported.
     let unknown = bound(&text("GpsPosMode", &|n| if n < 3 { "Fine".to_owned() } else { String::new() }));
     assert_eq!((used(&unknown, "position.ins").0, count_of(&unknown, "unknown-word")), (20, 3));
 }
 
-/// An export of MT Manager at 100 Hz from noon on, with the status word and the word on UTC as they are told.
+/// An export of MT Manager at 100 Hz from noon on, with the given status word and UTC word.
 fn of_mt_manager(status: impl Fn(u32) -> String, valid: impl Fn(u32) -> u32) -> Loaded {
     let header = "// Coordinate system: ENU\nPacketCounter\tSampleTimeFine\tUTC_Nano\tUTC_Year\tUTC_Month\tUTC_Day\tUTC_Hour\t\
                   UTC_Minute\tUTC_Second\tUTC_Valid\tStatusWord\tRoll\tPitch\tYaw\tLatitude\tLongitude\tAltitude\tVel_E\tVel_N\t\
@@ -484,7 +484,7 @@ fn status(n: u32) -> u32 {
 }
 
 #[test]
-fn positions_and_velocities_of_xsens_without_a_fix_are_not_used_and_counted() {
+fn xsens_rows_without_a_fix_are_rejected_and_counted() {
     let decimal = |n| status(n).to_string();
     let hexadecimal = |n| format!("{:08X}", status(n));
     let binary = |n| format!("{:032b}", status(n));
@@ -501,9 +501,9 @@ fn positions_and_velocities_of_xsens_without_a_fix_are_not_used_and_counted() {
 }
 
 #[test]
-fn utc_of_xsens_that_its_flags_do_not_vouch_for_is_none() {
+fn xsens_utc_without_valid_flags_is_not_used() {
     let fixed = |_| status(19).to_string();
-    // Without the leap seconds nothing says when it was; where some rows have them, they date the others.
+    // Without leap seconds the date is unknown; rows that have them date the others.
     let never = of_mt_manager(fixed, |_| 3);
     assert_eq!(times(&never, "position.ins"), (Clock::Elapsed, 50_000_000, 240_000_000));
     assert_eq!(count_of(&never, "undated"), 20);
@@ -513,11 +513,11 @@ fn utc_of_xsens_that_its_flags_do_not_vouch_for_is_none() {
 }
 
 #[test]
-fn zeros_that_mt_manager_writes_for_what_a_sample_does_not_have_are_no_values() {
+fn zeros_that_mt_manager_writes_for_missing_values_are_absent() {
     let header = "PacketCounter;SampleTimeFine;UTC_Nano;UTC_Year;UTC_Month;UTC_Day;UTC_Hour;UTC_Minute;UTC_Second;UTC_Valid;\
                   StatusWord;Acc_X;Acc_Y;Acc_Z;Gyr_X;Gyr_Y;Gyr_Z;Mag_X;Mag_Y;Mag_Z;Roll;Pitch;Yaw;Latitude;Longitude;Altitude;\
                   Vel_X;Vel_Y;Vel_Z";
-    // Every fourth sample has the slower ones. A zero among others is a value: all is on the equator, at no height.
+    // Every fourth sample has the slower values. A zero among others is a value: on the equator, at zero height.
     let loaded = bound(&lines(header, |n| {
         let slow = |text: String| if n % 4 == 0 { text } else { "0;0.000000;0".to_owned() };
         let utc =
@@ -542,7 +542,7 @@ fn zeros_that_mt_manager_writes_for_what_a_sample_does_not_have_are_no_values() 
 }
 
 #[test]
-fn the_velocity_of_a_standing_xsens_is_zero_where_it_has_a_position() {
+fn a_stationary_xsens_has_zero_velocity_where_it_has_a_position() {
     let header = "SampleTimeFine;Latitude;Longitude;Altitude;Vel_E;Vel_N;Vel_U";
     let loaded = bound(&lines(header, |n| {
         let place = if n % 4 == 0 { format!("47.3{n:04};8.5;400") } else { "0.0;0.0;0.0".to_owned() };
@@ -561,7 +561,7 @@ fn vectornav(header: &str, row: impl Fn(f64) -> String) -> Loaded {
 }
 
 #[test]
-fn exports_of_both_versions_of_vectornavs_sdk_and_of_its_ascii_messages_are_bound() {
+fn exports_of_both_vectornav_sdks_and_ascii_messages_are_bound() {
     const IN_WEEK_S: f64 = 345_600.0;
     let week_s = 2366.0 * 604_800.0;
     let place = |t: f64| format!("{:.9},{:.9},{:.3}", 47.0 + 1e-4 * t, 8.5 + 2e-4 * t, 500.0 + t);
@@ -588,7 +588,7 @@ fn exports_of_both_versions_of_vectornavs_sdk_and_of_its_ascii_messages_are_boun
         let [latitude, longitude, height] = first("position.ins")[..] else { panic!() };
         assert!((latitude.to_degrees() - 47.0).abs() < 1e-9 && (longitude.to_degrees() - 8.5).abs() < 1e-9);
         assert_eq!((height, first("velocity.ins")), (500.0, vec![11.1, 15.2, -1.0]));
-        // Towards the east, nose up, left side down.
+        // Heading east, nose up, left side down.
         let [w, x, y, z] = first("attitude.ins")[..] else { panic!() };
         let nose = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
         assert!(
@@ -604,7 +604,7 @@ fn exports_of_both_versions_of_vectornavs_sdk_and_of_its_ascii_messages_are_boun
 }
 
 #[test]
-fn a_receiver_in_a_vectornav_export_has_its_own_time_and_only_fixes() {
+fn a_receiver_in_a_vectornav_export_has_its_own_time_and_only_fixes_count() {
     let loaded = vectornav(
         "TimeStartup,Yaw,Pitch,Roll,Gps1Tow,Gps1Week,Gnss1Fix,Gnss1Lat,Gnss1Lon,Gnss1Alt,Gnss1VelN,Gnss1VelE,Gnss1VelD",
         |t| {

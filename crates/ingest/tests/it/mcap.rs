@@ -636,7 +636,7 @@ fn what_is_wrong_with_the_ends_of_a_file_is_said() {
 }
 
 #[test]
-fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
+fn any_cut_gives_a_prefix_of_the_flight_and_is_reported() {
     let sent = flight(12);
     for (layout, stride) in [(Layout::ZSTD, 2), (Layout::PLAIN, 5), (Layout::UNCHUNKED, 5)] {
         let content = mcap(&sent, Encoding::Cdr, layout);
@@ -771,7 +771,7 @@ fn a_message_of_a_channel_that_could_not_be_redefined_is_not_taken_for_the_old_o
 }
 
 #[test]
-fn damage_of_any_kind_neither_panics_nor_goes_unsaid() {
+fn damage_of_any_kind_is_reported_without_a_panic() {
     let sent = flight(8);
     for layout in [Layout::ZSTD, Layout::PLAIN, Layout::UNCHUNKED] {
         let content = mcap(&sent, Encoding::Cdr, layout);

@@ -1,4 +1,4 @@
-//! NMEA 0183: a simulated flight, sentences of other tools, and everything that can go wrong.
+//! NMEA 0183: a simulated flight, sentences of other tools, and all kinds of damage.
 
 use crate::made::lost;
 use crate::stream::*;
@@ -18,7 +18,7 @@ pub fn sealed(body: &str) -> String {
 }
 
 #[test]
-fn a_simulated_flight_comes_back_within_the_quantum_of_its_sentences() {
+fn a_simulated_flight_survives_within_the_resolution_of_its_sentences() {
     let flight = flight(20.0, 50.0);
     let truth = flight.to_flight().unwrap();
     for name in ["flight.nmea", "flight.txt"] {
@@ -45,7 +45,7 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_sentences() {
 }
 
 #[test]
-fn sentences_without_their_dollar_are_read_where_the_checksum_is_right() {
+fn sentences_without_their_dollar_are_read_if_the_checksum_matches() {
     let lines: Vec<String> = (0..5)
         .map(|i| sealed(&format!("GPGGA,12351{i}.00,4807.03{i}0,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,")))
         .collect();
@@ -59,7 +59,7 @@ fn sentences_without_their_dollar_are_read_where_the_checksum_is_right() {
     let (folder, _path) = file("track.txt", (without.join("\r\n") + "\r\n").as_bytes());
     let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
     assert_eq!(found.units.iter().map(|unit| unit.kind).collect::<Vec<_>>(), [LogKind::Nmea]);
-    // A wrong checksum is none, and behind sentences with a `$` one without is what is left of it.
+    // A wrong checksum is not accepted, and after sentences with a `$` one without it is a fragment.
     let wrong = without[2].replace("545.4", "545.5");
     assert!(text(&[without[0], without[1], &wrong, without[3]]).health.bytes.damaged > 60);
     assert!(text(&[with[0], with[1], without[2]]).health.bytes.damaged > 60);
@@ -91,7 +91,7 @@ fn sentences_of_real_receivers_have_the_values_that_pynmeagps_reads() {
     // date -u -d '2021-03-06T10:36:07Z' +%s
     let utc = |topic| table(&log, topic).column("utc_ns").unwrap().integer(0).unwrap();
     assert_eq!(utc("GNRMC"), 1_615_026_967_000_000_000);
-    // GGA came before any date: 12:35:19 is nearest on the same day.
+    // GGA before any date: 12:35:19 is nearest on the same day.
     assert_eq!(utc("GPGGA") - utc("GNRMC"), 7_152_000_000_000);
     assert!(codes(&log).contains(&"undated"));
 }
@@ -115,7 +115,7 @@ fn a_slow_epoch_has_a_position_and_no_velocity() {
     assert_eq!(loaded.flight.channels["position.gps"].series.component(2)[0], 5.4 + 46.9);
 }
 
-/// RMC and VTG of twenty seconds at these speeds, none with a track.
+/// RMC and VTG of twenty seconds at these speeds, without a track.
 fn load_trackless(speed: impl Fn(usize) -> &'static str) -> ingest::Loaded {
     let lines = |second: usize| {
         let (at, minute, speed) = (format!("1200{second:02}"), format!("01131.0{second:02}"), speed(second));
@@ -130,14 +130,14 @@ fn load_trackless(speed: impl Fn(usize) -> &'static str) -> ingest::Loaded {
 }
 
 #[test]
-fn what_stands_still_needs_no_track_to_have_a_velocity() {
-    // A receiver on the ground, which does not make up a track (Garmin, u-blox).
+fn a_stationary_receiver_needs_no_track_for_a_velocity() {
+    // A receiver on the ground, which does not invent a track (Garmin, u-blox).
     let parked = load_trackless(|_| "0.00");
     for name in ["velocity.gps", "velocity.vtg"] {
         let series = &parked.flight.channels[name].series;
         assert_eq!((series.len(), series.component(0)[19], series.component(1)[0]), (20, 0.0, 0.0), "{name}");
     }
-    // One that moves, and never says where to, in some rows or in all.
+    // A moving one without a track in some rows or in all.
     for moving in [3, 20] {
         let loaded = load_trackless(|second| if second < moving { "1.5" } else { "0.0" });
         let length = |name: &str| loaded.flight.channels.get(name).map(|c| c.series.len());
@@ -150,7 +150,7 @@ fn what_stands_still_needs_no_track_to_have_a_velocity() {
 }
 
 #[test]
-fn what_its_own_mode_says_is_not_valid_is_not_used() {
+fn values_invalid_by_their_mode_field_are_not_used() {
     // NMEA 2.3 and above: the last field of VTG, the sixth of GNS with a letter for each system.
     let lines = |second: u32| {
         let (at, mode, modes) = if second < 4 { (0, "N", "NN") } else { (second, "A", "AN") };
@@ -171,7 +171,7 @@ fn what_its_own_mode_says_is_not_valid_is_not_used() {
 }
 
 #[test]
-fn a_log_without_any_date_is_timed_from_its_begin_over_midnight() {
+fn a_log_without_any_date_is_timed_from_its_start_over_midnight() {
     let gga = |time: &str, minute: u32| {
         sealed(&format!("GPGGA,{time},4807.{minute:03},N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,"))
     };
@@ -184,7 +184,7 @@ fn a_log_without_any_date_is_timed_from_its_begin_over_midnight() {
     assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), [0, 500_000_000, 1_000_000_000]);
 }
 
-/// GGA at 10 Hz from a tenth before midnight of 2026-11-21 on, with an RMC behind those of `dated`, and VTG behind all.
+/// GGA at 10 Hz from a tenth before midnight of 2026-11-21 on, with an RMC after those of `dated`, and VTG after all.
 fn around_midnight(dated: impl Fn(i64) -> bool) -> Vec<String> {
     let epoch = |tenth: i64| {
         let day = [21, 22][usize::from(tenth > 0)];
@@ -203,7 +203,7 @@ fn around_midnight(dated: impl Fn(i64) -> bool) -> Vec<String> {
 }
 
 #[test]
-fn what_stands_before_the_first_date_is_dated_backwards_over_midnight_too() {
+fn sentences_before_the_first_date_are_dated_back_over_midnight_too() {
     // date -u -d '2026-11-21T23:59:59.9Z' +%s
     let truth: Vec<i64> = (0..40).map(|tenth| 1_795_305_599_900_000_000 + 100_000_000 * tenth).collect();
     for (dated, early) in [(0..40, 1), (7..8, 15), (39..40, 79)] {
@@ -235,7 +235,7 @@ fn a_date_in_the_second_file_of_a_flight_dates_the_first() {
 }
 
 #[test]
-fn what_nothing_dates_is_a_loss_unless_it_says_nothing() {
+fn undated_sentences_are_a_loss_unless_they_are_empty() {
     let rmc = sealed("GPRMC,120000,A,4807.038,N,01131.000,E,20.0,90.0,211126,,");
     let silent = ["GPGGA,,,,,,0,00,99.99,,,,,,", "GPVTG,,T,,M,,N,,K", "GPRMC,,V,,,,,,,,,"].map(sealed);
     let lossless = text(&[&silent[0], &silent[1], &silent[2], &rmc]);
@@ -246,13 +246,13 @@ fn what_nothing_dates_is_a_loss_unless_it_says_nothing() {
     let loss = log.notices.iter().find(|n| n.code == "undecodable").unwrap();
     assert_eq!((loss.severity, loss.count), (Severity::Loss, 1), "{}", loss.text);
     assert!(loss.text.ends_with(&lost[0]), "{}", loss.text);
-    // The VTG behind has the time of the RMC; that in front is of an epoch of which the log has only the end.
+    // The VTG after the RMC has its time; the one before is from an epoch that the log has only the end of.
     let headless = log.notices.iter().find(|n| n.code == "undated").unwrap();
     assert_eq!((headless.severity, headless.count), (Severity::Info, 1), "{}", headless.text);
 }
 
 #[test]
-fn a_unix_time_in_front_of_a_line_is_when_it_was_logged() {
+fn a_unix_time_before_a_line_is_its_log_time() {
     let rmc =
         |second: u32| sealed(&format!("GPRMC,1200{second:02},A,4807.0{second:02},N,01131.000,E,20.0,90.0,211126,,"));
     let lines: Vec<String> = (0..9).map(|s| format!("17952624{s:02}.123 {}", rmc(s))).collect();
@@ -271,7 +271,7 @@ fn a_unix_time_in_front_of_a_line_is_when_it_was_logged() {
 }
 
 #[test]
-fn a_bad_line_is_damage_with_its_number_and_the_others_are_read() {
+fn a_bad_line_is_damage_with_its_line_number_and_the_others_are_read() {
     let good = sealed("GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,");
     let bad = good.replace("545.4", "645.4");
     let log = text(&["log of the receiver", "# a comment", &good, &bad, "4.5,M,46.9,M,,", "", &good, "\u{7}", &good]);
@@ -279,20 +279,20 @@ fn a_bad_line_is_damage_with_its_number_and_the_others_are_read() {
     assert_eq!(reasons[0], "line 4: the checksum is 47, and the sentence gives 44");
     assert_eq!(reasons[1..], ["line 5: no sentence", "line 8: no sentence"]);
     assert_eq!((table(&log, "GPGGA").rows, log.health.damage_count), (3, 3));
-    // Where the end of a line is damaged both its sentences are read.
+    // If the end of a line is damaged, both its sentences are read.
     let merged = text(&[&format!("{good}\rJ{good}")]);
     assert_eq!((table(&merged, "GPGGA").rows, merged.health.bytes.damaged), (2, 0), "{:?}", merged.health.damage);
 }
 
 #[test]
-fn a_line_of_text_between_sentences_is_no_damage_and_a_piece_of_one_is() {
+fn text_between_sentences_is_not_damage_but_a_fragment_is() {
     let good = sealed("GPGLL,4807.038,N,01131.000,E,123520,A");
     let own = sealed("PSRFTXTClock: 96 kHz, good");
     let log = text(&[&good, "+ 6: 28 (.....)", &own, "038,N,01131.000", "038", "noise*47", &good]);
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
     assert_eq!(reasons, [4, 5, 6].map(|line| format!("line {line}: no sentence")));
     assert_eq!((messages(&log, "GPGLL"), messages(&log, "PSRF")), (2, 1));
-    // A logger that writes text in front of each sentence writes lines of its own too.
+    // A logger that prefixes each sentence with text also writes lines of its own.
     let logged = format!("12:00:01 | recv - {good}");
     let log = text(&[&logged, "12:00:02 | main - interrupted, leaving", &logged, "12:00:03 | recv - GPGLL,4807*38"]);
     assert_eq!((messages(&log, "GPGLL"), log.health.damage_count), (2, 1), "{:?}", log.health.damage);
@@ -300,7 +300,7 @@ fn a_line_of_text_between_sentences_is_no_damage_and_a_piece_of_one_is() {
 }
 
 #[test]
-fn a_position_that_is_none_is_absent_where_the_sentence_says_that_it_has_no_fix() {
+fn a_position_is_absent_if_its_sentence_has_no_fix() {
     let log = text(&[
         &sealed("GPGGA,235946.005,8960.000000,N,00000.000000,E,0,0,,137.000,M,13.000,M,,"),
         &sealed("GPRMC,000452.981,V,36000.0000,N,72000.0000,E,0.000000,,190120,,"),
@@ -316,7 +316,7 @@ fn a_position_that_is_none_is_absent_where_the_sentence_says_that_it_has_no_fix(
 }
 
 #[test]
-fn a_receiver_that_doubles_the_dollar_is_read() {
+fn sentences_with_a_doubled_dollar_are_read() {
     let good = format!("${}", sealed("GPGLL,4807.038,N,01131.000,E,123520,A"));
     let log = text(&[&good, &good]);
     assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 0), "{:?}", log.health.damage);
@@ -326,7 +326,7 @@ fn a_receiver_that_doubles_the_dollar_is_read() {
 }
 
 #[test]
-fn a_log_without_any_checksum_is_told_by_the_types_of_its_sentences() {
+fn a_log_without_any_checksum_is_detected_by_its_sentence_types() {
     let found = |text: &str| {
         let (folder, _path) = file("receiver.log", text.as_bytes());
         let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
@@ -340,18 +340,18 @@ fn a_log_without_any_checksum_is_told_by_the_types_of_its_sentences() {
 }
 
 #[test]
-fn a_log_without_any_checksum_is_read_and_told_of() {
+fn a_log_without_any_checksum_is_read_and_reported() {
     let lines =
         ["$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,", "$GPGLL,4807.038,N,01131.000,E,123520,A"];
     let log = text(&lines);
     assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 0));
     assert!(log.notices.iter().any(|n| n.code == "no-checksum" && n.severity == Severity::Warning && n.count == 2));
-    // Where others have one, a sentence without is damaged.
+    // If others have a checksum, a sentence without one is damaged.
     let log = text(&[lines[0], &sealed("GPGLL,4807.038,N,01131.000,E,123520,A")]);
     assert_eq!((log.health.messages, log.health.damage_count), (1, 1));
 }
 
-/// GGA of so many seconds from noon, with and without a checksum.
+/// GGA of this many seconds from noon, with and without a checksum.
 fn fixes(seconds: std::ops::Range<usize>, checked: bool) -> String {
     let body =
         |i: usize| format!("GPGGA,12{:02}{:02},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,", i / 60, i % 60);
@@ -360,7 +360,7 @@ fn fixes(seconds: std::ops::Range<usize>, checked: bool) -> String {
 }
 
 #[test]
-fn whether_sentences_have_checksums_is_told_by_most_of_them_where_they_stand() {
+fn the_majority_nearby_decides_whether_sentences_have_checksums() {
     let count = |bytes: &[u8]| {
         let (folder, path) = file("receiver.log", bytes);
         let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
@@ -369,14 +369,14 @@ fn whether_sentences_have_checksums_is_told_by_most_of_them_where_they_stand() {
         (log.health.messages, log.health.damage_count)
     };
     let (bare, checked) = (fixes(0..120, false), fixes(120..240, true));
-    // A point that became the mark of a checksum; a line of another device; half of the log by another logger.
+    // A point that became a `*`; a line of another device; half of the log by another logger.
     let point = bare.find('.').unwrap();
     let marked = format!("{}*{}", &bare[..point], &bare[point + 1..]);
     assert_eq!(count(marked.as_bytes()), (119, 1));
     assert_eq!(count([&bare, &*sealed("GPTXT,01,01,02,hello"), "\r\n"].concat().as_bytes()), (121, 0));
     assert_eq!(count([&*bare, &checked].concat().as_bytes()), (240, 0));
     assert_eq!(count([&*checked, &bare].concat().as_bytes()), (240, 0));
-    // Where a logger keeps checksums, single sentences without one are damaged.
+    // If a logger keeps checksums, single sentences without one are damaged.
     let mixed = checked.lines().enumerate().map(|(i, line)| {
         let line = if i % 10 == 5 { &line[..line.len() - 3] } else { line };
         format!("{line}\r\n")
@@ -390,7 +390,7 @@ fn whether_sentences_have_checksums_is_told_by_most_of_them_where_they_stand() {
 }
 
 #[test]
-fn lines_of_another_device_make_no_log_without_checksums() {
+fn lines_of_another_device_do_not_imply_a_log_without_checksums() {
     // More lines of its own than a logger has sentences, of which one was cut inside of a number.
     let own = "$LOG,12,34\r\n".repeat(4);
     let mut lines: Vec<String> = fixes(0..60, true).split_inclusive('\n').map(str::to_owned).collect();
@@ -401,7 +401,7 @@ fn lines_of_another_device_make_no_log_without_checksums() {
 }
 
 #[test]
-fn what_a_logger_put_behind_a_sentence_costs_it_nothing() {
+fn text_that_a_logger_appends_to_a_sentence_is_harmless() {
     let lines: Vec<String> = fixes(0..50, true).lines().map(|line| format!("{line},1795262400000\r\n")).collect();
     let log = read_bytes(READER, lines.concat().as_bytes()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 0), "{:?}", log.health.damage);
@@ -413,7 +413,7 @@ fn what_a_logger_put_behind_a_sentence_costs_it_nothing() {
     assert_eq!((log.health.messages, log.health.bytes.damaged), (4, 0), "{:?}", log.health.damage);
 }
 
-/// An epoch of a receiver whose VTG stands behind, as most have it.
+/// An epoch of a receiver that sends VTG last, as most do.
 fn epoch_behind(talker: &str, tenth: usize) -> [String; 3] {
     let time = format!("12{:02}{:02}.{}", tenth / 600, tenth / 10 % 60, tenth % 10);
     let (speed, track) = (20.0 + 0.1 * (tenth % 50) as f64, tenth % 360);
@@ -425,7 +425,7 @@ fn epoch_behind(talker: &str, tenth: usize) -> [String; 3] {
     ]
 }
 
-/// That every VTG that has a time has that of the RMC with its track; how many have none.
+/// Checks that every VTG with a time has that of the RMC with its track; returns how many have no time.
 fn vtg_without_time(log: &Log, talker: &str) -> usize {
     let column = |kind: &str, field: &str| table(log, &format!("{talker}{kind}")).column(field).unwrap();
     let at = |kind: &str, row: usize| column(kind, "utc_ns").integer(row).filter(|ns| *ns != 0);
@@ -446,13 +446,13 @@ fn vtg_without_time(log: &Log, talker: &str) -> usize {
 }
 
 #[test]
-fn a_velocity_behind_damage_has_no_time_of_another_epoch() {
+fn a_velocity_after_damage_gets_no_time_from_another_epoch() {
     let lines: Vec<String> = (0..200).flat_map(|i| epoch_behind("GP", 10 * i)).collect();
     let whole = lines.join("\r\n") + "\r\n";
     assert_eq!(vtg_without_time(&read_bytes(READER, whole.as_bytes()).unwrap(), "GP"), 0);
     let starts: Vec<usize> = std::iter::once(0).chain(whole.match_indices('\n').map(|(at, _)| at + 1)).collect();
     for (from, to) in [(120, 182), (121, 182), (122, 182), (121, 123), (90, 91), (31, 35)] {
-        // From the midst of one sentence to the midst of another.
+        // From the middle of one sentence to the middle of another.
         let mut hit = whole.clone().into_bytes();
         hit[starts[from] + 9..starts[to] - 9].fill(0);
         let log = read_bytes(READER, &hit).unwrap();
@@ -461,7 +461,7 @@ fn a_velocity_behind_damage_has_no_time_of_another_epoch() {
 }
 
 #[test]
-fn a_velocity_has_the_time_of_its_own_talker() {
+fn a_velocity_gets_the_time_of_its_own_talker() {
     let mut lines: Vec<(usize, String)> = vec![];
     for i in 0..60 {
         // Once a second and late, and five times a second.
@@ -469,7 +469,7 @@ fn a_velocity_has_the_time_of_its_own_talker() {
         lines.extend((0..5).flat_map(|k| epoch_behind("GN", 10 * i + 2 * k).map(|line| (10 * i + 2 * k, line))));
     }
     lines.sort_by_key(|(at, _)| *at);
-    // The velocity of the slow one stands behind the next epoch of the other.
+    // The velocity of the slow one comes after the next epoch of the other.
     for at in (0..lines.len()).rev() {
         if lines[at].1.starts_with("$GPVTG") && at + 3 < lines.len() {
             let line = lines.remove(at);
@@ -482,7 +482,7 @@ fn a_velocity_has_the_time_of_its_own_talker() {
 }
 
 #[test]
-fn a_heading_has_the_time_of_its_epoch_whoever_says_it() {
+fn a_heading_gets_the_time_of_its_epoch_from_any_talker() {
     let heading = |talker: &str, i: usize| sealed(&format!("{talker}HDT,{}.0,T", i % 360));
     let fix = |talker: &str, i: usize| epoch_behind(talker, 10 * i)[0].clone();
     let date = sealed("GPZDA,115959.0,21,11,2026,00,00");
@@ -493,7 +493,7 @@ fn a_heading_has_the_time_of_its_epoch_whoever_says_it() {
         (0..table.rows).map(|row| column.integer(row).unwrap() / 1_000_000_000).collect()
     };
     let seconds: Vec<i64> = (0..60).collect();
-    // The receiver changes its talker and the heading does not; another talker said a time once.
+    // The receiver changes its talker but not that of the heading; another talker sent a time once.
     let changed = (0..60).flat_map(|i| [fix(if i < 10 { "GP" } else { "GN" }, i), heading("GP", i)]).collect();
     assert_eq!(stamps(changed, "GPHDT"), seconds);
     let once = std::iter::once(date).chain((0..60).flat_map(|i| [fix("GN", i), heading("GP", i)])).collect();
@@ -504,9 +504,9 @@ fn a_heading_has_the_time_of_its_epoch_whoever_says_it() {
 }
 
 #[test]
-fn one_receiver_that_speaks_as_two_talkers_has_one_time() {
+fn one_receiver_with_two_talkers_has_one_time() {
     for tenths in [1, 10] {
-        // The talker of the velocity says the time of its epoch behind it.
+        // The talker of the velocity sends the time of its epoch after it.
         let epoch = |i: usize| {
             let [fix, rmc, _] = epoch_behind("GN", tenths * i);
             let [_, _, vtg] = epoch_behind("GP", tenths * i);
@@ -524,7 +524,7 @@ fn one_receiver_that_speaks_as_two_talkers_has_one_time() {
     }
 }
 
-/// The seconds, to a millisecond, that the rows of a topic have.
+/// The times of a topic's rows, s, to a millisecond.
 fn elapsed_ms(log: &Log, topic: &str) -> Vec<i64> {
     let table = table(log, topic);
     let column = table.column("elapsed_ns").unwrap();
@@ -533,7 +533,7 @@ fn elapsed_ms(log: &Log, topic: &str) -> Vec<i64> {
 
 #[test]
 fn two_receivers_on_one_line_keep_their_own_times() {
-    // As a multiplexer at 4800 baud puts them: what the slow one says comes in pieces between the epochs of the other.
+    // As from a multiplexer at 4800 baud: sentences of the slow one are spread between the epochs of the other.
     let heading = |talker: &str, i: usize| sealed(&format!("{talker}HDT,{}.0,T", i % 360));
     let mut lines = vec![];
     for second in 0..60 {
@@ -549,7 +549,7 @@ fn two_receivers_on_one_line_keep_their_own_times() {
 }
 
 #[test]
-fn a_date_and_time_beside_the_epochs_times_no_velocity() {
+fn a_date_and_time_outside_the_epochs_times_no_velocity() {
     let epoch = |i: usize, zda: &str, leads: bool| {
         let [gga, rmc, vtg] = epoch_behind("GN", 10 * i);
         let zda = sealed(&format!("GNZDA,12{:02}{:02}.{zda},21,11,2026,00,00", i / 60, i % 60));
@@ -563,7 +563,7 @@ fn a_date_and_time_beside_the_epochs_times_no_velocity() {
 }
 
 #[test]
-fn a_talker_without_times_ends_no_epoch_of_another() {
+fn a_talker_without_times_does_not_end_anothers_epoch() {
     let lines = (0..60).flat_map(|i| {
         let [_, rmc, vtg] = epoch_behind("GN", 10 * i);
         let empty = sealed("GPGGA,,,,,,0,00,99.9,,,,,,");
@@ -571,7 +571,7 @@ fn a_talker_without_times_ends_no_epoch_of_another() {
         [rmc, empty, vtg, heading(0), heading(5)]
     });
     let log = read_bytes(READER, lines.map(|line| line + "\r\n").collect::<String>().as_bytes()).unwrap();
-    // The heading stands twice in each.
+    // The heading is in each epoch twice.
     for (topic, rows) in [("GNVTG", 1), ("HEHDT", 2)] {
         assert_eq!(elapsed_ms(&log, topic), (0..60 * rows).map(|i| 1000 * (i / rows)).collect::<Vec<i64>>(), "{topic}");
     }
@@ -593,7 +593,7 @@ fn a_heading_has_no_time_while_the_receiver_has_none() {
 }
 
 #[test]
-fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
+fn a_value_that_is_not_a_number_costs_its_row_and_is_a_loss() {
     let log = text(&[
         &sealed("GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,high,M,46.9,M,,"),
         &sealed("GPGGA,123520,4867.038,N,01131.000,E,1,08,0.9,5.0,M,46.9,M,,"),
@@ -604,7 +604,7 @@ fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
 }
 
 #[test]
-fn a_long_line_that_is_no_sentence_is_damage_but_for_its_end() {
+fn a_long_line_that_is_not_a_sentence_is_damage_except_for_its_end() {
     let good = sealed("GPGLL,4807.038,N,01131.000,E,123520,A");
     let long = "x ".repeat(2500);
     let log = read_bytes(READER, format!("{good}\n{long}\n{good}\n").as_bytes()).unwrap();
@@ -613,22 +613,22 @@ fn a_long_line_that_is_no_sentence_is_damage_but_for_its_end() {
 }
 
 #[test]
-fn a_log_cut_anywhere_gives_the_sentences_before_the_cut_and_says_so() {
+fn a_log_cut_anywhere_gives_the_sentences_before_it_and_reports_it() {
     let bytes = seed(Container::Nmea);
-    // A sentence is whole with the last digit of its checksum.
+    // A sentence is complete with the last digit of its checksum.
     let ends: Vec<usize> = (0..bytes.len()).filter(|at| bytes[*at] == b'\r').collect();
     let between = |length| length == 0 || b"\r\n".contains(&bytes[length]) || bytes[length - 1] == b'\n';
     check_cuts(READER, &bytes, 0..bytes.len(), &ends, between);
 }
 
 #[test]
-fn no_flipped_bit_changes_a_value_and_none_costs_a_sentence_in_silence() {
+fn no_flipped_bit_changes_a_value_or_loses_a_sentence_silently() {
     check_flips(1);
 }
 
 #[test]
 #[ignore = "all single bits, some seconds to a minute"]
-fn no_flipped_bit_at_all_changes_a_value_and_none_costs_a_sentence_in_silence() {
+fn no_single_bit_flip_at_all_changes_a_value_or_loses_a_sentence() {
     check_flips(8);
 }
 
@@ -636,7 +636,7 @@ fn check_flips(bits_of_each_byte: usize) {
     let bytes = seed(Container::Nmea);
     let whole = rows(&read_bytes(READER, &bytes).unwrap());
     let mut lost = 0;
-    // The date of what follows comes from the sentences before: only values that a sentence says itself are compared.
+    // The date comes from earlier sentences: only values in the sentence itself are compared.
     let own = |rows: &std::collections::BTreeMap<String, Vec<String>>| {
         let strip = |row: &String| row.split(' ').filter(|cell| !cell.contains("_ns=")).collect::<Vec<_>>().join(" ");
         rows.iter().map(|(topic, rows)| (topic.clone(), rows.iter().map(strip).collect())).collect()
@@ -663,7 +663,7 @@ fn bound(lines: &[String]) -> ingest::Loaded {
     load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap()
 }
 
-/// Fifth `fifth` of a second of a flight to the north, as `talker` says it: GGA with this separation, and RMC of this status.
+/// Fifth `fifth` of a second of a flight to the north, from `talker`: GGA with this separation, and RMC of this status.
 fn epoch(talker: &str, fifth: usize, separation: &str, status: &str) -> [String; 2] {
     let time = format!("1200{:02}.{}0", fifth / 5, 2 * (fifth % 5));
     let place = format!("4807.{:04},N,01131.0000,E", fifth + 100);
@@ -680,8 +680,8 @@ fn length(loaded: &ingest::Loaded, channel: &str) -> usize {
 }
 
 #[test]
-fn a_receiver_that_changes_its_talker_is_one_channel_from_first_to_last() {
-    // As more satellites come into sight, and leave it again.
+fn a_receiver_that_changes_its_talker_is_one_channel_throughout() {
+    // As more satellites come into view and leave it again.
     let talker = |fifth| if (20..70).contains(&fifth) { "GN" } else { "GP" };
     let lines: Vec<String> = (0..100).flat_map(|fifth| epoch(talker(fifth), fifth, "46.9", "A")).collect();
     let loaded = bound(&lines);
@@ -697,7 +697,7 @@ fn a_receiver_that_changes_its_talker_is_one_channel_from_first_to_last() {
     let topics: Vec<_> = loaded.health.topics.iter().map(|t| (t.name.as_str(), t.messages)).collect();
     assert_eq!(topics, [("GGA", 100), ("RMC", 100)]);
     assert_eq!(loaded.health.messages, 200);
-    // Who said what is not lost.
+    // The talkers are not lost.
     let log = read_bytes(READER, lines.join("\n").as_bytes()).unwrap();
     let table = log.tables.iter().find(|t| t.topic.name == "GGA").unwrap();
     let said = (0..100).filter_map(|row| table.column("talker")?.text(row));
@@ -705,8 +705,8 @@ fn a_receiver_that_changes_its_talker_is_one_channel_from_first_to_last() {
 }
 
 #[test]
-fn what_several_receivers_or_systems_say_stays_apart() {
-    // The same epochs of two systems; a second receiver between the epochs of the first; a slow one beside a fast one.
+fn several_receivers_or_systems_stay_separate() {
+    // The same epochs of two systems; a second receiver between the epochs of the first; a slow one and a fast one.
     for (every, tenths) in [(1, 0), (1, 1), (5, 1)] {
         let others = |fifth: usize| epoch("GP", fifth, "46.9", "A").map(|line| later(&line, tenths));
         let lines = |fifth: usize| {
@@ -729,7 +729,7 @@ fn later(line: &str, tenths: u8) -> String {
 
 #[test]
 fn a_differential_fix_is_a_fix() {
-    // Some receivers (Unicore among them) say so in the status, where the standard has A and V.
+    // Some receivers (Unicore among them) put it in the status, where the standard has A and V.
     let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "46.9", "D")).collect::<Vec<_>>());
     assert_eq!((length(&loaded, "position.gps"), length(&loaded, "velocity.gps")), (50, 50));
     // The date of such an RMC counts.
@@ -739,12 +739,12 @@ fn a_differential_fix_is_a_fix() {
 }
 
 #[test]
-fn heights_without_that_of_the_sea_are_read_and_said_to_be_above_it() {
+fn heights_without_geoid_separation_are_reported_as_above_sea_level() {
     let height = |loaded: &ingest::Loaded| loaded.flight.channels["position.gps"].series.component(2)[0];
     let above_sea = |loaded: &ingest::Loaded| count_saying(loaded, "assumption", "above mean sea level") > 0;
     let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "", "A")).collect::<Vec<_>>());
     assert_eq!((height(&loaded), above_sea(&loaded)), (545.4, true));
-    // Where a sentence here and there lacks it, the others have the height above the ellipsoid.
+    // If single sentences lack it, the others have the height above the ellipsoid.
     let said = |fifth| if fifth % 10 == 3 { "" } else { "46.9" };
     let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, said(fifth), "A")).collect::<Vec<_>>());
     assert_eq!((height(&loaded), above_sea(&loaded)), (545.4 + 46.9, false));
@@ -759,7 +759,7 @@ fn pubx(second: usize, status: &str) -> String {
 }
 
 #[test]
-fn a_receiver_of_u_blox_that_says_nothing_else_has_a_velocity_in_three_dimensions_and_accuracies() {
+fn pubx_alone_yields_a_3d_velocity_and_accuracies() {
     let status = |second| if second == 7 { "NF" } else { "G3" };
     let date = sealed("PUBX,04,120000.00,211126,561600.00,2445,18,495176,342.504,21");
     let lines: Vec<String> = [date].into_iter().chain((0..20).map(|second| pubx(second, status(second)))).collect();
@@ -782,7 +782,7 @@ fn a_receiver_of_u_blox_that_says_nothing_else_has_a_velocity_in_three_dimension
 }
 
 #[test]
-fn sentences_of_the_standard_come_before_those_of_a_maker() {
+fn standard_sentences_take_precedence_over_proprietary_ones() {
     let standard = |second: usize| epoch("GN", 5 * second, "46.9", "A").into_iter().chain([pubx(second, "D3")]);
     let loaded = bound(&(0..12).flat_map(standard).collect::<Vec<_>>());
     let topic = |name: &str| loaded.flight.channels[name].source.topic.clone();
@@ -816,7 +816,7 @@ fn the_standard_deviations_of_gst_are_accuracies() {
 }
 
 #[test]
-fn the_time_in_a_tag_block_is_when_it_was_logged_and_a_damaged_block_costs_itself_alone() {
+fn a_tag_block_has_the_log_time_and_damage_costs_only_the_block() {
     let tagged = |second: usize, sum_off: u8| {
         let said = format!("s:r1,c:{}", 1_795_262_401 + second);
         let sum = said.bytes().fold(sum_off, |sum, b| sum ^ b);
@@ -834,7 +834,7 @@ fn the_time_in_a_tag_block_is_when_it_was_logged_and_a_damaged_block_costs_itsel
 }
 
 #[test]
-fn a_velocity_that_stands_in_front_of_its_epoch_is_not_used_and_told() {
+fn a_velocity_before_its_epoch_is_rejected_and_reported() {
     // VTG first, in the middle or last; a flight whose speed changes, and one that does not.
     let lines = |place_of_vtg: usize, faster: usize| -> Vec<String> {
         let second = |second: usize| {
@@ -853,7 +853,7 @@ fn a_velocity_that_stands_in_front_of_its_epoch_is_not_used_and_told() {
         let loaded = bound(&lines(place, faster));
         let leads = place == 0;
         assert_eq!(length(&loaded, "velocity.gps"), 30, "{place} {faster}");
-        // The first stands before any time, and is counted as such.
+        // The first comes before any time and is counted as such.
         let refused = loaded.flight.notices.iter().filter(|n| n.code == "undated" && n.place == "VTG");
         assert_eq!(refused.map(|n| n.count).sum::<u64>(), if leads { 29 } else { 0 }, "{place} {faster}");
         let Some(vtg) = loaded.flight.channels.get("velocity.vtg") else {
@@ -867,7 +867,7 @@ fn a_velocity_that_stands_in_front_of_its_epoch_is_not_used_and_told() {
 }
 
 #[test]
-fn what_frames_sentences_is_no_damage() {
+fn framing_around_sentences_is_not_damage() {
     let lines = |before: &str, behind: &str| -> Vec<u8> {
         let line = |fifth: usize| format!("{before}{}{behind}", epoch("GN", fifth, "46.9", "A")[0]);
         (0..20).map(line).collect::<String>().into_bytes()
@@ -882,7 +882,7 @@ fn what_frames_sentences_is_no_damage() {
         let logged = table(&log, "GNGGA").column("logged_ns").and_then(|column| column.integer(19));
         assert_eq!(logged, before.contains(time).then_some(1_795_262_400_000_000_000), "{before:?}");
     }
-    // Other text is told, and what is none is damage.
+    // Other text is reported, and non-text is damage.
     let log = read_bytes(READER, &lines("[info] \x02", "\r\n")).unwrap();
     assert_eq!((log.health.bytes.damaged, codes(&log).contains(&"skipped")), (0, true));
     for binary in ["\x07", "\0\x02", "\x02\x01", "\x1b[32m"] {
@@ -893,7 +893,7 @@ fn what_frames_sentences_is_no_damage() {
 }
 
 #[test]
-fn a_binary_frame_among_lines_with_the_times_of_a_logger_is_read_and_a_damaged_one_costs_the_time_behind_it() {
+fn binary_frames_among_lines_with_logger_times_are_read() {
     let frame = crate::wire::ubx_frame(1, 3, &[0; 16]);
     let damaged = [&frame[..10], &[1], &frame[11..]].concat();
     let ns = |fifth: usize| (1_795_262_400_100 + 200 * fifth as i64) * 1_000_000;
@@ -928,8 +928,8 @@ fn a_binary_frame_among_lines_with_the_times_of_a_logger_is_read_and_a_damaged_o
 }
 
 #[test]
-fn binary_frames_that_a_receiver_was_told_to_send_later_are_read() {
-    // More sentences than are looked at to tell what a file is, then frames of UBX or corrections among them.
+fn binary_frames_that_a_receiver_starts_sending_late_are_read() {
+    // More sentences than are examined to detect the format, then UBX frames or corrections among them.
     let second = |n: usize| epoch("GN", n % 300, "46.9", "A").join("\r\n") + "\r\n";
     let sentences: String = (0..900).map(second).collect();
     let frame = crate::wire::ubx_frame(1, 7, &[3; 92]);
@@ -944,7 +944,7 @@ fn binary_frames_that_a_receiver_was_told_to_send_later_are_read() {
         assert_eq!(["GNGGA", "GNRMC", topic].map(count), [Some(910), Some(910), Some(10)]);
         assert_eq!((loaded.health.bytes.damaged, lossy(&loaded)), (0, false), "{:?}", loaded.flight.notices);
     }
-    // A broken frame makes no such log of it.
+    // A broken frame does not make it such a log.
     let broken = [sentences.as_bytes(), &frame[..50], b"\r\n", second(1).as_bytes()].concat();
     let log = read_bytes(READER, &broken).unwrap();
     assert_eq!((log.health.format.as_str(), log.health.damage_count), ("NMEA 0183", 1));

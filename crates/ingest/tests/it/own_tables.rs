@@ -1,4 +1,4 @@
-//! Tables of the user's own: what they say of their units, and maps that name what they lack.
+//! User tables: the units that they state, and maps that name missing columns.
 
 use crate::support::*;
 use ingest::{ChannelMap, Loaded, MapLibrary};
@@ -16,7 +16,7 @@ fn flysight_with(units: &str) -> Loaded {
 }
 
 #[test]
-fn a_line_of_units_is_converted_and_told() {
+fn a_line_of_units_is_converted_and_reported() {
     let loaded = flysight_with(",(deg),(deg),(m),(km/h),(km/h),(km/h),");
     let velocity = &loaded.flight.channels["velocity.gps"].series;
     let first: Vec<f64> = velocity.components().iter().map(|axis| axis[0]).collect();
@@ -38,7 +38,7 @@ fn a_line_with_the_units_of_the_map_changes_nothing() {
 }
 
 #[test]
-fn a_unit_of_something_else_is_refused_and_an_unknown_one_is_told() {
+fn a_unit_of_another_quantity_is_rejected_and_an_unknown_one_is_reported() {
     let loaded = flysight_with(",(deg),(deg),(m),(deg),(deg),(deg),");
     assert!(!loaded.flight.channels.contains_key("velocity.gps"));
     let loaded = flysight_with(",(deg),(deg),(m),(furlongs),(m/s),(m/s),");
@@ -79,14 +79,14 @@ fn with_map(map: &str, table: &str) -> Loaded {
 fn a_field_that_the_log_lacks_is_an_error_with_the_nearest_name() {
     let table = "t,my_lat,my_lon,v_north,v_east\n0,47,8,1,2\n1,47.00001,8,1,2\n2,47.00002,8,1,2\n";
     let loaded = with_map(MINE, table);
-    assert!(!lossy(&loaded), "a wrong map is no damage");
+    assert!(!lossy(&loaded), "a wrong map is not damage");
     assert_eq!(count_of(&loaded, "map-lacks"), 1);
     assert_eq!(
         loaded.binding.unwrap_err(),
         "the channel map mine names fields that the log does not have: velocity.gps: topic flight has no \"vnorth\" (the \
          nearest name is \"v_north\"); correct the names, or say `optional = true` in the channel"
     );
-    // Each channel with a slip: no channel binds, and the names are told all the same.
+    // Each channel with a slip: no channel binds, but the names are still reported.
     let none = with_map(&MINE.replace("my_lat", "my_latt"), table).binding.unwrap_err();
     assert!(none.contains("no \"my_latt\" (the nearest name is \"my_lat\")"), "{none}");
     assert!(none.contains("no \"vnorth\" (the nearest name is \"v_north\")"), "{none}");
@@ -98,7 +98,7 @@ fn a_field_that_the_log_lacks_is_an_error_with_the_nearest_name() {
 }
 
 #[test]
-fn stamps_in_another_unit_than_the_map_says_are_refused() {
+fn timestamps_in_another_unit_than_the_map_states_are_rejected() {
     let table = "t [ms],my_lat,my_lon\n0,47,8\n1000,47.00001,8\n2000,47.00002,8\n";
     let map = MINE.replace("field = \"t\"", "field = \"t [ms]\"");
     let map = map.split("[[channel]]\nname = \"velocity.gps\"").next().unwrap();

@@ -119,7 +119,7 @@ fn read(content: &[u8], want: impl Fn(&TopicInfo) -> Selection) -> Log {
     log
 }
 
-/// Always the same numbers, with zero, one and the extremes among them.
+/// A fixed sequence of numbers that includes zero, one and the extremes.
 struct Numbers(u64);
 
 impl Numbers {
@@ -179,7 +179,7 @@ fn in_table(table: &Table, path: &str, row: usize) -> Option<String> {
 }
 
 #[test]
-fn every_kind_of_value_is_what_prost_reflect_says() {
+fn every_kind_of_value_agrees_with_prost_reflect() {
     for syntax in ["proto2", "proto3"] {
         let set = file(syntax);
         let pool = DescriptorPool::from_file_descriptor_set(set.clone()).unwrap();
@@ -258,25 +258,25 @@ fn nested_and_repeated_messages_are_reached_by_their_paths() {
     let table = &log.tables[0];
     let at = |path: &str, row| in_table(table, path, row);
     assert_eq!(at("nested.x", 0).as_deref(), Some("1.0"));
-    // Zero is not written, but its message is there; in the second message it is not.
+    // Zero is not written, but its submessage is present; in the second message it is absent.
     assert_eq!((at("nested.n", 0).as_deref(), at("nested.n", 1)), (Some("0"), None));
     assert_eq!(at("nested.stamp", 0).as_deref(), Some("1700000000000000007"));
     assert_eq!((at("list[1].x", 0).as_deref(), at("list[1].stamp", 0).as_deref()), (Some("3.0"), Some("-2999999993")));
     assert_eq!(at("self.nested.x", 0).as_deref(), Some("4.0"));
     assert_eq!(table.columns.len(), 6);
-    // Everything of a type that contains itself ends after once.
+    // A type that contains itself is expanded once.
     let log = read(&content, |_| Selection::All);
     assert!(log.tables[0].columns.iter().all(|c| !c.path.starts_with("self.self")));
 }
 
-/// A field of bytes as it stands in a message.
+/// A bytes field as encoded in a message.
 fn of_bytes(number: u8, bytes: &[u8]) -> Vec<u8> {
     let length = [bytes.len() as u8 & 0x7f | 0x80, (bytes.len() >> 7) as u8];
     [&[number << 3 | 2][..], &length, bytes].concat()
 }
 
 #[test]
-fn groups_of_proto2_are_messages_with_other_ends() {
+fn proto2_groups_are_messages_with_different_delimiters() {
     let group = |field: FieldDescriptorProto| FieldDescriptorProto { r#type: Some(Type::Group as i32), ..field };
     let mut set = file("proto2");
     let fields = &mut set.file[1].message_type[0].field;
@@ -311,7 +311,7 @@ fn groups_of_proto2_are_messages_with_other_ends() {
 }
 
 #[test]
-fn editions_say_for_each_field_whether_zero_is_told_from_absent_and_how_messages_end() {
+fn editions_set_field_presence_and_message_encoding_per_field() {
     // `FeatureSet`: `field_presence` is 1 (EXPLICIT 1, IMPLICIT 2, LEGACY_REQUIRED 3), `message_encoding` 5 (DELIMITED 2).
     let presence = |value: u8| vec![1 << 3, value];
     let delimited = vec![5 << 3, 2];
@@ -348,7 +348,7 @@ fn editions_say_for_each_field_whether_zero_is_told_from_absent_and_how_messages
         .to_vec();
     for (of_file, plain) in [(None, None), (Some(presence(1)), None), (Some(presence(2)), Some("0.0"))] {
         let schema = set(of_file.as_deref());
-        // The crate panics at such a descriptor. Should it read one some day, it is the better oracle.
+        // The crate panics on such a descriptor. If it ever reads one, it is the better oracle.
         let by_crate = std::panic::catch_unwind(|| DescriptorPool::decode(&schema[..]));
         assert!(!matches!(by_crate, Ok(Ok(_))), "prost-reflect knows editions now");
         let log = read(&mcap_of("t.A", &schema, &[vec![], group.clone()]), |_| Selection::Fields(fields.clone()));
@@ -361,7 +361,7 @@ fn editions_say_for_each_field_whether_zero_is_told_from_absent_and_how_messages
 }
 
 #[test]
-fn what_a_descriptor_imports_need_not_be_with_it() {
+fn a_descriptor_without_its_imports_is_read() {
     let mut set = file("proto3");
     set.file.remove(0);
     let schema = set.encode_to_vec();
@@ -371,9 +371,9 @@ fn what_a_descriptor_imports_need_not_be_with_it() {
 }
 
 #[test]
-fn bytes_that_are_no_message_are_refused_with_the_reason() {
+fn bytes_that_are_not_a_message_are_rejected_with_a_reason() {
     let set = file("proto3").encode_to_vec();
-    // A number without its bytes, a length beyond the end, a field 0, an unknown kind, a group without an end, text that is none.
+    // A truncated number, a length beyond the end, a field 0, an unknown kind, a group without an end, invalid text.
     let bad: [&[u8]; 6] = [&[0x09, 1, 2], &[0x4a, 200, 1], &[0x00, 1], &[0x0f], &[0x0b, 0x08, 1], &[0x4a, 1, 0xff]];
     let good: [&[u8]; 3] =
         [&[], &[0xa3, 0x1f, 0x08, 1, 0xa4, 0x1f, 0x28, 5], &[0xf8, 0xff, 0xff, 0xff, 0x0f, 1, 0x28, 5]];
@@ -427,7 +427,7 @@ fn a_descriptor_that_names_exponentially_many_fields_stays_small() {
 }
 
 #[test]
-fn a_simulated_flight_is_the_same_to_prost_reflect_and_to_us() {
+fn a_simulated_flight_reads_the_same_as_with_prost_reflect() {
     let flight = simulate::simulate(&FlightSettings { duration_s: 5.0, ..FlightSettings::default() }).unwrap();
     let container = |encoding| Container::Mcap(McapSettings { encoding, ..McapSettings::default() });
     let bytes = |encoding| container(encoding).files(&flight, "f").unwrap().remove(0).bytes;
@@ -464,7 +464,7 @@ fn a_simulated_flight_is_the_same_to_prost_reflect_and_to_us() {
 }
 
 #[test]
-fn a_real_log_of_649_channels_has_the_stamps_that_python_reads() {
+fn a_real_log_of_649_channels_has_the_timestamps_that_python_reads() {
     let Some(path) = real_logs("keelson/test.mcap") else { return };
     let log = in_context(|context| {
         ingest::reader_of(ingest::LogKind::Mcap, vec![path]).read(&|_: &TopicInfo| Selection::All, context)

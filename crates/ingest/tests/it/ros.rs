@@ -7,7 +7,7 @@ use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
 
 #[test]
-fn values_of_real_messages_are_those_of_the_python_decoder() {
+fn real_messages_have_the_values_of_the_python_decoder() {
     // rosbags 0.11.9, deserialize_ros1 and math.fsum.
     type Sums = &'static [(&'static str, usize, f64)];
     let cases: [(&str, &str, &str, i128, Sums); 4] = [
@@ -70,7 +70,7 @@ fn values_of_real_messages_are_those_of_the_python_decoder() {
     }
 }
 
-/// A `std_msgs/Header` in CDR with what stands in front of every message; 16 bytes behind that.
+/// A `std_msgs/Header` in CDR with its encapsulation header, then 16 bytes.
 fn header(second: u32) -> Vec<u8> {
     [&[0, 1, 0, 0][..], &[second, 0, 4].map(u32::to_le_bytes).concat(), b"imu\0"].concat()
 }
@@ -91,7 +91,7 @@ fn imu(second: u32, covariances: [f64; 3]) -> Vec<u8> {
 /// "Please check for a value of -1 in the first element of each covariance matrix, and disregard the associated estimate"
 /// (sensor_msgs/msg/Imu.msg).
 #[test]
-fn what_a_driver_has_no_estimate_of_is_not_taken_for_one() {
+fn values_marked_as_not_estimated_are_not_used() {
     const COUNT: u32 = 50;
     let channels = ["attitude.imu", "angular-rate.imu", "specific-force.imu"];
     for without in 0..4 {

@@ -1,4 +1,4 @@
-//! What the tests share: real logs if they are there, files made on the spot, and a way to load them.
+//! Shared by the tests: real logs if present, generated files, and functions to load them.
 
 use flight::{Channel, Geodetic, LocalFrame, Quantity, Severity};
 use ingest::{FlightUnit, IngestError, Limits, Loaded, LogKind, MapLibrary, ReadContext};
@@ -6,11 +6,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-/// The folder of real logs, which is no part of the project. Says so where it is absent.
+/// The folder of real logs, which is not part of the project. Prints a notice if it is absent.
 pub fn real_logs(below: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/logs").join(below);
     if !path.exists() {
-        // Straight to standard error: what is printed, the test runner keeps to itself when a test passes.
+        // Straight to standard error: the test runner hides what a passing test prints.
         let _ = writeln!(std::io::stderr(), "skipped: {} is not there", path.display());
     }
     path.exists().then_some(path)
@@ -27,7 +27,7 @@ pub fn in_context<T>(body: impl FnOnce(&ReadContext<'_>) -> T) -> T {
     with_limits(Limits::default(), body)
 }
 
-/// Writes `text` to a file in a new folder; the folder goes when it is dropped.
+/// Writes `text` to a file in a new folder, which is deleted on drop.
 pub fn file(name: &str, text: &[u8]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
@@ -64,12 +64,12 @@ pub fn assert_ledger(loaded: &Loaded) {
     }
 }
 
-/// Notices of a code: how many events they are about.
+/// Number of events in the notices of a code.
 pub fn count_of(loaded: &Loaded, code: &str) -> u64 {
     loaded.flight.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum()
 }
 
-/// The same of those whose text says this.
+/// The same for notices with this text.
 pub fn count_saying(loaded: &Loaded, code: &str, text: &str) -> u64 {
     let notices = loaded.flight.notices.iter();
     notices.filter(|n| n.code == code && n.text.contains(text)).map(|n| n.count).sum()
@@ -125,7 +125,7 @@ pub fn agreement(position: &Channel, velocity: &Channel, window_s: f64) -> Agree
         let (from, to) = (vt.partition_point(|t| *t < times[start]), vt.partition_point(|t| *t <= times[end]));
         start = end;
         let count = (to - from) as f64;
-        // A hole in either stream makes no window.
+        // A gap in either stream makes no window.
         if dt > 2.0 * window_s || count < 2.0 || d[0].hypot(d[1]) < 3.0 * dt {
             continue;
         }

@@ -1,4 +1,4 @@
-//! What many threads read of a log is what one reads of it, to the last word.
+//! Many threads read a log exactly as one thread does.
 
 use crate::made::{BagCodec, Encoding, Layout, OnDisk, bag, each_damage, flight, mcap};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -13,7 +13,7 @@ fn logs() -> Vec<(String, Vec<u8>, bool)> {
         Layout { data_crc: false, ..Layout::ZSTD },
         Layout { summary: false, ..Layout::LZ4 },
     ];
-    // What is shorter than a kilobyte is not handed over.
+    // Chunks shorter than a kilobyte are not handed to other threads.
     let layouts = layouts.map(|layout| Layout { chunk_bytes: 6000, ..layout });
     let mcaps = layouts.map(|layout| (format!("{layout:?}"), mcap(&sent, Encoding::Cdr, layout), false));
     let codecs = [BagCodec::Lz4Independent, BagCodec::Lz4Linked, BagCodec::Bz2, BagCodec::None];
@@ -49,7 +49,7 @@ fn a_damaged_log_is_the_same_to_one_thread_and_to_many() {
 }
 
 #[test]
-fn logs_one_behind_another_are_the_same_to_one_thread_and_to_many() {
+fn concatenated_logs_are_the_same_to_one_thread_and_to_many() {
     let pools = pools();
     for (name, content, is_bag) in logs() {
         let cut = &content[..content.len() / 2];
@@ -59,17 +59,17 @@ fn logs_one_behind_another_are_the_same_to_one_thread_and_to_many() {
     }
 }
 
-/// Places in the index that lead into the midst of chunks, to one chunk again and again, and in no order.
+/// Index offsets that point into the middle of chunks, repeatedly to one chunk, and in no order.
 #[test]
-fn an_index_that_lies_about_places_changes_nothing_with_many_threads() {
+fn an_index_with_wrong_offsets_changes_nothing_with_many_threads() {
     let pools = pools();
     let sent = flight(300);
     for layout in [Layout::ZSTD, Layout::LZ4] {
         let mut content = mcap(&sent, Encoding::Cdr, Layout { chunk_bytes: 6000, ..layout });
-        // A summary without a checksum, which stands before the magic that ends the file.
+        // A summary without a checksum, just before the magic at the end of the file.
         let crc_at = content.len() - 12;
         content[crc_at..crc_at + 4].fill(0);
-        // The content of a chunk index begins with two times of eight bytes; behind them stands the place.
+        // The content of a chunk index begins with two times of eight bytes; then comes the offset.
         let indexes: Vec<usize> = chunk_indexes(&content).map(|at| at + 16).collect();
         assert!(indexes.len() > 10);
         for lie in 0..40_u64 {
@@ -85,7 +85,7 @@ fn an_index_that_lies_about_places_changes_nothing_with_many_threads() {
     }
 }
 
-/// Where the contents of the chunk indexes begin.
+/// Offsets of the contents of the chunk indexes.
 fn chunk_indexes(content: &[u8]) -> impl Iterator<Item = usize> {
     let mut at = 8;
     std::iter::from_fn(move || {

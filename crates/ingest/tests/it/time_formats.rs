@@ -1,5 +1,5 @@
-//! One flight with its time written in every way that recorders and spreadsheets write it: the stamps are the same, or
-//! nobody claims to know the day.
+//! One flight with its time in every notation of recorders and spreadsheets: the timestamps are the same, or
+//! the day is unknown.
 
 use crate::support::*;
 use flight::{Clock, Stamp};
@@ -24,7 +24,7 @@ fn load_by(time: &str, header: &str, rows: impl Iterator<Item = String>) -> Load
     );
     let mut library = MapLibrary::default();
     library.add(ChannelMap::from_toml(Path::new("t.toml"), &text).unwrap());
-    // A decimal comma is one in every column.
+    // A decimal comma applies to every column.
     let point = |row: &str| if row.contains(',') { ',' } else { '.' };
     let line = |(i, row): (usize, String)| format!("{row};47{0}{i:04};8{0}5\n", point(&row));
     let table: String = rows.enumerate().map(line).collect();
@@ -48,7 +48,7 @@ fn truth(begin: i64) -> Vec<i64> {
     (0..ROWS).map(|i| begin + STEP * i).collect()
 }
 
-/// Nanoseconds as seconds with so many decimals.
+/// Nanoseconds as seconds with this many decimals.
 fn decimal(ns: i64, decimals: usize) -> String {
     let text = format!("{}.{:09}", ns.div_euclid(S), ns.rem_euclid(S));
     text[..text.len() - 9 + decimals].trim_end_matches('.').to_owned()
@@ -64,18 +64,18 @@ fn clock_face(ns: i64) -> [String; 3] {
     ]
 }
 
-/// Days with the fraction of a day to 15 decimals, since so many days and half days before 1970.
+/// Days with the fraction of a day to 15 decimals, since this many half days before 1970.
 fn days(ns: i64, days_before: i64, half: bool) -> String {
     let ns = ns + if half { DAY / 2 } else { 0 };
     let fraction = i128::from(ns % DAY) * 1_000_000_000_000_000 / i128::from(DAY);
     format!("{}.{fraction:015}", ns / DAY + days_before)
 }
 
-/// How a stamp is written, by its time since 1970 and since the midnight before the first row.
+/// How a timestamp is written, from its time since 1970 and since the midnight before the first row.
 type Write = fn(i64, i64) -> String;
 
 #[test]
-fn a_date_is_the_same_in_every_way_to_write_it() {
+fn a_date_is_the_same_in_every_notation() {
     let ways: &[(&str, &str, Write)] = &[
         ("field = \"t\", unit = \"s\", clock = \"unix\"", "t", |ns, _| decimal(ns, 3)),
         ("field = \"t\", unit = \"ms\", clock = \"unix\"", "t", |ns, _| (ns / MS).to_string()),
@@ -149,14 +149,14 @@ fn atomic_time_is_gps_time_and_nineteen_seconds() {
 }
 
 #[test]
-fn a_time_of_no_known_day_runs_on_over_midnight_and_nobody_claims_its_date() {
+fn a_time_without_a_day_continues_over_midnight_without_a_date() {
     const WRAP: &[&str] = &["stamp-wrap"];
     // The sixtieth row is the first of the next day; new year's day of the last two.
     let begin = DAY - 60 * STEP;
     let ways: &[(&str, i64, &[&str], Write)] = &[
         ("text = \"time-of-day\"", begin, WRAP, |_, ns| clock_face(ns).join(":")),
         ("text = \"time-of-day\"", begin, WRAP, |_, ns| clock_face(ns).concat()),
-        // As a number, without the zeros in front.
+        // As a number, without leading zeros.
         ("text = \"time-of-day\"", begin, WRAP, |_, ns| {
             let text = clock_face(ns).concat();
             text.trim_start_matches('0').replacen('.', if text.starts_with("000000") { "0." } else { "." }, 1)
@@ -186,7 +186,7 @@ fn a_time_of_no_known_day_runs_on_over_midnight_and_nobody_claims_its_date() {
 }
 
 #[test]
-fn a_year_that_is_known_of_the_first_row_goes_over_new_year() {
+fn a_year_known_for_the_first_row_continues_over_new_year() {
     let begin = DAY - 60 * STEP;
     // date -u -d '2024-12-31' +%s and 2023: one is the 366th day.
     for (year, day, midnight) in [(2024, 366, 1_735_603_200), (2023, 365, 1_703_980_800)] {
@@ -199,7 +199,7 @@ fn a_year_that_is_known_of_the_first_row_goes_over_new_year() {
 }
 
 #[test]
-fn an_offset_behind_a_day_of_the_year_counts_and_not_the_zone_of_the_map() {
+fn an_offset_after_a_day_of_the_year_overrides_the_zone_of_the_map() {
     let row = |i: i64, east_s: i64, offset: &str| {
         format!("131:{}{offset}", clock_face(OF_DAY + STEP * i + east_s * S).join(":"))
     };
@@ -210,18 +210,18 @@ fn an_offset_behind_a_day_of_the_year_counts_and_not_the_zone_of_the_map() {
             assert_eq!((stamps(&loaded), codes(&loaded)), ((Clock::Unix, truth(BEGIN)), vec![]), "{year} {offset}");
         }
     }
-    // A clock that is set to another zone, in a year that nobody knows.
+    // A clock set to another zone, in an unknown year.
     let other = |i: i64| if i < 50 { row(i, 7200, "+02:00") } else { row(i, 3600, "+01:00") };
     let loaded = load_by("field = \"t\", text = \"day-of-year\"", "t", (0..ROWS).map(other));
     assert_eq!((stamps(&loaded), codes(&loaded)), ((Clock::Elapsed, truth(130 * DAY + OF_DAY)), vec![]));
-    // New year's night where it comes before that of UTC.
+    // New year's eve in a zone ahead of UTC.
     let new_year = |i: i64| format!("001:{}+02:00", clock_face(STEP * i).join(":"));
     let loaded = load_by("field = \"t\", text = \"day-of-year\"", "t", (0..ROWS).map(new_year));
     assert_eq!(stamps(&loaded), (Clock::Elapsed, truth(-7200 * S)));
 }
 
 #[test]
-fn what_stands_behind_a_time_and_is_no_offset_makes_it_none() {
+fn a_time_followed_by_an_invalid_offset_is_rejected() {
     for (text, date) in [("day-of-year", "2024:131:"), ("time-of-day", "")] {
         for rest in ["+garbage", " Garbage", "-", "+99:00"] {
             let row = |i: i64| format!("{date}{}{rest}", clock_face(OF_DAY + STEP * i).join(":"));
@@ -232,7 +232,7 @@ fn what_stands_behind_a_time_and_is_no_offset_makes_it_none() {
 }
 
 #[test]
-fn instants_that_say_no_zone_are_utc_and_told_once() {
+fn instants_without_a_zone_are_utc_and_reported_once() {
     let face = |i: i64| clock_face(OF_DAY + STEP * i).join(":");
     for (time, header, date) in [
         ("field = \"t\", text = \"iso-8601\"", "t", "2024-05-10T"),
@@ -269,13 +269,13 @@ fn seconds_of_the_day_in_a_column_of_times_are_not_taken_for_hours_and_minutes()
 }
 
 #[test]
-fn a_counter_of_sixteen_bits_runs_on_if_the_map_says_that_it_has_no_more() {
+fn a_sixteen_bit_counter_wraps_around_if_the_map_states_its_range() {
     let ms = |i: i64| 64_000 + 100 * i;
     let rows = || (0..ROWS).map(|i| (ms(i) & 0xffff).to_string());
     let loaded = load_by("field = \"t\", unit = \"ms\", clock = \"boot\", bits = 16", "t", rows());
     assert_eq!(stamps(&loaded), (Clock::Boot, (0..ROWS).map(|i| ms(i) * MS).collect()));
     assert_eq!(codes(&loaded), ["stamp-wrap"]);
-    // Of seconds as well.
+    // Seconds as well.
     let loaded = load_by(
         "field = \"t\", unit = \"s\", clock = \"elapsed\", bits = 8",
         "t",
@@ -285,7 +285,7 @@ fn a_counter_of_sixteen_bits_runs_on_if_the_map_says_that_it_has_no_more() {
 }
 
 #[test]
-fn what_does_not_go_together_in_a_source_of_stamps_is_refused_with_the_reason() {
+fn contradictory_timestamp_sources_are_rejected_with_a_reason() {
     for (time, word) in [
         ("field = \"t\", unit = \"s\", clock = \"boot\", zone = \"+02:00\"", "a zone goes with a date"),
         ("date = \"d\", time = \"t\", offset = \"o\", zone = \"+02:00\"", "that has no offset"),
@@ -307,7 +307,7 @@ fn what_does_not_go_together_in_a_source_of_stamps_is_refused_with_the_reason() 
 }
 
 #[test]
-fn a_day_without_its_year_among_many_that_say_it_costs_its_own_row_only() {
+fn one_day_without_its_year_among_many_costs_only_its_own_row() {
     let row = |i: i64| {
         let face = clock_face(OF_DAY + STEP * i).join(":");
         if i == 50 { format!("131:{face}") } else { format!("2024:131:{face}") }
@@ -324,7 +324,7 @@ fn unbound(time: &str, header: &str, row: impl Fn(i64) -> String) -> String {
 }
 
 #[test]
-fn a_time_of_day_is_no_day_of_a_year_and_no_year_has_days_that_it_has_not() {
+fn a_time_of_day_and_an_impossible_day_are_not_days_of_a_year() {
     let day_of_year = "field = \"t\", text = \"day-of-year\"";
     let face = |i: i64| clock_face(OF_DAY + STEP * i).join(":");
     let whole = |i: i64| format!("17:{:02}:{:02}", 5 + i / 60, i % 60);
@@ -340,7 +340,7 @@ fn a_time_of_day_is_no_day_of_a_year_and_no_year_has_days_that_it_has_not() {
 }
 
 #[test]
-fn a_date_of_digits_that_lost_its_zero_is_read_in_the_order_of_the_map() {
+fn a_digit_date_without_its_leading_zero_follows_the_order_of_the_map() {
     let face = |i: i64| clock_face(OF_DAY + STEP * i).concat();
     for (order, date, days) in
         // 2024-05-10 is the day of the other tests; the 2062021 of a spreadsheet would be the 21st day of 2062 as well.
@@ -354,7 +354,7 @@ fn a_date_of_digits_that_lost_its_zero_is_read_in_the_order_of_the_map() {
         let loaded = load_by(&time, "d;t", (0..ROWS).map(|i| format!("{date};{}", face(i))));
         assert_eq!(stamps(&loaded), (Clock::Unix, truth(BEGIN + days * DAY)), "{date}");
     }
-    // Without an order it is the year and its day; with one that it cannot have it is none.
+    // Without an order it is the year and its day; with an impossible order it is not a date.
     let plain = "date = \"d\", time = \"t\", zone = \"Z\"";
     let loaded = load_by(plain, "d;t", (0..ROWS).map(|i| format!("2024131;{}", face(i))));
     assert_eq!(stamps(&loaded), (Clock::Unix, truth(BEGIN)));
@@ -363,13 +363,13 @@ fn a_date_of_digits_that_lost_its_zero_is_read_in_the_order_of_the_map() {
 }
 
 #[test]
-fn one_wrong_cell_in_a_hundred_does_not_cost_the_other_times_of_day_without_colons() {
+fn one_wrong_cell_in_a_hundred_does_not_cost_the_other_times_of_day() {
     let row = |i: i64| if i == 70 { "999999.9".to_owned() } else { clock_face(OF_DAY + STEP * i).concat() };
     let loaded = load_by("field = \"t\", text = \"time-of-day\"", "t", (0..ROWS).map(row));
     let mut expected = truth(OF_DAY);
     expected.remove(70);
     assert_eq!(stamps(&loaded), (Clock::Elapsed, expected));
-    // Two are too many: then it may be no such column at all.
+    // Two are too many: then it may not be such a column at all.
     let why = unbound("field = \"t\", text = \"time-of-day\"", "t", |i| {
         if i % 60 == 10 { "999999.9".to_owned() } else { clock_face(OF_DAY + STEP * i).concat() }
     });
@@ -377,7 +377,7 @@ fn one_wrong_cell_in_a_hundred_does_not_cost_the_other_times_of_day_without_colo
 }
 
 #[test]
-fn a_second_source_that_was_never_filled_in_stands_in_for_no_row() {
+fn a_second_source_never_filled_in_replaces_no_row() {
     let time = "field = \"t\", unit = \"s\", clock = \"unix\" }, { field = \"u\", unit = \"s\", clock = \"unix\"";
     let load = |second: fn(i64) -> i64| {
         load_by(

@@ -1,4 +1,4 @@
-//! MAVLink telemetry: a simulated flight, frames of pymavlink, and everything that can go wrong.
+//! MAVLink telemetry: a simulated flight, frames of pymavlink, and all kinds of damage.
 
 use crate::stream::*;
 use crate::support::*;
@@ -24,7 +24,7 @@ fn of_pymavlink() -> Vec<u8> {
 const NOON_US: u64 = 1_795_262_400_000_000;
 
 #[test]
-fn a_simulated_flight_comes_back_within_the_quantum_of_its_frames() {
+fn a_simulated_flight_survives_within_the_resolution_of_its_frames() {
     let flight = flight(20.0, 50.0);
     let truth = flight.to_flight().unwrap();
     let start_ns = flight.settings.start.0 - 60_000_000_000;
@@ -55,7 +55,7 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_frames() {
 }
 
 #[test]
-fn frames_of_pymavlink_have_the_values_that_it_was_given() {
+fn pymavlink_frames_decode_to_the_values_given_to_it() {
     let log = read_bytes(READER, &of_pymavlink()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged, log.health.bytes.skipped), (5, 0, 0));
     let all = |topic: &str, expected: &[(&str, &[f64])]| {
@@ -69,7 +69,7 @@ fn frames_of_pymavlink_have_the_values_that_it_was_given() {
     // MAVLink 1 does not have the fields that came later.
     assert_eq!(values(&log, "GPS_RAW_INT", "alt_ellipsoid"), [Some(535_123.0), None]);
     assert_eq!(values(&log, "GPS_RAW_INT", "yaw"), [Some(18_000.0), None]);
-    // Zeros that were cut off are back.
+    // Truncated trailing zeros are restored.
     all("ATTITUDE", &[("roll", &[0.125]), ("pitch", &[-0.25]), ("yaw", &[1.5]), ("yawspeed", &[0.0])]);
     all("GLOBAL_POSITION_INT@2", &[("vx", &[100.0]), ("vy", &[-200.0]), ("relative_alt", &[1000.0])]);
     let logged = table(&log, "GPS_RAW_INT").logged_ns.as_ref().unwrap();
@@ -79,7 +79,7 @@ fn frames_of_pymavlink_have_the_values_that_it_was_given() {
 }
 
 #[test]
-fn the_vehicle_with_the_smallest_number_has_the_plain_names() {
+fn the_vehicle_with_the_lowest_id_gets_the_plain_names() {
     let heartbeat =
         |sender, autopilot| tlog_frame_from(sender, 0, NOON_US, 0, 50, &[0, 0, 0, 0, 1, autopilot, 0, 4, 3]);
     let bytes = [
@@ -97,7 +97,7 @@ fn the_vehicle_with_the_smallest_number_has_the_plain_names() {
 }
 
 #[test]
-fn damage_in_a_log_whose_clock_was_not_set_costs_its_own_record() {
+fn damage_in_a_log_with_an_unset_clock_costs_only_its_own_record() {
     let attitude = |i: u64, at_us: u64| tlog_frame(at_us, 30, 39, &[&(i as u32).to_le_bytes()[..], &[1; 24]].concat());
     for begin_us in [0, 315_532_800_000_000 - 3_600_000_000, NOON_US] {
         let records: Vec<Vec<u8>> = (0..100).map(|i| attitude(i, begin_us + 20_000 * i)).collect();
@@ -115,7 +115,7 @@ fn damage_in_a_log_whose_clock_was_not_set_costs_its_own_record() {
 }
 
 #[test]
-fn what_a_serial_line_said_before_a_stream_costs_it_nothing() {
+fn serial_output_before_a_stream_costs_no_frames() {
     let bare = |i: u64| tlog_frame(NOON_US, 30, 39, &[&(i as u32).to_le_bytes()[..], &[1; 24]].concat())[8..].to_vec();
     let stream: Vec<u8> = (0..300).flat_map(bare).collect();
     for front in [100, 4096, 5740] {
@@ -130,13 +130,13 @@ fn what_a_serial_line_said_before_a_stream_costs_it_nothing() {
     let stamped: Vec<u8> = (0..300).flat_map(|i| tlog_frame(NOON_US + i, 30, 39, &[7; 28])).collect();
     let log = read_bytes(READER, &[&b"a logger's remark\n"[..], &stamped].concat()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged, log.health.bytes.skipped), (300, 0, 18));
-    // The end of a heartbeat, as a time of 1970 and later that it is not.
+    // The end of a heartbeat, which could be misread as a time from 1970 on.
     let front = [0, 6, 8, 0, 0, 3, 0x51, 0x40];
     let log = read_bytes(READER, &[&front[..], &stream].concat()).unwrap();
     assert_eq!(log.health.messages, 300, "{:?}", log.health.damage);
 }
 
-/// Where records begin, and the end.
+/// Offsets of the records, and of the end.
 fn boundaries(bytes: &[u8]) -> Vec<usize> {
     let mut all = vec![0];
     while let Some(head) = bytes.get(all[all.len() - 1] + 8..).filter(|rest| !rest.is_empty()) {
@@ -147,20 +147,20 @@ fn boundaries(bytes: &[u8]) -> Vec<usize> {
 }
 
 #[test]
-fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_says_so() {
+fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_reports_it() {
     let bytes = seed(Container::Tlog);
     let ends = boundaries(&bytes);
     check_cuts(READER, &bytes, 0..bytes.len(), &ends, |length| ends.contains(&length));
 }
 
 #[test]
-fn no_flipped_bit_changes_a_value_and_none_costs_a_frame_in_silence() {
+fn no_flipped_bit_changes_a_value_or_loses_a_frame_silently() {
     check_flips(1);
 }
 
 #[test]
 #[ignore = "all single bits, some seconds to a minute"]
-fn no_flipped_bit_at_all_changes_a_value_and_none_costs_a_frame_in_silence() {
+fn no_single_bit_flip_at_all_changes_a_value_or_loses_a_frame_silently() {
     check_flips(8);
 }
 
@@ -173,7 +173,7 @@ fn check_flips(bits_of_each_byte: usize) {
         let found = rows(log);
         assert_eq!(missing(&found, &truth), 0, "byte {place}, bit {bit}: a value changed");
         let record = places.iter().position(|at| *at > place).unwrap() - 1;
-        // The time in front and the signature behind are in no checksum.
+        // No checksum covers the leading timestamp and the trailing signature.
         let within = place - places[record];
         let outside = within < 8 || (signed(places[record]) && place + 13 >= places[record + 1]);
         let lost = u64::from(!outside);
@@ -183,7 +183,7 @@ fn check_flips(bits_of_each_byte: usize) {
 }
 
 #[test]
-fn garbage_between_frames_is_damage_and_nothing_else_is_lost() {
+fn garbage_between_frames_is_damage_and_costs_no_frames() {
     let bytes = [of_pymavlink(), vec![0xfd; 700], of_pymavlink(), vec![0; 300_000], of_pymavlink()].concat();
     let log = read_bytes(READER, &bytes).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (15, 300_700), "{:?}", log.health.damage);
@@ -197,8 +197,8 @@ fn what_is_no_log_is_refused() {
     assert_eq!(found.units[0].kind, LogKind::Tlog);
 }
 
-/// The frames of one boot, ten positions and one SYSTEM_TIME a second: since boot of the first, and when it is, ms after
-/// noon. They are received 40 to 60 ms later.
+/// The frames of one boot, ten positions and one SYSTEM_TIME a second: time since boot of the first, and its time,
+/// ms after noon. They are received 40 to 60 ms later.
 struct Boot {
     from_ms: u64,
     at_ms: u64,
@@ -217,7 +217,7 @@ impl Boot {
             let position = [row as f32, 1.0, 2.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes).concat();
             let system_time = self.utc.filter(|_| row.is_multiple_of(10)).map(|utc| {
                 let unix = (NOON_US + 1000 * utc(at_ms)).to_le_bytes();
-                // Written before what came earlier.
+                // Written before an earlier frame.
                 tlog_frame(received_us + 9000, 2, 137, &[&unix[..], &boot_ms.to_le_bytes()].concat())
             });
             let position = tlog_frame(received_us, 32, 185, &[&boot_ms.to_le_bytes()[..], &position].concat());
@@ -235,7 +235,7 @@ fn load_boots(boots: &[Boot]) -> ingest::Loaded {
     loaded
 }
 
-/// UTC of all positions less what it should be, ms.
+/// UTC error of all positions, ms.
 fn off_ms(loaded: &ingest::Loaded, boots: &[Boot]) -> Vec<f64> {
     let stamps = loaded.flight.channels["position.ekf"].series.timeline().stamps();
     let utc = stamps.iter().map(|s| loaded.flight.unix(Clock::Boot, *s).unwrap().0);
@@ -245,9 +245,9 @@ fn off_ms(loaded: &ingest::Loaded, boots: &[Boot]) -> Vec<f64> {
 }
 
 #[test]
-fn every_boot_of_a_vehicle_in_one_log_keeps_its_rows_at_their_true_time() {
+fn every_boot_in_one_log_keeps_its_rows_at_their_true_time() {
     let boot = |from_ms, at_ms, utc| Boot { from_ms, at_ms, utc };
-    // Anew from less, from more than the first ended with, twice, at once, and at a place that other rows have.
+    // Restarts below and above the end of the first, twice, at once, and at a position that other rows have.
     for later in [
         &[(3037, 40_000)][..],
         &[(90_000, 60_000)],
@@ -271,10 +271,10 @@ fn every_boot_of_a_vehicle_in_one_log_keeps_its_rows_at_their_true_time() {
         let first = loaded.flight.channels["position.ekf"].series.timeline().first().unwrap();
         assert_eq!(first.0, 50_000_000_000, "{later:?}");
         if later[0].0 >= 60_000 {
-            // Without dates of its own a clock that did not go back cannot be told from a hole.
+            // Without its own dates, a restart that did not go back looks like a gap.
             continue;
         }
-        // The times of reception stand in, whether nothing says UTC or says the same of every boot.
+        // Receive times are the fallback if UTC is absent or the same for every boot.
         let loaded = load_boots(&boots(None));
         let off = off_ms(&loaded, &boots(None));
         assert!(off.iter().all(|off| *off == 50.0), "{later:?}: {off:?}");
@@ -283,14 +283,14 @@ fn every_boot_of_a_vehicle_in_one_log_keeps_its_rows_at_their_true_time() {
     }
 }
 
-/// When a message reaches the ground station, ms after it was sent: slowly between 10 and 110, and a few more by chance.
+/// When a message reaches the ground station, ms after it was sent: drifting from 10 to 110, plus a few ms of jitter.
 fn latency_ms(sent_ms: u64) -> u64 {
     let slow = 60.0 + 50.0 * (sent_ms as f64 * 1e-3 * 0.7).sin();
     slow as u64 + sent_ms * 7 % 4
 }
 
-/// A flight of 20 s in which ATTITUDE is sent every 50 ms and says when, and AHRS2 and SIMSTATE 20 ms after every second one,
-/// which do not: their latitude is the time at which they were sent.
+/// A flight of 20 s in which ATTITUDE is sent every 50 ms with its time, and AHRS2 and SIMSTATE without, 20 ms after
+/// every second one: their latitude is the time at which they were sent.
 fn untimed(from_ms: u64, at_ms: u64) -> Vec<u8> {
     let row = |row: u64| {
         let (boot_ms, at_ms) = (from_ms + 50 * row, at_ms + 50 * row);
@@ -314,14 +314,14 @@ fn load_log(bytes: &[u8]) -> ingest::Loaded {
     load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap()
 }
 
-/// Stamps less the times that the latitudes state, ms.
+/// Timestamps minus the times in the latitudes, ms.
 fn off_by_latitude(channel: &flight::Channel) -> Vec<f64> {
     let sent = channel.series.components()[0].iter().map(|latitude| (latitude.to_degrees() * 1e7).round());
     channel.series.timeline().stamps().iter().zip(sent).map(|(stamp, sent)| stamp.0 as f64 * 1e-6 - sent).collect()
 }
 
 #[test]
-fn messages_without_a_time_get_the_clock_since_boot_from_those_around_them() {
+fn messages_without_a_time_get_boot_time_from_their_neighbours() {
     let loaded = load_log(&untimed(5000, 0));
     let attitude = loaded.flight.channels["attitude.ekf"].series.timeline().clock();
     for name in ["position.ahrs2", "position.truth-simstate"] {
@@ -330,7 +330,7 @@ fn messages_without_a_time_get_the_clock_since_boot_from_those_around_them() {
         assert_eq!((timeline.kind(), timeline.clock(), timeline.stamps().len()), (StampKind::Measured, attitude, 200));
         let off = off_by_latitude(channel);
         assert!(off.iter().all(|off| off.abs() < 5.0), "{name}: {off:?}");
-        // By the ground station's clock alone they are apart by the change of the latency.
+        // By the ground station's clock alone they would differ by the change in latency.
         let logged = channel.other_stamps.iter().find(|(kind, ..)| *kind == StampKind::Logged).unwrap();
         let late: Vec<i64> = logged.2.iter().zip(timeline.stamps()).map(|(logged, own)| logged.0 - own.0).collect();
         assert!(late.iter().max().unwrap() - late.iter().min().unwrap() > 90_000_000);
@@ -347,7 +347,7 @@ fn messages_without_a_time_get_the_clock_since_boot_from_those_around_them() {
 fn messages_without_a_time_follow_their_vehicle_across_a_restart() {
     let loaded = load_log(&[untimed(50_000, 0), untimed(3000, 40_000)].concat());
     assert_eq!(count_of(&loaded, "several-sessions"), 1);
-    // The second session is as far from the first as it is for the messages that state their time.
+    // The sessions are as far apart as for messages that carry their time.
     let attitude = loaded.flight.channels["attitude.ekf"].series.timeline().stamps();
     let moved_ms = attitude[400].0 as f64 * 1e-6 - 3000.0;
     assert!((moved_ms - 87_000.0).abs() < 100.0, "{moved_ms}");
@@ -358,7 +358,7 @@ fn messages_without_a_time_follow_their_vehicle_across_a_restart() {
 }
 
 #[test]
-fn without_a_message_that_states_its_time_the_receive_time_stays_and_that_is_said() {
+fn without_any_message_time_the_receive_time_is_used_and_reported() {
     let frame = |row: u64| {
         let place = [row as i32, 85_000_000].map(i32::to_le_bytes).concat();
         tlog_frame(NOON_US + 100_000 * row, 178, 47, &[&[0; 12][..], &100_f32.to_le_bytes(), &place].concat())
@@ -371,7 +371,7 @@ fn without_a_message_that_states_its_time_the_receive_time_stays_and_that_is_sai
 }
 
 #[test]
-fn one_boot_that_says_utc_dates_the_others_by_when_they_were_received() {
+fn one_boot_with_utc_dates_the_others_by_receive_time() {
     for said in [0, 1] {
         let of = |boot| if boot == said { TRUE } else { None };
         let boots = [Boot { from_ms: 50_000, at_ms: 0, utc: of(0) }, Boot { from_ms: 3037, at_ms: 40_000, utc: of(1) }];
@@ -381,7 +381,7 @@ fn one_boot_that_says_utc_dates_the_others_by_when_they_were_received() {
 }
 
 #[test]
-fn a_ground_station_whose_clock_is_set_does_not_make_a_boot_of_its_vehicle() {
+fn setting_the_ground_station_clock_is_not_a_vehicle_restart() {
     let hours_later = |hours: u64| -> Vec<u8> {
         let boots = [Boot { from_ms: 50_000, at_ms: 0, utc: TRUE }, Boot { from_ms: 60_000, at_ms: 10_000, utc: TRUE }];
         let mut second = boots[1].frames();
@@ -403,7 +403,7 @@ fn a_ground_station_whose_clock_is_set_does_not_make_a_boot_of_its_vehicle() {
 }
 
 #[test]
-fn a_time_of_a_message_is_utc_or_since_boot_by_its_size_and_the_topic_says_which() {
+fn message_times_are_utc_or_boot_time_by_size_and_the_topic_says_which() {
     let load_from = |from_us: u64| {
         let gps = |row: u64| {
             let place = [470_000_000 + row as i32, 85_000_000, 500_000].map(i32::to_le_bytes).concat();
@@ -430,7 +430,7 @@ fn a_time_of_a_message_is_utc_or_since_boot_by_its_size_and_the_topic_says_which
 }
 
 #[test]
-fn no_flipped_bit_of_a_time_of_reception_moves_a_stamp_far_in_silence() {
+fn no_flipped_bit_in_a_receive_time_moves_a_timestamp_far_silently() {
     let frames = Boot { from_ms: 5000, at_ms: 0, utc: TRUE }.frames();
     let starts = boundaries(&frames);
     let whole = read_bytes(READER, &frames).unwrap();
@@ -449,29 +449,29 @@ fn no_flipped_bit_of_a_time_of_reception_moves_a_stamp_far_in_silence() {
             let off = stamps(&log).iter().zip(&truth).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
             assert_eq!(stamps(&log).len(), truth.len());
             assert_eq!((log.health.bytes.damaged, log.health.messages), (0, whole.health.messages));
-            // At the ends of a log less than a day is a hole.
+            // At the ends of a log, less than a day counts as a gap.
             let most = if record == 0 || record == last { 86_400 } else { 2 };
             assert!(off < most * 1_000_000_000, "{record}, {bit}: {off} ns");
             assert!(!told || off <= 110_000_000, "{record}, {bit}: {off} ns");
         }
     }
-    // Of one in the middle nothing remains but what its neighbours allow.
+    // In the middle, the error is limited by the neighbours.
     let mut bytes = frames.clone();
     bytes[starts[50]..starts[50] + 8].copy_from_slice(&u64::MAX.to_be_bytes());
     let log = read_bytes(READER, &bytes).unwrap();
     assert!(log.notices.any_loss() && stamps(&log).iter().all(|s| s.abs_diff(truth[0]) < 11_000_000_000));
 }
 
-/// The frames without the times in front.
+/// The frames without their leading timestamps.
 fn bare(bytes: &[u8]) -> Vec<u8> {
     boundaries(bytes).windows(2).flat_map(|pair| &bytes[pair[0] + 8..pair[1]]).copied().collect()
 }
 
 #[test]
-fn a_stream_without_times_of_reception_has_the_same_messages_and_is_told_by_its_content() {
+fn a_stream_without_receive_times_is_detected_and_has_the_same_messages() {
     let stamped = seed(Container::Tlog);
     let bytes = bare(&stamped);
-    // The first vehicle that is heard is named by its heartbeat.
+    // The first vehicle received is named by its heartbeat.
     let (whole, log) = (read_bytes(READER, &stamped).unwrap(), read_bytes(READER, &bytes).unwrap());
     assert_balanced(&log, bytes.len());
     let without_log_time = |log: &ingest::Log| {
@@ -484,7 +484,7 @@ fn a_stream_without_times_of_reception_has_the_same_messages_and_is_told_by_its_
     let told = log.notices.iter().find(|n| n.code == "stamp-kind").unwrap();
     assert_eq!((told.severity, told.count), (Severity::Warning, whole.health.messages));
     assert!(log.health.topics.iter().all(|topic| topic.stamps.is_empty()));
-    // Begun inside a frame, behind what the autopilot prints as it starts, and with another ending.
+    // Starts inside a frame, after the autopilot's boot text, and with another file extension.
     let (cut, printed) = (bytes[5..].to_vec(), b"\nInit ArduCopter V4.7.0-dev\nBooting 0/0\n".to_vec());
     let booted = [&printed[..], &bytes].concat();
     for (name, bytes, lost, text) in [
@@ -503,7 +503,7 @@ fn a_stream_without_times_of_reception_has_the_same_messages_and_is_told_by_its_
 }
 
 #[test]
-fn a_stream_without_times_of_reception_is_bound_by_the_clock_since_boot_and_dated_by_system_time() {
+fn a_stream_without_receive_times_uses_boot_time_dated_by_system_time() {
     let boot = Boot { from_ms: 50_000, at_ms: 0, utc: TRUE };
     let load_bare = |frames: &[u8]| {
         let (_folder, path) = file("log.tlog.raw", &bare(frames));
@@ -517,7 +517,7 @@ fn a_stream_without_times_of_reception_is_bound_by_the_clock_since_boot_and_date
 }
 
 #[test]
-fn of_a_stream_without_receive_times_the_first_run_is_bound_and_the_next_is_reported() {
+fn in_a_stream_without_receive_times_only_the_first_boot_is_bound() {
     let boots =
         [50_000, 3000].map(|from_ms| Boot { from_ms, at_ms: if from_ms == 3000 { 40_000 } else { 0 }, utc: TRUE });
     let of = |boots: &[Boot]| bare(&boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
@@ -540,14 +540,14 @@ fn of_a_stream_without_receive_times_the_first_run_is_bound_and_the_next_is_repo
     assert!(later + 15 >= first.health.messages, "{later} of {}", first.health.messages);
 }
 
-/// What a file of this name and content is found to be.
+/// The detected kind of a file with this name and content.
 fn kind(name: &str, bytes: &[u8]) -> Option<LogKind> {
     let (folder, _path) = file(name, bytes);
     let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
     found.units.first().map(|unit| unit.kind)
 }
 
-/// Messages and damaged bytes of a log whose format is called so.
+/// Messages and damaged bytes of a log with this format name.
 fn read_as(format: &str, bytes: &[u8]) -> (u64, u64) {
     let log = read_bytes(READER, bytes).unwrap();
     assert_eq!(log.health.format, format);
@@ -557,7 +557,7 @@ fn read_as(format: &str, bytes: &[u8]) -> (u64, u64) {
 const STREAM: &str = "MAVLink stream";
 
 #[test]
-fn a_stream_without_times_of_reception_is_told_wherever_its_first_intact_frames_stand() {
+fn a_stream_without_receive_times_is_detected_wherever_it_starts() {
     let frames: Vec<Vec<u8>> =
         (0..40).map(|i| bare(&tlog_frame(NOON_US, 0, 50, &[i, 0, 0, 0, 1, 3, 0, 4, 3]))).collect();
     let own = bare(&tlog_frame(NOON_US, 54_321, 77, &[1; 20]));
@@ -578,12 +578,12 @@ fn a_stream_without_times_of_reception_is_told_wherever_its_first_intact_frames_
         assert_eq!(kind(name, &bytes), Some(LogKind::Tlog), "{name}");
         assert_eq!(read_as(STREAM, &bytes), (messages, damaged), "{name}");
     }
-    // One with times of reception that begins inside a frame.
+    // One with receive times that begins inside a frame.
     assert_eq!(kind("flight.bin", &of_pymavlink().repeat(3)[3..]), Some(LogKind::Tlog));
 }
 
 #[test]
-fn a_few_frames_of_mavlink_do_not_make_another_log_mavlink() {
+fn a_few_mavlink_frames_do_not_turn_another_log_into_mavlink() {
     let frames = bare(&tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(3);
     let sentence = |i: usize| {
         let text = format!("GPRMC,12{:02}{:02}.00,A,4724.0{i:03},N,00830.0000,E,10.0,45.0,211126,,,A", i / 60, i % 60);
@@ -601,33 +601,33 @@ fn a_few_frames_of_mavlink_do_not_make_another_log_mavlink() {
     assert_eq!(kind("log.dat", &among(&|_| vec![])), Some(LogKind::Tlog));
 }
 
-/// A frame of a message that is not defined, which carries others.
+/// A frame of an undefined message that contains other frames.
 fn tunnel(time_us: u64, inner: &[u8]) -> Vec<u8> {
     tlog_frame(time_us, 54_321, 77, inner)
 }
 
 #[test]
-fn frames_inside_of_others_that_are_not_defined_make_no_stream_and_are_not_read() {
+fn frames_inside_undefined_frames_are_not_a_stream_and_are_not_read() {
     let inner = bare(&tlog_frame_from([9, 1], 0, NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(7);
     let frame = |i: u64| tlog_frame(NOON_US + i, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]);
     let bytes: Vec<u8> = (0..20).flat_map(|i| [frame(i), tunnel(NOON_US + i, &inner)].concat()).collect();
     assert_eq!(read_as("MAVLink telemetry", &bytes), (40, 0));
-    // The first carries others, or is damaged.
+    // The first frame contains others, or is damaged.
     let (first, second) = (frame(0).len(), tunnel(0, &inner).len());
     assert_eq!(read_as("MAVLink telemetry", &bytes[first..]), (39, 0));
     assert_eq!(read_as("MAVLink telemetry", &bytes[5..]), (39, (first - 5) as u64));
-    // It is the only one, and nothing stands behind it.
+    // It is the only one, with nothing after it.
     assert_eq!(read_as("MAVLink telemetry", &bytes[..first + second]), (2, 0));
     assert_eq!(read_as(STREAM, &bare(&bytes)), (40, 0));
 }
 
 #[test]
-fn bytes_that_only_look_like_a_frame_swallow_none() {
+fn bytes_that_only_look_like_a_frame_swallow_no_frames() {
     for is_bare in [false, true] {
         let plain = |frame: Vec<u8>| if is_bare { bare(&frame) } else { frame };
         let heartbeat = plain(tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]));
         let position = |told: [u8; 2]| plain(tlog_frame(NOON_US, 32, 185, &[&[7; 16][..], &told, &[7; 10]].concat()));
-        // The checksum that makes it a frame with all up to there stands inside the fifth one.
+        // The checksum that completes this false frame is inside the fifth one.
         let until = position([0; 2]).len() - 2 - 12;
         let swallowed = [heartbeat.repeat(4), position([0; 2])[..until].to_vec()].concat();
         let like = plain(tlog_frame(NOON_US, 3_351_057, 99, &swallowed));
@@ -642,12 +642,12 @@ fn bytes_that_only_look_like_a_frame_swallow_none() {
 }
 
 #[test]
-fn a_frame_that_is_not_defined_and_ends_inside_of_an_intact_one_swallows_none() {
+fn an_undefined_frame_ending_inside_an_intact_one_swallows_no_frames() {
     for is_bare in [false, true] {
         let plain = |frame: Vec<u8>| if is_bare { bare(&frame) } else { frame };
         let front = if is_bare { 0 } else { 8 };
         let heartbeat = plain(tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]));
-        // A wrong length leads to the end of the second frame behind, whose checksum is right for some layout.
+        // A wrong length leads to the end of the second frame after it, whose checksum fits some layout.
         let mut swallowed = 0;
         for i in 0..1500_u16 {
             let mut lie = plain(tlog_frame(NOON_US, 54_321, 77, &[&i.to_le_bytes()[..], &[3, 4]].concat()));
@@ -666,11 +666,11 @@ fn a_frame_that_is_not_defined_and_ends_inside_of_an_intact_one_swallows_none() 
 }
 
 #[test]
-fn a_stream_without_times_of_reception_that_is_cut_or_flipped_loses_what_is_hurt_and_says_so() {
+fn damage_in_a_stream_without_receive_times_costs_only_what_it_hits() {
     let stamped = seed(Container::Tlog);
     let bytes = bare(&stamped);
     let ends: Vec<usize> = boundaries(&stamped).iter().enumerate().map(|(record, at)| at - 8 * record).collect();
-    // Shorter ones are too short to tell.
+    // Shorter ones are too short to detect.
     check_cuts(READER, &bytes, ends[3]..bytes.len(), &ends, |length| ends.contains(&length));
     let whole = read_bytes(READER, &bytes).unwrap();
     let truth = rows(&whole);
@@ -685,7 +685,7 @@ fn a_stream_without_times_of_reception_that_is_cut_or_flipped_loses_what_is_hurt
 }
 
 #[test]
-fn messages_that_are_not_defined_are_told_by_their_numbers_and_cost_nothing_else() {
+fn undefined_messages_are_reported_by_id_and_cost_nothing_else() {
     let own = |number: u32| tlog_frame(NOON_US, number, number as u8, &[1, 2, 3]);
     let bytes = [of_pymavlink(), own(54_321), own(54_320), own(54_321), of_pymavlink()].concat();
     let log = read_bytes(READER, &bytes).unwrap();
@@ -693,7 +693,7 @@ fn messages_that_are_not_defined_are_told_by_their_numbers_and_cost_nothing_else
     assert_eq!(told.count, 3);
     assert!(told.text.ends_with(": numbers 54320 (1), 54321 (2)"), "{}", told.text);
     assert_eq!((log.health.messages, log.health.bytes.damaged, log.health.bytes.skipped), (13, 0, 3 * (8 + 12 + 3)));
-    // A damaged frame does not take the one behind it along, though no checksum vouches for that.
+    // A damaged frame does not cost the next one, although no checksum confirms it.
     let mut damaged = tlog_frame(NOON_US, 0, 50, &[7; 9]);
     damaged[20] ^= 1;
     let bytes = [of_pymavlink(), own(54_321), damaged.clone(), own(54_321), of_pymavlink()].concat();
@@ -702,8 +702,8 @@ fn messages_that_are_not_defined_are_told_by_their_numbers_and_cost_nothing_else
 }
 
 #[test]
-fn a_frame_of_the_first_version_may_have_fields_of_the_second_and_they_are_read() {
-    // GPS_RAW_INT as pymavlink writes it if it is told to use MAVLink 1 with the definitions of MAVLink 2.
+fn mavlink_1_frames_with_mavlink_2_fields_are_read() {
+    // GPS_RAW_INT as pymavlink writes it in MAVLink 1 with MAVLink 2 definitions.
     let payload: Vec<u8> = (1..=52).collect();
     let frame = |length: usize| {
         let wide = tlog_frame(NOON_US, 24, 24, &payload[..length]);
@@ -715,19 +715,19 @@ fn a_frame_of_the_first_version_may_have_fields_of_the_second_and_they_are_read(
     let last = |field: &str| table.column(field).unwrap().number(table.rows - 2);
     assert_eq!(last("alt_ellipsoid"), Some(f64::from(i32::from_le_bytes([31, 32, 33, 34]))));
     assert_eq!(last("yaw"), Some(f64::from(u16::from_le_bytes([51, 52]))));
-    // Who sends none of them says nothing of them.
+    // Without these fields the values are absent.
     assert_eq!(table.column("yaw").unwrap().number(table.rows - 1), None);
     assert_eq!(log.health.bytes.damaged, 0);
 }
 
 #[test]
-fn frames_with_flags_that_are_not_known_are_dropped_and_no_damage() {
-    // COMMAND_LONG from system 10.0.0.1 to 10.0.0.2, as the tests of the draft have it.
+fn frames_with_unknown_flags_are_dropped_and_are_not_damage() {
+    // COMMAND_LONG from system 10.0.0.1 to 10.0.0.2, as in the tests of the draft.
     let drafted = bytes_of(
         "fd210600000100000a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa0140e5",
     );
     let drafted = [&NOON_US.to_be_bytes()[..], &drafted].concat();
-    // A flag that nobody has given a meaning, on a HEARTBEAT.
+    // An undefined flag, on a HEARTBEAT.
     let other = tlog_frame_from([9, 9], 8, NOON_US, 0, 50, &[0; 9]);
     let bytes = [of_pymavlink(), drafted.clone(), other.clone(), drafted.clone(), of_pymavlink()].concat();
     let log = read_bytes(READER, &bytes).unwrap();
@@ -736,7 +736,7 @@ fn frames_with_flags_that_are_not_known_are_dropped_and_no_damage() {
     let told = log.notices.iter().find(|n| n.code == "unknown-record").unwrap();
     assert_eq!((told.severity, told.count), (Severity::Loss, 3));
     assert!(told.text.contains("message 76 with flags 0x06"), "{}", told.text);
-    // Of nothing else there is no log, and no word of damage.
+    // Nothing but these frames is not a log, and not damage.
     let error = read_bytes(READER, &[drafted, other].concat()).unwrap_err().to_string();
     assert!(
         error.contains("(2) have incompatibility flags that are not known") && !error.contains("nothing"),
@@ -745,14 +745,14 @@ fn frames_with_flags_that_are_not_known_are_dropped_and_no_damage() {
 }
 
 #[test]
-fn texts_have_the_time_of_reception_as_modes_have() {
+fn texts_have_the_receive_time_like_modes() {
     let text = [&[6][..], b"all is well", &[0; 42]].concat();
     let log = read_bytes(READER, &[of_pymavlink(), tlog_frame(NOON_US + 60_000, 253, 83, &text)].concat()).unwrap();
     assert_eq!(log.health.about.texts, ["2026-11-21 12:00:00.060 UTC: all is well"]);
     assert_eq!(log.health.about.modes[0].at_ns, NOON_US as i64 * 1000);
 }
 
-/// Bound as a log of this name.
+/// Binds the bytes as a log with this file name.
 fn load_tlog(bytes: &[u8]) -> ingest::Loaded {
     let (_folder, path) = file("log.tlog", bytes);
     let loaded = load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap();
@@ -761,7 +761,7 @@ fn load_tlog(bytes: &[u8]) -> ingest::Loaded {
 }
 
 #[test]
-fn the_second_receiver_has_its_accuracies_and_one_unit_of_several_makes_a_channel() {
+fn the_second_receiver_has_accuracies_and_one_of_several_units_is_bound() {
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let epoch = |n: u64| {
         let (at_us, boot_us) = (NOON_US + 200_000 * n, (50_000_000 + 200_000 * n).to_le_bytes());
@@ -772,14 +772,14 @@ fn the_second_receiver_has_its_accuracies_and_one_unit_of_several_makes_a_channe
             [&boot_us[..], &place, &[0; 4], &[90, 0, 120, 0], &1000_u16.to_le_bytes(), &9000_u16.to_le_bytes()];
         let accuracies = [535_123_u32, 1500, 2500, 300, 0].map(u32::to_le_bytes).concat();
         let receiver = [&receiver.concat()[..], &[3, 17, 0, 0, 0], &accuracies].concat();
-        // Two units by turns, the second turned the other way.
+        // Two alternating units, the second rotated the other way.
         let unit = |id: u8| {
             let sign = if id == 0 { 1.0 } else { -1.0 };
             let values = [0.5, 1.0, -9.8, 0.1, 0.2, 0.3, 0.2, 0.1, 0.4, 950.0, 0.0, 500.0, 20.0].map(|v: f32| sign * v);
             let late = (50_000_000 + 200_000 * n + 1000 * u64::from(id)).to_le_bytes();
             tlog_frame(at_us, 105, 93, &[&late[..], &floats(&values), &[0xff, 0x1f, id]].concat())
         };
-        // Of another computer on board.
+        // From another onboard computer.
         let input = [&boot_us[..], &[0; 4], &place[..8], &floats(&[488.0, 0.9, 1.2, 1.0, 2.0, 3.0, 0.3, 1.5, 2.5])];
         let flags: u16 = if n < 10 { 0 } else { 8 };
         let input = [&input.concat()[..], &flags.to_le_bytes(), &[0; 2], &[0, 3, 12]].concat();
@@ -798,7 +798,7 @@ fn the_second_receiver_has_its_accuracies_and_one_unit_of_several_makes_a_channe
 }
 
 #[test]
-fn what_a_gps_input_says_is_to_be_ignored_is_not_used_and_the_rest_is() {
+fn values_that_gps_input_flags_as_ignored_are_not_used() {
     // mavlink.io, GPS_INPUT_IGNORE_FLAGS: 1 height, 2 and 4 dilutions, 8 and 16 velocity, 32 to 128 accuracies.
     let frame = |n: usize, flags: u16| {
         let front = [&[0; 12][..], &473_977_420_i32.to_le_bytes(), &85_455_940_i32.to_le_bytes()].concat();

@@ -1,4 +1,4 @@
-//! UBX: a simulated flight, frames of pyubx2, and everything that can go wrong.
+//! UBX: a simulated flight, frames of pyubx2, and all kinds of damage.
 
 use crate::stream::*;
 use crate::support::*;
@@ -22,7 +22,7 @@ fn of_pyubx2() -> Vec<u8> {
 }
 
 #[test]
-fn a_simulated_flight_comes_back_within_the_quantum_of_its_frames() {
+fn a_simulated_flight_survives_within_the_resolution_of_its_frames() {
     let flight = flight(20.0, 50.0);
     let truth = flight.to_flight().unwrap();
     for name in ["flight.ubx", "flight.log"] {
@@ -43,7 +43,7 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_frames() {
 }
 
 #[test]
-fn frames_of_pyubx2_have_the_values_that_it_was_given() {
+fn pyubx2_frames_decode_to_the_values_given_to_it() {
     let log = read_bytes(READER, &of_pyubx2()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.decoded), (5, of_pyubx2().len() as u64));
     let all = |topic: &str, expected: &[(&str, f64)]| {
@@ -65,7 +65,7 @@ fn frames_of_pyubx2_have_the_values_that_it_was_given() {
 }
 
 #[test]
-fn position_and_velocity_of_one_solution_are_bound_by_their_names_and_units() {
+fn position_and_velocity_of_one_solution_are_bound_by_name_and_unit() {
     let pvt = |epoch: u32| {
         let mut payload = [&(561_600_000 + 200 * epoch).to_le_bytes()[..], &2026_u16.to_le_bytes()].concat();
         payload.extend([11, 21, 11, 59, 42 + (epoch / 5) as u8, 7]);
@@ -84,7 +84,7 @@ fn position_and_velocity_of_one_solution_are_bound_by_their_names_and_units() {
     let loaded = load(&unit).unwrap();
     assert_ledger(&loaded);
     let position = &loaded.flight.channels["position.gps"].series;
-    // One epoch is of a fix in two dimensions, one the receiver does not trust.
+    // One epoch has a 2D fix, one the receiver does not trust.
     assert_eq!((position.len(), loaded.flight.channels["velocity.gps"].series.len()), (18, 18));
     assert_eq!(position.component(0)[0], 47.397_742_f64.to_radians());
     assert_eq!(
@@ -110,7 +110,7 @@ fn around_sunday(told: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
 }
 
 #[test]
-fn epochs_of_which_another_message_says_that_there_is_no_fix_are_not_used_and_counted() {
+fn epochs_without_a_fix_by_another_message_are_rejected_and_counted() {
     let sol = |itow_ms: u32, fix: u8, ok: u8| {
         let front = [&itow_ms.to_le_bytes()[..], &[0; 4], &2445_u16.to_le_bytes(), &[fix, 0xc | ok]].concat();
         ubx_frame(1, 6, &[&front[..], &[0; 40]].concat())
@@ -118,7 +118,7 @@ fn epochs_of_which_another_message_says_that_there_is_no_fix_are_not_used_and_co
     let status = |itow_ms: u32, fix: u8, ok: u8| {
         ubx_frame(1, 3, &[&itow_ms.to_le_bytes()[..], &[fix, ok, 0, 0], &[0; 8]].concat())
     };
-    // Epochs without a fix, with one that is not good, with one of two dimensions; of the last nothing is said.
+    // Epochs without a fix, with a bad one, with a 2D one; the last has no fix information.
     let say = |n: u32, itow_ms: u32| match n {
         0 => sol(itow_ms, 0, 0),
         1 => status(itow_ms, 3, 0),
@@ -143,8 +143,8 @@ fn epochs_of_which_another_message_says_that_there_is_no_fix_are_not_used_and_co
 }
 
 #[test]
-fn an_epoch_of_another_week_says_nothing_of_this_one() {
-    // Three epochs at the begin of a week, and the same a week later. The first two have no fix, and the last.
+fn an_epoch_of_another_week_does_not_affect_this_one() {
+    // Three epochs at the start of a week, and the same a week later. The first two have no fix, and the last.
     let without_fix = |telling: &dyn Fn(u16, u32, u8) -> Vec<u8>| {
         let epoch = |n: u16| {
             let itow_ms = 1000 + 200 * u32::from(n % 3);
@@ -162,14 +162,14 @@ fn an_epoch_of_another_week_says_nothing_of_this_one() {
         ubx_frame(1, 6, &[&front[..], &[0; 40]].concat())
     };
     assert_eq!(without_fix(&sol), 3);
-    // Where nothing tells the week, a time of week counts only if all that have it have a fix.
+    // If the week is unknown, a time of week counts only if all epochs with it have a fix.
     let status =
         |_, itow_ms: u32, fix: u8| ubx_frame(1, 3, &[&itow_ms.to_le_bytes()[..], &[fix, 1, 0, 0], &[0; 8]].concat());
     assert_eq!(without_fix(&|week, itow_ms, fix| status(week, itow_ms, if itow_ms == 1400 { 3 } else { fix })), 4);
 }
 
-/// A place and a velocity, north, east, down, in the axes of the earth, cm and cm/s: the velocity from the places half a
-/// second before and behind, so that it owes nothing to how the reader turns it.
+/// ECEF position and velocity, and velocity north, east, down, cm and cm/s: from the positions half a second
+/// before and after, so independent of the reader's rotation.
 fn in_axes_of_the_earth(at: Geodetic, ned: [f64; 3]) -> [[i32; 3]; 2] {
     let frame = LocalFrame::new(at);
     let [a, b] = [-0.5, 0.5].map(|s| frame.to_geodetic(ned.map(|v| s * v)).to_ecef());
@@ -178,7 +178,7 @@ fn in_axes_of_the_earth(at: Geodetic, ned: [f64; 3]) -> [[i32; 3]; 2] {
 }
 
 #[test]
-fn a_position_and_a_velocity_in_the_axes_of_the_earth_are_bound_as_geodetic_and_north_east_down() {
+fn ecef_position_and_velocity_are_bound_as_geodetic_and_ned() {
     let truth = |n: u32| {
         let at = Geodetic::from_degrees(-33.9 + 1e-4 * f64::from(n), 151.2, 120.0);
         (at, [12.0, -3.5 + f64::from(n), 1.25])
@@ -187,7 +187,7 @@ fn a_position_and_a_velocity_in_the_axes_of_the_earth_are_bound_as_geodetic_and_
         let ([place, velocity], accuracy) = (in_axes_of_the_earth(truth(n).0, truth(n).1), 300_u32.to_le_bytes());
         let bytes = |v: [i32; 3]| v.map(i32::to_le_bytes).concat();
         let itow = (1000 + 200 * n).to_le_bytes();
-        // The last one has no fix, and places it at the centre of the earth.
+        // The last one has no fix, and a position at the centre of the earth.
         let (fix, place) = if n == 10 { (0, [0; 3]) } else { (3, place) };
         let front = [&itow[..], &[0; 4], &1850_u16.to_le_bytes(), &[fix, 0xd]].concat();
         let rest = [&bytes(place)[..], &accuracy, &bytes(velocity), &accuracy, &[0; 3], &[9], &[0; 4]].concat();
@@ -223,7 +223,7 @@ fn a_position_and_a_velocity_in_the_axes_of_the_earth_are_bound_as_geodetic_and_
 }
 
 #[test]
-fn a_velocity_in_the_axes_of_the_earth_is_turned_by_a_place_near_it_and_has_none_without() {
+fn an_ecef_velocity_is_rotated_at_a_nearby_position_or_dropped() {
     let at = Geodetic::from_degrees(47.4, 8.5, 500.0);
     let [_, velocity] = in_axes_of_the_earth(at, [20.0, -5.0, 1.0]);
     let accuracy = 300_u32.to_le_bytes();
@@ -235,7 +235,7 @@ fn a_velocity_in_the_axes_of_the_earth_is_turned_by_a_place_near_it_and_has_none
         let bytes = velocity.map(i32::to_le_bytes).concat();
         ubx_frame(1, 0x11, &[&ms.to_le_bytes()[..], &bytes, &accuracy].concat())
     };
-    // A place once, then velocities for 20 s: those of the first ten have one. The very first came before it.
+    // One position, then velocities for 20 s: it serves those of the first ten. The very first came before it.
     let log: Vec<u8> =
         [velocity(0), place(1000)].into_iter().chain((1..=20).map(|s| velocity(1000 * s))).flatten().collect();
     let loaded = load_ubx(&log);
@@ -246,7 +246,7 @@ fn a_velocity_in_the_axes_of_the_earth_is_turned_by_a_place_near_it_and_has_none
 }
 
 #[test]
-fn a_place_that_is_invalid_or_kilometres_off_turns_no_velocity() {
+fn an_invalid_or_inaccurate_position_rotates_no_velocity() {
     let at = Geodetic::from_degrees(47.4, 8.5, 500.0);
     let [place, velocity] = in_axes_of_the_earth(at, [20.0, -5.0, 1.0]);
     let bytes = |v: [i32; 3]| v.map(i32::to_le_bytes).concat();
@@ -291,7 +291,7 @@ fn of_pyubx2_with_attitude() -> Vec<u8> {
 }
 
 #[test]
-fn frames_of_receivers_with_inertial_sensors_have_the_values_that_pyubx2_was_given() {
+fn frames_of_inertial_receivers_decode_to_the_values_given_to_pyubx2() {
     let bytes = of_pyubx2_with_attitude();
     let log = read_bytes(READER, &bytes).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.decoded), (3, bytes.len() as u64));
@@ -313,7 +313,7 @@ fn frames_of_receivers_with_inertial_sensors_have_the_values_that_pyubx2_was_giv
 }
 
 #[test]
-fn an_angle_that_a_receiver_does_not_know_makes_no_attitude() {
+fn an_angle_unknown_to_the_receiver_yields_no_attitude() {
     let whole = of_pyubx2_with_attitude();
     let (payload, length) = (&whole[6..6 + 116], 20_u32);
     let epochs = |n: u32| {
@@ -323,7 +323,7 @@ fn an_angle_that_a_receiver_does_not_know_makes_no_attitude() {
         att.extend([-150_000_i32, 225_000, 10_150_000].map(i32::to_le_bytes).concat());
         att.extend([50_000_u32, 75_000, 125_000].map(u32::to_le_bytes).concat());
         if n < 8 {
-            // Without its accuracy roll is not known, as of receivers in cars.
+            // Without its accuracy roll is unknown, as with receivers in cars.
             pvat[88..90].fill(0);
             att[20..24].fill(0);
         }
@@ -335,24 +335,24 @@ fn an_angle_that_a_receiver_does_not_know_makes_no_attitude() {
         let attitude = &loaded.flight.channels["attitude.ins"].series;
         assert_eq!(attitude.len(), 12);
     }
-    // Position and velocity of the same message are there all the time.
+    // Position and velocity of the same message are always present.
     assert_eq!(["position.gps", "velocity.gps"].map(|name| pvat.flight.channels[name].series.len()), [20; 2]);
 }
 
 #[test]
-fn a_precise_place_in_the_axes_of_the_earth_has_all_its_digits() {
+fn a_precise_ecef_position_keeps_all_its_digits() {
     let at = Geodetic::from_degrees(47.397_742_123, 8.545_594_321, 535.123_4);
     let ecef = at.to_ecef();
     let epoch = |n: u32| {
         let tenths = [ecef.x, ecef.y, ecef.z].map(|v| (v * 1e4).round() as i64);
-        // Hundredths of a centimetre lie between -99 and 99.
+        // Hundredths of a centimetre are between -99 and 99.
         let (whole, fine) = (tenths.map(|v| (v / 100) as i32), tenths.map(|v| (v % 100) as i8 as u8));
         let front = [&[0; 4][..], &(1000 * n).to_le_bytes(), &whole.map(i32::to_le_bytes).concat(), &fine].concat();
         ubx_frame(1, 0x13, &[&front[..], &[u8::from(n == 3)], &150_u32.to_le_bytes()].concat())
     };
     let loaded = load_ubx(&(0..10).flat_map(epoch).collect::<Vec<u8>>());
     let position = &loaded.flight.channels["position.precise-ecef"].series;
-    // One says that it is not valid.
+    // One is flagged invalid.
     assert_eq!(position.len(), 9);
     assert!((position.component(0)[0] - at.latitude).abs() * 6.4e6 < 1e-4);
     assert!((position.component(1)[0] - at.longitude).abs() * 4.4e6 < 1e-4);
@@ -360,12 +360,12 @@ fn a_precise_place_in_the_axes_of_the_earth_has_all_its_digits() {
 }
 
 #[test]
-fn a_precise_position_of_a_receiver_that_does_not_say_its_validity_is_used_with_a_fix_alone() {
+fn a_precise_position_without_validity_flags_is_used_only_with_a_fix() {
     let epoch = |n: u32| {
         let mut pvt = [&(561_600_000 + 200 * n).to_le_bytes()[..], &2026_u16.to_le_bytes()].concat();
         pvt.extend([11, 21, 11, 59, 42 + (n / 5) as u8, 7]);
         pvt.resize(92, 0);
-        // Then with the phases solved, with fractions and without.
+        // Then with resolved carrier phases, with and without fractions.
         (pvt[20], pvt[21]) = [(0, 0), (3, 1), (3, 1 | 1 << 6), (3, 1 | 2 << 6), (3, 1 | 2 << 6)][n as usize / 4];
         let mut precise =
             [&[0; 4][..], &pvt[..4], &85_455_940_i32.to_le_bytes(), &473_977_420_i32.to_le_bytes()].concat();
@@ -379,7 +379,7 @@ fn a_precise_position_of_a_receiver_that_does_not_say_its_validity_is_used_with_
 }
 
 #[test]
-fn time_marks_before_the_first_pulse_have_the_time_of_the_system_that_it_tells() {
+fn time_marks_before_the_first_pulse_use_its_time_system() {
     let mark = |week: u16, second: u32| {
         let front = [&[0, 0xc8][..], &(second as u16).to_le_bytes(), &week.to_le_bytes(), &[0; 2]].concat();
         ubx_frame(0x0d, 3, &[&front[..], &(561_600_000 + 1000 * second).to_le_bytes(), &[0; 16]].concat())
@@ -391,7 +391,7 @@ fn time_marks_before_the_first_pulse_have_the_time_of_the_system_that_it_tells()
             &[&561_605_500_u32.to_le_bytes()[..], &[0; 8], &week.to_le_bytes(), &[0, reference]].concat(),
         )
     };
-    // Ten marks, of which five stand before the pulse: GPS weeks, those of BeiDou and those of GLONASS, which nobody knows.
+    // Ten marks, five of them before the pulse: weeks of GPS, of BeiDou and of GLONASS (unknown).
     for (week, reference, first, used) in [(2445, 0, 0, 10), (1089, 2, 14, 10), (2445, 1, 0, 0)] {
         let marks = (0..10).flat_map(|second| {
             let told = if second == 5 { pulse(week, reference) } else { vec![] };
@@ -409,7 +409,7 @@ fn time_marks_before_the_first_pulse_have_the_time_of_the_system_that_it_tells()
 }
 
 #[test]
-fn pulses_are_in_gps_time_whatever_the_receiver_counts_and_those_without_are_told_of() {
+fn pulses_are_in_gps_time_and_those_without_time_are_reported() {
     // An epoch a second from 2026-11-21T11:59:42Z, 561600 s of GPS week 2445, on, and with it a pulse on its second.
     let epochs = |pulse: &dyn Fn(u32) -> Vec<u8>| -> Vec<u8> {
         let epoch = |n: u32| {
@@ -462,7 +462,7 @@ fn load_ubx(bytes: &[u8]) -> ingest::Loaded {
 }
 
 #[test]
-fn messages_before_the_first_that_tells_the_week_are_dated_backwards_over_sunday_too() {
+fn messages_before_the_first_week_are_dated_backwards_over_sunday_too() {
     const WEEK_MS: i64 = 604_800_000;
     let truth: Vec<i64> = (0..10).map(|n| (2445 * WEEK_MS + WEEK_MS - 1000 + 200 * n) * 1_000_000).collect();
     let time_gps = |itow_ms: u32| {
@@ -491,7 +491,7 @@ fn messages_before_the_first_that_tells_the_week_are_dated_backwards_over_sunday
     }
 }
 
-/// NAV-PVT five times a second from noon of 2026-11-21 on, with these bytes for validity, kind of fix and flags.
+/// NAV-PVT five times a second from noon of 2026-11-21 on, with these validity, fix type and flag bytes.
 fn pvt(n: u32, itow_ms: u32, [valid, fix_type, flags]: [u8; 3]) -> Vec<u8> {
     let second = (n / 5 % 60) as u8;
     let date = [&2026_u16.to_le_bytes()[..], &[11, 21, 12, (n / 300) as u8, second, valid]].concat();
@@ -505,7 +505,7 @@ fn pvt(n: u32, itow_ms: u32, [valid, fix_type, flags]: [u8; 3]) -> Vec<u8> {
 const NOON_ITOW_MS: u32 = 6 * 86_400_000 + 12 * 3_600_000 + 18_000;
 
 #[test]
-fn what_a_receiver_says_before_it_knows_the_time_has_none_and_is_no_loss() {
+fn messages_before_the_receiver_knows_the_time_are_undated_and_no_loss() {
     for clock_ms in [0, 345_600_000, 604_790_000] {
         for valid in [0xf0, 0xf1, 0] {
             let cold = |n: u32| pvt(n, clock_ms + 200 * n, [valid, 0, 0]);
@@ -523,7 +523,7 @@ fn what_a_receiver_says_before_it_knows_the_time_has_none_and_is_no_loss() {
 }
 
 #[test]
-fn a_clock_that_does_not_leap_when_its_time_is_known_was_right_before() {
+fn a_clock_that_does_not_jump_when_dated_was_right_before() {
     let itow_ms = |n: u32| NOON_ITOW_MS + 200 * n;
     let place = |n: u32| {
         ubx_frame(
@@ -539,7 +539,7 @@ fn a_clock_that_does_not_leap_when_its_time_is_known_was_right_before() {
             &[&itow_ms(n).to_le_bytes()[..], &[0; 4], &2445_u16.to_le_bytes(), &[18, 7, 0, 0, 0, 0]].concat(),
         )
     };
-    // A fix without a valid date, until another message tells the week; and one that never does.
+    // A fix without a valid date until another message has the week; and a log without any.
     for (told_at, clock) in [(49, Clock::Gps), (1000, Clock::Elapsed)] {
         let epoch = |n: u32| {
             [place(n), pvt(n, itow_ms(n), [0, 3, 1]), if n == told_at { time_gps(n) } else { vec![] }].concat()
@@ -557,7 +557,7 @@ fn a_clock_that_does_not_leap_when_its_time_is_known_was_right_before() {
         );
         assert_eq!(count_of(&loaded, "undated"), if clock == Clock::Gps { 100 } else { 400 });
     }
-    // Behind a cold start the place of the first epoch with a time stands before what says so.
+    // After a cold start the position of the first timed epoch precedes the message with its time.
     let cold =
         |n: u32| [ubx_frame(1, 2, &[[0; 4], (200 * n).to_le_bytes()].concat()), pvt(n, 200 * n, [0, 0, 0])].concat();
     let warm = |n: u32| [place(n), pvt(n, itow_ms(n), [0xf7, 3, 1])].concat();
@@ -571,7 +571,7 @@ fn a_clock_that_does_not_leap_when_its_time_is_known_was_right_before() {
 }
 
 #[test]
-fn a_velocity_between_frames_has_no_time_of_an_epoch_whose_sentences_are_damaged() {
+fn a_velocity_between_frames_gets_no_time_from_a_damaged_epoch() {
     let seal = |body: &str| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, b| sum ^ b)).into_bytes();
     let epoch = |i: u32| {
         let rmc = format!("GNRMC,12{:02}{:02}.00,A,4807.038,N,01131.000,E,20.0,{i}.0,211126,,,A", i / 60, i % 60);
@@ -595,8 +595,8 @@ fn a_velocity_between_frames_has_no_time_of_an_epoch_whose_sentences_are_damaged
 }
 
 #[test]
-fn a_log_that_never_tells_the_week_is_timed_by_the_time_of_week_alone() {
-    // A week that is not valid is not told.
+fn a_log_without_any_week_is_timed_by_time_of_week_alone() {
+    // An invalid week is not used.
     let invalid =
         |itow_ms: u32| ubx_frame(1, 0x20, &[&itow_ms.to_le_bytes()[..], &[0; 4], &[0x8d, 9, 18, 1], &[0; 4]].concat());
     let bytes = around_sunday(|_, itow_ms| invalid(itow_ms));
@@ -609,7 +609,7 @@ fn a_log_that_never_tells_the_week_is_timed_by_the_time_of_week_alone() {
 }
 
 #[test]
-fn sentences_and_corrections_between_the_frames_are_no_damage() {
+fn sentences_and_corrections_between_the_frames_are_not_damage() {
     let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n";
     let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
     let unread = ubx_frame(0x02, 0x15, &[1; 300]);
@@ -630,7 +630,7 @@ fn sentences_and_corrections_between_the_frames_are_no_damage() {
 }
 
 #[test]
-fn a_damaged_correction_does_not_cost_the_one_behind_it() {
+fn a_damaged_correction_does_not_cost_the_next_one() {
     let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
     let mut damaged = correction.clone();
     damaged[9] ^= 1;
@@ -641,7 +641,7 @@ fn a_damaged_correction_does_not_cost_the_one_behind_it() {
 }
 
 #[test]
-fn corrections_behind_bytes_that_are_nothing_are_found_again() {
+fn corrections_after_unrecognized_bytes_are_found_again() {
     let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
     let garbage = [0xd3, 0, 0x13, 0x3e, 0xd7, 0xd3, 0, 0xb5, 0x62, 7, 0xd3];
     let bytes = [&of_pyubx2()[..], &garbage, &correction, &correction, &garbage, &correction].concat();
@@ -652,7 +652,7 @@ fn corrections_behind_bytes_that_are_nothing_are_found_again() {
 }
 
 #[test]
-fn text_before_the_first_frame_is_no_damage_and_a_piece_of_a_frame_or_sentence_is() {
+fn text_before_the_first_frame_is_not_damage_but_a_fragment_is() {
     let frames = of_pyubx2();
     let whole = read_bytes(READER, &frames).unwrap().health.messages;
     let damage = |front: &[u8]| {
@@ -668,7 +668,7 @@ fn text_before_the_first_frame_is_no_damage_and_a_piece_of_a_frame_or_sentence_i
 }
 
 #[test]
-fn a_sentence_without_a_line_end_before_a_frame_is_no_damage_and_text_between_frames_is() {
+fn an_unterminated_sentence_is_not_damage_but_text_between_frames_is() {
     let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47";
     let frame = ubx_frame(1, 4, &[b'*'; 18]);
     let bytes = [&frame[..], gga, &frame, b"\r\n", gga, b"\r\n", &frame].concat();
@@ -681,7 +681,7 @@ fn a_sentence_without_a_line_end_before_a_frame_is_no_damage_and_text_between_fr
 }
 
 #[test]
-fn what_is_damaged_in_a_mixed_stream_costs_itself_alone() {
+fn damage_in_a_mixed_stream_costs_only_what_it_hits() {
     let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n".to_vec();
     let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
     let pieces = [gga.clone(), ubx_frame(1, 4, &[3; 18]), correction, ubx_frame(1, 3, &[4; 16]), gga];
@@ -696,7 +696,7 @@ fn what_is_damaged_in_a_mixed_stream_costs_itself_alone() {
 }
 
 #[test]
-fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_says_so() {
+fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_reports_it() {
     let bytes = seed(Container::Ubx);
     let mut ends = vec![0];
     while let Some(length) = bytes.get(ends[ends.len() - 1] + 4..).and_then(<[u8]>::first_chunk) {
@@ -706,20 +706,20 @@ fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_says_so() {
 }
 
 #[test]
-fn no_flipped_bit_changes_a_value_and_each_costs_one_frame_and_says_so() {
+fn no_flipped_bit_changes_a_value_and_each_costs_one_frame_and_is_reported() {
     check_flips(1);
 }
 
 #[test]
 #[ignore = "all single bits, some seconds to a minute"]
-fn no_flipped_bit_at_all_changes_a_value_and_each_costs_one_frame_and_says_so() {
+fn no_single_bit_flip_at_all_changes_a_value_and_each_costs_one_frame() {
     check_flips(8);
 }
 
 fn check_flips(bits_of_each_byte: usize) {
     let bytes = seed(Container::Ubx);
     let whole = read_bytes(READER, &bytes).unwrap();
-    // The week of what follows comes from the frames before: only values that a frame says itself are compared.
+    // The week comes from earlier frames: only values in the frame itself are compared.
     let own = |log: &ingest::Log| {
         let strip =
             |row: &String| row.split(' ').filter(|cell| !cell.contains("gps_week=")).collect::<Vec<_>>().join(" ");
@@ -735,12 +735,12 @@ fn check_flips(bits_of_each_byte: usize) {
 }
 
 #[test]
-fn lengths_that_lie_do_not_make_the_search_slow_and_what_is_left_is_reported() {
+fn false_lengths_do_not_slow_the_search_and_the_rest_is_reported() {
     let (lie, good) = ([0xb5, 0x62, 1, 7, 0xff, 0xff], ubx_frame(1, 4, &[3; 18]));
     let pair = [&lie[..], &good].concat();
     let log = read_bytes(READER, &pair.repeat(10)).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (10, 60));
-    // Beyond a small multiple of the file the search is given up.
+    // The search is given up after a small multiple of the file size.
     let log = read_bytes(READER, &pair.repeat(30_000)).unwrap();
     assert!(log.health.messages > 10 && log.health.bytes.damaged > 60 && log.notices.any_loss());
 }

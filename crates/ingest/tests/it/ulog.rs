@@ -1,4 +1,4 @@
-//! PX4 ULog: the whole format, simulated flights, damage of every kind, and hostile files.
+//! PX4 ULog: the whole format, simulated flights, all kinds of damage, and hostile files.
 
 use crate::stream::{numbers, table};
 use crate::support::*;
@@ -14,11 +14,11 @@ use simulate::{
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-/// A ULog in the making.
+/// Builds a ULog.
 struct Made(Vec<u8>);
 
 impl Made {
-    /// Header and flag bits, with the places where data will be appended.
+    /// Header and flag bits, with the offsets of appended data.
     fn begin(offsets: [u64; 3]) -> Made {
         let mut made = Made(b"ULog\x01\x12\x35\x01\x00\x00\x00\x00\x00\x00\x00\x00".to_vec());
         let flags = [0, 0, 0, 0, 0, 0, 0, 0, u8::from(offsets[0] > 0), 0, 0, 0, 0, 0, 0, 0];
@@ -100,7 +100,7 @@ fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// Definitions and `rows` poses of each instance with an `esc` between, a text and a sync now and then.
+/// Definitions and `rows` poses of each instance with an `esc` in between and an occasional text and sync.
 fn small(rows: u64) -> Vec<u8> {
     let mut made = Made::begin([0; 3]);
     definitions(&mut made);
@@ -120,7 +120,7 @@ fn small(rows: u64) -> Vec<u8> {
 }
 
 #[test]
-fn every_kind_of_message_is_read_and_every_field_lies_where_its_format_says() {
+fn every_message_kind_is_read_and_fields_follow_their_format() {
     let mut made = Made::begin([0; 3]);
     definitions(&mut made);
     made.entry(b'M', &[0], "char[5] perf_top", b"first");
@@ -168,14 +168,14 @@ fn every_kind_of_message_is_read_and_every_field_lies_where_its_format_says() {
 }
 
 #[test]
-fn flight_modes_are_those_of_vehicle_status_in_the_order_of_time() {
+fn flight_modes_come_from_vehicle_status_in_time_order() {
     let mut made = Made::begin([0; 3]);
     made.format("vehicle_status:uint64_t timestamp;uint8_t arming_state;uint8_t nav_state;");
     made.subscribe(0, 0, "vehicle_status");
     for (i, state) in [2, 2, 3, 3, 5, 2].into_iter().enumerate() {
         made.data(0, 1_000_000 * i as u64, &[0, state]);
     }
-    // Whether or not somebody wants the topic.
+    // Whether or not the topic is wanted.
     let want = |_: &TopicInfo| Selection::Skip;
     let (_folder, path) = file("log.ulg", &made.0);
     let log = in_context(|context| ingest::reader_of(LogKind::Ulog, vec![path]).read(&want, context)).unwrap();
@@ -188,12 +188,12 @@ fn flight_modes_are_those_of_vehicle_status_in_the_order_of_time() {
 }
 
 #[test]
-fn the_receivers_are_those_that_the_numbers_of_their_devices_name() {
+fn receivers_are_named_by_their_device_ids() {
     let mut made = Made::begin([0; 3]);
     made.format("sensor_gps:uint64_t timestamp;double latitude_deg;uint32_t device_id;");
     made.subscribe(0, 0, "sensor_gps");
     made.subscribe(1, 1, "sensor_gps");
-    // Type, address, bus and kind of bus from the highest byte but one down; zero where the driver does not know.
+    // Type, address, bus and kind of bus from the highest byte but one down; zero where unknown to the driver.
     for (i, device) in [0_u32, 0x00aa_0005, 0x00aa_0005, 0x0085_7d03, 0x00fe_0001].into_iter().enumerate() {
         made.data((i / 3) as u16, 1_000_000 * i as u64, &[&0_f64.to_le_bytes()[..], &device.to_le_bytes()].concat());
     }
@@ -208,11 +208,11 @@ fn the_receivers_are_those_that_the_numbers_of_their_devices_name() {
 }
 
 #[test]
-fn a_message_without_a_stamp_does_not_take_a_change_of_parameters_to_the_begin_of_time() {
+fn a_message_without_a_timestamp_does_not_reset_a_parameter_changes_time() {
     let mut made = Made::begin([0; 3]);
     definitions(&mut made);
     made.data(0, 5_000_000, &floats(&[1.0, 2.0]));
-    // As the truth of PX4's bridge to Gazebo.
+    // Like the ground truth from PX4's Gazebo bridge.
     made.data(7, 0, &floats(&[1.0, 2.0]));
     made.entry(b'P', &[], "float EKF2_GPS_DELAY", &150_f32.to_le_bytes());
     assert_eq!(read(&made.0).health.about.parameter_changes, ["EKF2_GPS_DELAY at 5.000 s: 110 → 150"]);
@@ -229,13 +229,13 @@ fn load_topics(topics: &[(&str, u8)], rows: impl Fn(u64) -> Vec<Vec<u8>>) -> Loa
     load_files(&[LogFile { path: "log.ulg".into(), bytes: made.0 }])
 }
 
-/// A place that goes north by a metre in each row.
+/// A position that moves north by one metre per row.
 fn place(i: u64) -> [f64; 2] {
     [47.0 + i as f64 / 111_200.0, 8.5]
 }
 
 #[test]
-fn the_height_of_a_simulator_is_that_which_its_bridge_fills_in_and_a_place_that_is_not_valid_is_left_out() {
+fn simulator_height_is_its_bridges_field_and_invalid_positions_are_skipped() {
     const FIELDS: &str = "uint64_t timestamp;double lat;double lon;float alt;float alt_ellipsoid;bool lat_lon_valid;";
     let topics =
         ["vehicle_global_position_groundtruth", "vehicle_global_position"].map(|name| format!("{name}:{FIELDS}"));
@@ -259,7 +259,7 @@ fn magnetometer_and_barometer_of_2017_are_found_in_sensor_combined() {
     let gps = "vehicle_gps_position:uint64_t timestamp;int32_t lat;int32_t lon;uint8_t fix_type;";
     let loaded = load_topics(&[(topic, 0), (gps, 0)], |i| {
         let [lat, lon] = place(i).map(|deg| ((deg * 1e7) as i32).to_le_bytes());
-        // The largest number stands for a sensor that has not measured yet.
+        // The largest number means that the sensor has not measured yet.
         let relative = [5, 10, 15].map(|from| if i < from { i32::MAX } else { -3000 }.to_le_bytes()).concat();
         let values = floats(&[0.0, 0.0, 0.1, 0.0, 0.0, -9.8, 0.25, -0.125, 0.5, 488.0 + i as f32]);
         vec![[values, relative].concat(), [&lat[..], &lon, &[3]].concat()]
@@ -274,12 +274,12 @@ fn magnetometer_and_barometer_of_2017_are_found_in_sensor_combined() {
 }
 
 #[test]
-fn of_a_camera_before_2022_places_and_attitudes_are_read_where_they_are_to_the_north() {
+fn camera_poses_before_2022_are_read_only_where_referenced_to_north() {
     let topic = "vehicle_visual_odometry:uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;float[4] q;\
                  float vx;float vy;float vz;uint8_t local_frame;uint8_t velocity_frame;";
     let loaded = load_topics(&[(topic, 0)], |i| {
         let values = floats(&[i as f32, 2.0, -3.0, 1.0, 0.0, 0.0, 0.0, 5.0, 0.0, 0.0]);
-        // From the fifth row on the heading has an origin of its own.
+        // From the fifth row on the heading has its own origin.
         vec![[&(9_950_000 + 200_000 * i).to_le_bytes()[..], &values, &[u8::from(i >= 5), 1]].concat()]
     });
     let place = &loaded.flight.channels["position.vision"].series;
@@ -290,7 +290,7 @@ fn of_a_camera_before_2022_places_and_attitudes_are_read_where_they_are_to_the_n
 }
 
 #[test]
-fn a_sensor_replay_of_the_estimator_has_its_magnetometer_and_barometer_too() {
+fn an_estimator_sensor_replay_has_magnetometer_and_barometer_too() {
     let rows = |i: u64| {
         let us = 40_000 * i;
         format!(
@@ -313,7 +313,7 @@ fn a_sensor_replay_of_the_estimator_has_its_magnetometer_and_barometer_too() {
 }
 
 #[test]
-fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
+fn a_log_whose_first_receiver_has_no_fix_is_dated_by_its_second() {
     let topic = "sensor_gps:uint64_t timestamp;double latitude_deg;double longitude_deg;uint64_t time_utc_usec;uint8_t fix_type;";
     let loaded = load_topics(&[(topic, 0), (topic, 1)], |i| {
         let [lat, lon] = place(i).map(f64::to_le_bytes);
@@ -324,7 +324,7 @@ fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
 }
 
 #[test]
-fn appended_data_are_read_behind_a_message_that_was_cut() {
+fn appended_data_are_read_after_a_truncated_message() {
     let cut = |share: usize| {
         let body = small(8);
         let first = body.len() - share;
@@ -332,7 +332,7 @@ fn appended_data_are_read_behind_a_message_that_was_cut() {
         made.entry(b'I', &[], "char[5] ver_hw", b"BOARD");
         made.data(0, 9_000_000, &floats(&[77.0, 0.0]));
         made.sync();
-        // The place goes into the flag bits.
+        // The offset goes into the flag bits.
         made.0[16 + 3 + 8] = 1;
         made.0[16 + 3 + 16..16 + 3 + 24].copy_from_slice(&(first as u64).to_le_bytes());
         made.0
@@ -373,7 +373,7 @@ fn ends(bytes: &[u8]) -> Vec<usize> {
 }
 
 #[test]
-fn a_log_cut_anywhere_gives_the_rows_before_the_cut_and_says_that_it_is_cut() {
+fn a_log_cut_anywhere_gives_the_rows_before_the_cut_and_reports_it() {
     let bytes = small(12);
     let ends = ends(&bytes);
     let whole = rows(&read(&bytes));
@@ -403,7 +403,7 @@ fn a_log_cut_anywhere_gives_the_rows_before_the_cut_and_says_that_it_is_cut() {
 }
 
 #[test]
-fn a_flipped_bit_changes_no_row_but_its_own_and_no_row_is_lost_in_silence() {
+fn a_flipped_bit_changes_only_its_own_row_and_no_row_is_lost_silently() {
     let bytes = small(2);
     let ends = ends(&bytes);
     let whole = rows(&read(&bytes));
@@ -424,7 +424,7 @@ fn a_flipped_bit_changes_no_row_but_its_own_and_no_row_is_lost_in_silence() {
             Err(error) => panic!("bit {bit}: {error}"),
         };
         let rows = rows(&log);
-        assert!(count(&rows) >= count(&whole) || loses(&log) || !log.notices.is_empty(), "bit {bit}: lost in silence");
+        assert!(count(&rows) >= count(&whole) || loses(&log) || !log.notices.is_empty(), "bit {bit}: lost silently");
         if bit / 8 < first_row {
             continue;
         }
@@ -434,14 +434,14 @@ fn a_flipped_bit_changes_no_row_but_its_own_and_no_row_is_lost_in_silence() {
             let there = rows_of(&rows, topic);
             missing += expected.iter().filter(|row| !there.contains(row)).count();
         }
-        assert!(missing <= 2, "bit {bit}: {missing} rows are gone");
-        assert!(count(&rows) <= count(&whole), "bit {bit}: rows from nowhere");
+        assert!(missing <= 2, "bit {bit}: {missing} rows are missing");
+        assert!(count(&rows) <= count(&whole), "bit {bit}: invented rows");
     }
 }
 
 #[test]
-fn everything_before_and_after_a_damaged_stretch_is_read_wherever_it_lies() {
-    // More than what is held at a time.
+fn everything_before_and_after_a_damaged_stretch_is_read() {
+    // More than the reader buffers.
     let bytes = small(14_000);
     assert!(bytes.len() > (1 << 20) + 100_000, "{}", bytes.len());
     let ends = ends(&bytes);
@@ -462,13 +462,13 @@ fn everything_before_and_after_a_damaged_stretch_is_read_wherever_it_lies() {
         let hit = ends.windows(2).filter(|e| e[0] < from + length && e[1] > from && bytes[e[0] + 2] == b'D').count();
         let lost = whole - log.health.messages;
         assert!(lost <= hit as u64 + 1, "{from} {length} {fill}: {lost} of {hit}");
-        // A few bytes may be a value.
+        // A few changed bytes may just be another value.
         assert!(length < 512 || loses(&log), "{from} {length} {fill}");
     }
 }
 
 #[test]
-fn a_log_whose_beginning_is_gone_says_so_and_one_whose_formats_are_gone_too() {
+fn a_missing_beginning_and_missing_formats_are_reported() {
     let bytes = small(20);
     let mut headless = bytes.clone();
     headless[..16].fill(0xaa);
@@ -482,7 +482,7 @@ fn a_log_whose_beginning_is_gone_says_so_and_one_whose_formats_are_gone_too() {
     assert_eq!(numbers(&log, "esc", "n").len(), 20);
     let bad = notice(&log, "undecodable").unwrap();
     assert_eq!(bad.0, Severity::Loss);
-    // One at the very end could lead nowhere but to the end.
+    // One at the very end could only lead to the end.
     assert!((38..=40).contains(&bad.1), "{bad:?}");
 }
 
@@ -499,7 +499,7 @@ fn unknown_types_and_flags_are_counted_and_the_rest_is_read() {
 }
 
 #[test]
-fn a_message_of_a_wrong_length_is_left_out_and_those_around_it_stay() {
+fn a_message_with_a_wrong_length_is_dropped_and_its_neighbours_are_kept() {
     let mut made = Made(small(2));
     made.data(0, 5_000_000, &floats(&[5.0]));
     made.data(0, 6_000_000, &floats(&[6.0, 6.0]));
@@ -512,7 +512,7 @@ fn a_message_of_a_wrong_length_is_left_out_and_those_around_it_stay() {
 }
 
 #[test]
-fn hostile_formats_are_refused_with_a_reason_and_the_rest_is_read() {
+fn hostile_formats_are_rejected_with_a_reason_and_the_rest_is_read() {
     let mut made = Made::begin([0; 3]);
     made.format("loop:uint64_t timestamp;other x;");
     made.format("other:loop y;");
@@ -545,7 +545,7 @@ fn hostile_formats_are_refused_with_a_reason_and_the_rest_is_read() {
 }
 
 #[test]
-fn what_is_no_ulog_is_refused_and_a_sparse_file_ends_soon() {
+fn a_file_that_is_not_a_ulog_is_rejected_and_a_sparse_file_ends_soon() {
     for (bytes, what) in [(&b""[..], "empty"), (&[0; 1000], "zero bytes"), (b"<html>no log at all</html>", "text")] {
         let error = read_with(bytes, Limits::default()).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
@@ -579,7 +579,7 @@ fn load_files(files: &[LogFile]) -> Loaded {
     loaded
 }
 
-/// Values within a step of a 32-bit float of their size; stamps truncated to µs, shifted as one.
+/// Values within a step of a 32-bit float of their size; timestamps truncated to µs, with a common shift.
 fn assert_within_quantum(ours: &Channel, theirs: &Channel, kind: StampKind, zero_ns: i64, name: &str) {
     assert_eq!(ours.series.len(), theirs.series.len(), "{name}");
     let (ours_c, theirs_c) = (ours.series.components(), theirs.series.components());
@@ -599,13 +599,13 @@ fn assert_within_quantum(ours: &Channel, theirs: &Channel, kind: StampKind, zero
     }
 }
 
-/// When the clock of the log stood at zero: ten seconds before the second of the first stamp.
+/// When the log clock was zero: ten seconds before the second of the first stamp.
 fn zero_ns(first: Stamp) -> i64 {
     (first.0.div_euclid(1_000_000_000) - 10) * 1_000_000_000
 }
 
 #[test]
-fn a_simulated_flight_comes_back_from_a_ulog_within_the_quantum_of_its_fields() {
+fn a_simulated_flight_survives_a_ulog_within_its_field_resolution() {
     let position = SensorSettings { delay_s: 0.4, white_std: 0.3, ..SensorSettings::clean(5.0) };
     let velocity = SensorSettings { white_std: 0.1, ..SensorSettings::clean(100.0) };
     let settings = FlightSettings { duration_s: 30.0, position, velocity, ..FlightSettings::default() };
@@ -629,7 +629,7 @@ fn a_simulated_flight_comes_back_from_a_ulog_within_the_quantum_of_its_fields() 
 }
 
 #[test]
-fn a_simulated_bench_comes_back_from_a_ulog_within_the_quantum_of_its_fields() {
+fn a_simulated_bench_survives_a_ulog_within_its_field_resolution() {
     let mut settings = BenchSettings {
         swing_s: 8.0,
         rest_s: [1.0, 1.0],
@@ -682,10 +682,10 @@ fn carrying(carried: &[u8], rows: u64) -> Vec<u8> {
 }
 
 #[test]
-fn blocks_that_are_missing_doubled_or_swapped_cost_what_they_cut_and_nothing_beside() {
+fn missing_doubled_or_swapped_blocks_cost_only_the_messages_they_cut() {
     let bytes = small(300);
     let ends = ends(&bytes);
-    // All that a disk does: a sector of it is gone, stands there twice, or in the place of another.
+    // Disk faults: a sector is missing, duplicated, or overwritten by another.
     for place in (8192..bytes.len() - 4096).step_by(733) {
         let (front, sector, rest) = (&bytes[..place], &bytes[place..place + 512], &bytes[place + 512..]);
         let missing = [front, rest].concat();
@@ -701,24 +701,24 @@ fn blocks_that_are_missing_doubled_or_swapped_cost_what_they_cut_and_nothing_bes
             (swapped, all - cut(&seams)),
         ] {
             let log = read(&mixed);
-            // Beside messages of topics there are texts, definitions and syncs, of which no row tells.
+            // Texts, definitions and syncs are messages too, but have no rows.
             let topics: u64 = log.tables.iter().map(|table| table.rows as u64).sum();
             let others = ends.windows(2).filter(|m| bytes[m[0] + 2] != b'D').count() as u64;
-            // The end of one that is cut may be where a message could begin; the one before a seam may be given up.
+            // A message could begin where a cut one ends; the message before a seam may be given up.
             assert!(topics + others + 5 >= intact, "{place}: {topics} + {others} of {intact}, {:?}", log.health.damage);
         }
     }
 }
 
 #[test]
-fn a_length_within_the_padding_of_a_format_is_none() {
+fn a_length_that_ends_within_the_padding_of_a_format_is_invalid() {
     let bytes = small(40);
     let esc: Vec<usize> =
         ends(&bytes).into_iter().filter(|&at| bytes.get(at + 2..at + 5) == Some(&[b'D', 3, 0])).collect();
     let whole = rows(&read(&bytes));
     for &at in &esc[..esc.len() - 1] {
         let mut lying = bytes.clone();
-        // Two bytes of padding are not written: one of them would be of the next message.
+        // Two bytes of padding are not written: one of them would belong to the next message.
         lying[at] += 1;
         let log = read(&lying);
         assert!(loses(&log));
@@ -729,7 +729,7 @@ fn a_length_within_the_padding_of_a_format_is_none() {
 }
 
 #[test]
-fn definitions_that_are_wrong_cost_their_own_topic_and_are_told() {
+fn wrong_definitions_cost_only_their_own_topic_and_are_reported() {
     let bytes = small(60);
     let whole = rows(&read(&bytes));
     let place = |text: &[u8]| bytes.windows(text.len()).position(|window| window == text).unwrap();
@@ -739,7 +739,7 @@ fn definitions_that_are_wrong_cost_their_own_topic_and_are_told() {
             assert_eq!(rows_of(&found, topic), rows, "{topic}");
         });
     };
-    // A type of the one that makes up most of the log, its name, and the number of one that has another's.
+    // A type in the most frequent topic's format, its name, and a subscription with another's number.
     let lies = [
         (place(b"float x;float y;"), b'g', &["pose", "pose_1"][..]),
         (place(b"report[2] esc") + 7, b'1', &["esc"]),
@@ -762,7 +762,7 @@ fn definitions_that_are_wrong_cost_their_own_topic_and_are_told() {
 }
 
 #[test]
-fn what_is_of_no_known_format_is_not_read_by_what_had_its_number_before() {
+fn a_message_of_unknown_format_is_not_read_with_its_ids_old_format() {
     let mut made = Made::begin([0; 3]);
     made.format("a:uint64_t timestamp;float x;");
     made.subscribe(0, 0, "a");
@@ -771,7 +771,7 @@ fn what_is_of_no_known_format_is_not_read_by_what_had_its_number_before() {
     (0..10).for_each(|i| made.data(0, 2_000_000 + 1000 * i, &floats(&[2.0])));
     let log = read(&made.0);
     assert_eq!((numbers(&log, "a", "x"), loses(&log)), (vec![1.0; 10], true), "{:?}", log.notices);
-    // Of several paddings the last may be left out.
+    // With several paddings the last may be omitted.
     let mut made = Made::begin([0; 3]);
     made.format("a:uint64_t timestamp;uint8_t x;uint8_t[3] _padding0;uint8_t[4] _padding1;");
     made.subscribe(0, 0, "a");
@@ -780,7 +780,7 @@ fn what_is_of_no_known_format_is_not_read_by_what_had_its_number_before() {
 }
 
 #[test]
-fn a_topic_whose_messages_are_padded_otherwise_than_those_of_others_is_told() {
+fn a_topic_padded_differently_from_the_others_is_reported() {
     let mut made = Made::begin([0; 3]);
     made.format("a:uint64_t timestamp;float[3] x;uint8_t[4] _padding0;");
     made.format("b:uint64_t timestamp;float x;uint8_t[4] _padding0;");
@@ -798,7 +798,7 @@ fn a_topic_whose_messages_are_padded_otherwise_than_those_of_others_is_told() {
 }
 
 #[test]
-fn a_log_behind_one_that_was_cut_anywhere_is_read_whole_and_so_is_what_stood_before_the_cut() {
+fn a_log_after_a_truncated_one_is_read_whole_and_so_is_the_truncated_part() {
     let second = small(6);
     let expected = rows(&read(&second));
     let first = carrying(&[0; 64], 3);
@@ -810,9 +810,9 @@ fn a_log_behind_one_that_was_cut_anywhere_is_read_whole_and_so_is_what_stood_bef
         for topic in ["pose_1", "esc"] {
             assert_eq!(rows_of(&found, topic).len(), rows_of(&expected, topic).len(), "{topic} cut at {cut}");
         }
-        // Behind the flag bits stand two formats and two subscriptions, then one message of each topic in turn.
+        // After the flag bits: two formats, two subscriptions, then one message of each topic in turn.
         let messages = ends.iter().filter(|&&end| end <= cut).count().saturating_sub(6);
-        // The message just before a piece of another may be given up.
+        // The message just before a fragment may be given up.
         let kept = rows_of(&found, "data");
         assert!(data[..messages.div_ceil(2)].starts_with(kept), "cut at {cut}");
         assert!(
@@ -828,7 +828,7 @@ fn a_log_behind_one_that_was_cut_anywhere_is_read_whole_and_so_is_what_stood_bef
 }
 
 #[test]
-fn a_log_of_a_later_version_behind_another_is_found() {
+fn a_log_of_a_later_version_after_another_is_found() {
     let mut later = small(5);
     later[7] = 2;
     for both in [[small(4), later.clone()], [later, small(4)]] {
@@ -840,7 +840,7 @@ fn a_log_of_a_later_version_behind_another_is_found() {
 }
 
 #[test]
-fn a_wrong_stamp_at_the_end_of_a_log_does_not_move_the_log_behind() {
+fn a_wrong_timestamp_at_the_end_of_a_log_does_not_shift_the_next_log() {
     let first = small(20);
     let mut wrong = Made(first.clone());
     wrong.data(0, 1 << 62, &floats(&[20.0, 0.5]));

@@ -1,4 +1,4 @@
-//! Packed logs are the logs in them, whole or damaged.
+//! Packed logs, intact or damaged, read like the logs inside them.
 
 use crate::made;
 use crate::support::*;
@@ -6,7 +6,7 @@ use ingest::{FlightUnit, IngestError, Limits, Loaded, LogKind, MapLibrary};
 use std::io::Write;
 use std::path::Path;
 
-/// A FlySight table of so many rows.
+/// A FlySight table with this many rows.
 fn flysight(rows: u32) -> Vec<u8> {
     let mut text = "time,lat,lon,hMSL,velN,velE,velD,gpsFix\n,(deg),(deg),(m),(m/s),(m/s),(m/s),\n".to_owned();
     for i in 0..rows {
@@ -87,7 +87,7 @@ fn bag() -> Vec<u8> {
     made::bag(&made::flight(40), made::BagCodec::None, 10, true, true)
 }
 
-/// Loads the one flight that is found in a file.
+/// Loads the only flight found in a file.
 fn load_found(path: &Path) -> Loaded {
     let found = ingest::discover(path.parent().unwrap(), &MapLibrary::shipped().unwrap()).unwrap();
     assert_eq!(found.units.len(), 1, "{found:?}");
@@ -109,7 +109,7 @@ fn refused(name: &str, content: &[u8]) -> String {
 }
 
 #[test]
-fn a_packed_log_gives_the_same_flight_and_its_ledger_counts_the_unpacked_bytes() {
+fn a_packed_log_yields_the_same_flight_and_counts_unpacked_bytes() {
     let table = flysight(300);
     let plain = load_packed("jump.csv", &table);
     let half = table.len() / 2;
@@ -148,7 +148,7 @@ fn a_packed_log_of_messages_is_read_as_well() {
 }
 
 #[test]
-fn a_bag_whose_recorder_was_killed_is_packed_with_what_stands_beside_it() {
+fn a_bag_of_a_killed_recorder_is_unpacked_with_its_sidecars() {
     let folder = tempfile::tempdir().unwrap();
     let bag = crate::db3::killed(folder.path(), &made::flight(60));
     let wal = folder.path().join("bag.db3-wal");
@@ -166,7 +166,7 @@ fn a_bag_whose_recorder_was_killed_is_packed_with_what_stands_beside_it() {
 }
 
 #[test]
-fn a_zip_whose_list_of_files_lacks_one_is_read_by_its_headers() {
+fn a_zip_whose_directory_lacks_a_file_is_read_by_local_headers() {
     let (table, bag) = (flysight(300), bag());
     let archive = zip(&[("readme.md", b"# Hello"), ("flight.bag", &bag), ("another.bag", &bag)], false);
     let whole = refused("two.zip", &archive);
@@ -175,7 +175,7 @@ fn a_zip_whose_list_of_files_lacks_one_is_read_by_its_headers() {
     let (bytes, at) = (end + 12, end + 16);
     let number = |at: usize| u32::from_le_bytes(archive[at..at + 4].try_into().unwrap());
     let entry = |name: &str| 46 + name.len() as u32;
-    // The last one is cut off, or the first one.
+    // The last one is truncated, or the first one.
     let shorter = [(0, entry("another.bag")), (entry("readme.md") + entry("flight.bag"), entry("another.bag"))];
     for (later, left) in [(0, number(bytes) - shorter[0].1), (shorter[1].0, shorter[1].1)] {
         let mut lying = archive.clone();
@@ -183,11 +183,11 @@ fn a_zip_whose_list_of_files_lacks_one_is_read_by_its_headers() {
         lying[at..at + 4].copy_from_slice(&(number(at) + later).to_le_bytes());
         assert_eq!(refused("two.zip", &lying), whole, "{later} {left}");
     }
-    // Some writers leave room behind the list.
+    // Some writers leave space after the central directory.
     let plain = zip(&[("jump.csv", &table)], true);
     let room = [&plain[..plain.len() - 22], &[0; 8], &plain[plain.len() - 22..]].concat();
     assert!(!lossy(&load_packed("jump.zip", &room)));
-    // A name that only the list has wrong, and a comment that holds what looks like the end.
+    // A name that is wrong only in the central directory, and a comment that contains a false end record.
     let mut hidden = zip(&[("jump.csv", &table)], false);
     let name = hidden.len() - 22 - 8;
     hidden[name] = b'.';
@@ -200,7 +200,7 @@ fn a_zip_whose_list_of_files_lacks_one_is_read_by_its_headers() {
 }
 
 #[test]
-fn what_was_packed_before_the_damage_is_read_and_the_loss_has_its_place() {
+fn data_packed_before_the_damage_is_read_and_the_loss_is_located() {
     let table = flysight(20_000);
     for (name, packed, fault) in [
         ("jump.csv.gz", gzip(&table), "the gzip data are cut"),
@@ -220,7 +220,7 @@ fn what_was_packed_before_the_damage_is_read_and_the_loss_has_its_place() {
 }
 
 #[test]
-fn only_the_checksum_wrong_costs_a_line_at_most_and_an_archive_without_its_list_is_told() {
+fn a_wrong_checksum_costs_a_line_at_most_and_a_missing_list_is_reported() {
     let table = flysight(3000);
     let mut encoder = zstd::stream::Encoder::new(vec![], 1).unwrap();
     encoder.include_checksum(true).unwrap();
@@ -267,7 +267,7 @@ fn a_changed_byte_in_a_packed_log_is_never_silent() {
 }
 
 #[test]
-fn several_logs_no_log_or_a_log_packed_twice_are_refused_with_the_reason() {
+fn several_logs_no_log_and_a_log_packed_twice_are_rejected_with_a_reason() {
     let table = flysight(20);
     let bag = bag();
     for (name, content, word) in [
@@ -287,7 +287,7 @@ fn several_logs_no_log_or_a_log_packed_twice_are_refused_with_the_reason() {
 }
 
 #[test]
-fn tables_of_one_flight_in_one_archive_are_that_flight() {
+fn tables_of_one_flight_in_one_archive_form_that_flight() {
     let rows = |row: &dyn Fn(u32) -> String| (0..30).map(row).collect::<String>().into_bytes();
     let gps = rows(&|i| format!("{} 47.{i:03} 8.5 400 1 2 3\r\n", 200 * i));
     let imu = rows(&|i| format!("  {}  0 0.1 0.2 0.3 1 2 -9.8\r\n", 20 * i));
@@ -299,7 +299,7 @@ fn tables_of_one_flight_in_one_archive_are_that_flight() {
 }
 
 #[test]
-fn a_bomb_meets_the_limit_and_names_it() {
+fn a_bomb_stops_at_the_limit_and_names_it() {
     let mut table = flysight(10);
     table.resize(8 << 20, b' ');
     for (name, packed) in [("jump.csv.gz", gzip(&table)), ("jump.zip", zip(&[("jump.csv", &table)], true))] {
@@ -327,7 +327,7 @@ fn zeros_in_a_packed_log_are_zeros_in_the_unpacked_one() {
 }
 
 #[test]
-fn a_wish_to_stop_is_heard_while_unpacking() {
+fn a_stop_request_is_honoured_while_unpacking() {
     let (_folder, path) = file("jump.csv.gz", &gzip(&flysight(20_000)));
     let cancel = std::sync::atomic::AtomicBool::new(true);
     let context = ingest::ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
@@ -335,13 +335,13 @@ fn a_wish_to_stop_is_heard_while_unpacking() {
     assert!(matches!(ingest::load(&tables(&[path]), &library, None, &context), Err(IngestError::Cancelled)));
 }
 
-/// A frame that decoders pass over (RFC 8878, 3.1.2), as `pzstd` writes them.
+/// A skippable frame (RFC 8878, 3.1.2), as `pzstd` writes them.
 fn skippable(kind: u8, content: &[u8]) -> Vec<u8> {
     [&[0x50 + kind, 0x2a, 0x4d, 0x18], &(content.len() as u32).to_le_bytes()[..], content].concat()
 }
 
 #[test]
-fn frames_to_be_passed_over_stand_in_front_of_a_log_as_well_as_behind() {
+fn skippable_frames_may_precede_and_follow_a_log() {
     let bag = bag();
     let (front, back) = bag.split_at(bag.len() / 2);
     let plain = load_packed("a.bag", &bag).health;
@@ -360,7 +360,7 @@ fn frames_to_be_passed_over_stand_in_front_of_a_log_as_well_as_behind() {
 }
 
 #[test]
-fn what_was_packed_with_a_dictionary_is_said_to_need_it() {
+fn a_log_packed_with_a_dictionary_is_reported_to_need_it() {
     let samples: Vec<Vec<u8>> = (0..2000_u32).map(|i| format!("{i:08} {} fix", i * i).into_bytes()).collect();
     let dictionary = zstd::dict::from_samples(&samples, 1000).unwrap();
     let packed = zstd::bulk::Compressor::with_dictionary(3, &dictionary).unwrap().compress(&bag()).unwrap();
@@ -369,7 +369,7 @@ fn what_was_packed_with_a_dictionary_is_said_to_need_it() {
 }
 
 #[test]
-fn members_of_a_gzip_file_are_one_log_and_anything_else_behind_them_is_told() {
+fn gzip_members_form_one_log_and_trailing_data_is_reported() {
     let bag = bag();
     let (front, back) = bag.split_at(bag.len() / 2);
     let members = [gzip(front), gzip(back)].concat();
@@ -383,7 +383,7 @@ fn members_of_a_gzip_file_are_one_log_and_anything_else_behind_them_is_told() {
 }
 
 #[test]
-fn of_several_packed_one_behind_the_other_those_before_the_damage_are_read_and_the_rest_is_a_loss() {
+fn concatenated_packed_parts_are_read_up_to_the_damage() {
     let sentence = |i: usize| {
         let time = format!("12{:02}{:02}.00", i / 60, i % 60);
         let body = format!("GPGGA,{time},4807.{:03},N,01131.000,E,1,08,0.9,5.4,M,46.9,M,,", i * 7 % 1000);
@@ -402,7 +402,7 @@ fn of_several_packed_one_behind_the_other_those_before_the_damage_are_read_and_t
             zeros[hurt][middle..middle + 64].fill(0);
             let (_folder, path) = file(name, &zeros.concat());
             let loaded = load(&FlightUnit { id: "test".into(), files: vec![path], kind: LogKind::Nmea });
-            // Of LZ4 and bzip2 nothing of the part is unpacked.
+            // For LZ4 and bzip2 nothing of the damaged part is unpacked.
             let Ok(loaded) = loaded else {
                 assert_eq!(hurt, 0, "{name}");
                 continue;
@@ -418,7 +418,7 @@ fn of_several_packed_one_behind_the_other_those_before_the_damage_are_read_and_t
 }
 
 #[test]
-fn a_sparse_end_of_a_packed_log_is_told_and_not_read_to_its_last_byte() {
+fn a_sparse_end_of_a_packed_log_is_reported_and_not_read_through() {
     let (_folder, path) = file("a.bag.gz", &gzip(&bag()));
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(100 << 30).unwrap();
     let unit = FlightUnit { id: "test".into(), files: vec![path], kind: LogKind::Bag };

@@ -1,4 +1,4 @@
-//! Which topics a checksum vouches for, and how a log ends that was written until the power went off.
+//! Which topics are covered by a checksum, and how a log ends that was written until power-off.
 
 use crate::support::{file, in_context, load};
 use flight::Severity;
@@ -26,7 +26,7 @@ fn each_seed() -> BTreeMap<&'static str, Loaded> {
 }
 
 #[test]
-fn each_topic_says_how_many_of_its_messages_a_checksum_vouches_for() {
+fn each_topic_reports_how_many_of_its_messages_have_a_checksum() {
     for (name, loaded) in each_seed() {
         let (messages, vouched): (u64, u64) =
             loaded.health.topics.iter().fold((0, 0), |(m, v), topic| (m + topic.messages, v + topic.vouched));
@@ -40,7 +40,7 @@ fn each_topic_says_how_many_of_its_messages_a_checksum_vouches_for() {
 }
 
 #[test]
-fn of_sentences_with_and_without_a_checksum_only_those_with_one_are_vouched_for() {
+fn only_sentences_with_a_checksum_count_as_verified() {
     let log = "$GPHDT,274.07,T\r\n$GPHDT,274.08,T\r\n$GPHDT,274.07,T*03\r\n".repeat(10);
     let (_folder, path) = file("a.nmea", log.as_bytes());
     let unit = FlightUnit { id: "a".into(), files: vec![path], kind: LogKind::Nmea };
@@ -50,14 +50,14 @@ fn of_sentences_with_and_without_a_checksum_only_those_with_one_are_vouched_for(
     assert!(topic.vouched > 0 && topic.vouched < topic.messages, "{topic:?}");
 }
 
-/// What a log of this format says that is cut inside its last record, and inside a record in its first half.
+/// Results for a log of this format truncated inside its last record, and inside a record in its first half.
 fn cut(kind: LogKind, content: &[u8], by: usize) -> Loaded {
     let (_folder, path) = file("cut.bin", &content[..content.len() - by]);
     load(&FlightUnit { id: "cut".into(), files: vec![path], kind }).unwrap()
 }
 
 #[test]
-fn a_log_without_a_stated_length_that_ends_inside_its_last_record_has_lost_nothing() {
+fn a_log_without_a_stated_length_cut_in_its_last_record_lost_nothing() {
     let flight = simulate::simulate(&simulate::FlightSettings { duration_s: 60.0, ..Default::default() }).unwrap();
     let formats = [
         (simulate::Container::DataFlash, LogKind::DataFlash),
@@ -80,7 +80,7 @@ fn a_log_without_a_stated_length_that_ends_inside_its_last_record_has_lost_nothi
 }
 
 #[test]
-fn a_log_that_states_its_end_and_lacks_it_has_lost_data_however_little() {
+fn a_log_that_states_its_end_and_lacks_it_has_lost_data() {
     let flight = simulate::simulate(&simulate::FlightSettings { duration_s: 60.0, ..Default::default() }).unwrap();
     let mcap = simulate::McapSettings {
         encoding: simulate::McapEncoding::Cdr,
@@ -99,7 +99,7 @@ fn a_log_that_states_its_end_and_lacks_it_has_lost_data_however_little() {
 }
 
 #[test]
-fn healthy_flights_that_were_logged_until_power_off_are_not_damaged() {
+fn healthy_flights_logged_until_power_off_are_not_damaged() {
     let Some(folder) = crate::support::real_logs("DeLorean/data") else { return };
     let mut tails: Vec<u64> = vec![];
     for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
@@ -108,6 +108,6 @@ fn healthy_flights_that_were_logged_until_power_off_are_not_damaged() {
         tails.push(loaded.health.bytes.tail_cut);
     }
     tails.sort_unstable();
-    // What an independent walk over the records leaves at their ends.
+    // The bytes that an independent walk over the records leaves at the end.
     assert_eq!(tails, [0, 0, 4, 13, 16, 18, 18, 21, 23, 25, 55]);
 }

@@ -1,4 +1,4 @@
-//! Records of the binary formats by hand, for tests of what is made of them.
+//! Hand-made records of the binary formats.
 
 /// A text in a field of a fixed size.
 pub fn padded(text: &str, size: usize) -> Vec<u8> {
@@ -23,12 +23,12 @@ pub fn dataflash_fmt(id: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> 
     dataflash_fmt_of(id, dataflash_size(codes), name, codes, columns)
 }
 
-/// As [`dataflash_fmt`], of records that are so long by their own account.
+/// As [`dataflash_fmt`], with this stated record length.
 pub fn dataflash_fmt_of(id: u8, length: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> {
     [vec![0xa3, 0x95, 128, id, length], padded(name, 4), padded(codes, 16), padded(columns, 64)].concat()
 }
 
-/// The begin of a DataFlash log.
+/// The start of a DataFlash log.
 pub fn dataflash_begin() -> Vec<u8> {
     dataflash_fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
 }
@@ -43,7 +43,7 @@ pub fn ulog_message(kind: u8, body: &[u8]) -> Vec<u8> {
     [&(body.len() as u16).to_le_bytes()[..], &[kind], body].concat()
 }
 
-/// The begin of a ULog with these topics, numbered in their order: format, instance.
+/// The start of a ULog with these topics, numbered in their order: format, instance.
 pub fn ulog_begin(topics: &[(&str, u8)]) -> Vec<u8> {
     let mut out = b"ULog\x01\x12\x35\x01\x00\x00\x00\x00\x00\x00\x00\x00".to_vec();
     out.extend(ulog_message(b'B', &[0; 40]));
@@ -62,12 +62,12 @@ pub fn ubx_frame(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
     [&[0xb5, 0x62], &body[..], &body.iter().fold([0_u8; 2], sum)].concat()
 }
 
-/// A MAVLink 2 frame of vehicle 1 in a tlog; `extra` stands for the layout of the message in its checksum.
+/// A MAVLink 2 frame of vehicle 1 in a tlog; `extra` is the CRC_EXTRA of the message.
 pub fn tlog_frame(time_us: u64, number: u32, extra: u8, payload: &[u8]) -> Vec<u8> {
     tlog_frame_from([1, 1], 0, time_us, number, extra, payload)
 }
 
-/// CRC-16/MCRF4XX of a frame's bytes and the number of its layout.
+/// CRC-16/MCRF4XX of a frame's bytes and its CRC_EXTRA.
 pub fn crc16(bytes: &[u8]) -> u16 {
     let step = |crc: u16, byte: &u8| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 })

@@ -1,4 +1,4 @@
-//! What is odd in a flight and when: the table of the page, and the places that the explorer goes to.
+//! Anomalies of a flight with their times, for the table of the page and the marks in the explorer.
 
 use super::Head::{Number, Text};
 use super::{rows, table};
@@ -9,23 +9,23 @@ use maud::{Markup, html};
 use record::{DelayKind, DelayTermKind, FlightRecord, PairDelay, ReplayRecord};
 use serde::Serialize;
 
-/// Something odd.
+/// An anomaly.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Anomaly {
-    /// Seconds after the origin of the replay; `None` if the record does not place it there.
+    /// Seconds after the origin of the replay; `None` if unknown.
     pub(super) t_s: Option<f64>,
-    /// How long it lasts, s; 0 for an instant.
+    /// Duration, s; 0 for an instant.
     pub(super) length_s: f64,
-    /// What kind, in a word or two.
+    /// Kind in one or two words.
     pub(super) kind: &'static str,
-    /// What was seen.
+    /// What was detected.
     pub(super) what: String,
 }
 
-/// Most of each kind; the record holds all.
+/// Maximum number of anomalies of each kind; the record has all.
 const MOST_OF_A_KIND: usize = 10;
 
-/// All of a flight, in order of time; those without a time last.
+/// All anomalies of a flight in order of time. Those without a time come last.
 pub(super) fn of(record: &FlightRecord) -> Vec<Anomaly> {
     let replay = record.drawable();
     let pair = record.delays.as_ref().zip(replay).and_then(|(d, replay)| super::flight_delay::replayed(d, replay));
@@ -38,13 +38,13 @@ pub(super) fn of(record: &FlightRecord) -> Vec<Anomaly> {
     all
 }
 
-/// Seconds from the origin of the replay to that of the pair; `None` where their clocks differ.
+/// Seconds from the origin of the replay to the origin of the pair; `None` if their clocks differ.
 pub(super) fn shift_s(pair: &PairDelay, replay: &ReplayRecord) -> Option<f64> {
     let origin = pair.origin.filter(|origin| origin.clock == replay.clock)?;
     Some(origin.origin_ns.saturating_sub(replay.origin_ns) as f64 * 1e-9)
 }
 
-/// Where the delay changes, and fixes that came late or at once.
+/// Changes of the delay, and fixes that arrived late or in bursts.
 fn of_delay(pair: &PairDelay, replay: &ReplayRecord) -> Vec<Anomaly> {
     let Some(varies) = &pair.varies else { return vec![] };
     let shift = shift_s(pair, replay);
@@ -75,7 +75,7 @@ fn of_delay(pair: &PairDelay, replay: &ReplayRecord) -> Vec<Anomaly> {
     terms.chain(late).chain(bursts).collect()
 }
 
-/// Fixes that jump.
+/// Position resets: fixes that jump.
 fn resets(replay: &ReplayRecord) -> Option<Anomaly> {
     let resets = replay.coverage.position_resets;
     let what =
@@ -83,13 +83,13 @@ fn resets(replay: &ReplayRecord) -> Option<Anomaly> {
     (resets > 0).then_some(Anomaly { t_s: None, length_s: 0.0, kind: "position reset", what })
 }
 
-/// Seconds from the origin of the replay to a stamp of this clock.
+/// Seconds from the origin of the replay to a timestamp of this clock.
 fn since_origin(record: &FlightRecord, clock: Clock, stamp_ns: i64) -> Option<f64> {
     let replay = record.drawable().filter(|replay| replay.clock == clock)?;
     Some(stamp_ns.saturating_sub(replay.origin_ns) as f64 * 1e-9)
 }
 
-/// The longest gaps of the channels that are replayed, or of all where none is.
+/// The longest gaps of the replayed channels, or of all channels if there is no replay.
 fn gaps(record: &FlightRecord) -> Vec<Anomaly> {
     let pair = record.drawable().map(|replay| &replay.pair);
     let is_used = |name: &str| {
@@ -109,7 +109,7 @@ fn gaps(record: &FlightRecord) -> Vec<Anomaly> {
     channels.filter_map(|c| Some(of(&c.name, c.stamps.as_ref()?))).flatten().collect()
 }
 
-/// Damaged stretches of the log, placed where both its first message and the replay count one clock.
+/// Damaged ranges of the log. They have a time if the first message and the replay use the same clock.
 fn damage(record: &FlightRecord) -> Vec<Anomaly> {
     let Some(log) = &record.log else { return vec![] };
     let clock = record.drawable().map(|replay| replay.clock);
@@ -125,7 +125,7 @@ fn damage(record: &FlightRecord) -> Vec<Anomaly> {
     log.damage.iter().take(MOST_OF_A_KIND).map(one).collect()
 }
 
-/// The table; a place with a time is a link that opens it in the explorer.
+/// The table of anomalies. The time of an anomaly is a link that opens it in the explorer.
 pub(super) fn section(record: &FlightRecord, all: &[Anomaly], has_explorer: bool) -> Markup {
     let of_delay = match record.lateness.as_ref().map(|lateness| lateness.kind) {
         Some(kind) if kind.varies() => " The delay changes.",

@@ -1,5 +1,5 @@
 "use strict";
-// Shifts the reference of a bench record by hand: panels over time with one cursor and one window, residuals beside them.
+// Shifts the reference of a bench record by hand: panels over time with one cursor and one window, and residuals.
 (() => {
   const box = document.getElementById("shift"), source = document.getElementById("shift-data");
   if (!box || !source) return;
@@ -15,7 +15,7 @@
     while (high - low > 1) { const mid = low + high >> 1; if (t[mid] <= at) low = mid; else high = mid; }
     return y[low] + (at - t[low]) / (t[high] - t[low]) * (y[high] - y[low]);
   };
-  // Cubic through the four nearest values of the record, on squares: they are smooth at the least.
+  // Cubic through the four nearest values of the record, computed on squares, which are smooth at the minimum.
   const residual = ({ shifts }, ms) => {
     const at = (ms - shifts.from_ms) / shifts.step_ms, last = shifts.rms.length - 1;
     if (!(at >= -1e-9 && at <= last + 1e-9) || last < 3) return null;
@@ -92,7 +92,7 @@
   const css = (name) => getComputedStyle(box).getPropertyValue(`--${name}`).trim();
   const sync = uPlot.sync("bench"), plots = [];
   let view = whole, late = 0;
-  // Every stamp of a panel has both references; what was measured, where it was.
+  // Every timestamp of a panel has both references. Measured values exist only at their own timestamps.
   const dataOf = ({ reference, measured, gain }) => {
     const inside = reference.t.filter((t) => t >= whole[0] && t <= whole[1]);
     const x = [...new Set([...inside, ...measured.t])].sort((a, b) => a - b), values = new Map(measured.t.map((t, i) => [t, measured.y[i]]));
@@ -140,7 +140,7 @@
     plots.forEach((u, n) => u.setData(dataOf(all[n]), true));
   }
   function point(t) {
-    // One line: what grows here would move the panels away from under the pointer.
+    // Keep this on one line: if it grew, it would move the panels away from under the pointer.
     readout.textContent = `Cursor at ${t.toFixed(3)} s`;
     all.forEach((panel, n) => {
       const measured = between(panel.measured, t), reference = between(panel.reference, t - late / 1e3);

@@ -27,20 +27,20 @@ use record::{
 /// What the page of a bench record needs besides the record.
 #[derive(Debug, Clone, Copy)]
 pub struct BenchPage<'a> {
-    /// Title: the name people know.
+    /// Title: the name that users know.
     pub name: &'a str,
-    /// What was found.
+    /// Results of the analysis.
     pub record: &'a BenchRecord,
-    /// Command that makes this page again.
+    /// Command that regenerates this page.
     pub command: &'a str,
-    /// Path of a page above this one, if there is one; not encoded yet.
+    /// Path of the parent page, if there is one; not yet percent-encoded.
     pub index_href: Option<&'a str>,
 }
 
-/// The page of a bench record: `index.html` with its figures inside, and each figure again
-/// as a file under `figures/` (`fig-4`, `fig-4-whole`, `geometry-side`, `geometry-above`, `angle`, `acceleration`, and for each
-/// channel its name followed by `-components`, `-hysteresis`, `-response`, `-residuals`, `-autocorrelation`,
-/// `-objective`, `-minimum`, `-stationarity`, `-latency`; those that the record has curves for).
+/// The page of a bench record: `index.html` with its figures inline, and each figure also
+/// as a file in `figures/` (`fig-4`, `fig-4-whole`, `geometry-side`, `geometry-above`, `angle`, `acceleration`, and for
+/// each channel its name followed by `-components`, `-hysteresis`, `-response`, `-residuals`, `-autocorrelation`,
+/// `-objective`, `-minimum`, `-stationarity`, `-latency`). A figure without curves in the record is omitted.
 #[must_use]
 pub fn bench_site(page: &BenchPage) -> Site {
     let record = for_people(page.record);
@@ -57,7 +57,7 @@ pub fn bench_site(page: &BenchPage) -> Site {
     site
 }
 
-/// The record with its channels in the order of the paper, and fields in microtesla: nobody reads 0.00000020 T.
+/// The record with its channels in the order of the paper and fields in microtesla (0.00000020 T is unreadable).
 pub(super) fn for_people(record: &BenchRecord) -> BenchRecord {
     const MICRO: f64 = 1e6;
     let mut record = record.clone();
@@ -92,7 +92,7 @@ pub(super) fn for_people(record: &BenchRecord) -> BenchRecord {
     record
 }
 
-/// Whether the magnetometer of a record reads tesla, or a scale of its own.
+/// Whether the magnetometer of a record is in tesla, not in a scale of its own.
 fn is_tesla(findings: &BenchFindings) -> bool {
     let magnetic = findings.channels.iter().filter(|c| c.quantity == Quantity::MagneticField);
     magnetic.flat_map(|c| &c.components).any(|c| matches!(c.unit.as_str(), "T" | "µT"))
@@ -167,12 +167,12 @@ fn found(findings: &BenchFindings, figures: &BenchFigures, shift: Option<&Markup
     }
 }
 
-/// Whether something puts the delay of a channel in doubt: what is wrong with the record (`doubts`), or its own change.
+/// Whether the delay of a channel is in doubt: because of faults of the record (`doubts`), or because it changes.
 fn is_in_doubt(channel: &ChannelDynamics, doubts: &[String]) -> bool {
     channel.delay.is_some() && (!doubts.is_empty() || channel.changing_delay_s().is_some())
 }
 
-/// How often each verdict was given, and what happened to the data.
+/// Number of channels with each verdict, and the state of the data.
 fn strip(record: &BenchRecord, doubts: &[String]) -> Markup {
     const ALL: [Verdict; 5] =
         [Verdict::Delayed, Verdict::Early, Verdict::Inconclusive, Verdict::EquivalentToZero, Verdict::NotMeasurable];
@@ -197,7 +197,7 @@ fn strip(record: &BenchRecord, doubts: &[String]) -> Markup {
     }
 }
 
-/// The reason if there is no result, else the answer.
+/// The answer, or the reason why there is no result.
 fn first_words(record: &BenchRecord, doubts: &[String]) -> Markup {
     html! {
         @match &record.outcome {
@@ -219,7 +219,7 @@ fn first_words(record: &BenchRecord, doubts: &[String]) -> Markup {
     }
 }
 
-/// What was asked, answered channel by channel: the displaced ones first, each in a sentence.
+/// The answer for each channel in one sentence. Channels that are late or early come first.
 fn answer(findings: &BenchFindings, doubts: &[String]) -> Markup {
     let of = |verdict| findings.channels.iter().filter(move |c| c.verdict == verdict);
     let failed: Vec<&GateCheck> =
@@ -310,7 +310,7 @@ fn undecided(channel: &ChannelDynamics) -> Markup {
     }
 }
 
-/// A length of a record for people.
+/// Duration of a record in readable units.
 fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 180.0 => format!("{} s", number::significant(s, 2)),
@@ -319,8 +319,8 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// The same with the number of the log before the name of each region: two logs have the same tables. Text cannot hold the
-/// attribute, for its quotes are escaped.
+/// Adds the log number to the label of each region, because two logs have the same tables. Text cannot contain the
+/// attribute, because its quotes are escaped.
 fn numbered_regions(number: usize, health: Markup) -> Markup {
     PreEscaped(health.into_string().replace("aria-label=\"", &format!("aria-label=\"Log {number}: ")))
 }

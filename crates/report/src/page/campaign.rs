@@ -1,4 +1,4 @@
-//! The page of a campaign: the answer, what to do, all flights with the gravest first.
+//! The page of a campaign: the answer, what to do, and all flights, most severe first.
 
 mod attention;
 mod cards;
@@ -28,17 +28,18 @@ use record::{
 };
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Most paths listed under one reason; the record holds all.
+/// Maximum number of paths listed for one reason; the record has all.
 const MOST_PATHS: usize = 500;
-/// Most flights named as outside their limits.
+/// Maximum number of flights named as outside their limits.
 const MOST_OUTSIDE: usize = 20;
-/// Flights up to which the forest leaves room below it.
+/// Maximum number of flights with which the forest plot leaves room for a figure below it.
 const LOW_FOREST: usize = 30;
-/// Most groups whose agreement is shown; the record holds all.
+/// Maximum number of groups whose agreement is shown; the record has all.
 const MOST_GROUPS: usize = 6;
 
-/// The page of a campaign: `index.html`, and its figures again in `figures/`. [`FlightRow::page`] is a path relative to this page, not yet
-/// percent-encoded. Of more flights than one table holds, the tables are pages of their own in [`TABLE_FOLDER`].
+/// The page of a campaign: `index.html`, and its figures also in `figures/`. [`FlightRow::page`] is a path relative to
+/// this page, not yet percent-encoded. If one table cannot hold all flights, the tables are separate pages in
+/// [`TABLE_FOLDER`].
 #[must_use]
 pub fn campaign_site(record: &CampaignRecord, excerpts: &[TrackExcerpt]) -> Site {
     let mut site = Site::default();
@@ -57,10 +58,10 @@ pub fn campaign_site(record: &CampaignRecord, excerpts: &[TrackExcerpt]) -> Site
     site
 }
 
-/// The figures of the page, in its order.
+/// The figures of the page in page order.
 struct Figures<'a> {
     of_flights: Vec<Figure>,
-    /// Groups whose agreement is shown, with the valley of each.
+    /// Groups whose agreement is shown, each with its valley plot.
     of_groups: Vec<(&'a GroupLateness, &'a CampaignDelay, Option<Figure>)>,
 }
 
@@ -69,7 +70,8 @@ impl Figures<'_> {
         self.of_flights.iter().chain(self.of_groups.iter().filter_map(|(_, _, figure)| figure.as_ref()))
     }
 
-    /// The forest, which is as high as it has flights, beside the others; a low one with the effects below it.
+    /// Two columns: the forest plot, whose height grows with its flights, and the others. A low forest has the effects
+    /// below it.
     fn columns(&self, flights: usize) -> impl Iterator<Item = Vec<&Figure>> {
         let is_left = |figure: &&Figure| match figure.id.as_str() {
             "lateness" => true,
@@ -86,7 +88,7 @@ impl Figures<'_> {
     }
 }
 
-/// Groups of two flights and more that are one group, the largest first.
+/// Groups with two or more flights and a consistency result, largest first.
 fn agreeing(record: &CampaignRecord) -> Vec<(&GroupLateness, &CampaignDelay, Option<Figure>)> {
     let groups = record.groups.iter().filter(|g| g.members.len() > 1);
     let shown = groups.filter_map(|g| Some((g, g.consistency.as_ref()?))).take(MOST_GROUPS).enumerate();
@@ -94,7 +96,7 @@ fn agreeing(record: &CampaignRecord) -> Vec<(&GroupLateness, &CampaignDelay, Opt
         let rows = members(group, &record.flights);
         let removed: BTreeSet<u64> =
             rows.iter().filter_map(|r| r.delay_s).filter(|s| s.is_finite()).map(f64::to_bits).collect();
-        // Many delays, one for each flight, would hide the curve.
+        // A separate delay for each flight would clutter the curve.
         let removed: Vec<f64> =
             if removed.len() <= 3 { removed.into_iter().map(f64::from_bits).collect() } else { vec![] };
         (group, delay, valley(group, delay, &removed, &format!("valley-{}", k + 1)))
@@ -102,7 +104,7 @@ fn agreeing(record: &CampaignRecord) -> Vec<(&GroupLateness, &CampaignDelay, Opt
     with_figure.collect()
 }
 
-/// The flights of a group.
+/// The flights in a group.
 fn members<'a>(group: &GroupLateness, flights: &'a [FlightRow]) -> Vec<&'a FlightRow> {
     let names: BTreeSet<&str> = group.members.iter().map(String::as_str).collect();
     flights.iter().filter(|row| names.contains(row.flight.as_str())).collect()
@@ -185,7 +187,7 @@ fn is_harmed(row: &FlightRow) -> bool {
     row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed)
 }
 
-/// How grave a flight is: 0 is the gravest; flights of one gravity by name.
+/// Sort key: severity of a flight (0 is the most severe), then its name.
 fn gravity(row: &FlightRow) -> (u8, &str) {
     let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
     let any = |gravity| alarms.iter().any(|a| a.gravity == gravity);
@@ -203,7 +205,7 @@ fn gravity(row: &FlightRow) -> (u8, &str) {
     (rank, &row.flight)
 }
 
-/// What the flights of each group say of the delay, together. Flights of different groups are never averaged.
+/// The combined delay of the flights in each group. Flights in different groups are never averaged.
 fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
     let left_out = record
         .groups
@@ -293,7 +295,7 @@ fn outside_limits(control: &[ControlPoint]) -> Markup {
     }
 }
 
-/// Where the flights differ, their mean describes none of them, and is no headline.
+/// If the flights differ, their mean describes no flight and is not shown as the headline.
 fn no_common_delay(found: &DelayOverFlights, test: &FlightHomogeneity, card: Option<&Estimate>) -> Markup {
     html! {
         p {
@@ -317,7 +319,7 @@ fn over_flights(found: &DelayOverFlights, card: Option<&Estimate>) -> Markup {
     }
 }
 
-/// What the sensor card has, and whether that agrees.
+/// The delay on the sensor card, and whether it agrees.
 fn against_card(found: &DelayOverFlights, card: Option<&Estimate>) -> Markup {
     let e_n = card
         .filter(|_| found.delay_s.standard_uncertainty.is_some())

@@ -18,7 +18,7 @@ use record::{
 };
 use std::collections::BTreeMap;
 
-/// Most channels that have a column of their own in the table of records; the record pages have all.
+/// Maximum number of channels with their own column in the table of records; the record pages have all.
 const MOST_COLUMNS: usize = 8;
 
 /// What the page of a sensor card needs besides the card.
@@ -28,46 +28,46 @@ pub struct CardPage<'a> {
     pub card: &'a SensorCard,
     /// Name of the card's file in the folder of the page, if it is there.
     pub card_file: Option<&'a str>,
-    /// The records behind it, in the order of [`SensorCard::records`].
+    /// The records it was made from, in the order of [`SensorCard::records`].
     pub records: &'a [CardRecord<'a>],
-    /// Channels that records hold but that have no common delay on the card.
+    /// Channels in the records without a common delay on the card.
     pub without_mean: &'a [WithoutMean<'a>],
-    /// What else is to be known of the records, as a channel that none of them could measure.
+    /// Other remarks about the records, such as a channel that no record could measure.
     pub remarks: &'a [String],
-    /// Command that makes this page again.
+    /// Command that regenerates this page.
     pub command: &'a str,
 }
 
-/// A channel on whose delay the records do not agree.
+/// A channel for which the records disagree on the delay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WithoutMean<'a> {
-    /// Its name.
+    /// Channel name.
     pub channel: &'a str,
-    /// How they disagree, in a sentence.
+    /// How the records disagree, in one sentence.
     pub why: &'a str,
 }
 
-/// One record behind a card.
+/// One record that a card was made from.
 #[derive(Debug, Clone, Copy)]
 pub struct CardRecord<'a> {
-    /// The name people know.
+    /// The name that users know.
     pub name: &'a str,
-    /// What was found.
+    /// Results of the analysis.
     pub record: &'a BenchRecord,
-    /// Path of its page from this one, if there is one; not encoded yet.
+    /// Path of its page relative to this page, if there is one; not yet percent-encoded.
     pub href: Option<&'a str>,
 }
 
-/// One channel of the card with what the records say of it.
+/// One channel of the card with its result from each record.
 struct Channel<'a> {
     card: &'a CardChannel,
-    /// A delay within this is as good as none, s.
+    /// A smaller delay is equivalent to zero, s.
     margin_s: f64,
     records: Vec<Forest>,
 }
 
-/// The page of a sensor card: `index.html`, and its figures again as files under `figures/`: `forest` of all channels, and
-/// `fig-4` of the record that knows the position best.
+/// The page of a sensor card: `index.html`, and its figures also as files in `figures/`: `forest` of all channels, and
+/// `fig-4` of the record with the most certain position delay.
 #[must_use]
 pub fn card_site(page: &CardPage) -> Site {
     let channels = channels(page);
@@ -87,7 +87,7 @@ pub fn card_site(page: &CardPage) -> Site {
     site
 }
 
-/// Channels as they are read: position first, then the others, each by how many margins it is late.
+/// Channels in reading order: position first, then the others by lateness in multiples of their margin.
 fn channels<'a>(page: &CardPage<'a>) -> Vec<Channel<'a>> {
     let channel = |card: &'a CardChannel| {
         let records = forest(card, page.records);
@@ -105,13 +105,13 @@ pub(super) fn is_position(channel: &CardChannel) -> bool {
     place_in_paper(channel.quantity) == Some(0)
 }
 
-/// The margin of the records; without one half the interval of the updates, at least 5 ms, as records have it.
+/// The margin from the records; fallback: half the update interval, at least 5 ms, as in the records.
 fn margin(channel: &CardChannel, records: &[Forest]) -> f64 {
     let of_records = records.iter().filter_map(|r| r.margin_s).filter(|m| *m > 0.0).reduce(f64::max);
     of_records.unwrap_or_else(|| channel.update_rate_hz.filter(|hz| *hz > 0.0).map_or(0.0, |hz| 0.5 / hz).max(0.005))
 }
 
-/// What each record says of a channel.
+/// The delay of a channel from each record.
 fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
     let row = |(number, record): (usize, &CardRecord)| {
         let found = measured_in(record.record, channel).and_then(|c| Some((c, c.delay.as_ref()?)));
@@ -132,7 +132,7 @@ fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
     (1..).zip(records).map(row).collect()
 }
 
-/// Why the card's mean could not be made of it; `None` if it could: the same kind of stamps against the same clock.
+/// Why a result cannot be part of the card's mean; `None` if its kind of timestamp and its reference clock match.
 fn unlike(measured: &ChannelDynamics, card: &CardChannel) -> Option<String> {
     let anchor = |basis: &TimeBasis| match basis {
         TimeBasis::OneClock | TimeBasis::Pps => None,
@@ -155,7 +155,7 @@ fn unlike(measured: &ChannelDynamics, card: &CardChannel) -> Option<String> {
         .then(|| format!("its delay is {}, that of the card {}", clock(&measured.basis), clock(&card.basis)))
 }
 
-/// What a record says of a channel of the card.
+/// The result of a record for a channel of the card.
 fn measured_in<'a>(record: &'a BenchRecord, card: &CardChannel) -> Option<&'a ChannelDynamics> {
     let channels = record.findings.iter().flat_map(|f| &f.channels);
     channels.filter(|c| c.name == card.name).find(|c| c.delay.is_some())
@@ -165,7 +165,7 @@ fn files_of(record: &BenchRecord) -> impl Iterator<Item = &InputFile> {
     record.logs.iter().flat_map(|log| &log.inputs)
 }
 
-/// Number of the record that knows the first channel best, and that channel's name.
+/// Number of the record with the smallest uncertainty for the first channel, and that channel's name.
 fn best_record<'a>(channels: &[Channel<'a>], records: &[CardRecord]) -> Option<(usize, &'a str)> {
     let known = |r: &&Forest| r.left_out.is_none() && r.delay_s.is_some();
     let uncertainty = |r: &Forest| r.delay_s.and_then(|d| d.standard_uncertainty).unwrap_or(f64::INFINITY);
@@ -174,7 +174,7 @@ fn best_record<'a>(channels: &[Channel<'a>], records: &[CardRecord]) -> Option<(
     (best.number <= records.len()).then_some((best.number, channels[0].card.name.as_str()))
 }
 
-/// Fig. 4 of the paper for one record.
+/// Fig. 4 of the paper, drawn for one record.
 fn of_record(number: usize, channel: &str, record: &CardRecord, figure_number: u32) -> Option<Figure> {
     let (name, record) = (record.name, for_people(record.record));
     let figure = BenchFigures::zoom_of(record.findings.as_ref()?)?;
@@ -216,7 +216,7 @@ fn body(page: &CardPage, channels: &[Channel], [forest, paper]: [Option<&Figure>
     }
 }
 
-/// What was asked: how late each channel is and against what, the worst first; then how long that holds.
+/// The answer: how late each channel is and against what, worst first; then the validity of the card.
 fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
     let is_displaced = |c: &&Channel| matches!(c.card.verdict, Verdict::Delayed | Verdict::Early);
     let others = [Verdict::EquivalentToZero, Verdict::Inconclusive, Verdict::NotMeasurable];
@@ -270,7 +270,7 @@ fn displaced(channel: &CardChannel) -> Markup {
     }
 }
 
-/// What puts the delay in doubt.
+/// The reasons why the delay is in doubt.
 fn reasons(channel: &CardChannel) -> Markup {
     const MOST: usize = 20;
     html! {
@@ -291,7 +291,7 @@ pub(super) fn time_base(basis: &TimeBasis) -> Markup {
     }
 }
 
-/// The same for several channels, where they have it in common.
+/// The time base of several channels, if they all have the same.
 fn against<'a>(mut channels: impl Iterator<Item = &'a Channel<'a>>) -> Markup {
     let Some(first) = channels.next() else { return html! {} };
     let same = channels.all(|c| c.card.basis == first.card.basis);
@@ -315,7 +315,7 @@ pub(super) fn validity(card: &SensorCard) -> Markup {
     }
 }
 
-/// What the table of channels says in a column: what is the same for all, or known of none, is said once below it.
+/// Columns of the channel table. A value that is the same or unknown for all channels is stated once below the table.
 struct Columns {
     held: bool,
     spread: bool,
@@ -386,7 +386,7 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
             td { (verdict_or_doubt(channel.verdict, channel.is_in_doubt())) }
             td.n { (estimate(&delay_ms(channel))) }
             td.n { "±" (number::exact(margin_s * 1e3)) }
-            // The age of what is held follows from the timestamps: it adds nothing to the uncertainty of the delay.
+            // The age of held values follows from the timestamps. It adds no uncertainty to the delay.
             @if columns.held { td.n { (maybe(channel.as_seen_delay_s, |s| in_ms(s, Some(channel.delay_standard_uncertainty_s)))) } }
             td.any {
                 (shown(&channel.model))
@@ -411,12 +411,12 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
     }
 }
 
-/// Seconds as milliseconds, with U where it is known.
+/// Seconds as milliseconds, with U if known.
 fn in_ms(value_s: f64, standard_uncertainty_s: Option<f64>) -> Markup {
     estimate(&verdict::in_millis(&Estimate { value: value_s, standard_uncertainty: standard_uncertainty_s }))
 }
 
-/// What puts delays in doubt: channels of the same reasons together.
+/// Why delays are in doubt. Channels with the same reasons are listed together.
 fn doubts(channels: &[Channel]) -> Markup {
     let mut groups: Vec<Vec<&CardChannel>> = vec![];
     for channel in channels.iter().map(|c| c.card).filter(|c| c.is_in_doubt()) {
@@ -471,7 +471,7 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
     }
 }
 
-/// The delay as a number of its own.
+/// The delay as a stand-alone number.
 fn fixed_delay(position: &CardChannel, card: &SensorCard) -> String {
     format!(
         "[delay]\nfrom = \"fixed\"\nposition_s = {:.6}\nstandard_uncertainty_s = {:.6}\nsource = {}\n",
@@ -481,7 +481,7 @@ fn fixed_delay(position: &CardChannel, card: &SensorCard) -> String {
     )
 }
 
-/// A basic string of TOML.
+/// A TOML basic string.
 fn toml_text(text: &str) -> String {
     let plain: String = text.chars().filter(|c| !c.is_control()).collect();
     format!("\"{}\"", plain.replace('\\', "\\\\").replace('"', "\\\""))
@@ -501,7 +501,7 @@ fn magnetometer(found: &CardMagnetometer) -> Markup {
 }
 
 fn calibration(iron: &IronCalibration, unit: &str) -> Markup {
-    // People think of fields in microtesla.
+    // Engineers expect magnetic fields in microtesla.
     let (factor, unit) = if unit == "T" { (1e6, "µT") } else { (1.0, "the sensor's own unit") };
     let hard = |axis: usize| {
         let (value, u) = (iron.hard_iron[axis], iron.hard_iron_standard_uncertainty[axis]);
@@ -524,7 +524,7 @@ fn calibration(iron: &IronCalibration, unit: &str) -> Markup {
     }
 }
 
-/// Records with what each says of each channel, then what was left out and why.
+/// Records with their result for each channel, then the excluded results and the reasons.
 fn records(page: &CardPage, channels: &[Channel]) -> Markup {
     let numbered: Vec<(usize, &CardRecord)> = (1..).zip(page.records).collect();
     let columns = columns(page, channels);
@@ -554,11 +554,11 @@ fn records(page: &CardPage, channels: &[Channel]) -> Markup {
 /// A column of the table of records.
 struct Column<'a> {
     name: &'a str,
-    /// What each record says of a channel of the card; `None` for one on whose delay the records do not agree.
+    /// Result of each record; `None` if the records disagree on the delay of the channel.
     records: Option<&'a [Forest]>,
 }
 
-/// Channels without a common delay first, then those of the card.
+/// Channels without a common delay first, then the channels of the card.
 fn columns<'a>(page: &CardPage<'a>, channels: &'a [Channel<'a>]) -> Vec<Column<'a>> {
     let apart = page.without_mean.iter().map(|what| Column { name: what.channel, records: None });
     let of_card = channels.iter().map(|c| Column { name: &c.card.name, records: Some(&c.records) });
@@ -599,7 +599,7 @@ fn record_row(number: usize, record: &CardRecord, columns: &[Column]) -> Markup 
     }
 }
 
-/// Records that are no part of a channel's delay: each reason once, with the channels that it is true of.
+/// Records excluded from a channel's delay: each reason once, with the channels that it applies to.
 fn left_out(page: &CardPage, channels: &[Channel]) -> Markup {
     let mut all: BTreeMap<(usize, String), Vec<&str>> = BTreeMap::new();
     for channel in channels {
@@ -654,7 +654,7 @@ fn facts(card: &SensorCard) -> Markup {
     table("Card", &[Text("Item"), Text("Value")], body)
 }
 
-/// Input files of all records, folded away: each has its own page.
+/// Input files of all records, collapsed because each record has its own page.
 fn inputs(records: &[CardRecord]) -> Markup {
     html! {
         @if !records.is_empty() {

@@ -1,4 +1,4 @@
-//! The page above several sensor cards: which sensors were measured, and how late the position of each is.
+//! The overview page of several sensor cards: which sensors were measured, and how late each position is.
 
 use super::Head::{Number, Text};
 use super::card::{delay_ms, is_position, time_base, validity};
@@ -9,18 +9,18 @@ use crate::text::{href, shown};
 use maud::{Markup, html};
 use record::SensorCard;
 
-/// One card on the page above.
+/// One card on the overview page.
 #[derive(Debug, Clone, Copy)]
 pub struct IndexedCard<'a> {
     /// The card; `None` if nothing was measured.
     pub card: Option<&'a SensorCard>,
-    /// Records that were given, measured or not.
+    /// Number of records that were given, measured or not.
     pub records: u64,
-    /// Path of its page from this one; not encoded yet.
+    /// Path of its page relative to this page; not yet percent-encoded.
     pub href: &'a str,
 }
 
-/// The page above the reports of several sensors: `index.html` with a row for each card, in the order given.
+/// The overview page of several sensors: `index.html` with a row for each card, in the order given.
 #[must_use]
 pub fn cards_site(cards: &[IndexedCard]) -> Site {
     let head = [

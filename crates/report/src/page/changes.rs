@@ -1,4 +1,4 @@
-//! The page of what changed since the run before.
+//! The page of changes since the previous run.
 
 use super::Head::{Number, Text};
 use super::{Needs, document, estimate, files, number, table};
@@ -9,10 +9,11 @@ use maud::{Markup, html};
 use record::{CampaignChanges, FlightRow, MadeWith, MovedDelay, TroubleChange};
 use std::collections::BTreeMap;
 
-/// Most flights that are named in one list.
+/// Maximum number of flights named in one list.
 const MOST: usize = 200;
 
-/// The page of what changed since the run before: `since-last-run.html`, for the folder of the campaign's page. `flights` has their pages.
+/// The page of changes since the previous run: `since-last-run.html`, in the folder of the campaign's page. `flights`
+/// has the paths of the flight pages.
 #[must_use]
 pub fn changes_site(changes: &CampaignChanges, flights: &[FlightRow]) -> Site {
     let pages: BTreeMap<&str, &str> = flights.iter().map(|row| (row.flight.as_str(), row.page.as_str())).collect();
@@ -57,7 +58,7 @@ fn answer(changes: &CampaignChanges) -> Markup {
     }
 }
 
-/// What of the settings and the build is another.
+/// Changes of the settings and the build.
 fn settings(before: &MadeWith, now: &MadeWith) -> Markup {
     html! {
         @if before.flightlag_version != now.flightlag_version {
@@ -100,7 +101,7 @@ fn names(title: &str, names: &[String], pages: &Pages<'_>) -> Markup {
     }
 }
 
-/// Flights with another result, by cause.
+/// Flights with a changed result, by cause.
 fn rerun(changes: &CampaignChanges, pages: &Pages<'_>) -> Markup {
     let mut by_cause: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for flight in &changes.rerun {

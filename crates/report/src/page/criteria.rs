@@ -1,4 +1,4 @@
-//! What the criteria say: on the page of a flight, and over all flights of a campaign.
+//! Results of the criteria, for the page of a flight and for all flights of a campaign.
 
 use super::Head::{Number, Text};
 use super::{badge, maybe, more, rows, table};
@@ -11,11 +11,11 @@ use record::{
     PassRate, VerdictTally,
 };
 
-/// Most titles in a line; the table below holds more.
+/// Maximum number of titles in a line; the table below has more.
 const MOST_IN_A_LINE: usize = 20;
-/// Most rows of a table; the record holds all.
+/// Maximum number of rows in a table; the record has all.
 const MOST_ROWS: usize = 100;
-/// Most names of flights in a cell.
+/// Maximum number of flight names in a cell.
 const MOST_NAMES: usize = 5;
 
 const RULE: &str = "Decision rule. PASS: the whole 95\u{a0}% interval of the number lies within the limit (limits \
@@ -33,12 +33,12 @@ fn verdict_badge(verdict: CriterionVerdict, count: Option<u64>) -> Markup {
 
 // A flight
 
-/// Counts of the verdicts, for the head of the page.
+/// Number of criteria with each verdict, for the head of the page.
 pub(super) fn chips(criteria: &FlightCriteria) -> Markup {
     html! { a.chips href="#criteria" { (counts(&criteria.tally())) } }
 }
 
-/// A verdict in a cell of little room.
+/// A verdict in a narrow cell.
 pub(super) fn verdict_cell(verdict: Option<CriterionVerdict>, flight: &str) -> Markup {
     match verdict {
         None => html! { td.off { "" } },
@@ -70,8 +70,8 @@ fn gravest_first(criteria: &FlightCriteria) -> Vec<&CriterionFinding> {
     sorted
 }
 
-/// Those that fail or are not decided first; the others in a line for each verdict and reason, with their numbers folded
-/// away.
+/// Failed and inconclusive criteria first. The others follow in one line for each verdict and reason, with their
+/// numbers collapsed.
 pub(super) fn section(criteria: &FlightCriteria) -> Markup {
     let is_quiet = |v: CriterionVerdict| !matches!(v, CriterionVerdict::Fail | CriterionVerdict::Inconclusive);
     let (quiet, loud): (Vec<_>, Vec<_>) = gravest_first(criteria).into_iter().partition(|f| is_quiet(f.verdict));
@@ -105,7 +105,7 @@ fn findings(caption: &str, findings: &[&CriterionFinding]) -> Markup {
     table(caption, &head, rows(findings, MOST_ROWS, head.len(), |finding| finding_row(finding)))
 }
 
-/// Those without a number, each reason once.
+/// Criteria without a number, each reason once.
 fn not_evaluated(of: &[&CriterionFinding]) -> Markup {
     let mut by_reason: Vec<(&str, Vec<&CriterionFinding>)> = vec![];
     for finding in of.iter().copied().filter(|f| f.verdict == CriterionVerdict::NotEvaluated) {
@@ -121,7 +121,7 @@ fn not_evaluated(of: &[&CriterionFinding]) -> Markup {
     }
 }
 
-/// The titles of those of one verdict.
+/// The titles of the criteria with one verdict.
 fn in_a_line(of: &[&CriterionFinding], verdict: CriterionVerdict) -> Markup {
     let those: Vec<&CriterionFinding> = of.iter().copied().filter(|f| f.verdict == verdict).collect();
     html! { @if !those.is_empty() { p { (titles(&those, verdict)) "." } } }
@@ -158,7 +158,7 @@ fn finding_row(finding: &CriterionFinding) -> Markup {
     }
 }
 
-/// The part of the flight's page that tells more of a metric.
+/// The section of the flight's page with details of a metric.
 fn shown_at(metric: &str) -> Option<&'static str> {
     const OF_LOG: [&str; 4] = ["damaged", "undecodable", "channel-", "-rate"];
     match metric {
@@ -189,7 +189,7 @@ fn file_line(used: &CriteriaUse) -> Markup {
 pub(super) fn cell(row: &FlightRow) -> Markup {
     let tally: VerdictTally = row.criteria.iter().flat_map(|c| &c.each).map(|v| v.verdict).collect();
     let of_all = tally.by_verdict().iter().map(|(_, n)| n).sum::<u64>();
-    // The gravest verdict first, of equal ones the most frequent.
+    // Sort by the most severe verdict, then by how frequent it is.
     let rank = row.criteria.as_ref().map(|c| {
         let place = tally.by_verdict().iter().position(|(v, _)| *v == c.overall).unwrap_or(0);
         let count = tally.by_verdict().get(place).map_or(0, |(_, n)| *n);
@@ -208,7 +208,7 @@ pub(super) fn cell(row: &FlightRow) -> Markup {
     }
 }
 
-/// Pass rates, and who fails.
+/// Pass rates and failing flights.
 pub(super) fn campaign_section(criteria: &CampaignCriteria, matrix: Markup) -> Markup {
     let head = [
         Text("Criterion"),

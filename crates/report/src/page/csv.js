@@ -1,5 +1,5 @@
 "use strict";
-// Saves each table as CSV: numbers with all their digits, an uncertainty in a column of its own.
+// Saves each table as CSV: numbers at full precision, uncertainties in separate columns.
 for (const table of document.querySelectorAll(".scroll > table:not(.sortable)")) {
   const caption = table.caption, words = caption.textContent.trim();
   const clean = (text) => text.replace(/\s+/g, " ").trim();

@@ -9,7 +9,7 @@ use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{ComparedReport, DiffRecord, MovedDelay};
 
-/// Most groups in the table.
+/// Maximum number of groups in the table.
 const MOST: usize = 200;
 
 /// The page of a comparison as `index.html`.

@@ -1,5 +1,5 @@
 "use strict";
-// Zooms into the rows of a flight: panels over time with one cursor and one window, beside the ground track.
+// Zooms into the rows of a flight: panels over time with one cursor and one window, next to the ground track.
 (async () => {
   const box = document.getElementById("explorer"), source = document.getElementById("explorer-data");
   if (!box || !source) return;
@@ -30,7 +30,7 @@
     return low > 0 && at - t[low - 1] < t[low] - at ? low - 1 : low;
   };
 
-  // What follows from the rows: velocity from the exact positions, lead of exact over raw along it, errors, turn rate
+  // Derived from the rows: velocity from the exact positions, lead of exact over raw along it, errors, turn rate
 
   const series = () => new Float64Array(count);
   const speed = series(), turn = series(), lead = series(), leadMs = series(), truthLead = series(), truthLeadMs = series(),
@@ -48,7 +48,7 @@
     speed[i] = dt > 0 ? Math.hypot(vn, ve) : NaN;
     const moves = speed[i] > 1;
     heading[i] = moves ? Math.atan2(ve, vn) : NaN;
-    // At the first row of each fix, kept until the next: the age of a held fix is no part of it.
+    // Computed at the first row of each fix and held until the next fix: the age of a held fix is not part of it.
     const isFix = i === 0 || column.raw_north[i] !== column.raw_north[i - 1] || column.raw_east[i] !== column.raw_east[i - 1] || t[i] - t[i - 1] > gap;
     if (!isFix && lead[i - 1] === lead[i - 1]) {
       for (const values of [lead, leadMs, truthLead, truthLeadMs]) values[i] = values[i - 1];
@@ -66,7 +66,7 @@
     const turned = heading[b] - heading[a];
     turn[i] = dt > 0 ? Math.atan2(Math.sin(turned), Math.cos(turned)) / dt * 180 / Math.PI : NaN;
   });
-  // How far the compensated position jumps when a fix arrives, held until the next: what the fix says that was not foreseen.
+  // Jump of the compensated position when a fix arrives, held until the next fix: the part that was not predicted.
   for (let i = 0, last = NaN; i < count; i++) {
     if (i > 1 && (column.raw_north[i] !== column.raw_north[i - 1] || column.raw_east[i] !== column.raw_east[i - 1])) {
       const share = (t[i] - t[i - 1]) / (t[i - 1] - t[i - 2]), way = (of) => of[i] - of[i - 1] - share * (of[i - 1] - of[i - 2]);
@@ -82,7 +82,7 @@
     }
   }
 
-  // Places worth a look
+  // Points of interest
 
   const largest = (of) => {
     let best = -1;
@@ -107,7 +107,7 @@
   if (hasTruth) offer("Largest error", largest((i) => errors.exact_async[i]), "e");
   else offer("Largest step at a fix", largest((i) => step[i]), "e");
   offer("Largest lead", largest((i) => Math.abs(lead[i])), "l");
-  // Where there is nothing to draw: rows that are missing, and rows without a compensated position.
+  // Ranges with nothing to draw: missing rows, and rows without a compensated position.
   for (let i = 1, begin = -1; i < count; i++) {
     if (t[i] - t[i - 1] > gap) gaps.push([t[i - 1], t[i], "no rows"]);
     if (Number.isNaN(north[i]) && begin < 0) begin = i;
@@ -176,7 +176,7 @@
   }
   const readout = make("output", bar, "", "readout"), numbers = make("table", side, "", "window");
   make("caption", numbers, "In this window");
-  // The track, and over it the cursor, so that a moving cursor does not draw the track again.
+  // The track, with the cursor on a layer above it, so that moving the cursor does not redraw the track.
   const numbersBody = make("tbody", numbers), map = make("div", side, "", "map"), canvas = make("canvas", map), overlay = make("canvas", map);
   canvas.setAttribute("role", "img");
   canvas.setAttribute("aria-label", "Ground track, coloured by the lead of the compensated position over raw");
@@ -202,7 +202,7 @@
   const plots = [], sync = uPlot.sync("flight");
   let view = whole, cursorRow = 0;
 
-  // Rows with the least and the greatest value of blocks of 4, 16, 64, … rows of a series: built once, at its first use.
+  // Rows with the minimum and the maximum in blocks of 4, 16, 64, … rows of a series, built at first use.
   const pyramids = new Map();
   const pyramid = (values) => {
     if (pyramids.has(values)) return pyramids.get(values);
@@ -221,7 +221,7 @@
     pyramids.set(values, levels);
     return levels;
   };
-  // Rows of the least and the greatest value from row `a` to row `b`, without `b`; −1 if all are missing.
+  // Rows of the minimum and the maximum from row `a` to row `b` (exclusive); −1 if all values are missing.
   const extremes = (values, a, b) => {
     const levels = pyramid(values);
     let low = -1, high = -1;
@@ -245,7 +245,7 @@
     while (low < high) { const mid = low + high >> 1; if (t[mid] < at) low = mid + 1; else high = mid; }
     return low;
   };
-  // Least and greatest value of every column of pixels, in their order: a spike of one row shows at every zoom.
+  // Minimum and maximum of every pixel column in row order, so that a one-row spike shows at every zoom.
   const thinned = (series, [from, to], pixels) => {
     const first = Math.max(0, firstAt(from) - 1), last = Math.min(count, firstAt(to) + 2), width = (to - from) / pixels;
     const x = [], ys = series.map(() => []);
@@ -272,7 +272,7 @@
     }
     return [x, ...ys];
   };
-  // The delay curve has times of its own: its values are put between those of the rows.
+  // The delay curve has its own times: its values are inserted between those of the rows.
   const withDelay = (data) => {
     const curve = given.delay;
     const at = (x, k) => {
@@ -378,7 +378,7 @@
       + (hasTruth ? `; error raw ${fixed(errors.raw[row], 2, "m")}, exact ${fixed(errors.exact_async[row], 2, "m")}` : "");
     drawCursor();
   }
-  // Count, sum and sum of squares of the values up to each block of 256 rows: numbers of any window without a walk over it.
+  // Count, sum and sum of squares of the values up to each block of 256 rows, for statistics of a window without a scan.
   const sums = new Map();
   const sumsOf = (values) => {
     if (sums.has(values)) return sums.get(values);
@@ -476,7 +476,7 @@
       bins[bin].push(rows[k - 1], i, -1);
     }
     bins.forEach((of, k) => stroke(of, colourOf(k), 2.5, north, east));
-    // With few seconds in the window: a line each second from raw to compensated, the delay as a length.
+    // In a short window, draw a line each second from raw to compensated: the delay as a length.
     if (view[1] - view[0] <= 60) {
       for (let s = Math.ceil(view[0]); s <= view[1]; s++) {
         const i = rowAt(s);
@@ -576,7 +576,7 @@
     else if (event.key === "?") { if (help.open) help.close(); else help.showModal(); }
     else if (preset && !help.open) { preset.go(); box.scrollIntoView(); }
   });
-  // A time in the table of anomalies opens it here.
+  // A click on a time in the table of anomalies opens it here.
   document.addEventListener("click", (event) => {
     const link = event.target.closest("a[data-t]");
     if (!link) return;
@@ -586,7 +586,7 @@
     box.scrollIntoView();
     panels.focus({ preventScroll: true });
   });
-  // The figures that say the same are folded away on a screen, and printed.
+  // Figures with the same content are collapsed on screen, but printed.
   const twins = document.querySelector("details.twins");
   if (twins) {
     twins.open = false;

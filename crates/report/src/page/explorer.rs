@@ -1,7 +1,7 @@
-//! The part of a flight's page in which a reader zooms: positions, lead and error over time beside the ground track.
+//! The zoomable section of a flight's page: positions, lead and error over time next to the ground track.
 //!
-//! Everything that it shows is computed by `explorer.js` from the packed rows. Without script the part stays hidden and the
-//! figures of the page stand alone.
+//! `explorer.js` computes everything in it from the packed rows. Without the script, the section is hidden and only the
+//! figures of the page are shown.
 
 use super::anomalies::{Anomaly, shift_s};
 use crate::number::COVERAGE_FACTOR;
@@ -10,21 +10,21 @@ use maud::{Markup, PreEscaped, html};
 use record::{ExplorerRows, FlightRecord, PairDelay, ReplayRecord};
 use serde::Serialize;
 
-/// What the script reads. Times are seconds after the origin of the replay.
+/// Input of the script. Times are seconds after the origin of the replay.
 #[derive(Debug, Serialize)]
 struct Data<'a> {
     rows: &'a ExplorerRows,
-    /// What was removed, where it is counted from the same channel as the delay over the flight.
+    /// The delay that was removed, if it is relative to the same channel as the delay over the flight.
     removed_ms: Option<f64>,
     /// What the delay over the flight is measured against.
     against: String,
     /// Delay over the flight: time, delay in ms, U (k = 2) in ms.
     delay: Vec<[f64; 3]>,
-    /// Places worth a look.
+    /// Points of interest.
     places: Vec<&'a Anomaly>,
 }
 
-/// The explorer, where there is something to explore.
+/// The explorer, if there is something to explore.
 pub(super) fn section(record: &FlightRecord, rows: Option<&ExplorerRows>, anomalies: &[Anomaly]) -> Option<Markup> {
     let (replay, rows) = (record.drawable()?, rows?);
     if rows.rows < 2 {
@@ -40,7 +40,7 @@ pub(super) fn section(record: &FlightRecord, rows: Option<&ExplorerRows>, anomal
         delay: pair.map(|pair| delay_over_flight(pair, replay)).unwrap_or_default(),
         places: anomalies.iter().filter(|a| a.t_s.is_some()).collect(),
     };
-    // Plain numbers and text cannot fail; `<` would end the script element.
+    // Serializing plain numbers and text cannot fail. A `<` could end the script element.
     let json = serde_json::to_string(&data).unwrap_or_default().replace('<', "\\u003c");
     Some(html! {
         section.explorer #explorer hidden="" aria-label="Flight explorer" {

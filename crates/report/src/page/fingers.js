@@ -1,5 +1,5 @@
 "use strict";
-// One finger moves the window of panels over time, two stretch it, and a tap points; up and down scrolls the page as ever.
+// One finger moves the time window, two zoom it, and a tap sets the cursor. Vertical swipes scroll the page as usual.
 const fingers = (panels, whole, view, show) => {
   const down = new Map();
   let begun = null, asked = 0;
@@ -16,7 +16,7 @@ const fingers = (panels, whole, view, show) => {
       const by = Math.max(whole[0] - from, Math.min(whole[1] - to, time(at[0]) - time(now[0])));
       return show(from + by, to + by);
     }
-    // What was under each finger stays under it.
+    // The point under each finger stays under it.
     const span = (time(at[1]) - time(at[0])) / (share(now[1]) - share(now[0])), start = time(at[0]) - share(now[0]) * span;
     if (span > 0 && Number.isFinite(span)) show(Math.max(whole[0], start), Math.min(whole[1], start + span));
   };

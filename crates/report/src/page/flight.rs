@@ -1,4 +1,4 @@
-//! The page of one flight: the answer, what to do, the evidence, the method, the provenance, in this order.
+//! The page of one flight: the answer, what to do, the evidence, the method and the provenance, in this order.
 
 use super::Head::{Number, Text};
 use super::{
@@ -16,27 +16,27 @@ use record::{CompensatorResult, Coverage, ExplorerRows, FlightRecord, Outcome, R
 /// What the page of a flight needs besides the record.
 #[derive(Debug, Clone, Copy)]
 pub struct FlightPage<'a> {
-    /// Path below the campaign's folder: the name people know.
+    /// Path below the campaign's folder: the name that users know.
     pub name: &'a str,
-    /// What was found.
+    /// Results of the analysis.
     pub record: &'a FlightRecord,
-    /// Whether `details.json.gz` lies beside this page.
+    /// Whether `details.json.gz` is in the folder of this page.
     pub has_details: bool,
-    /// The rows of its replay, to zoom into; `None` if there are none.
+    /// The rows of its replay for the explorer; `None` if there are no rows.
     pub explorer: Option<&'a ExplorerRows>,
-    /// Path of its track from this page; `None` if it has none.
+    /// Path of its track relative to this page; `None` if it has no track.
     pub track_href: Option<&'a str>,
-    /// Path of the campaign's page from this one, as `../../index.html`; not encoded yet.
+    /// Path of the campaign's page relative to this page, such as `../../index.html`; not yet percent-encoded.
     pub index_href: &'a str,
-    /// Names and paths of the pages of the flights before and after this one; not encoded yet.
+    /// Names and page paths of the previous and the next flight; not yet percent-encoded.
     pub neighbours: [Option<(&'a str, &'a str)>; 2],
-    /// Command that makes this page again.
+    /// Command that regenerates this page.
     pub command: &'a str,
 }
 
-/// The page of one flight: `index.html` with its figures inside, and each figure again under `figures/`, as SVG and as CSV
-/// (`fig-7`, `turn`, `lead`, `track`, `delay-over-time`, `delay-sweep`, `delay-objective`, `bands`, `budget`, `timeline`;
-/// those that the record has something for).
+/// The page of one flight: `index.html` with its figures inline, and each figure also in `figures/` as SVG and CSV
+/// (`fig-7`, `turn`, `lead`, `track`, `delay-over-time`, `delay-sweep`, `delay-objective`, `bands`, `budget`,
+/// `timeline`). A figure without data in the record is omitted.
 #[must_use]
 pub fn flight_site(page: &FlightPage) -> Site {
     let figures = Figures::of(page.record);
@@ -50,7 +50,7 @@ pub fn flight_site(page: &FlightPage) -> Site {
     site
 }
 
-/// The figures of the page, numbered in its order.
+/// The figures of the page, numbered in page order.
 struct Figures(Vec<Figure>);
 
 impl Figures {
@@ -68,7 +68,7 @@ impl Figures {
         self.0.iter().find(|figure| figure.id == id)
     }
 
-    /// Those of these names, in this order.
+    /// The figures with these names, in this order.
     fn show(&self, ids: &[&str]) -> Markup {
         html! { @for f in ids.iter().filter_map(|id| self.get(id)) { (figure(f)) } }
     }
@@ -121,7 +121,7 @@ fn campaign_links(page: &FlightPage) -> Markup {
     }
 }
 
-/// The ground track in small, coloured by lead.
+/// A small ground track, coloured by lead.
 fn track_link(track: &record::LeadTrack) -> Markup {
     let paths = thumbnail(track);
     let (width, height) = THUMBNAIL;
@@ -136,7 +136,7 @@ fn track_link(track: &record::LeadTrack) -> Markup {
     }
 }
 
-/// Receiver, date, duration, place: a line below the name.
+/// Receiver, date, duration and place in a line below the name.
 fn facts(record: &FlightRecord) -> Markup {
     let receiver = record.lateness.as_ref().map(|l| l.group.name.as_str()).filter(|name| !name.is_empty());
     let replay = record.replay.as_ref();
@@ -168,10 +168,10 @@ fn chips(record: &FlightRecord) -> Markup {
     }
 }
 
-/// The reason if there is no result, else the answer.
+/// The answer, preceded by the reason if there is no result.
 fn first_words(record: &FlightRecord) -> Markup {
     let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
-    // Why a delay is not known is said in the answer, with the answer's own limits.
+    // The answer already says why a delay is unknown, with the limits of the answer.
     let is_said = matches!(record.outcome, Outcome::NotMeasurable { .. })
         && record.lateness.as_ref().is_some_and(|l| l.lateness.is_none());
     html! {
@@ -213,7 +213,7 @@ fn on_this_page(record: &FlightRecord) -> Markup {
     contents(&there)
 }
 
-/// Fig. 7, the explorer, and what stands for it on paper and without a script.
+/// Fig. 7, the explorer, and the figures that replace it on paper and without a script.
 fn evidence(replay: &ReplayRecord, is_trial: bool, explorer: Option<&Markup>, figures: &Figures) -> Markup {
     let twins = html! {
         div.pair { (figures.show(&["turn", "track"])) }
@@ -245,7 +245,7 @@ fn evidence(replay: &ReplayRecord, is_trial: bool, explorer: Option<&Markup>, fi
     }
 }
 
-/// What the numbers cover.
+/// What part of the flight the numbers cover.
 fn coverage(replay: &ReplayRecord) -> Markup {
     let numbers = coverage_numbers(replay);
     let row = |number: &CoverageNumber| {
@@ -262,7 +262,7 @@ fn coverage(replay: &ReplayRecord) -> Markup {
     table("What the numbers of this page cover", &head, rows(&numbers, 60, head.len(), row))
 }
 
-/// A row of the table of what is covered.
+/// A row of the coverage table.
 struct CoverageNumber {
     name: &'static str,
     value: String,
@@ -315,7 +315,7 @@ fn numbers_of_velocity(replay: &ReplayRecord) -> [CoverageNumber; 2] {
     ]
 }
 
-/// A share of the time that is worth a word.
+/// A share of the time that is mentioned in a note.
 const NOTABLE: f64 = 0.01;
 
 fn valid_note(replay: &ReplayRecord) -> String {
@@ -331,7 +331,7 @@ fn valid_note(replay: &ReplayRecord) -> String {
     note
 }
 
-/// Each compensator in a row: what it was given, what it changed, what is left.
+/// A row for each compensator: its input, its effect, and the residual.
 fn compensators(replay: &ReplayRecord) -> Markup {
     let scored = replay.compensators.iter().any(|c| c.error_rms_m.is_some() || c.error_p95_m.is_some());
     let mut head = vec![

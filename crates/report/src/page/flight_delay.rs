@@ -1,4 +1,4 @@
-//! Delays that the flight itself shows: the main pair first, then all.
+//! Delays measured in the flight itself: the main pair first, then all pairs.
 
 use super::Head::{Number, Text};
 use super::campaign::p_value;
@@ -13,10 +13,10 @@ use record::{
     FlightInjection, FlightLateness, FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
 };
 
-/// Most rows of each table; the record holds all.
+/// Maximum number of rows in each table; the record has all.
 const MOST: usize = 40;
 
-/// What the section shows: all pairs, and the one that is asked for.
+/// Content of the section: all pairs and the main pair.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DelaySection<'a> {
     delays: &'a FlightDelays,
@@ -24,7 +24,7 @@ pub(super) struct DelaySection<'a> {
     main: Option<&'a PairDelay>,
 }
 
-/// `None` if the record looked for no delays.
+/// `None` if the record has no delay analysis.
 pub(super) fn of(record: &FlightRecord) -> Option<DelaySection<'_>> {
     let delays = record.delays.as_ref()?;
     let replay = record.replay.as_ref();
@@ -53,7 +53,7 @@ fn is_replayed(pair: &PairDelay, replay: &ReplayRecord) -> bool {
 }
 
 impl<'a> DelaySection<'a> {
-    /// The main pair with its delay, if it has one.
+    /// The main pair with its delay, if it was measured.
     fn measured(&self) -> Option<(&'a PairDelay, &'a MeasuredDelay)> {
         self.main.and_then(|pair| pair.delay.found().map(|found| (pair, found)))
     }
@@ -101,7 +101,7 @@ fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay, lateness:
     }
 }
 
-/// A pair shows a difference: that either is late is not known from it.
+/// The result of a pair. A pair shows only a difference, not which of its channels is late.
 fn sentence(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
     let (word, sign) = if found.delay_s.value < 0.0 { ("earlier", -1e3) } else { ("later", 1e3) };
     let [low, high] = found.interval_95_s;
@@ -138,7 +138,7 @@ fn pairs(pairs: &[PairDelay]) -> Markup {
         Number("Samples"),
         Text("What it means, or why it is missing"),
     ];
-    // What a kind of pair means is said in its first row.
+    // The first row of each kind of pair explains what the kind means.
     let is_first = |i: usize| pairs[..i].iter().all(|p| p.kind != pairs[i].kind || p.delay.found().is_none());
     let numbered: Vec<(bool, &PairDelay)> = pairs.iter().enumerate().map(|(i, pair)| (is_first(i), pair)).collect();
     html! {
@@ -171,7 +171,7 @@ fn pair_row(&(says_meaning, pair): &(bool, &PairDelay)) -> Markup {
     }
 }
 
-/// Rounded as the value is.
+/// The interval, rounded to the digits of the value.
 fn interval_ms(interval_s: [f64; 2], of: &Estimate) -> Markup {
     let [low, high] = interval_s.map(|s| s * 1e3);
     match of.standard_uncertainty {
@@ -197,7 +197,7 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
     }
 }
 
-/// One test of constancy, the one that the kind of the delay rests on.
+/// The test of constancy that determines the kind of the delay.
 fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
     let Some(varies) = &pair.varies else { return html! {} };
     let constancy = &varies.constancy;
@@ -236,7 +236,7 @@ fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
     }
 }
 
-/// A group with what it is split by, and the test of its split in the first row.
+/// A group with its split criterion. The first row also has the test of the split.
 struct OperatingPoint<'a> {
     by: &'a str,
     group: &'a DelayGroup,
@@ -268,7 +268,7 @@ fn operating_points(found: &MeasuredDelay) -> Markup {
     }
 }
 
-/// One number where both ends are the same, as of a count of satellites.
+/// A range, or one number if both ends are equal, such as a number of satellites.
 fn range([low, high]: [f64; 2]) -> String {
     if low == high {
         return number::exact(low);

@@ -1,4 +1,4 @@
-//! How good the data are: channels, topics, bytes, damage, notices, and the map that was taken.
+//! Data quality: channels, topics, bytes, damage, notices, and the channel map that was used.
 
 use super::Head::{Number, Text};
 use super::{data_lost, maybe, minor_loss, more, rows, table, tail_cut};
@@ -11,15 +11,15 @@ use flight::{
 use maud::{Markup, html};
 use record::FlightRecord;
 
-/// Most rows of each list on the page; the record holds all.
+/// Maximum number of rows in each list on the page; the record has all.
 const MOST_CHANNELS: usize = 60;
 const MOST_TOPICS: usize = 300;
 const MOST_NOTICES: usize = 200;
 const MOST_INNER: usize = 12;
-/// Measured, published, logged.
+/// Timestamps of a topic: measured, published, logged.
 const MOST_STAMPS: usize = 3;
 
-/// Beside every count of gaps.
+/// Definition of a gap, shown next to every number of gaps.
 const GAP: &str = "A gap is a step from one stamp to the next of more than 2.5 median steps.";
 
 /// Channels, topics, bytes and damage of a flight.
@@ -51,7 +51,7 @@ pub(super) fn log_health(log: &LogHealth, binding: Option<&Binding>) -> Markup {
     }
 }
 
-/// What the log says of the vehicle, its software and its settings.
+/// Vehicle, software and settings according to the log.
 fn vehicle(about: &About) -> Markup {
     let receivers = (!about.receivers.is_empty()).then(|| about.receivers.join("; "));
     let changes = about.parameter_changes.len() as u64;
@@ -121,7 +121,7 @@ fn modes(about: &About) -> Markup {
     }
 }
 
-/// A folded list of texts from the log.
+/// A collapsed list of texts from the log.
 fn lines(title: &str, lines: &[String]) -> Markup {
     html! {
         @if !lines.is_empty() {
@@ -343,7 +343,7 @@ fn extras(extras: &[String]) -> Markup {
     }
 }
 
-/// Lost data and the number of notices, for the head of a page.
+/// Lost data and the number of notices, for the top of a page.
 pub(super) fn notice_words(notices: &Notices) -> Markup {
     let number_of = |severity| notices.iter().filter(|n| n.severity == severity).count() as u64;
     let (losses, warnings) = (number_of(Severity::Loss), number_of(Severity::Warning));
@@ -360,7 +360,7 @@ pub(super) fn notice_words(notices: &Notices) -> Markup {
     }
 }
 
-/// All notices, the gravest first.
+/// All notices, most severe first.
 pub(super) fn notices_section(notices: &Notices) -> Markup {
     let groups = [
         (Severity::Loss, "▲ Damage"),
@@ -399,7 +399,7 @@ fn notice_group(notices: &Notices, severity: Severity, title: &str) -> Markup {
     }
 }
 
-/// Which channel map was taken and why, and what else was considered.
+/// The channel map that was used and why, and the other candidates.
 pub(super) fn binding_section(binding: Option<&Binding>) -> Markup {
     html! {
         h2 { "Channel map" }
@@ -407,7 +407,7 @@ pub(super) fn binding_section(binding: Option<&Binding>) -> Markup {
     }
 }
 
-/// The map of one log.
+/// The channel map of one log.
 pub(super) fn channel_map(binding: Option<&Binding>) -> Markup {
     let row = |candidate: &MapCandidate| {
         html! {

@@ -12,16 +12,16 @@ use record::{
     SweepScore, flight_alarms,
 };
 
-/// An interval is uneven where its halves differ by more than this share of it.
+/// An interval is asymmetric if its halves differ by more than this share of its length.
 const UNEVEN: f64 = 0.1;
 
-/// What became of a flight in a word: whether compensation helped, else why nothing was compared.
+/// Result of a flight in one word: whether compensation helped, or why there was no comparison.
 pub(super) fn result_badge(outcome: &Outcome, effect: Option<&Effect>) -> Markup {
     let (class, icon, word) = result_look(outcome, effect);
     badge(class, icon, word)
 }
 
-/// The same with less markup, for the table of flights.
+/// The result with less markup, for the table of flights.
 pub(super) fn result_cell(outcome: &Outcome, effect: Option<&Effect>) -> Markup {
     let (class, icon, word) = result_look(outcome, effect);
     html! { b class=(class) { (icon) " " (word) } }
@@ -38,7 +38,7 @@ fn result_look(outcome: &Outcome, effect: Option<&Effect>) -> (&'static str, &'s
     }
 }
 
-/// The same in a word, as the table of flights is filtered by it.
+/// The result as the word that the table of flights is filtered by.
 pub(super) fn result_word(outcome: &Outcome, effect: Option<&Effect>) -> &'static str {
     match (outcome, effect.map(|e| e.verdict)) {
         (Outcome::Failed { .. }, _) => "failed",
@@ -67,7 +67,7 @@ fn effect_look(verdict: EffectVerdict) -> (&'static str, &'static str, &'static 
     }
 }
 
-/// The answer in four rows: how late, what was removed, what that did to the error, what to do; then what a reader must
+/// The answer in four rows: how late, what was removed, the effect on the error, what to do. Then what the reader must
 /// know.
 pub(super) fn answer(record: &FlightRecord) -> Markup {
     let lateness = record.lateness.as_ref();
@@ -83,7 +83,7 @@ pub(super) fn answer(record: &FlightRecord) -> Markup {
     }
 }
 
-/// How late, first; then whether it stays so, and what it rests on.
+/// How late, then whether the delay is constant and what the answer is based on.
 fn late(lateness: &FlightLateness) -> Markup {
     let first = lateness.words.find(". ").map_or(lateness.words.len(), |end| end + 1);
     let (first, rest) = lateness.words.split_at(first);
@@ -94,7 +94,7 @@ fn late(lateness: &FlightLateness) -> Markup {
     }
 }
 
-/// The interval, where its ends lie unevenly about the value: else ± U says it.
+/// The interval, if it is asymmetric about the value. Otherwise ± U is enough.
 fn interval(channel: Option<&ChannelLateness>) -> Markup {
     let ends = channel.and_then(|c| Some((c.interval_95_s, c.lateness_s.value, c.lateness_s.standard_uncertainty?)));
     let uneven = ends.filter(|([low, high], value, _)| ((high - value) - (value - low)).abs() > UNEVEN * (high - low));
@@ -105,9 +105,9 @@ fn interval(channel: Option<&ChannelLateness>) -> Markup {
     }
 }
 
-/// What removal did to the error, and what would have been possible.
+/// Effect of the removal on the error, and the best possible result.
 fn error(record: &FlightRecord, effect: &Effect) -> Markup {
-    // Where nothing was removed there is nothing that could have changed.
+    // If nothing was removed, nothing can have changed.
     let is_judged = !matches!(record.outcome, Outcome::Uncompensated { .. });
     html! {
         @if is_judged { (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words))) }
@@ -118,7 +118,7 @@ fn error(record: &FlightRecord, effect: &Effect) -> Markup {
     }
 }
 
-/// The error of the raw position while each fix is held, where another than that at the fixes.
+/// The error of the raw position while each fix is held, if it differs from the error at the fixes.
 fn held(record: &FlightRecord, effect: &Effect) -> Markup {
     let raw =
         record.replay.iter().filter_map(|r| r.scores.as_ref()).flat_map(|s| &s.compensators).find(|c| c.name == "raw");
@@ -133,7 +133,7 @@ fn held(record: &FlightRecord, effect: &Effect) -> Markup {
     }
 }
 
-/// What the error against a reference says of the delay that was removed: the best delay, and whether it agrees.
+/// Test of the removed delay by the error against a reference: the best delay, and whether it agrees.
 struct Tested<'a> {
     reference: &'a str,
     best_s: Estimate,
@@ -176,7 +176,7 @@ fn settings(advice: &DelayAdvice) -> Markup {
     }
 }
 
-/// What was removed: of a flight that was not replayed nothing, whatever was decided.
+/// What was removed. Without a replay nothing was removed, whatever was decided.
 fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
     let of_replay = record.replay.as_ref().map(|replay| (&replay.settings, decision.used));
     html! {
@@ -206,7 +206,7 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
     }
 }
 
-/// With a capital at its beginning.
+/// The text with a capital first letter.
 fn capitalised(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
@@ -238,7 +238,7 @@ fn alarms(alarms: &[DelayAlarm]) -> Markup {
     }
 }
 
-/// One lateness for each channel, with what it rests on.
+/// The lateness of each channel, with its evidence.
 pub(super) fn network(network: &DelayNetwork) -> Markup {
     let has_datum = network.channels.iter().any(|c| c.relative_to.is_none());
     let (title, what, caption) = match has_datum {
@@ -300,7 +300,7 @@ fn channel_row(c: &ChannelLateness) -> Markup {
     }
 }
 
-/// What kind of delay it is and what it is counted from, in the table of all flights.
+/// Kind of delay and what it is relative to, in the table of all flights.
 pub(super) fn kind_cells(row: &FlightRow) -> Markup {
     let lateness = row.lateness.as_ref();
     html! {
@@ -309,7 +309,7 @@ pub(super) fn kind_cells(row: &FlightRow) -> Markup {
     }
 }
 
-/// How many alarms a flight has and how grave they are; the grey ones are no alarm.
+/// Number of alarms of a flight by severity. Grey ones do not count as alarms.
 pub(super) fn alarm_badges(alarms: &[DelayAlarm]) -> Markup {
     let of = |gravity| alarms.iter().filter(move |a| a.gravity == gravity);
     let one = |gravity, class, word| {

@@ -1,4 +1,4 @@
-//! The method in words and equations, from the settings that were used.
+//! The method in words and equations, with the settings that were used.
 
 use super::estimate;
 use crate::number;
@@ -7,7 +7,7 @@ use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{FlightRecord, ReplayRecord, StartRule};
 
-/// Ready to paste into a report.
+/// The method section, ready to paste into a report.
 pub(super) fn section(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     html! {
         h2 id="method" { "Method" }
@@ -112,7 +112,7 @@ fn frame(replay: &ReplayRecord) -> Markup {
     }
 }
 
-/// A stamp as UTC to the microsecond where its clock says it, else in seconds of its clock.
+/// A timestamp as UTC to the microsecond if its clock is UTC, otherwise in seconds of its clock.
 pub(super) fn instant(stamp_ns: i64, clock: flight::Clock) -> String {
     let seconds = || format!("{} s, clock {clock}", number::fixed(stamp_ns as f64 * 1e-9, 6));
     match clock {

@@ -11,7 +11,7 @@ use crate::text::shown;
 use maud::{Markup, html};
 use record::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 
-/// The page of a study: `index.html`, and the figure of each group again as a file under
+/// The page of a study: `index.html`, and the figure of each group also as a file in
 /// `figures/`.
 #[must_use]
 pub fn monte_carlo_site(record: &MonteCarloRecord) -> Site {
@@ -43,7 +43,7 @@ fn body(record: &MonteCarloRecord, figures: &[Option<Figure>]) -> Markup {
     }
 }
 
-/// How many goals are met, and each that is not.
+/// Number of goals met, and each goal that is not met.
 fn goals(record: &MonteCarloRecord) -> Markup {
     let cases = || record.groups.iter().flat_map(|g| &g.cases);
     let count = |wanted| cases().flat_map(|c| &c.met).filter(|met| **met == Some(wanted)).count() as u64;

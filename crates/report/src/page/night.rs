@@ -1,4 +1,4 @@
-//! The page of a night: what a person reads in the morning.
+//! The page of a nightly run, to be read in the morning.
 
 use super::Head::{Number, Text};
 use super::run_changes::{Names, is_empty, sections};
@@ -9,8 +9,8 @@ use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{NightCampaign, NightRecord, ProofVerdict, SettingProof};
 
-/// The page of a night as `index.html`, with its figures. `base` leads from the page to the folder of the reports, as
-/// `../../`.
+/// The page of a night as `index.html`, with its figures. `base` leads from the page to the folder of the reports, such
+/// as `../../`.
 #[must_use]
 pub fn night_site(record: &NightRecord, base: &str) -> Site {
     let mut site = Site::default();
@@ -50,7 +50,7 @@ pub fn night_site(record: &NightRecord, base: &str) -> Site {
     site
 }
 
-/// The name of a campaign, with its report where it has one.
+/// The name of a campaign, linked to its report if it has one.
 fn link(campaign: &NightCampaign, base: &str) -> Markup {
     html! {
         @if campaign.report.is_empty() { (shown(&campaign.name)) }
@@ -128,7 +128,7 @@ fn left(record: &NightRecord) -> Markup {
     }
 }
 
-/// Groups for which no one value can be recommended.
+/// Groups for which no single value can be recommended.
 fn groups(record: &NightRecord) -> Markup {
     html! {
         @if !record.groups.is_empty() {
@@ -151,7 +151,7 @@ fn verdict(verdict: ProofVerdict) -> Markup {
     }
 }
 
-/// Recommended settings, predicted and measured residual side by side.
+/// Recommended settings, with the predicted and the measured residual side by side.
 fn settings(record: &NightRecord, names: &Names<'_>) -> Markup {
     let head = [
         Text("Parameter"),

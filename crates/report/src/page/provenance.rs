@@ -1,4 +1,4 @@
-//! What the page was made from, and how to make it again.
+//! Inputs of the page, and how to regenerate it.
 
 use super::Head::{Number, Text};
 use super::{

@@ -1,4 +1,4 @@
-//! The page over all reports below one folder.
+//! The overview page of all reports below one folder.
 
 use super::Head::{Number, Text};
 use super::{Needs, document, table};
@@ -9,21 +9,21 @@ use maud::html;
 /// A report below the folder of the page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReportEntry {
-    /// Path of its folder below that of the page, not yet percent-encoded.
+    /// Path of its folder relative to the folder of the page, not yet percent-encoded.
     pub path: String,
     /// `campaign` or `bench`.
     pub kind: String,
-    /// Flights or records in it. `None` if it was written by an earlier version of flightlag.
+    /// Number of flights or records. `None` if it was written by an earlier version of flightlag.
     pub size: Option<u64>,
-    /// What was found, a sentence each.
+    /// Findings, one sentence each.
     pub answers: Vec<String>,
     /// Folder or file that it was made from.
     pub source: String,
-    /// UTC of its last change, as `2026-05-04 18:46`.
+    /// UTC of its last change, such as `2026-05-04 18:46`.
     pub changed: String,
 }
 
-/// `index.html` of a folder of reports, the entries in the order given.
+/// `index.html` of a folder of reports, with the entries in the order given.
 #[must_use]
 pub fn reports_page(entries: &[ReportEntry]) -> String {
     let head = [
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_is_never_markup_and_a_link_is_percent_encoded() {
+    fn names_are_escaped_and_links_are_percent_encoded() {
         let entry = ReportEntry {
             path: "may/<b>#1 & 2?".into(),
             kind: "campaign".into(),

@@ -1,4 +1,4 @@
-//! What changed between two sets of results: the sections that the page of a night and the page of a comparison share.
+//! Changes between two sets of results: sections shared by the page of a night and the page of a comparison.
 
 use super::Head::{Number, Text};
 use super::{estimate, number, rows, table};
@@ -8,14 +8,14 @@ use maud::{Markup, html};
 use record::{ChangeCause, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RunChanges};
 use std::collections::BTreeMap;
 
-/// Most flights that are named in one list.
+/// Maximum number of flights named in one list.
 const MOST: usize = 200;
 
-/// How a page names flights and points to what it does not list.
+/// How a page links to flights and to the file with all entries.
 pub(super) struct Names<'a> {
-    /// From the page to the folder that pages of flights are relative to.
+    /// Path from the page to the folder that flight pages are relative to.
     pub(super) base: &'a str,
-    /// File that holds all entries.
+    /// File with all entries.
     pub(super) all: &'a str,
 }
 
@@ -73,7 +73,7 @@ impl Names<'_> {
     }
 }
 
-/// The words of a flight, each with what it says in full.
+/// The words of a flight, each with its full text.
 fn with_texts(of: &FlightWords) -> Markup {
     if of.texts.iter().all(String::is_empty) {
         return html! { b { (shown(&of.words.join(", "))) } };
@@ -87,7 +87,7 @@ fn with_texts(of: &FlightWords) -> Markup {
     }
 }
 
-/// All sections, what needs attention first.
+/// All sections. Those that need attention come first.
 pub(super) fn sections(changes: &RunChanges, names: &Names<'_>) -> Markup {
     html! {
         (names.words("Newly failing", &changes.failing))

@@ -1,4 +1,4 @@
-//! What the compensators are worth, with and without a reference; their error budget; the aircraft's own answer.
+//! Scores of the compensators with and without a reference, their error budget, and the aircraft's own solution.
 
 use super::Head::{self, Number, Text};
 use super::{badge, estimate, finding, maybe, no_number, plain, rows, table, table_of};
@@ -13,10 +13,10 @@ use record::{
 };
 use std::collections::BTreeMap;
 
-/// Most compensators of a table; the record holds all.
+/// Maximum number of compensators in a table; the record has all.
 const MOST: usize = 20;
 
-/// Figures of the section, not numbered yet: budget and bands.
+/// Figures of the section, not yet numbered: budget and bands.
 pub(super) fn figures(replay: Option<&ReplayRecord>) -> Vec<Figure> {
     let Some(scores) = replay.and_then(|r| r.scores.as_ref()) else { return vec![] };
     budget_figure(scores).into_iter().chain(bands_figure(scores)).collect()
@@ -35,12 +35,12 @@ pub(super) fn section(replay: &ReplayRecord, effect: Option<&Effect>, of_budget:
     }
 }
 
-/// A cell of a table of scores: the number, or a dash whose reason stands below the table.
+/// A cell of a score table: the number, or a dash. The reason for a dash is below the table.
 fn cell<T>(found: &Finding<T>, show: impl FnOnce(&T) -> Markup) -> Markup {
     maybe(found.found(), show)
 }
 
-/// Why some cells hold no number, each reason once.
+/// Why some cells have no number, each reason once.
 #[derive(Default)]
 struct Reasons<'a>(BTreeMap<(&'static str, &'a str), Vec<&'a str>>);
 
@@ -126,12 +126,12 @@ fn without_reference(scores: &ReplayScores) -> Markup {
     }
 }
 
-/// What leads are measured over.
+/// Whether this is the raw position, which leads are measured against.
 fn is_raw(score: &CompensatorScore) -> bool {
     score.name == "raw"
 }
 
-/// Whether what is left is what is expected, within U. Harm is what the effect says, not a difference here.
+/// Whether the residual delay agrees with the expected one within U. A difference here is not harm: see the effect.
 fn agreement(residual: &ResidualDelay) -> Markup {
     let expected = residual.expected_s;
     let apart = (residual.delay_s.value - expected.value).abs();

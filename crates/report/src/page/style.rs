@@ -1,4 +1,4 @@
-//! How pages look, and what they may load: nothing.
+//! Style of the pages, and their content security policy: they load nothing.
 
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
@@ -6,19 +6,19 @@ use sha2::{Digest, Sha256};
 use std::io::Write;
 use std::sync::LazyLock;
 
-/// The style sheet. Text has a contrast of 4.5 and more on its ground, lines of figures one of 3, in both modes and on paper.
+/// The style sheet. In both modes and on paper, text has a contrast of at least 4.5, lines of figures of at least 3.
 pub(crate) const CSS: &str = include_str!("style.css");
 
-/// Sorts, filters and saves the table of flights. Without it it is a table.
+/// Sorts, filters and saves the table of flights. Without the script it is a plain table.
 pub(crate) const TABLE_SCRIPT: &str = include_str!("table.js");
 
 /// Saves every other table as CSV.
 pub(super) const CSV_SCRIPT: &str = include_str!("csv.js");
 
-/// Inflates data of the page, and the script that the page holds packed.
+/// Decompresses data of the page and the packed script in the page.
 pub(super) const UNPACK_SCRIPT: &str = include_str!("unpack.js");
 
-/// Lets a reader zoom into the rows of a flight: uPlot (`uplot/LICENSE`), then our own. Without it there are the figures.
+/// Lets a reader zoom into the rows of a flight: uPlot (`uplot/LICENSE`), then our own code. Fallback: the figures.
 pub(super) const EXPLORER_SCRIPT: &str = concat!(
     include_str!("uplot/uPlot.iife.min.js"),
     "\n",
@@ -27,17 +27,17 @@ pub(super) const EXPLORER_SCRIPT: &str = concat!(
     include_str!("explorer.js")
 );
 
-/// Lets a reader shift the reference of a bench record by hand: uPlot, then our own. Without it there are the figures.
+/// Lets a reader shift the reference of a bench record by hand: uPlot, then our own code. Fallback: the figures.
 pub(super) const BENCH_SCRIPT: &str =
     concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("fingers.js"), "\n", include_str!("bench.js"));
 
 /// The style sheet of uPlot.
 pub(super) const EXPLORER_CSS: &str = include_str!("uplot/uPlot.min.css");
 
-/// [`EXPLORER_SCRIPT`] as [`UNPACK_SCRIPT`] reads it: half the size.
+/// [`EXPLORER_SCRIPT`] packed for [`UNPACK_SCRIPT`], at half the size.
 pub(super) static PACKED_EXPLORER: LazyLock<String> = LazyLock::new(|| packed(EXPLORER_SCRIPT));
 
-/// [`BENCH_SCRIPT`] as [`UNPACK_SCRIPT`] reads it.
+/// [`BENCH_SCRIPT`] packed for [`UNPACK_SCRIPT`].
 pub(super) static PACKED_BENCH: LazyLock<String> = LazyLock::new(|| packed(BENCH_SCRIPT));
 
 /// Raw deflate (RFC 1951) in base64.
@@ -48,7 +48,7 @@ fn packed(text: &str) -> String {
     base64(&encoder.finish().unwrap_or_default())
 }
 
-/// What the page may load: its own styles, images inside it, and its own scripts by their hashes.
+/// What the page may load: its own styles, inline images, and its own scripts by hash.
 pub(super) fn content_security_policy(scripts: &[&str]) -> String {
     let mut policy =
         "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'".to_owned();
@@ -60,7 +60,7 @@ pub(super) fn content_security_policy(scripts: &[&str]) -> String {
     policy
 }
 
-/// The title at the head of each printed page. Whatever is no letter or digit is escaped (CSS Syntax 3, section 4.3.7).
+/// The title at the top of each printed page. Special characters are escaped (CSS Syntax 3, section 4.3.7).
 pub(super) fn running_title(title: &str) -> String {
     let mut quoted = String::new();
     for c in crate::text::sentence(title).chars() {
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn base64_gives_the_vectors_of_rfc_4648() {
+    fn base64_matches_the_test_vectors_of_rfc_4648() {
         let vectors = [
             "", "", "f", "Zg==", "fo", "Zm8=", "foo", "Zm9v", "foob", "Zm9vYg==", "fooba", "Zm9vYmE=", "foobar",
             "Zm9vYmFy",
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_title_cannot_leave_its_string() {
+    fn a_title_is_escaped_inside_its_css_string() {
         let css = running_title("a\"}</style>\n\\ é");
         let inside = css.split('"').nth(1).unwrap();
         assert!(inside.starts_with("a\\22 \\7d \\3c /style\\3e ") && inside.ends_with("\\e9 "), "{css}");
@@ -111,14 +111,14 @@ mod tests {
     }
 
     #[test]
-    fn a_script_is_allowed_by_its_hash_alone() {
+    fn a_script_is_allowed_only_by_its_hash() {
         // SHA-256 of "abc" (FIPS 180-2) in base64.
         let policy = content_security_policy(&["", "abc"]);
         assert!(policy.contains("'sha256-ungWv48Bz+pBQUDeXa4iI7ADYaOWF3qctBD/YfIAFa0='"), "{policy}");
         assert!(!content_security_policy(&[]).contains("script-src"));
     }
 
-    /// `--name:#rgb` pairs of one block of the style sheet.
+    /// `--name:#rgb` pairs in one block of the style sheet.
     fn colours(block: &str) -> std::collections::BTreeMap<&str, [f64; 3]> {
         let colour = |text: &str| {
             let digits = text.strip_prefix('#')?;

@@ -1,4 +1,4 @@
-//! Which delay was removed and why, and what the others would have done.
+//! Which delay was removed and why, and the effect of the other candidates.
 
 use super::Head::{Number, Text};
 use super::{badge, estimate, expanded, finding, maybe, maybe_estimate, or_why, plain, rows, table};
@@ -12,7 +12,7 @@ use record::{
     SweepOptimum, SweepScore,
 };
 
-/// Figures of the section, not numbered yet.
+/// Figures of the section, not yet numbered.
 pub(super) fn figures(record: &FlightRecord) -> Vec<Figure> {
     let Some(replay) = &record.replay else { return vec![] };
     let sweep = replay.sweep.as_ref().and_then(|s| sweep_figure(s, replay.choice.as_ref()));
@@ -25,7 +25,7 @@ pub(super) fn figures(record: &FlightRecord) -> Vec<Figure> {
     sweep.into_iter().chain(objective).collect()
 }
 
-/// Nothing if the record was made before this was looked at.
+/// The section; empty for a record made before this analysis existed.
 pub(super) fn section(replay: &ReplayRecord, figures: &Markup) -> Markup {
     html! {
         @if replay.choice.is_some() || replay.sweep.is_some() {
@@ -52,13 +52,13 @@ fn remarks(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
     }
 }
 
-/// The network is asked for by one name and answers by two.
+/// The network is requested by one name but reports one of two sources.
 fn is_fallback(choice: &DelayChoice) -> bool {
     let of_network = matches!(choice.used, DelaySource::OthersFlights | DelaySource::OwnNetwork);
     choice.asked != choice.used && !(choice.asked == DelaySource::Network && of_network)
 }
 
-/// What a delay found in the same data cannot be tested by.
+/// Why the same data cannot test a delay that was found in them.
 fn circularity(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> &'static str {
     let method = sweep.and_then(|s| s.optimum.found()).map(|o| o.method);
     match (choice.used, method) {
@@ -73,7 +73,7 @@ fn circularity(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> &'static str
     }
 }
 
-/// Ends of the bars of the candidates, s: one scale for all, so that the table is a forest.
+/// Ends of the bars of the candidates, s. All share one scale, so that the table is a forest plot.
 struct Scale(Option<(f64, f64)>);
 
 impl Scale {

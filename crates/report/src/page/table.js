@@ -1,5 +1,5 @@
 "use strict";
-// Sorts, filters and saves the table of flights. Without this script it is a table.
+// Sorts, filters and saves the table of flights. Without this script it is a plain table.
 for (const table of document.querySelectorAll("table.sortable")) {
   const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0], rows = [...body.rows];
   const names = heads.map((head) => head.textContent.trim());
@@ -25,7 +25,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
   const texts = new Map(rows.map((row) => [row, row.textContent.toLowerCase()]));
   const state = { q: "", sort: "", show: "" };
   const named = ["effect", "group", "data", "criteria", "kind"], places = Object.fromEntries(named.map((f) => [f, names.findIndex((n) => n.toLowerCase() === f)]));
-  // A verdict is its word alone, without its sign and without how many it is of.
+  // A verdict is compared by its word only, without its sign and its count.
   const read1 = (row, f) => {
     const cell = row.cells[places[f]], text = cell ? cell.textContent.trim() : "";
     if (isAbsent(text) || !cell.classList.contains("w")) return isAbsent(text) ? "" : text;
@@ -47,7 +47,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
   const help = make("p", "Keys: / filter, \u2193 \u2191 or j k next and previous flight, Enter open it, e its reasons, Esc leave the filter, ? this line.", bar);
   help.className = "note";
   help.hidden = true;
-  // Length of the words that all of some long names begin with: they tell none from another.
+  // Length of the common leading words of long names: they do not distinguish the names.
   const start = (all) => {
     let length = 0;
     while (new Set(all).size > 1 && all.every((name) => name[length] === all[0][length])) length++;
@@ -89,7 +89,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
     const bits = (of) => of.map((b) => (b ? "1" : "0")).join(""), now = bits(boxes.map((b) => b.checked));
     return now === bits(usual) ? "" : now;
   };
-  // Words of the trade for columns and facets that are called otherwise here.
+  // Common terms for columns and facets that have other names here.
   const aliases = { delay: "lateness", late: "lateness", receiver: "group", rate: "position(hz", date: "flown", error: "errorafter" };
   const plainly = (n) => n.toLowerCase().replace(/[^a-z(]/g, "");
   const column = (word) => names.findIndex((n) => plainly(n).startsWith(aliases[word] || word));
@@ -114,8 +114,8 @@ for (const table of document.querySelectorAll("table.sortable")) {
     return (row) => texts.get(row).includes(token);
   };
   const isIn = (row, facet) => chosen.get(facet).size === 0 || chosen.get(facet).has(values.get(row)[facet]);
-  // Rows in their order, those that fit, and how many of these are in the document: more than a screen needs would make
-  // every change slow.
+  // Rows in sorted order, rows that match, and how many of these are in the document. More rows than a screen needs
+  // would slow down every change.
   const CHUNK = 100;
   let sorted = rows, wanted = rows, drawn = rows.length;
   const more = (count = CHUNK) => {
@@ -136,7 +136,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
     drawn = 0;
     more();
     count.textContent = " " + kept.size + " of " + rows.length + " flights " + (unknown.length ? "(no column is called " + unknown.join(", ") + ") " : "");
-    // Each count is of what a click would show: the other facets hold.
+    // Each count is the number of rows that a click would show, with the other facets still applied.
     const tallies = new Map(facets.map((f) => [f, new Map()]));
     for (const row of found) {
       const misses = facets.filter((f) => !isIn(row, f));
@@ -169,14 +169,14 @@ for (const table of document.querySelectorAll("table.sortable")) {
     const text = [...head.childNodes];
     button("", head, () => { sortBy(i, head.getAttribute("aria-sort") === "ascending" ? -1 : 1); apply(); }).append(...text);
   });
-  // Where it flew, in small: two letters for each point, steps from the left and from the top; a blank lifts the pen.
+  // A small ground track: two letters for each point, steps from the left and from the top. A space lifts the pen.
   const letters = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%()*+,-./:;=?@[]^_`{|}~";
   const picture = (packed, cell) => {
     if (!packed) return void (make("p", "No track to show: no position of this flight was compensated.", cell).className = "note");
     const d = packed.split(" ").map((piece) => "M" + piece.replace(/../g, (two) => letters.indexOf(two[0]) + " " + letters.indexOf(two[1]) + " ")).join("");
     cell.insertAdjacentHTML("beforeend", '<svg class="sketch" viewBox="-1 -1 90 35" width="160" height="60" role="img" aria-label="Ground track, north up"><path d="' + d + '"/></svg>');
   };
-  // A row says why it wants a look, and where it flew.
+  // A row shows why it needs attention, and where it flew.
   const explain = (row) => {
     if (!row) return;
     const next = row.nextElementSibling;
@@ -225,7 +225,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
     if (act) { e.preventDefault(); act(); }
   });
   const save = () => {
-    // A text that a spreadsheet would take for a formula gets an apostrophe; numbers stay as they are.
+    // Text that a spreadsheet might evaluate is prefixed with an apostrophe. Numbers are unchanged.
     const cell = (v) => {
       const text = isAbsent(v) ? "" : v;
       const inert = Number.isNaN(Number(text)) && /^\s*[=+\-@]/.test(text) ? "'" + text : text;
@@ -234,7 +234,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
     const seen = heads.map((_, i) => i).filter((i) => boxes[i].checked);
     const plain = (n) => n.replace(" (ms)", " (s)"), isUncertain = (i) => rows.some((row) => row.cells[i].dataset.u !== undefined);
     const word = (row, i) => values.get(row)[names[i].toLowerCase()] ?? (row.cells[i].classList.contains("w") ? row.cells[i].textContent.trim() : value(row, i));
-    // A value that has an uncertainty is followed by it, expanded with k = 2.
+    // A value with an uncertainty is followed by the expanded uncertainty (k = 2).
     const line = (of, ofU) => seen.flatMap((i) => (isUncertain(i) ? [of(i), ofU(i)] : [of(i)])).map(cell).join(",");
     const lines = [line((i) => plain(names[i]), (i) => "U of " + plain(names[i])), ...wanted.map((r) => line((i) => word(r, i), (i) => r.cells[i].dataset.u || ""))];
     const link = document.createElement("a");

@@ -1,4 +1,4 @@
-//! What the test cards say: front matter, instrumentation, and which card is done.
+//! Content of the test cards: front matter, instrumentation, and which cards are done.
 
 use super::Head::{self, Number, Text};
 use super::{badge, fact, more, table};
@@ -11,10 +11,10 @@ use record::{
     TestConditions, TestInstrument, TestReport,
 };
 
-/// Most flights named for one card; the record holds all.
+/// Maximum number of flights named for one card; the record has all.
 const MOST_FLIGHTS: usize = 50;
 
-/// Cards, report and aircraft in one line below the title of a flight; nothing without a card.
+/// Cards, report and aircraft in one line below the title of a flight; empty without a card.
 pub(super) fn flight_line(test: Option<&FlightTest>) -> Markup {
     let Some(test) = test else { return html! {} };
     html! {
@@ -27,7 +27,7 @@ pub(super) fn flight_line(test: Option<&FlightTest>) -> Markup {
     }
 }
 
-/// The same below the title of a campaign.
+/// Report and aircraft in one line below the title of a campaign.
 pub(super) fn campaign_line(test: Option<&CampaignTest>) -> Markup {
     let Some(test) = test else { return html! {} };
     html! { p.note { (front_line(test.title.as_deref(), &test.report, &test.aircraft)) } }
@@ -41,7 +41,7 @@ fn front_line(title: Option<&str>, report: &TestReport, aircraft: &TestAircraft)
     html! { (shown(&parts.into_iter().flatten().collect::<Vec<_>>().join(" · "))) }
 }
 
-/// The part of a flight's page.
+/// The test-card section of a flight's page.
 pub(super) fn flight_section(test: Option<&FlightTest>) -> Markup {
     html! {
         h2 #test-card { "Test card" }
@@ -61,7 +61,7 @@ pub(super) fn flight_section(test: Option<&FlightTest>) -> Markup {
     }
 }
 
-/// The part of a campaign's page; nothing without a card.
+/// The test-card section of a campaign's page; empty without a card.
 pub(super) fn campaign_section(test: Option<&CampaignTest>) -> Markup {
     let Some(test) = test else { return html! {} };
     let with = |status| test.coverage.iter().filter(|card| card.status == status).count() as u64;
@@ -146,7 +146,7 @@ fn status_badge(status: CardStatus) -> Markup {
     }
 }
 
-/// A text of the card, or the words for its absence.
+/// A text of the card, or a note that it is missing.
 fn provided(text: Option<&str>) -> Markup {
     match text {
         Some(text) => html! { (shown(text)) },

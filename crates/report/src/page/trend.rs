@@ -1,4 +1,4 @@
-//! The page of trends: control charts with the places where they change.
+//! The page of trends: control charts and their change points.
 
 use super::Head::{Number, Text};
 use super::run_changes::Names;
@@ -10,10 +10,10 @@ use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{TrendChart, TrendRecord};
 
-/// Most charts that are drawn; the table has all.
+/// Maximum number of charts drawn; the table has all.
 const MOST_DRAWN: usize = 40;
 
-/// The page of trends as `index.html`, with its figures. `base` leads from the page to the folder that pages of flights are
+/// The page of trends as `index.html`, with its figures. `base` leads from the page to the folder that flight pages are
 /// relative to.
 #[must_use]
 pub fn trend_site(record: &TrendRecord, title: &str, base: &str) -> Site {
@@ -36,7 +36,7 @@ pub fn trend_site(record: &TrendRecord, title: &str, base: &str) -> Site {
     site
 }
 
-/// The table of changes, and the charts: those that change first.
+/// The table of changes, then the charts. Charts with changes come first.
 pub(super) fn charts(record: &TrendRecord, names: &Names<'_>, site: &mut Site) -> Markup {
     let mut ordered: Vec<&TrendChart> = record.charts.iter().collect();
     ordered.sort_by_key(|chart| (chart.changes.is_empty(), std::cmp::Reverse(chart.points.len())));
@@ -96,7 +96,7 @@ fn changes(charts: &[&TrendChart], names: &Names<'_>) -> Markup {
     }
 }
 
-/// The mean of each stretch: the newest is what holds now.
+/// The mean of each segment. The newest one is the current value.
 fn means(charts: &[&TrendChart]) -> Markup {
     let head = [
         Text("Chart"),

@@ -1,5 +1,5 @@
 "use strict";
-// Inflates what the page holds packed, raw deflate in base64, and starts the script among it.
+// Decompresses the packed data of the page (raw deflate in base64) and starts the packed script.
 const inflated = (text) => {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw")));

@@ -1,4 +1,4 @@
-//! The connections of a bag: what its messages are, and which topics they go to.
+//! The connections of a bag: the type of its messages and their topics.
 
 use super::record::Fields;
 use crate::decode::{Definition, MD5_OF_NOTHING, Route, Tally, Times, Topics};
@@ -9,9 +9,9 @@ use flight::{Code, Notices};
 use logscan::Fate;
 use std::collections::BTreeMap;
 
-/// Connections in one bag.
+/// Maximum connections in one bag.
 const MOST_CONNECTIONS: usize = 65_536;
-/// Memory that the definitions of a bag may take, bytes.
+/// Maximum memory for the definitions of a bag, bytes.
 const MOST_DEFINITIONS: usize = 64 << 20;
 
 struct Connection {
@@ -21,7 +21,7 @@ struct Connection {
     route: Route,
 }
 
-/// Connections of one bag; gives messages to the topics.
+/// Connections of one bag; routes messages to the topics.
 pub(super) struct Connections<'b, 't> {
     topics: &'b mut Topics<'t>,
     known: BTreeMap<u32, Connection>,
@@ -36,7 +36,7 @@ impl<'b, 't> Connections<'b, 't> {
         Connections { topics, known: BTreeMap::new(), definition_bytes: 0, unplaced, redefined }
     }
 
-    /// Takes a connection record, whose `data` are a second header, with the definition. Fails with what is wrong with it.
+    /// Takes a connection record. Its `data` are a second header with the definition. The error says what is wrong.
     pub(super) fn announce(&mut self, id: u32, topic: &[u8], data: &[u8]) -> Result<(), String> {
         let fields = Fields::parse(data).ok_or("the fields of a connection are damaged")?;
         let type_name = fields.text("type").ok_or("a connection without a type")?;
@@ -51,7 +51,7 @@ impl<'b, 't> Connections<'b, 't> {
         self.add(id, info, is_whole.then_some(definition), md5sum)
     }
 
-    /// `definition` is absent where the recorder had none: that of a message without fields is an empty text.
+    /// `definition` is absent if the recorder had none; the definition of a message without fields is an empty text.
     fn add(
         &mut self,
         id: u32,
@@ -64,7 +64,7 @@ impl<'b, 't> Connections<'b, 't> {
                 return Ok(());
             }
             self.redefined.add(|| format!("connection {id}, {:.200}", info.name));
-            // If there is no room for the new one, messages are not to be taken for the old one's.
+            // If there is no room for the new connection, its messages must not go to the old one.
             self.known.remove(&id);
         }
         self.definition_bytes += definition.map_or(0, <[u8]>::len);
@@ -96,7 +96,7 @@ impl<'b, 't> Connections<'b, 't> {
         }
     }
 
-    /// A message that is not wanted, and whose payload was not read.
+    /// Counts an unwanted message whose payload was not read.
     pub(super) fn unread(&mut self, id: u32, logged_ns: i64, length: u64) -> Fate {
         let Some(known) = self.known.get(&id) else {
             self.unplaced.add(|| format!("connection {id}"));
@@ -105,7 +105,7 @@ impl<'b, 't> Connections<'b, 't> {
         self.topics.unread(known.route, Times { logged_ns, published_ns: None }, length)
     }
 
-    /// Forgets the connections of a bag that has ended; the number of its messages that belong to none.
+    /// Discards the connections of a bag that has ended. Returns the number of messages without a connection.
     pub(super) fn end(&mut self, file: &str, notices: &mut Notices) -> u64 {
         let (unplaced, redefined) = (std::mem::take(&mut self.unplaced), std::mem::take(&mut self.redefined));
         (self.known, self.definition_bytes) = Default::default();

@@ -1,4 +1,4 @@
-//! The index at the end of a bag: its connections, the places of its chunks, and how many messages they hold.
+//! The index at the end of a bag: connections, chunk offsets and message counts.
 
 use super::MAGIC;
 use super::connections::Connections;
@@ -11,34 +11,34 @@ use flight::{Code, Notices, Severity};
 use logscan::{LogFile, ScanError};
 use std::ops::Range;
 
-/// What the end of the bag says of the rest.
+/// What the end of the bag says about the rest.
 #[derive(Debug, Default)]
 pub(super) enum Index {
-    /// The bag header says that there is none: the recorder did not close the bag.
+    /// The bag header says that there is no index: the recorder did not close the bag.
     None,
-    /// It should reach beyond the end of the file.
+    /// It should extend past the end of the file.
     CutOff,
-    /// It is there but cannot be read, or the bag header cannot.
+    /// The index or the bag header cannot be read.
     #[default]
     Unreadable,
     /// Messages in all chunks.
     Counts(u64),
 }
 
-/// An index while it is read.
+/// An index being read.
 pub(super) struct IndexReader<'i, 'b, 't> {
     pub(super) file: &'i mut LogFile,
     pub(super) connections: &'i mut Connections<'b, 't>,
-    /// Bytes that may be read, and then as many fewer.
+    /// Bytes that may still be read.
     pub(super) left: &'i mut u64,
-    /// The longest record.
+    /// Maximum record length.
     pub(super) most: u64,
-    /// Where the chunks should be that it lists.
+    /// Offsets of the chunks that it lists.
     pub(super) places: Vec<u64>,
 }
 
 impl IndexReader<'_, '_, '_> {
-    /// The index of a bag that begins and whose index begins so in the file; its header says how many chunks it has.
+    /// Reads the index for a bag and an index at these offsets in the file; the bag header gives the number of chunks.
     pub(super) fn read(&mut self, log: Range<u64>, chunks: Option<u32>) -> Result<Index, ScanError> {
         let (mut at, mut messages, mut seen) = (log.end, 0_u64, 0_u64);
         while at < self.file.size() {
@@ -58,7 +58,7 @@ impl IndexReader<'_, '_, '_> {
             let Some(record) = Record::of(bytes) else { return Ok(Index::Unreadable) };
             let data = bytes.get(record.head..).unwrap_or_default();
             match record.kind {
-                // What is wrong with a connection is said when the scan comes by.
+                // The scan reports connection errors when it gets there.
                 Kind::Connection { connection, topic } => drop(self.connections.announce(connection, topic, data)),
                 Kind::ChunkInfo { chunk_at, .. } => {
                     self.places.extend(log.start.checked_add(chunk_at).filter(|_| seen < MOST_PLACES as u64));
@@ -93,7 +93,7 @@ impl Index {
     }
 }
 
-/// Messages that a chunk info lists: pairs of connection and count.
+/// Messages that a chunk info lists, as pairs of connection and count.
 fn counts(data: &[u8]) -> u64 {
     let mut rest = Bytes(data);
     let mut sum = 0;

@@ -10,15 +10,15 @@ const CHUNK: u8 = 5;
 const CHUNK_INFO: u8 = 6;
 const CONNECTION: u8 = 7;
 
-/// Longest header that is taken for one, bytes.
+/// Longest header accepted, bytes.
 pub(super) const LONGEST_HEADER: u32 = 4 << 10;
 
-/// The fields of a header. Later ones of the same name do not count.
+/// The fields of a header. Later fields of the same name are ignored.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fields<'h>(&'h [u8]);
 
 impl<'h> Fields<'h> {
-    /// `None` if this is no list of fields.
+    /// `None` if this is not a list of fields.
     pub(super) fn parse(header: &'h [u8]) -> Option<Fields<'h>> {
         let mut rest = Bytes(header);
         while !rest.0.is_empty() {
@@ -61,7 +61,7 @@ fn time_ns(value: &[u8]) -> Option<i64> {
     Some(i64::from(seconds) * flight::NANOS_PER_SECOND + i64::from(nanos))
 }
 
-/// What kind of record it is, with the part of the header that its kind needs.
+/// The kind of a record, with the part of the header that this kind needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind<'h> {
     Message { connection: u32, logged_ns: i64 },
@@ -73,7 +73,7 @@ pub(super) enum Kind<'h> {
 }
 
 impl<'h> Kind<'h> {
-    /// Of a message with the three fields that every recorder writes, in any order; `None` leaves it to [`Kind::of`].
+    /// The kind of a message with the three fields that every recorder writes, in any order; `None`: use [`Kind::of`].
     fn usual_message(header: &[u8]) -> Option<Kind<'h>> {
         let (mut is_message, mut connection, mut time) = (false, None, None);
         let mut rest = Bytes(header);
@@ -114,14 +114,14 @@ impl<'h> Kind<'h> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Record<'h> {
     pub(super) kind: Kind<'h>,
-    /// Bytes in front of the data.
+    /// Bytes before the data.
     pub(super) head: usize,
-    /// Those of the data as stated: they may reach past the end.
+    /// Stated length of the data: it may extend past the end.
     data: u32,
 }
 
 impl<'h> Record<'h> {
-    /// The record that the bytes begin with; `None` if none does, or its header is cut.
+    /// The record at the start of the bytes; `None` if there is none, or its header is truncated.
     #[inline]
     pub(super) fn of(bytes: &'h [u8]) -> Option<Record<'h>> {
         let mut rest = Bytes(bytes);
@@ -132,13 +132,13 @@ impl<'h> Record<'h> {
         Some(Record { kind, head: length + 8, data })
     }
 
-    /// Bytes of all of it.
+    /// Total length in bytes.
     pub(super) fn length(&self) -> u64 {
         self.head as u64 + u64::from(self.data)
     }
 
-    /// Whether its length is that of the entries which it says it has, of times and offsets or of connections and counts;
-    /// `None` if it says nothing of entries.
+    /// Whether its length matches its stated number of entries, of times and offsets or of connections and counts;
+    /// `None` if it states no number of entries.
     pub(super) fn fits_its_count(&self) -> Option<bool> {
         let (count, entry) = match self.kind {
             Kind::Index { count } => (count?, 12),
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_are_found_by_their_whole_name() {
+    fn fields_are_matched_by_their_full_name() {
         let header = b"\x08\0\0\0oper=abc\x04\0\0\0op=\x02\x08\0\0\0conn=\x01\0\0";
         let fields = Fields::parse(header).unwrap();
         assert_eq!(fields.get("op"), Some(&[2][..]));
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_usual_message_is_the_same_by_its_three_fields_as_by_any() {
+    fn the_fast_path_for_usual_messages_agrees_with_the_general_one() {
         let field = |content: &[u8]| [&(content.len() as u32).to_le_bytes(), content].concat();
         let (op, conn) = (field(b"op=\x02"), field(b"conn=\x07\0\x01\0"));
         let time = field(b"time=\x05\0\0\0\x09\0\0\0");

@@ -1,7 +1,7 @@
 //! The frames of a bag, which are its records, and where their content goes.
 //!
-//! An uncompressed chunk is a record of its header alone: what it holds are records like any other. A bag has no checksums
-//! but those of its compressors, so a record is believed if it has the fields of its kind and another follows.
+//! The header of an uncompressed chunk is treated as a record: the content is records like any other. Only the
+//! compressors add checksums, so a record is accepted if it has the fields of its kind and another follows.
 
 use super::MAGIC;
 use super::connections::Connections;
@@ -17,22 +17,22 @@ use flight::{Code, LogHealth, Notices};
 use logscan::{Fate, Fetched, Framing, Ledger, LogFile, MOST_IN_VAIN, Parsed, ScanError, Source, Trust, scan};
 use std::borrow::Cow;
 
-/// Said of a file that does not begin as a bag does.
+/// Reported for a file that does not start as a bag does.
 pub(super) const WRONG_START: &str = "the line that begins the file is wrong";
-/// Records up to this length are taken as they lie in memory, bytes.
+/// Records up to this length are read in place, bytes.
 pub(super) const LONGEST: usize = 5 << 10;
-/// Bytes read together with a compressed chunk, for a look at what follows.
+/// Bytes read together with a compressed chunk, to examine what follows.
 const AHEAD: u64 = LONGEST as u64 + 64;
-/// The shortest header says its type: a length, and `op=` with a byte.
+/// The shortest header contains only its type: a length, and `op=` with a byte.
 const SHORTEST_HEADER: u32 = 8;
 /// The shortest record, bytes: two lengths and a header.
 const SHORTEST: usize = 16;
-/// Zero bytes between two records that are taken for padding.
+/// Most zero bytes between two records that are accepted as padding.
 const MOST_PADDING: usize = 4096;
-/// Bags one behind another in one file.
+/// Maximum bags one after another in one file.
 const MOST_BAGS: u64 = 1000;
 
-/// The records of one file, which may be several bags one behind another.
+/// The records of one file, which may be several bags one after another.
 pub(super) struct Records<'b, 't, 'c> {
     name: &'b str,
     context: &'b ReadContext<'c>,
@@ -40,24 +40,24 @@ pub(super) struct Records<'b, 't, 'c> {
     connections: Connections<'b, 't>,
     /// `None` within a chunk, where nothing is left to decompress.
     unpacker: Option<Unpacker>,
-    /// Something of the file was looked at.
+    /// Some of the file was examined.
     has_begun: bool,
     bags: u64,
-    /// Bytes that may be read for indexes: of many bags each may say that its index is the same long one.
+    /// Bytes that may still be read for indexes: in a file of many bags, each may claim the same long index.
     index_bytes: u64,
     undecodable: u64,
     bag: Bag,
 }
 
-/// What is known of the bag that is being read.
+/// State of the bag that is being read.
 #[derive(Default)]
 struct Bag {
     index: Index,
     messages: u64,
     padding: u64,
-    /// The record before is a message: zeros behind it may be its own.
+    /// The previous record is a message: zeros after it may belong to it.
     behind_message: bool,
-    /// It has compressed chunks, and no messages outside of them.
+    /// It has compressed chunks, and no messages outside them.
     is_packed: bool,
     found_any: bool,
 }
@@ -84,14 +84,14 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         }
     }
 
-    /// Ends the last bag; the number of messages that belong to no connection.
+    /// Ends the last bag. Returns the number of messages without a connection.
     pub(super) fn finish(mut self) -> u64 {
         self.end_bag(self.bags == 0);
         crate::format::tell_logs(self.name, self.bags, self.notices);
         self.undecodable
     }
 
-    /// Says what is odd about the bag that ends, unless nothing of it was there: what stands before the first one is damage.
+    /// Reports oddities of the bag that ends, unless nothing of it was present: bytes before the first bag are damage.
     fn end_bag(&mut self, is_only: bool) {
         let bag = std::mem::take(&mut self.bag);
         if !bag.found_any && !is_only {
@@ -109,7 +109,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         self.unpacker.is_none()
     }
 
-    /// The line that begins a bag.
+    /// The first line of a bag.
     fn first_line(&self, bytes: &[u8]) -> Parsed {
         let next = bytes.get(MAGIC.len()..).and_then(Record::of);
         let leads_on = next.is_some_and(|record| matches!(record.kind, Kind::BagHeader { .. }));
@@ -119,7 +119,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         }
     }
 
-    /// What begins without the header of a record: the padding between two, or one that is cut.
+    /// Data that does not start with a record header: padding between two records, or a truncated header.
     fn no_record(&self, bytes: &[u8]) -> Parsed {
         match Bytes(bytes).u32() {
             None => Parsed::Cut,
@@ -133,7 +133,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         }
     }
 
-    /// The header of a bag: what its index says is read first.
+    /// The header of a bag: the index is read first.
     fn begin_bag<S: Source>(
         &mut self,
         source: &mut S,
@@ -175,7 +175,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         fetched
     }
 
-    /// Scans what is in a chunk. The verdict is on the whole chunk.
+    /// Scans the records in a chunk. The verdict applies to the whole chunk.
     fn unpack(&mut self, unpacker: &mut Unpacker, file: &mut LogFile, packed: &Packed) -> Result<Fetched, ScanError> {
         let length = packed.data.end - packed.data.start;
         if length > self.context.limits.record_bytes {
@@ -337,10 +337,10 @@ impl Framing for Records<'_, '_, '_> {
     }
 }
 
-/// Said where no record begins.
+/// Reported where no record starts.
 const NO_RECORD: &str = "the bytes here are not a record, or a truncated one";
 
-/// Whether a header may begin with these bytes: its length, then that of its first field, and the name of that.
+/// Whether a header may start with these bytes: its length, then the length and the name of its first field.
 fn begins_header(bytes: &[u8]) -> bool {
     let [a, b, 0, 0, c, d, 0, 0, name @ ..] = bytes else { return false };
     let [length, first] = [[*a, *b], [*c, *d]].map(|two| u32::from(u16::from_le_bytes(two)));
@@ -351,10 +351,10 @@ fn begins_header(bytes: &[u8]) -> bool {
         && name.iter().take(SHORTEST_HEADER as usize).take_while(|byte| **byte != b'=').all(is_letter)
 }
 
-/// Bytes of the zeros that these begin with, if a record follows them, as some tools leave when they rewrite a bag.
+/// Number of leading zero bytes, if a record follows them: some tools leave such padding when they rewrite a bag.
 fn padding(bytes: &[u8]) -> Option<usize> {
     let zeros = bytes.iter().take(MOST_PADDING).take_while(|b| **b == 0).count();
-    // The length of a header may begin with zeros of its own: it is at most 2^12, so with one.
+    // The length of a header is at most 2^12, so it may itself start with one zero byte.
     let ends = |length: &usize| bytes.get(*length..).and_then(Record::of).is_some();
     [zeros, zeros.saturating_sub(1)].into_iter().filter(|length| *length > 0).find(ends)
 }
@@ -368,8 +368,8 @@ fn packed(record: &Record<'_>, at: u64, size: u64) -> Option<Packed> {
     Some(Packed { fetched, data: at + record.head as u64..end, codec, declared: u64::from(declared), summed: false })
 }
 
-/// The compressed chunk of the record at `at`, if it is one and another record follows. Otherwise it is no chunk, or is
-/// cut, and the scan does not wait for it.
+/// The compressed chunk of the record at `at`, if another record follows it. Otherwise it is not a chunk or is
+/// truncated, and the scan does not wait for it.
 fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, ScanError> {
     file.expect_jumps();
     let size = file.size();

@@ -1,9 +1,9 @@
-//! Receivers and lever arms by the parameters of ArduPilot (3.2 to 4.7) and PX4 (1.8 to 1.17).
+//! Receivers and lever arms from the parameters of ArduPilot (3.2 to 4.7) and PX4 (1.8 to 1.17).
 
 use super::{Parameters, Receivers, note_baud, note_rate, note_text, numbered, told, versions::tell_ardupilot};
 use flight::{LeverArm, ReceiverIdentity};
 
-/// What ArduPilot calls the parameters of one receiver, today and before 4.6.
+/// ArduPilot's parameter names for one receiver, since 4.6 and before.
 struct Names {
     number: u32,
     kind: [&'static str; 2],
@@ -15,7 +15,7 @@ const ARDUPILOT: [Names; 2] = [
     Names { number: 2, kind: ["GPS2_TYPE", "GPS_TYPE2"], period_ms: ["GPS2_RATE_MS", "GPS_RATE_MS2"] },
 ];
 
-/// What `GPS_TYPE` asks for (ArduPilot, `AP_GPS.h`): its number, the protocol, and whether it has a serial line.
+/// Values of `GPS_TYPE` (ArduPilot, `AP_GPS.h`): number, protocol, and whether it uses a serial port.
 const TYPES: &[(u32, &str, bool)] = &[
     (2, "UBX", true),
     (3, "MTK", true),
@@ -43,7 +43,7 @@ const TYPES: &[(u32, &str, bool)] = &[
     (100, "simulated", false),
 ];
 
-/// Receivers as ArduPilot says them in texts and parameters.
+/// Receivers from ArduPilot's texts and parameters.
 pub(in crate::format) fn of_ardupilot(parameters: &Parameters<'_>, texts: &[String]) -> Vec<ReceiverIdentity> {
     let mut receivers = Receivers::new();
     let (tried, found): (Vec<&String>, Vec<&String>) = texts.iter().partition(|text| text.contains(" probing for "));
@@ -71,7 +71,8 @@ pub(in crate::format) fn of_ardupilot(parameters: &Parameters<'_>, texts: &[Stri
     told(receivers)
 }
 
-/// Serial lines on which ArduPilot expects a receiver, in its order: the first receiver has the first. Their speed, baud.
+/// Baud rates of the serial ports on which ArduPilot expects a receiver, in its order: the first receiver has the
+/// first.
 fn serial_lines(parameters: &Parameters<'_>) -> Vec<(u32, String)> {
     const GPS: f64 = 5.0;
     let line = |port: u32| {
@@ -83,7 +84,7 @@ fn serial_lines(parameters: &Parameters<'_>) -> Vec<(u32, String)> {
     (0..10).filter_map(line).collect()
 }
 
-/// ArduPilot's short numbers of speeds (`AP_SerialManager::map_baudrate`); larger ones stand for themselves.
+/// ArduPilot's short codes for baud rates (`AP_SerialManager::map_baudrate`); larger numbers are the rate itself.
 fn baud_of(stated: f64) -> Option<u32> {
     const SHORT: &[(f64, u32)] = &[
         (1.0, 1_200),
@@ -108,7 +109,7 @@ fn baud_of(stated: f64) -> Option<u32> {
     short.or_else(|| (stated > 2000.0 && stated <= 12_500_000.0).then_some(stated as u32))
 }
 
-/// Ports that `GPS_n_CONFIG` of PX4 may name, and the parameter of their speed.
+/// Ports that PX4's `GPS_n_CONFIG` may name, and the parameter of their baud rate.
 const PORTS: &[(f64, &str)] = &[
     (101.0, "SER_TEL1_BAUD"),
     (102.0, "SER_TEL2_BAUD"),
@@ -124,7 +125,7 @@ const PORTS: &[(f64, &str)] = &[
 const PROTOCOLS: &[(f64, &str)] =
     &[(1.0, "UBX"), (2.0, "MTK"), (3.0, "Ashtech"), (4.0, "ERB"), (5.0, "Femtomes"), (6.0, "NMEA")];
 
-/// Takes in what PX4's parameters say. A speed of zero is found by the driver and is not known here.
+/// Reads PX4's parameters. A baud rate of zero is auto-detected by the driver and unknown here.
 pub(in crate::format) fn of_px4(parameters: &Parameters<'_>, receivers: &mut Vec<ReceiverIdentity>) {
     let mut all: Receivers = receivers.drain(..).map(|receiver| (receiver.number, receiver)).collect();
     for number in [1, 2] {
@@ -147,7 +148,7 @@ pub(in crate::format) fn of_px4(parameters: &Parameters<'_>, receivers: &mut Vec
     *receivers = told(all);
 }
 
-/// Parameters of places: the sensor, and what stands in front of and behind the axis in their names.
+/// Position parameters: the sensor, and the parts of the name before and after the axis.
 const PLACES: &[(&str, &str)] = &[
     ("gps", "GPS1_POS_"),
     ("gps", "GPS_POS1_"),
@@ -161,7 +162,7 @@ const PLACES: &[(&str, &str)] = &[
     ("imu-2", "INS_POS2_"),
 ];
 
-/// Where sensors sit. Of two parameters for one sensor the one that is set counts, else the first.
+/// Sensor positions. Of two parameters for one sensor the one that is set counts, otherwise the first.
 pub(in crate::format) fn lever_arms(parameters: &Parameters<'_>) -> Vec<LeverArm> {
     let mut arms: Vec<LeverArm> = vec![];
     for (sensor, name) in PLACES {
@@ -178,7 +179,7 @@ pub(in crate::format) fn lever_arms(parameters: &Parameters<'_>) -> Vec<LeverArm
     arms
 }
 
-/// The first of these parameters that the log holds as a number.
+/// The first of these parameters that has a numeric value in the log.
 fn first_of(parameters: &Parameters<'_>, names: &[&'static str; 2]) -> Option<(f64, &'static str)> {
     names.iter().find_map(|name| Some((parameters(name).filter(|value| value.is_finite())?, *name)))
 }
@@ -193,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn ardupilot_gives_each_receiver_its_type_rate_and_line() {
+    fn ardupilot_parameters_give_type_rate_and_port_of_each_receiver() {
         for (kind, rate, other) in
             [("GPS_TYPE", "GPS_RATE_MS", "GPS_TYPE2"), ("GPS1_TYPE", "GPS1_RATE_MS", "GPS2_TYPE")]
         {
@@ -217,14 +218,14 @@ mod tests {
     }
 
     #[test]
-    fn what_the_autopilot_found_goes_before_what_it_was_told() {
+    fn what_the_autopilot_detected_overrides_what_was_configured() {
         let all =
             stated(&[("GPS_TYPE", 1.0), ("GPS_RATE_MS", 200.0), ("SERIAL3_PROTOCOL", 5.0), ("SERIAL3_BAUD", 38.0)]);
         let texts = ["GPS 1: probing for u-blox at 9600 baud", "GPS 1: detected as u-blox at 115200 baud"];
         let receivers = of_ardupilot(&|name| all.get(name).copied(), &texts.map(str::to_owned));
         assert_eq!((receivers.len(), receivers[0].baud, receivers[0].rate_hz), (1, Some(115_200), Some(5.0)));
         assert!(receivers[0].sources["baud"].contains("detected"));
-        // A receiver that is switched off is none, and a rate of no meaning is none.
+        // A receiver that is switched off is omitted, and so is a rate without meaning.
         let all = stated(&[("GPS_TYPE", 0.0), ("GPS_RATE_MS", 200.0)]);
         assert_eq!(of_ardupilot(&|name| all.get(name).copied(), &[]), []);
         let all = stated(&[("GPS_TYPE", 2.0), ("GPS_RATE_MS", 0.0)]);
@@ -232,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn px4_says_the_speed_of_the_port_that_the_receiver_is_on() {
+    fn px4_baud_rate_is_that_of_the_receivers_port() {
         let all = stated(&[
             ("GPS_1_CONFIG", 102.0),
             ("SER_TEL2_BAUD", 115_200.0),
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn lever_arms_are_found_under_the_names_of_every_autopilot() {
+    fn lever_arms_are_found_under_the_parameter_names_of_every_autopilot() {
         let of = |name: &str, x: f64| [("X", x), ("Y", 0.0), ("Z", -0.2)].map(|(axis, v)| (format!("{name}{axis}"), v));
         for (name, sensor) in [
             ("GPS_POS1_", "gps"),

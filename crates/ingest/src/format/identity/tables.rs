@@ -1,17 +1,17 @@
-//! What tables of text say above their rows: `$VAR` lines of FlySight 2, remarks, and the first line of Garmin's.
+//! Metadata above the rows of text tables: `$VAR` lines of FlySight 2, remarks, and the first line of Garmin files.
 
 use super::note_text;
 use flight::ReceiverIdentity;
 
-/// First word of the line in which Garmin's G1000 says what it is.
+/// First word of the line with which Garmin's G1000 identifies itself.
 pub(in crate::format) const GARMIN: &str = "airframe_info";
 
-/// Names under which a device says its serial number and its firmware; letters alone count.
+/// Names that devices use for their serial number and firmware; only letters are compared.
 const SERIALS: &[&str] = &["deviceid", "serial", "serialnumber", "deviceserialnumber", "receiverserialnumber"];
 const FIRMWARES: &[&str] = &["firmwarever", "firmwareversion", "firmware", "receiverfirmware"];
 const MODELS: &[&str] = &["devicename", "productcode", "receivermodel", "receivertype"];
 
-/// The receiver by remarks, each `name = value`; empty if they do not say what it is.
+/// The receiver from remarks, each `name = value`; empty if they do not identify it.
 pub(in crate::format) fn of_table_head(remarks: &[String]) -> Vec<ReceiverIdentity> {
     let mut receiver = ReceiverIdentity { number: 1, ..ReceiverIdentity::default() };
     for (name, value) in remarks.iter().filter_map(|remark| remark.split_once(" = ")) {
@@ -32,7 +32,8 @@ pub(in crate::format) fn of_table_head(remarks: &[String]) -> Vec<ReceiverIdenti
     if receiver.is_told() { vec![receiver] } else { vec![] }
 }
 
-/// `log_version="1.03", unit_software_part_number="006-B1177-C1", unit_software_version="21.50.5", system_id="25B289D04"`.
+/// `log_version="1.03", unit_software_part_number="006-B1177-C1", unit_software_version="21.50.5",
+/// system_id="25B289D04"`.
 fn of_garmin(line: &str, receiver: &mut ReceiverIdentity) {
     let value = |key: &str| {
         let field = line.split(',').find_map(|field| field.trim().strip_prefix(key)?.strip_prefix('='))?;
@@ -58,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn each_maker_says_it_in_its_own_way() {
+    fn the_receiver_is_read_from_the_remarks_of_each_manufacturer() {
         let flysight = ["FIRMWARE_VER = v2024.05.25", "DEVICE_ID = 003e0038484e501420353131", "SESSION_ID = 3e10"];
         assert_eq!(facts(&flysight), told(["FlySight 2", "v2024.05.25", "003e0038484e501420353131"]));
         let garmin = "airframe_info =  log_version=\"1.03\", unit_software_part_number=\"006-B1177-C1\", \

@@ -1,9 +1,9 @@
-//! Version texts of receivers: UBX-MON-VER, the same lines as NMEA texts, and what drivers print of them.
+//! Version texts of receivers: UBX-MON-VER, the same lines as NMEA texts, and what drivers print.
 
 use super::{Receivers, note_baud, note_text};
 use flight::ReceiverIdentity;
 
-/// Hardware numbers of u-blox's chips.
+/// Hardware numbers of u-blox chips.
 const CHIPS: &[(&str, &str)] = &[
     ("00040005", "u-blox 5"),
     ("00040006", "u-blox 6"),
@@ -24,15 +24,15 @@ fn chip(hardware: &str) -> Option<String> {
     }
 }
 
-/// The value of `MOD=NEO-M8N-0`; older firmware writes a space for the equals sign.
+/// The value of `MOD=NEO-M8N-0`; older firmware writes a space instead of the equals sign.
 fn value_of<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     let rest = line.trim().strip_prefix(key)?;
     rest.strip_prefix(['=', ' ']).map(str::trim).filter(|value| !value.is_empty())
 }
 
-/// What the lines of a u-blox version message say; `None` if none of them is one of its lines.
+/// Parses the lines of a u-blox version message; `None` if no line belongs to one.
 ///
-/// `software` is the line that stands first in UBX-MON-VER; among NMEA texts it is known by its first word.
+/// `software` is the first line of UBX-MON-VER; in NMEA texts it is recognized by its first word.
 pub(in crate::format) fn of_version(lines: &[String], source: &str, protocol: &str) -> Option<ReceiverIdentity> {
     let first = |key: &str| lines.iter().find_map(|line| value_of(line, key));
     let hardware = lines.iter().find_map(|line| line.trim().strip_prefix("HW ")?.split_whitespace().next_back());
@@ -50,8 +50,8 @@ pub(in crate::format) fn of_version(lines: &[String], source: &str, protocol: &s
     Some(receiver)
 }
 
-/// Takes in what PX4's driver prints of a u-blox receiver: `INFO  [gps] u-blox firmware version: SPG 5.10`. The line has
-/// no number: with several versions nobody can tell whose they are.
+/// Reads what PX4's driver prints about a u-blox receiver: `INFO  [gps] u-blox firmware version: SPG 5.10`. The line
+/// has no receiver number: with several versions it is unknown which receiver has which.
 pub(in crate::format) fn tell_px4_versions(receivers: &mut [ReceiverIdentity], lines: &[String]) {
     for (key, name, before) in [
         ("u-blox firmware version:", "firmware", ""),
@@ -67,7 +67,7 @@ pub(in crate::format) fn tell_px4_versions(receivers: &mut [ReceiverIdentity], l
             |receiver: &&mut ReceiverIdentity| receiver.model.as_ref().is_none_or(|m| m.starts_with("u-blox"));
         for receiver in receivers.iter_mut().filter(is_ublox) {
             if name != "firmware" {
-                // What the driver read goes before what its device number and parameters say.
+                // What the driver read takes precedence over its device number and parameters.
                 receiver.sources.remove(name);
                 let field = if name == "model" { &mut receiver.model } else { &mut receiver.protocol };
                 *field = None;
@@ -77,9 +77,9 @@ pub(in crate::format) fn tell_px4_versions(receivers: &mut [ReceiverIdentity], l
     }
 }
 
-/// Takes in a text in which ArduPilot says what it found. Its words in 3.x to 4.7: `GPS 1: detected as u-blox at 115200
-/// baud`, `GPS 1: detected u-blox`, `GPS 1: probing for u-blox at 230400 baud`, `GPS 2: specified as DroneCAN1-125`,
-/// `u-blox 1 HW: 00040007 SW: 7.03 (45970)`.
+/// Reads a text in which ArduPilot reports what it detected. Its wording in 3.x to 4.7: `GPS 1: detected as u-blox at
+/// 115200 baud`, `GPS 1: detected u-blox`, `GPS 1: probing for u-blox at 230400 baud`, `GPS 2: specified as
+/// DroneCAN1-125`, `u-blox 1 HW: 00040007 SW: 7.03 (45970)`.
 pub(super) fn tell_ardupilot(text: &str, receivers: &mut Receivers) {
     let source = format!("text \"{text}\"");
     if let Some((before, versions)) = text.split_once(" HW: ") {
@@ -109,10 +109,10 @@ pub(super) fn tell_ardupilot(text: &str, receivers: &mut Receivers) {
     note_text(receiver, "protocol", protocol_of(model), &source);
 }
 
-/// Receivers of one vehicle that are believed.
+/// Most receivers of one vehicle that are accepted.
 const MOST_RECEIVERS: u32 = 20;
 
-/// Protocol of a driver of ArduPilot.
+/// Protocol of an ArduPilot driver.
 fn protocol_of(driver: &str) -> Option<&'static str> {
     [("u-blox", "UBX"), ("NMEA", "NMEA"), ("SBF", "SBF"), ("DroneCAN", "DroneCAN"), ("UAVCAN", "DroneCAN")]
         .iter()
@@ -136,7 +136,7 @@ mod tests {
         let facts = [&receiver.model, &receiver.firmware, &receiver.protocol].map(|fact| fact.as_deref().unwrap_or(""));
         assert_eq!(facts, ["NEO-M8N-0", "SPG 3.01", "UBX, version 18.00"]);
         assert_eq!(receiver.sources["model"], "MON-VER");
-        // A receiver of 2012, by its NMEA texts.
+        // A receiver of 2012, from its NMEA texts.
         let told = [
             "u-blox ag - www.u-blox.com",
             "HW  UBX-G70xx   00070000",
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_ardupilot_tell_of_each_receiver_apart() {
+    fn ardupilot_texts_are_assigned_to_the_receiver_they_name() {
         let mut receivers = Receivers::new();
         for text in [
             "GPS 1: detected as u-blox at 115200 baud",
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn versions_of_two_receivers_are_given_to_none() {
+    fn versions_of_two_receivers_are_assigned_to_neither() {
         let receiver =
             |model: &str| ReceiverIdentity { number: 1, model: Some(model.to_owned()), ..Default::default() };
         let mut receivers = [receiver("u-blox 9"), receiver("Septentrio")];

@@ -1,4 +1,4 @@
-//! The way of each sentence to its topic, and the time that it is given.
+//! Routes each sentence to its topic and assigns its time.
 
 use super::kind::{Kind, UTC, is_valid, whole_layout};
 use super::order::{Order, leave_undated};
@@ -17,26 +17,26 @@ use std::collections::HashMap;
 use std::fmt::Write;
 
 const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
-/// Addresses that are told apart.
+/// Most addresses that are distinguished.
 const MOST_ADDRESSES: usize = 4096;
-/// Talkers, and addresses of sentences without a time, whose epochs are told apart.
+/// Most talkers, and addresses of sentences without a time, whose epochs are distinguished.
 const MOST_TALKERS: usize = 64;
 /// Texts that are kept.
 const MOST_TEXTS: usize = 100;
 
-/// What `utc_ns` holds of a sentence before the first date: this and the time since the first sentence. UTC is never near
-/// it, and [`Dates`] puts the date in.
+/// `utc_ns` of a sentence before the first date is this plus the time since the first sentence. UTC is never near
+/// it, and [`Dates`] replaces it with the date.
 const BEFORE_ANY_DATE_NS: i64 = i64::MIN / 2;
-/// No log is longer, but one whose times are nonsense may step on by half a day with each sentence.
+/// No log is longer, but in one with nonsense times each sentence may step by half a day.
 const LONGEST_NS: i64 = i64::MAX / 8;
 
-/// Behind the address of sentences that are taken whole; no address has it.
+/// Suffix for the address of sentences that are taken raw; it does not occur in addresses.
 const WHOLE: &str = " whole";
 
-/// Gives sentences to the topics.
+/// Routes sentences to topics.
 #[derive(Default)]
 pub(crate) struct Book {
-    /// By address.
+    /// Routes by address.
     routes: HashMap<String, Option<Route>>,
     epochs: Epochs,
     age: Age,
@@ -44,24 +44,24 @@ pub(crate) struct Book {
     texts: Vec<String>,
     /// Before the first date.
     early: Tally,
-    /// Of types that say no time, before the first that does.
+    /// Of types without a time, before the first sentence with one.
     headless: Tally,
-    /// Of types that say the time, without it.
+    /// Of types with a time, where it is empty.
     timeless: Tally,
     unplaced: Tally,
-    /// Of types that say no time, behind damage.
+    /// Of types without a time, after damage.
     broken: Tally,
     heights: Heights,
     order: Order,
 }
 
 impl Book {
-    /// Something is missing here: a sentence without a time may be of an epoch that was lost.
+    /// Bytes are missing here: a sentence without a time may belong to an epoch that was lost.
     pub(crate) fn breaks(&mut self) {
         self.epochs.is_broken = true;
     }
 
-    /// A sentence, and when the logger had it, ns of UTC.
+    /// Takes a sentence, and the time at which it was logged, ns of UTC.
     pub(crate) fn sentence(
         &mut self,
         sentence: &Sentence<'_>,
@@ -109,7 +109,7 @@ impl Book {
         topics.message(route, times, self.line.as_bytes())
     }
 
-    /// Counts a sentence that is given no time.
+    /// Counts a sentence that gets no time.
     #[inline]
     fn without_time(&mut self, kind: &Kind, sentence: &Sentence<'_>, is_wanted: bool) {
         let tally = match kind.time {
@@ -121,7 +121,7 @@ impl Book {
         tally.add(|| sentence.body.to_owned());
     }
 
-    /// Writes the stamps of a sentence.
+    /// Writes the timestamps of a sentence.
     fn begin_line(&mut self, utc_ns: Option<i64>, elapsed_ns: Option<i64>, logged_ns: Option<i64>) {
         let utc_ns = utc_ns.or_else(|| elapsed_ns.map(|elapsed_ns| utc_cell(None, elapsed_ns)));
         self.line.clear();
@@ -134,7 +134,7 @@ impl Book {
         }
     }
 
-    /// Where sentences of this address go, and where those of them go that are taken whole.
+    /// Destinations for sentences of this address, decoded and raw.
     fn route(&mut self, talker: &str, name: &str, whole: bool, topics: &mut Topics<'_>) -> Option<Route> {
         let address = format!("{talker}{name}");
         let key = if whole { address.clone() + WHOLE } else { address.clone() };
@@ -144,7 +144,7 @@ impl Book {
         if self.routes.len() >= MOST_ADDRESSES {
             return None;
         }
-        // Beside those of its type that are read it has a topic of its own.
+        // It has a topic of its own, separate from the decoded one of its type.
         let topic = if whole && Kind::of(name).is_some() { address.clone() + "-whole" } else { address };
         let info = TopicInfo { name: topic, type_name: name.to_owned(), encoding: "nmea".to_owned() };
         let layout =
@@ -157,7 +157,7 @@ impl Book {
         route
     }
 
-    /// What receivers say of themselves.
+    /// What receivers say about themselves.
     fn note(&mut self, name: &str, sentence: &Sentence<'_>) {
         if name != "TXT" {
             return;
@@ -168,7 +168,8 @@ impl Book {
         }
     }
 
-    /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
+    /// Writes what the receiver says about itself, and what was wrong. The returned value dates the tables once they
+    /// are made.
     pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
         let text = match self.epochs.begin_ns {
             Some(_) => "sentences come before the first date, and are dated backwards from it",
@@ -195,12 +196,12 @@ impl Book {
     }
 }
 
-/// What the column of UTC holds: before the first date what [`Dates`] puts it into.
+/// Content of the UTC column: before the first date a value that [`Dates`] replaces.
 fn utc_cell(utc_ns: Option<i64>, elapsed_ns: i64) -> i64 {
     utc_ns.unwrap_or(BEFORE_ANY_DATE_NS + elapsed_ns)
 }
 
-/// The dates of sentences that stood before the first one, and the times that sentences should not have.
+/// The dates of sentences before the first date, and the times that sentences should not have.
 #[must_use]
 pub(crate) struct Dates {
     begin_ns: Option<i64>,
@@ -208,8 +209,8 @@ pub(crate) struct Dates {
 }
 
 impl Dates {
-    /// Puts them into the tables; without any date in the log such sentences have no UTC. Then what one receiver said
-    /// under several addresses is one table.
+    /// Puts them into the tables; if the log has no date, such sentences have no UTC. Then it merges what one receiver
+    /// sent under several addresses into one table.
     pub(crate) fn put(&self, log: &mut Log) {
         if self.vtg_leads {
             leave_undated(log);
@@ -220,7 +221,7 @@ impl Dates {
         talkers::unite(log);
     }
 
-    /// Whether any row of the column has a date then.
+    /// Whether any row of the column has a date afterwards.
     fn put_into(&self, column: &mut Column) -> bool {
         let ColumnData::I64(stamps) = &mut column.data else { return true };
         let early = |ns: i64| ns < BEFORE_ANY_DATE_NS / 2;
@@ -244,30 +245,30 @@ fn is_read(name: &str, sentence: &Sentence<'_>) -> bool {
     name != "PASHR" || sentence.field(3) == "T"
 }
 
-/// UTC from sentences that say the time of day, and some of which say the date.
+/// UTC from sentences with the time of day, some of which have the date.
 #[derive(Debug, Default)]
 struct Epochs {
-    /// Of the last sentence with a time, once a date is known.
+    /// UTC of the last sentence with a time, once a date is known.
     utc_ns: Option<i64>,
-    /// Of the last sentence with a time.
+    /// Time of day of the last sentence with a time.
     time_of_day_ns: Option<i64>,
     elapsed_ns: i64,
     /// UTC of the first sentence with a time, by the first date.
     begin_ns: Option<i64>,
-    /// By talker: two receivers may speak in turns.
+    /// By talker: two receivers may alternate.
     by_talker: Vec<Talker>,
     /// Sentences without a time, by address.
     given: Vec<Given>,
-    /// Something is missing behind the last sentence with a time.
+    /// Bytes are missing after the last sentence with a time.
     is_broken: bool,
-    /// The receiver has lost the time.
+    /// The receiver has no time at present.
     is_timeless: bool,
-    /// Stamps of the last sentence with a time that is no ZDA, which says the time whenever it likes.
+    /// Timestamps of the last sentence with a time, except ZDA, which may come at any moment.
     epoch: Option<Stamped>,
-    /// Stamps of a ZDA behind it, and whether ZDA says the time of the epoch behind.
+    /// Timestamps of a ZDA after it, and whether ZDA has the time of the next epoch.
     by_zda: Option<Stamped>,
     zda_leads: Votes,
-    /// Addresses of sentences of the epoch that have a time as a rule.
+    /// Addresses of sentences in the epoch that normally have a time.
     said: Vec<String>,
 }
 
@@ -275,9 +276,9 @@ struct Epochs {
 type Stamped = (Option<i64>, i64);
 
 impl Epochs {
-    /// UTC, and the time since the first sentence with one. A sentence without a time is of the epoch of the one
-    /// before it, of its own talker if that says times.
-    /// `date` is the begin of the day that the sentence names.
+    /// UTC, and the time since the first sentence with one. A sentence without a time belongs to the epoch of the
+    /// previous sentence, of its own talker if that one sends times.
+    /// `date` is the start of the day that the sentence states.
     fn stamp(
         &mut self,
         date: Option<i64>,
@@ -318,8 +319,8 @@ impl Epochs {
         }
     }
 
-    /// A sentence that lacks the time: the receiver has lost it, unless another one says the times, or another sentence has
-    /// said that of this epoch.
+    /// A sentence whose time is empty: the receiver has lost the time, unless another receiver sends the times, or
+    /// another sentence of this epoch has one.
     fn says_no_time(&mut self, (talker, name): (&str, &str)) {
         let says_times = |known: &Talker| known.own.is_some();
         let is_other = self.by_talker.iter().any(says_times)
@@ -336,7 +337,7 @@ impl Epochs {
         }
     }
 
-    /// What is known of a talker; `None` if there are too many.
+    /// State of a talker; `None` if there are too many.
     fn talker(&mut self, talker: &str) -> Option<&mut Talker> {
         let known = self.by_talker.iter().position(|known| known.name == talker);
         let index = known.unwrap_or(self.by_talker.len());
@@ -346,7 +347,7 @@ impl Epochs {
         self.by_talker.get_mut(index)
     }
 
-    /// The stamps of a sentence without a time; behind damage it has none.
+    /// The timestamps of a sentence without a time; it has none after damage.
     fn of_epoch(&mut self, (talker, name): (&str, &str)) -> (Option<i64>, Option<i64>) {
         let by_zda = self.by_zda.filter(|_| self.epoch.is_none() || self.zda_leads.are_most());
         let common = by_zda.or(self.epoch).filter(|_| !self.is_broken && !self.is_timeless);
@@ -359,7 +360,7 @@ impl Epochs {
         let is_it = |given: &&mut Given| given.address.strip_prefix(talker) == Some(name);
         let mut is_common = false;
         if let Some(given) = self.given.iter_mut().find(is_it) {
-            // Its talker says times more seldom, or no more: they are not those of its epochs.
+            // Its talker sends times less often, or has stopped: they are not those of its epochs.
             given.is_common |= own_ns.is_some() && given.own_ns == own_ns;
             given.own_ns = own_ns;
             is_common = given.is_common;
@@ -378,7 +379,7 @@ impl Epochs {
         }
         self.utc_ns = match date {
             Some(midnight_ns) => Some(midnight_ns + time_ns),
-            // The day that is nearest to the sentence before: at midnight the time is new before the date is.
+            // The day nearest to the previous sentence: at midnight the time changes before the date does.
             None => self
                 .utc_ns
                 .map(|before_ns| before_ns.saturating_add(nearest_step(time_ns - before_ns.rem_euclid(DAY_NS)))),
@@ -388,20 +389,20 @@ impl Epochs {
     }
 }
 
-/// Who says something.
+/// State of a talker.
 #[derive(Debug, Default)]
 struct Talker {
     name: String,
-    /// The last time that it said.
+    /// The last time that it sent.
     own: Option<Stamped>,
-    /// The last time that anybody had said when it said something without one.
+    /// The last time from any talker when this one sent a sentence without a time.
     pending_ns: Option<i64>,
-    /// Whether that was the time which it said next: one receiver may say the one sentence as GN and the other as GP. Two
-    /// receivers that speak in turns have different times, or one comes behind the other.
+    /// Whether that was the time that it sent next: one receiver may send one sentence as GN and the other as GP. Two
+    /// receivers that alternate have different times, or one follows the other.
     shares: Votes,
 }
 
-/// How often something was so, and how often not.
+/// How often a condition held, and how often not.
 #[derive(Debug, Default)]
 struct Votes {
     ayes: u64,
@@ -413,27 +414,27 @@ impl Votes {
         *if aye { &mut self.ayes } else { &mut self.noes } += 1;
     }
 
-    /// Whether it nearly always was.
+    /// Whether it nearly always held.
     fn are_most(&self) -> bool {
         self.ayes > 2 * self.noes
     }
 }
 
-/// Sentences of one address, which say no time.
+/// Sentences of one address, without a time.
 #[derive(Debug)]
 struct Given {
     address: String,
-    /// When its own talker had last said a time at the last of them.
+    /// The last time from its own talker before the last of them.
     own_ns: Option<i64>,
     /// The epochs are not those of its own talker.
     is_common: bool,
 }
 
-/// Since when the receiver can have been, and the dates that it says.
+/// The earliest date at which the receiver can have existed, and the dates that it sends.
 #[derive(Debug)]
 struct Age {
     since: Since,
-    /// By valid RMC, and by ZDA, which says its date without a fix too: the begin of the day.
+    /// Start of the day by valid RMC, and by ZDA, which has a date even without a fix.
     dates: [SaidDates; 2],
 }
 
@@ -443,16 +444,16 @@ impl Default for Age {
     }
 }
 
-/// As the weeks of other logs are read, which are below 1024 only in ten bits.
+/// As the weeks of other logs are interpreted: only ten-bit weeks are below 1024.
 const NO_LOG_BEFORE: Since =
     Since { week: 1024, why: "no log read here is from before 1999-08-22, when the GPS week first rolled over" };
-/// NMEA 0183, version 4.10, of June 2012: it names talkers of Galileo and others, and RMC has a field more.
+/// NMEA 0183, version 4.10, of June 2012: it defines talkers for Galileo and others, and RMC has one more field.
 const VERSION_4_10: Since =
     Since { week: 1691, why: "its sentences are those of NMEA 0183, version 4.10, which is of June 2012" };
 
 impl Age {
     fn look(&mut self, talker: &str, name: &str, sentence: &Sentence<'_>, date: Option<i64>) {
-        // Navigational status: safe, caution, unsafe, not valid. It stands behind the mode.
+        // Navigational status: safe, caution, unsafe, not valid. It follows the mode.
         let has_status = || {
             let [mode, status] = [12, 13].map(|field| sentence.field(field));
             name == "RMC" && mode.len() == 1 && ["S", "C", "U", "V"].contains(&status)
@@ -466,14 +467,14 @@ impl Age {
         }
     }
 
-    /// What is suspected of the dates, and of how many.
+    /// What is suspect about the dates, and how many are affected.
     fn suspicion(&self) -> Option<(String, u64)> {
         let [by_rmc, by_zda] = &self.dates;
         if by_rmc.is_empty() { by_zda } else { by_rmc }.suspicion(self.since)
     }
 }
 
-/// How many sentences say heights, and how many how high the sea is there.
+/// How many sentences have heights, and how many the geoid separation.
 #[derive(Debug, Default)]
 struct Heights {
     altitude: u64,
@@ -491,27 +492,27 @@ impl Heights {
         self.separation += u64::from(plain(sentence.field(separation)).is_some());
     }
 
-    /// What the map asks for: without the separation, as in most sentences of such a log, there is no height above the
-    /// ellipsoid.
+    /// What the channel map asks for: without the separation, as in most sentences of such a log, there is no height
+    /// above the ellipsoid.
     fn remark(&self) -> Option<String> {
         (2 * self.separation < self.altitude).then(|| "NMEA height = above mean sea level".to_owned())
     }
 }
 
-/// A step between two times of day, by less than half a day.
+/// A step between two times of day, of less than half a day.
 fn nearest_step(step_ns: i64) -> i64 {
     (step_ns + DAY_NS / 2).rem_euclid(DAY_NS) - DAY_NS / 2
 }
 
-/// The begin of the day that the sentence names: `ddmmyy` of a valid RMC and of PUBX,04, `mmddyy` of PTNL,GGK with a fix,
-/// or the fields of ZDA.
+/// The start of the day that the sentence states: `ddmmyy` of a valid RMC and of PUBX,04, `mmddyy` of PTNL,GGK with a
+/// fix, or the fields of ZDA.
 fn midnight(name: &str, sentence: &Sentence<'_>) -> Option<i64> {
     let number = |text: &str| text.parse::<i64>().ok();
     let pairs = |field: usize| {
         let date = Some(sentence.field(field)).filter(|date| date.len() == 6)?;
         let two = |at: usize| number(date.get(at..at + 2)?);
         let year = two(4)?;
-        // NMEA has two digits, GPS began in 1980.
+        // NMEA has two digits, and GPS began in 1980.
         Some([two(0)?, two(2)?, if year < 80 { 2000 + year } else { 1900 + year }])
     };
     let [day, month, year] = match name {
@@ -521,7 +522,7 @@ fn midnight(name: &str, sentence: &Sentence<'_>) -> Option<i64> {
         "ZDA" => [number(sentence.field(2))?, number(sentence.field(3))?, number(sentence.field(4))?],
         _ => return None,
     };
-    // No receiver was there before GPS.
+    // There were no receivers before GPS.
     calendar_to_unix_ns([year, month, day, 0, 0, 0], 0).filter(|_| year >= 1980)
 }
 
@@ -540,7 +541,7 @@ mod tests {
     }
 
     #[test]
-    fn the_date_of_rmc_dates_the_sentences_around_it_also_across_midnight() {
+    fn the_date_of_rmc_dates_adjacent_sentences_even_across_midnight() {
         let s = NANOS_PER_SECOND;
         // date -u -d '2026-11-21T23:59:59Z' +%s
         let last_second = 1_795_305_599;
@@ -562,7 +563,7 @@ mod tests {
     }
 
     #[test]
-    fn times_that_are_nonsense_do_not_overflow() {
+    fn nonsense_times_do_not_overflow() {
         let mut epochs = Epochs::default();
         for sentence in 0..1_000_000 {
             let body = ["GPGGA,000000", "GPGGA,080000", "GPGGA,160000"][sentence % 3];
@@ -576,7 +577,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sentence_without_time_has_no_stamp() {
+    fn a_sentence_without_time_has_no_timestamp() {
         assert_eq!(stamps(&["GPVTG,2,T,,M,1,N", "GPGGA,", "GPRMC,,V"]), [(None, None); 3]);
     }
 }

@@ -1,31 +1,32 @@
-//! What is read of each type of sentences.
+//! What is read from each sentence type.
 
 use super::sentence::{Sentence, degrees, plain};
 use crate::decode::cells::{CellKind, CellLayout};
 use Value::{Degrees, EllipsoidHeight, HasMode, Height, Hypotenuse, Number, Status, Valid};
 use std::fmt::Write;
 
-/// Columns that every sentence has: UTC, time since the first sentence, and when the logger had it, ns.
+/// Columns of every sentence: UTC, time since the first sentence, and log time, ns.
 const STAMPS: [&str; 3] = [UTC, "elapsed_ns", "logged_ns"];
 pub(super) const UTC: &str = "utc_ns";
 
 /// A value of a sentence.
 enum Value {
     Number(&'static str, usize),
-    /// Field of the value, and of its hemisphere behind it.
+    /// Field of the value, and of its hemisphere after it.
     Degrees(&'static str, usize),
-    /// Whether the status is `A`, or as some receivers say of a differential fix `D`: 1 or 0.
+    /// Whether the status is `A`, or `D` as some receivers send for a differential fix: 1 or 0.
     Valid(&'static str, usize),
-    /// Whether the mode is anything but `N`, not valid, of every satellite system: 1 or 0; 1 for sentences from before NMEA 2.3,
-    /// which have none.
+    /// Whether the mode is anything but `N`, not valid, of every satellite system: 1 or 0; 1 for sentences from before
+    /// NMEA 2.3, which have none.
     HasMode(&'static str, usize),
-    /// Height above the ellipsoid: above mean sea level, and that above the ellipsoid.
+    /// Height above the ellipsoid: the fields of the height above mean sea level, and of mean sea level above the
+    /// ellipsoid.
     Height(&'static str, usize, usize),
-    /// Height above the ellipsoid as Trimble writes it, `EHT150.790`; absent above the sea, `GHT`.
+    /// Height above the ellipsoid as Trimble writes it, `EHT150.790`; absent for a height above mean sea level, `GHT`.
     EllipsoidHeight(&'static str, usize),
-    /// The length of two standard deviations across each other.
+    /// The root sum square of two perpendicular standard deviations.
     Hypotenuse(&'static str, usize, usize),
-    /// The status of a fix in the letters of u-blox, as the number that its binary messages have for it.
+    /// The fix status in u-blox letters, as the number that its binary messages use.
     Status(&'static str, usize),
 }
 
@@ -97,15 +98,15 @@ const PASHR: [Value; 7] = [
     Number("heading_std", 9),
 ];
 
-/// What is read of a type of sentences.
+/// What is read from a sentence type.
 pub(super) struct Kind {
-    /// Field of the time of day; `None` for a type without.
+    /// Field of the time of day; `None` for a type without one.
     pub(super) time: Option<usize>,
     values: &'static [Value],
 }
 
 impl Kind {
-    /// By the type in the address; `None` for one that is counted and not read.
+    /// By the type in the address; `None` for one that is only counted.
     pub(super) fn of(name: &str) -> Option<Kind> {
         let kind = |time, values| Some(Kind { time, values });
         match name {
@@ -125,7 +126,7 @@ impl Kind {
         }
     }
 
-    /// Writes the values of a sentence as cells, each behind a comma.
+    /// Writes the values of a sentence as cells, each after a comma.
     pub(super) fn write(&self, sentence: &Sentence<'_>, line: &mut String) {
         let has_fix = !self.has_no_fix(sentence);
         for value in self.values {
@@ -134,7 +135,8 @@ impl Kind {
         }
     }
 
-    /// Whether a sentence says itself that it has no fix. Receivers write into such what they like: 89° 60', 720°.
+    /// Whether a sentence itself says that it has no fix. Receivers may write arbitrary values into these: 89° 60',
+    /// 720°.
     fn has_no_fix(&self, sentence: &Sentence<'_>) -> bool {
         self.values.iter().any(|value| match *value {
             Value::Valid(_, field) => sentence.field(field) == "V",
@@ -145,7 +147,7 @@ impl Kind {
         })
     }
 
-    /// Whether a sentence says what its type is for: the first value that is no mere flag.
+    /// Whether a sentence has the main value of its type: the first one that is not a flag.
     pub(super) fn says_something(&self, sentence: &Sentence<'_>) -> bool {
         let field = self.values.iter().find_map(|value| match *value {
             Value::Number(_, field) | Value::Degrees(_, field) => Some(field),
@@ -174,7 +176,7 @@ pub(super) fn is_valid(status: &str) -> bool {
     matches!(status, "A" | "D")
 }
 
-/// `navStat`: none, dead reckoning, in two and three dimensions, alone and differential, with dead reckoning, time alone.
+/// `navStat`: no fix, dead reckoning, 2D and 3D standalone and differential, combined with dead reckoning, time only.
 fn status(letters: &str) -> Option<u8> {
     Some(match letters {
         "NF" => 0,
@@ -197,7 +199,7 @@ impl Value {
         let number = |field| plain(sentence.field(field)).and_then(|text| text.parse::<f64>().ok());
         // Writing to a string does not fail.
         let _ = match *self {
-            // What is no number shows as such, and the row is refused.
+            // Text that is not a number is kept as it is, and the row is rejected.
             Value::Number(_, field) => line.write_str(sentence.field(field)),
             Value::Degrees(_, field) => match degrees(sentence.field(field), sentence.field(field + 1)) {
                 Some(degrees) => write!(line, "{degrees}"),
@@ -226,7 +228,7 @@ impl Value {
     }
 }
 
-/// Of sentences that are not read, for who takes all of them as they stand: what is between `$` and the checksum.
+/// Raw column of sentences that are not decoded: the text between `$` and the checksum.
 pub(super) fn whole_layout() -> CellLayout {
     let stamps = STAMPS.into_iter().map(|name| (name, CellKind::WholeIfAny));
     CellLayout::of(stamps.chain([("sentence", CellKind::Text)]))

@@ -1,7 +1,7 @@
-//! Where VTG, which says no time, stands among the sentences of its epoch: behind one of them, as receivers have it by
-//! themselves, or in front, as receivers may be told. In front it would have the time of the epoch before. Speed and track
-//! are told by RMC too, which has a time: most of the time they change from one to the next, and then VTG agrees with one
-//! of its neighbours alone. VTG that comes before its epoch is not used:
+//! Where VTG, which has no time, lies among the sentences of its epoch: by default after another one, but
+//! receivers can be configured to send it first. It would then get the time of the previous epoch. RMC also has speed
+//! and track, with a time. They usually change from one RMC to the next, and VTG then agrees with only one
+//! of its neighbours. VTG that comes before its epoch is not used:
 //! the RMC that shows it has the same speed and track.
 
 use super::sentence::{Sentence, plain};
@@ -9,37 +9,37 @@ use crate::reader::Log;
 use crate::table::Table;
 use flight::{Code, Notices, Severity};
 
-/// A slower one says nothing, kt: its track is noise, or absent.
+/// A lower speed shows nothing, kt: its track is noise, or absent.
 const SLOWEST_KT: f64 = 0.3;
-/// Speeds, kt, and tracks, deg, that differ by less are the same, rounded to a tenth.
+/// Speeds, kt, and tracks, deg, that differ by less are equal, rounded to a tenth.
 const SAME: f64 = 0.06;
-/// So many that agree with one neighbour alone decide.
+/// This many that agree with only one neighbour decide.
 const DECIDED_BY: u64 = 5;
-/// The others among them are fewer than one in so many.
+/// At most one in this many of them may disagree.
 const RARE: u64 = 10;
 /// Speed, kt, and track, deg.
 type Motion = [f64; 2];
 
-/// What the sentences so far show.
+/// Evidence from the sentences so far.
 #[derive(Debug, Default)]
 pub(super) struct Order {
     by_rmc: Option<Motion>,
-    /// The last VTG since then, and what RMC said before it.
+    /// The last VTG since then, and speed and track of the RMC before it.
     by_vtg: Option<(Motion, Option<Motion>)>,
-    /// VTG that agree with the RMC before or behind them alone.
+    /// Number of VTG that agree with only the RMC before or only the RMC after them.
     before: u64,
     behind: u64,
-    /// VTG in all, and those behind which the next time is another.
+    /// Number of VTG in all, and of those after which the time changes.
     count: u64,
     ahead: u64,
-    /// VTG behind which no sentence with a time has come yet.
+    /// VTG that have not been followed by a sentence with a time yet.
     open: u64,
-    /// The last stamp of an epoch.
+    /// The last timestamp of an epoch.
     last_ns: Option<i64>,
 }
 
 impl Order {
-    /// A VTG that has the time of the sentence before it.
+    /// Takes a VTG that gets the time of the sentence before it.
     pub(super) fn vtg(&mut self, sentence: &Sentence<'_>) {
         if let Some(motion) = motion(sentence, 5, 1) {
             self.by_vtg = Some((motion, self.by_rmc));
@@ -48,7 +48,7 @@ impl Order {
         self.open += 1;
     }
 
-    /// A sentence with a time.
+    /// Takes a sentence with a time.
     pub(super) fn timed(&mut self, name: &str, sentence: &Sentence<'_>, elapsed_ns: i64) {
         let open = std::mem::take(&mut self.open);
         if self.last_ns.replace(elapsed_ns) != Some(elapsed_ns) {
@@ -68,12 +68,12 @@ impl Order {
         self.by_rmc = rmc;
     }
 
-    /// Whether VTG stands in front of its epoch. In the midst of it, where the next time is the same, it has the right one.
+    /// Whether VTG is the first of its epoch. In the middle of it, where the next time is the same, its time is right.
     fn leads(&self) -> bool {
         self.behind >= DECIDED_BY && self.behind > RARE * self.before && 2 * self.ahead > self.count
     }
 
-    /// Whether the stamps of VTG are to be taken away.
+    /// Whether the timestamps of VTG are to be removed.
     pub(super) fn finish(self, notices: &mut Notices) -> bool {
         let leads = self.leads();
         if leads {
@@ -85,7 +85,7 @@ impl Order {
     }
 }
 
-/// Speed and track of a sentence that says both and is not slow.
+/// Speed and track of a sentence that has both and is not slow.
 fn motion(sentence: &Sentence<'_>, speed: usize, track: usize) -> Option<Motion> {
     let [speed, track] = [speed, track].map(|field| plain(sentence.field(field))?.parse::<f64>().ok());
     Some([speed.filter(|speed| *speed >= SLOWEST_KT)?, track?])
@@ -95,7 +95,7 @@ fn is_same(vtg: Motion, rmc: Option<Motion>) -> bool {
     rmc.is_some_and(|rmc| vtg.iter().zip(rmc).all(|(a, b)| (a - b).abs() <= SAME))
 }
 
-/// Takes away the stamps of all VTG.
+/// Removes the timestamps of all VTG.
 pub(super) fn leave_undated(log: &mut Log) {
     let is_vtg = |table: &&mut Table| table.topic.encoding == "nmea" && table.topic.type_name == "VTG";
     for table in log.tables.iter_mut().filter(is_vtg) {

@@ -1,27 +1,27 @@
-//! A sentence: what stands between `$` and its checksum, and the values in its fields.
+//! A sentence: the text between `$` and its checksum, and the values of its fields.
 
 use memchr::{memchr, memchr_iter};
 use std::fmt;
 
-/// Longest sentence that is looked for, bytes. The standard says 82; receivers send more.
+/// Longest sentence that is accepted, bytes. The standard says 82; receivers send more.
 pub(crate) const LONGEST: usize = 2048;
 
-/// `P` and the three letters of a maker.
+/// `P` and the three letters of a manufacturer.
 const MAKER: usize = 4;
-/// Makers whose first field says what the message is: u-blox by a number, Trimble by letters.
+/// Manufacturers whose first field identifies the message: u-blox by a number, Trimble by letters.
 const NUMBERED: [&str; 2] = ["PUBX", "PTNL"];
 
-/// A sentence whose checksum is right, or that has none.
+/// A sentence with a right checksum, or without one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Sentence<'t> {
     /// Between `$` and `*`: address and fields.
     pub(crate) body: &'t str,
-    /// Bytes from `$` to the checksum, without the end of the line.
+    /// Bytes from `$` to the checksum, without the line end.
     pub(crate) length: usize,
     pub(crate) checked: bool,
 }
 
-/// Why there is no sentence.
+/// Why the bytes are not a sentence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
     Address,
@@ -46,27 +46,27 @@ impl fmt::Display for Fault {
 }
 
 impl<'t> Sentence<'t> {
-    /// The sentence that the bytes begin with; `bare` allows it to have no checksum if its line is whole. Fails with what is wrong.
+    /// The sentence at the start of the bytes; `bare` allows a whole line without a checksum. Fails with what is wrong.
     pub(crate) fn at(bytes: &'t [u8], bare: bool) -> Result<Sentence<'t>, Fault> {
         let inner = bytes.get(1..bytes.len().min(LONGEST)).unwrap_or_default();
         let plain = |b: &u8| b.is_ascii_uppercase() || b.is_ascii_digit();
-        // Looked at first, for it tells nearly all that is no sentence.
+        // Checked first, because it rejects nearly everything that is not a sentence.
         if !inner.get(..3).is_some_and(|address| address.iter().all(plain)) {
             return Err(Fault::Address);
         }
         let end = inner.iter().position(|b| !(b' '..=b'~').contains(b) || b"*$".contains(b)).unwrap_or(inner.len());
         let body = inner.get(..end).and_then(|body| std::str::from_utf8(body).ok()).unwrap_or_default();
         let address = body.split(',').next().unwrap_or_default();
-        // Makers write what they like behind their own letters.
+        // Manufacturers may write anything after their own letters.
         let own = if address.starts_with('P') { MAKER.min(address.len()) } else { address.len() };
         if address.len() < 3 || !address.as_bytes().iter().take(own).all(plain) {
             return Err(Fault::Address);
         }
         let rest = inner.get(end..).unwrap_or_default();
-        // ETX and ESC too: a frame or a colour ends behind it.
+        // ETX and ESC too: they end a frame or a colour.
         let ends = |rest: &[u8]| rest.first().is_none_or(|b| b"\r\n\t \x03\x1b".contains(b));
         match *rest {
-            // Nothing that is no digit behind a right checksum is of this sentence, unless another checksum follows.
+            // Non-digits after a right checksum are not part of this sentence, unless another checksum follows.
             [b'*', high, low, ref behind @ ..] if ends(behind) || is_apart(behind) => {
                 let sum = body.bytes().fold(0, |sum, b| sum ^ b);
                 let stated = hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low);
@@ -83,7 +83,7 @@ impl<'t> Sentence<'t> {
         }
     }
 
-    /// The sentence that these bytes are, which was found to be one.
+    /// Parses bytes that are known to be a sentence.
     pub(crate) fn of(bytes: &'t [u8]) -> Sentence<'t> {
         let inner = bytes.get(1..).unwrap_or_default();
         let (body, checked) = match inner.split_last_chunk() {
@@ -93,8 +93,8 @@ impl<'t> Sentence<'t> {
         Sentence { body: std::str::from_utf8(body).unwrap_or_default(), length: bytes.len(), checked }
     }
 
-    /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it, with the message as in `PUBX,00`, or
-    /// its maker where a text begins without a comma, as in `$PSRFTXTWK: 1488`.
+    /// Talker and type: `GN` and `RMC`. For a proprietary sentence nothing and all of it, with the message as in
+    /// `PUBX,00`, or its manufacturer where a text begins without a comma, as in `$PSRFTXTWK: 1488`.
     pub(crate) fn address(&self) -> (&'t str, &'t str) {
         let end = memchr(b',', self.body.as_bytes()).unwrap_or(self.body.len());
         let address = self.body.get(..end).unwrap_or_default();
@@ -108,7 +108,7 @@ impl<'t> Sentence<'t> {
         address.split_at_checked(split).unwrap_or(("", address))
     }
 
-    /// Field `index`, from 1; empty if there is none.
+    /// Field `index`, from 1; empty if it does not exist.
     pub(crate) fn field(&self, index: usize) -> &'t str {
         let mut commas = memchr_iter(b',', self.body.as_bytes());
         let Some(start) = index.checked_sub(1).and_then(|before| commas.nth(before)) else { return "" };
@@ -116,8 +116,8 @@ impl<'t> Sentence<'t> {
     }
 }
 
-/// Whether what stands behind a checksum is no digit of it, and no rest of its sentence with a checksum of its own. A frame,
-/// which does not begin with a character, is neither.
+/// Whether the bytes after a checksum are neither a digit of it nor the rest of its sentence with a checksum of its
+/// own. A frame, which does not begin with a character, is neither.
 fn is_apart(behind: &[u8]) -> bool {
     let rest = behind.split(|b| b"\n$".contains(b)).next().unwrap_or_default();
     let is_other = |b: &u8| !b.is_ascii() || (hexadecimal(*b).is_none() && memchr(b'*', rest).is_none());
@@ -128,7 +128,7 @@ fn hexadecimal(digit: u8) -> Option<u8> {
     char::from(digit).to_digit(16).map(|d| d as u8)
 }
 
-/// A plain decimal number as it stands; `None` for an empty field, and for what is no number.
+/// A plain decimal number as written; `None` for an empty field, and for text that is not a number.
 pub(crate) fn plain(text: &str) -> Option<&str> {
     let digits = text.strip_prefix(['-', '+']).unwrap_or(text);
     let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
@@ -136,7 +136,7 @@ pub(crate) fn plain(text: &str) -> Option<&str> {
     (whole.len() + fraction.len() > 0 && all_digits(whole) && all_digits(fraction)).then_some(text)
 }
 
-/// Degrees of `dddmm.mmmm` and a hemisphere, rounded once; negative to the south and west.
+/// Degrees from `dddmm.mmmm` and a hemisphere, rounded once; negative to the south and west.
 pub(crate) fn degrees(text: &str, hemisphere: &str) -> Option<f64> {
     let sign = match hemisphere {
         "N" | "E" => 1.0,
@@ -144,7 +144,7 @@ pub(crate) fn degrees(text: &str, hemisphere: &str) -> Option<f64> {
         _ => return None,
     };
     let (whole, fraction) = plain(text)?.split_once('.').unwrap_or((text, ""));
-    // More than a double holds says nothing: 1e-9 minutes are two micrometres.
+    // More digits than a double holds are irrelevant: 1e-9 minutes are two micrometres.
     let fraction = fraction.get(..fraction.len().min(9))?;
     let (degrees, minutes) = whole.split_at_checked(whole.len().checked_sub(2)?)?;
     let scale = 10_u64.pow(u32::try_from(fraction.len()).ok()?);
@@ -176,7 +176,7 @@ mod tests {
     const GGA: &str = "GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,";
 
     #[test]
-    fn a_sentence_counts_with_its_checksum_and_without_only_where_that_is_allowed() {
+    fn a_sentence_needs_its_checksum_unless_bare_ones_are_allowed() {
         let line = format!("${GGA}*47\r\n");
         let sentence = Sentence::at(line.as_bytes(), false).unwrap();
         assert_eq!((sentence.body, sentence.length, sentence.checked), (GGA, line.len() - 2, true));
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_maker_may_write_texts_without_a_comma_and_nobody_else() {
+    fn only_a_manufacturer_may_write_texts_without_a_comma() {
         let sentence = Sentence::at(b"$PSRFTXTWK:   1488*4C\r\n", false).unwrap();
         assert_eq!((sentence.address(), sentence.checked), (("", "PSRF"), true));
         let sealed = |body: &str| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, b| sum ^ b));
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn degrees_are_the_nearest_double_of_the_decimal_text() {
+    fn degrees_are_the_double_nearest_to_the_decimal_text() {
         // Python: float(Fraction(d) + Fraction(m) / 60).
         assert_eq!(degrees("4807.038", "N"), Some(48.1173));
         assert_eq!(degrees("01131.000", "E"), Some(11.516_666_666_666_667));
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_of_a_maker_is_told_by_its_first_field() {
+    fn a_manufacturers_message_is_identified_by_its_first_field() {
         let address = |body| Sentence { body, length: 0, checked: true }.address();
         assert_eq!(address("PUBX,00,081350.00"), ("", "PUBX,00"));
         assert_eq!(address("PUBX,41"), ("", "PUBX,41"));

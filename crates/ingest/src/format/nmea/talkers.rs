@@ -1,5 +1,5 @@
-//! A receiver that changes its talker: `GP` as long as it has satellites of GPS alone, `GN` with others beside them. What
-//! it says under several addresses is one topic, named after the type alone.
+//! Receivers that change their talker: `GP` while only GPS satellites are used, `GN` with others as well. Sentences
+//! of one type under several addresses become one topic, named after the type alone.
 
 use super::kind::Kind;
 use crate::reader::Log;
@@ -8,14 +8,14 @@ use crate::texts::Texts;
 use flight::{Code, Graded, Notices, Severity};
 use std::collections::BTreeMap;
 
-/// Satellite systems, one by one and together.
+/// Satellite systems, single and combined.
 const TALKERS: [&str; 8] = ["BD", "GA", "GB", "GI", "GL", "GN", "GP", "GQ"];
-/// Stamps by which epochs are told apart; the first that a table has.
+/// Timestamps that distinguish epochs; the first one that a table has is used.
 const STAMPS: [&str; 2] = ["elapsed_ns", "utc_ns"];
-/// Who said each row.
+/// Column with the talker of each row.
 const TALKER: &str = "talker";
 
-/// Makes one topic of those that one receiver said under changing addresses.
+/// Merges the topics that one receiver sent under changing addresses.
 pub(super) fn unite(log: &mut Log) {
     let mut by_type: BTreeMap<String, Vec<Table>> = BTreeMap::new();
     let (ours, mut tables): (Vec<Table>, Vec<Table>) = std::mem::take(&mut log.tables).into_iter().partition(is_said);
@@ -34,7 +34,7 @@ pub(super) fn unite(log: &mut Log) {
     log.tables = tables;
 }
 
-/// Whether the topic is of a satellite system, of a type that is read, and has a time.
+/// Whether the topic belongs to a satellite system, has a type that is read, and has a time.
 fn is_said(table: &Table) -> bool {
     let talker = table.topic.name.strip_suffix(&table.topic.type_name);
     let read = table.topic.encoding == "nmea" && Kind::of(&table.topic.type_name).is_some();
@@ -46,14 +46,14 @@ fn stamps(table: &Table) -> impl Iterator<Item = i64> + '_ {
     column.into_iter().flat_map(|column| (0..table.rows).filter_map(|row| column.integer(row)))
 }
 
-/// How the talkers of a type follow one another.
+/// How the talkers of a type alternate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Speech {
-    /// One epoch is of one talker, and the next no sooner than those of each: one receiver says them.
+    /// Each epoch has one talker, and epochs are no closer together than those of each talker: it is one receiver.
     InTurn,
-    /// No epoch is of two, but they are closer than those of each: they may be of several receivers.
+    /// No epoch has two talkers, but epochs are closer than those of each: there may be several receivers.
     Between,
-    /// The same epochs are of several: one receiver says each of several systems, or there is only one talker.
+    /// Epochs have several talkers: one receiver sends one per system. Or there is only one talker.
     AtOnce,
 }
 
@@ -71,7 +71,7 @@ impl Speech {
         all.sort_unstable();
         match least(&all) {
             None | Some(..=0) => Speech::AtOnce,
-            // Room for a stamp that is rounded.
+            // Tolerance for a rounded timestamp.
             Some(least) if own_least == i64::MAX || least >= own_least / 4 * 3 => Speech::InTurn,
             Some(_) => Speech::Between,
         }
@@ -99,7 +99,7 @@ fn tell(name: &str, speech: Speech, tables: &[Table], notices: &mut Notices) {
     }
 }
 
-/// One entry in the place of several.
+/// One entry in place of several.
 fn of_health(name: &str, tables: &[Table], log: &mut Log) {
     let is_one = |topic: &str| tables.iter().any(|table| table.topic.name == topic);
     let topics = std::mem::take(&mut log.health.topics);
@@ -115,8 +115,8 @@ fn of_health(name: &str, tables: &[Table], log: &mut Log) {
     log.health.topics = topics;
 }
 
-/// The rows of all tables, each as its table and place there: those of a table in their order, and by their stamps in
-/// between, which is the order of the log.
+/// The rows of all tables, each as its table and row number: those of a table keep their order, and are interleaved
+/// by timestamp, which is the order of the log.
 fn in_order(tables: &[Table]) -> Vec<(usize, usize)> {
     let mut rows: Vec<(i64, usize, usize)> = vec![];
     for (at, table) in tables.iter().enumerate() {
@@ -131,7 +131,7 @@ fn in_order(tables: &[Table]) -> Vec<(usize, usize)> {
     rows.into_iter().map(|(_, at, row)| (at, row)).collect()
 }
 
-/// One table of several.
+/// One table from several.
 fn united(name: String, tables: &[Table]) -> Table {
     let rows = in_order(tables);
     let from = |at: usize| tables.get(at);
@@ -160,7 +160,7 @@ fn united(name: String, tables: &[Table]) -> Table {
     }
 }
 
-/// A column of the kind that one of the tables has; a table without it has no values.
+/// A column of the kind that one of the tables has; a table without it contributes no values.
 fn column<'t>(path: &str, kind: &ColumnData, cells: impl Iterator<Item = (Option<&'t Column>, usize)>) -> Column {
     fn parts<T: Default>(cells: impl Iterator<Item = Option<T>>) -> (Vec<T>, Vec<bool>) {
         cells.map(|cell| (cell.is_some(), cell.unwrap_or_default())).map(|(is, cell)| (cell, is)).unzip()

@@ -1,4 +1,4 @@
-//! What becomes of each frame.
+//! Accounting for each frame.
 
 use super::Sender;
 use super::clock::{BootClock, ReceiveClock};
@@ -19,10 +19,10 @@ use std::collections::{BTreeMap, HashMap};
 /// Topics in one log: a hundred vehicles with a hundred messages each need fewer.
 pub(super) const MOST_TOPICS: usize = 8192;
 
-/// Said where no frame begins.
+/// Reported where no frame begins.
 pub(super) const NO_FRAME: &str = "bytes that are not a frame of MAVLink";
 
-/// Why a frame is not believed.
+/// Why a frame is rejected.
 pub(super) fn fault(frame: &Frame<'_>) -> Cow<'static, str> {
     match frame.intact {
         None => format!(
@@ -30,7 +30,7 @@ pub(super) fn fault(frame: &Frame<'_>) -> Cow<'static, str> {
             frame.message
         )
         .into(),
-        // The flags may be damaged, or the header longer than is known.
+        // The flags may be corrupt, or the header longer than this reader knows.
         _ if frame.unknown_flags != 0 => {
             "a frame with incompatibility flags that are not known, and whose checksum is wrong for every header that is".into()
         }
@@ -40,17 +40,17 @@ pub(super) fn fault(frame: &Frame<'_>) -> Cow<'static, str> {
 
 const FLAGGED: &str = "incompatibility flags that are not known";
 
-/// What messages of one topic and layout have in common.
+/// Properties shared by the messages of one topic and layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Key {
     sender: Sender,
     message: u32,
     wide: bool,
-    /// Of the vehicle, after the first.
+    /// Run of the vehicle, if not the first.
     run: Option<usize>,
 }
 
-/// The way of each message to its topic.
+/// Routes each message to its topic.
 pub(super) struct Book<'b, 't> {
     main: Sender,
     topics: &'b mut Topics<'t>,
@@ -60,12 +60,12 @@ pub(super) struct Book<'b, 't> {
     stamped: bool,
     receive: ReceiveClock,
     boot: BootClock,
-    /// Bytes of the files before.
+    /// Bytes of the previous files.
     before: u64,
     frames: u64,
     /// Bytes of text before the first frame.
     pub(super) preamble: u64,
-    /// Frames by the number of their message.
+    /// Frames by message number.
     undefined: BTreeMap<u32, u64>,
     flagged: Tally,
     /// Messages of the vehicle from later runs, which are not used.
@@ -95,7 +95,8 @@ impl<'b, 't> Book<'b, 't> {
         }
     }
 
-    /// Takes a record, a frame and what stands before it, at this place of a file; `after` are some of the bytes that follow.
+    /// Takes a record (a frame and what precedes it) at this position of a file; `after` holds some of the following
+    /// bytes.
     pub(super) fn record(
         &mut self,
         record: &[u8],
@@ -111,7 +112,7 @@ impl<'b, 't> Book<'b, 't> {
                 let ahead = [next, second].map(|ahead| ahead.map(|(time, _)| time));
                 self.receive.stamp(time_us(record).unwrap_or_default(), ahead)
             }
-            // The vehicle's clock as it was reported last, for what is said of the vehicle itself.
+            // The vehicle's clock as last reported, for messages about the vehicle itself.
             _ => self.boot.told_ns(),
         };
         if frame.unknown_flags != 0 {
@@ -127,7 +128,7 @@ impl<'b, 't> Book<'b, 't> {
         self.before += size;
     }
 
-    /// What is wrong with a log of which no frame at all could be used although some are intact.
+    /// The error for a log with intact frames, not one of which could be used.
     pub(super) fn why_nothing(&self) -> Option<String> {
         let Tally { count, first } = &self.flagged;
         (self.frames == 0 && *count > 0).then(|| {
@@ -146,7 +147,7 @@ impl<'b, 't> Book<'b, 't> {
             return Fate::Skipped;
         };
         let times = Times { logged_ns, published_ns: None };
-        // The checksum of a message that is not defined has a part that nobody knows.
+        // The checksum of a message that is not defined depends on an unknown byte.
         self.topics.vouch(if definition_of(frame).is_some() { Vouch::Checksum } else { Vouch::Nothing });
         let Some(definition) = definition_of(frame) else {
             *self.undefined.entry(frame.message).or_default() += 1;
@@ -157,7 +158,7 @@ impl<'b, 't> Book<'b, 't> {
             push_hex(frame.payload, &mut whole);
             return self.topics.message(route, times, whole.as_bytes());
         };
-        // A sender of MAVLink 2 leaves out the zeros at the end.
+        // A sender of MAVLink 2 omits trailing zeros.
         let length = if frame.wide { definition.length(true) } else { 0 };
         self.restored.clear();
         self.restored.extend_from_slice(frame.payload);
@@ -175,7 +176,7 @@ impl<'b, 't> Book<'b, 't> {
         self.topics.message(route, times, &self.restored)
     }
 
-    /// Where messages of this sender go; `None` if there are too many topics.
+    /// Destination for messages of this sender; `None` if there are too many topics.
     fn route(&mut self, sender: Sender, run: Option<usize>, frame: &Frame<'_>) -> Option<Route> {
         let definition = definition_of(frame);
         let key = Key { sender, message: frame.message, wide: frame.wide, run };
@@ -205,7 +206,7 @@ impl<'b, 't> Book<'b, 't> {
         route
     }
 
-    /// Writes what the log says of its vehicle, and what was wrong with it.
+    /// Writes what the log says about its vehicle, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let text = format!("frames have {FLAGGED}: they are intact and were not read, as MAVLink asks");
         self.flagged.tell(Code::UnknownRecord.at(Severity::Loss), "", &text, notices);
@@ -240,12 +241,12 @@ impl<'b, 't> Book<'b, 't> {
     }
 }
 
-/// The definition of a frame's message, unless the frame is of another one.
+/// The definition of a frame's message, unless the frame belongs to another one.
 fn definition_of(frame: &Frame<'_>) -> Option<&'static Definition> {
     Definitions::all().get(frame.message).filter(|_| frame.intact.is_some())
 }
 
-/// Numbers of messages with how many frames each has, the first few.
+/// The first few message numbers, with the number of frames of each.
 fn listed(messages: &BTreeMap<u32, u64>) -> String {
     const LISTED: usize = 10;
     let list: Vec<String> =

@@ -20,9 +20,9 @@ impl Checksum {
         more.0
     }
 
-    /// The byte that makes this checksum `told`, if one does.
+    /// The byte that makes this checksum `told`, if there is one.
     pub(super) fn extra_of(self, told: u16) -> Option<u8> {
-        // The other way through `step`; the upper byte tells all there is to know.
+        // The inverse of `step`; the upper byte is all the information needed.
         let [_, high] = (told ^ (self.0 >> 8)).to_le_bytes();
         let low = high ^ (high >> 5);
         let extra = low ^ (low << 4) ^ self.0 as u8;
@@ -47,14 +47,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_checksum_is_that_of_the_catalogue() {
+    fn the_checksum_matches_the_crc_catalogue() {
         let mut checksum = Checksum::new();
         checksum.add(b"123456789");
         assert_eq!(checksum.value(), 0x6f91);
     }
 
     #[test]
-    fn every_byte_is_found_again_from_the_checksum_that_it_makes() {
+    fn every_byte_is_recovered_from_the_checksum_it_makes() {
         for sum in [0, 1, 0x1234, 0xffff, 0x8a5f] {
             let made = (0..=u8::MAX).map(|extra| Checksum(sum).with(extra));
             assert!((0..=u8::MAX).zip(made.clone()).all(|(extra, told)| Checksum(sum).extra_of(told) == Some(extra)));

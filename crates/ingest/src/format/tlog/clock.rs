@@ -1,4 +1,4 @@
-//! The two clocks of a telemetry log: when the ground station had a frame, and since when the vehicle runs.
+//! The two clocks of a telemetry log: reception at the ground station, and time since boot of the vehicle.
 
 use super::definition::Definition;
 use crate::decode::Tally;
@@ -6,14 +6,14 @@ use crate::reader::Restart;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// A ground station's clock that is set is between 2000 and 2100, µs.
+/// A ground station's clock that is set reads between 2000 and 2100, µs.
 pub(super) const PLAUSIBLE_US: Range<u64> = 946_684_800_000_000..4_102_444_800_000_000;
-/// Frames come, and are written, out of order by less, µs.
+/// Frames arrive, and are written, out of order by less than this, µs.
 const DISORDER_US: u64 = 250_000;
-/// A hole that only one side shows is shorter, µs.
+/// A gap that shows on one side only is shorter than this, µs.
 const DAY_US: u64 = 86_400_000_000;
 
-/// The times in front of the frames. They are in no checksum, so that only their neighbours can speak for them.
+/// The times before the frames. No checksum covers them, so only neighbouring times can confirm them.
 #[derive(Debug, Default)]
 pub(super) struct ReceiveClock {
     trusted_us: Option<u64>,
@@ -28,8 +28,8 @@ impl ReceiveClock {
         self.trusted_us = None;
     }
 
-    /// When a frame was received, ns: the time in front of it, or one between its neighbours' if it leaps away from both.
-    /// `ahead` are the times in front of the next two frames, µs, as far as they follow without a break.
+    /// Reception time of a frame, ns: the time before it, or one between its neighbours' if it jumps away from both.
+    /// `ahead` holds the times before the next two frames, µs, if they follow without a break.
     pub(super) fn stamp(&mut self, time_us: u64, ahead: [Option<u64>; 2]) -> i64 {
         let trusted = is_trusted(self.trusted_us, time_us, ahead) && time_us <= LATEST_US;
         let stamp_us = if trusted { time_us } else { between(self.trusted_us, ahead).unwrap_or(time_us) };
@@ -48,11 +48,11 @@ impl ReceiveClock {
     }
 }
 
-/// The last microsecond that nanoseconds in 64 bits can say.
+/// The last microsecond that 64-bit nanoseconds can represent.
 const LATEST_US: u64 = i64::MAX as u64 / 1000;
 
-/// Whether a time is no leap away from the one before and from the next and back again. A clock that is set leaps too, but
-/// then it goes on from there.
+/// Whether a time does not jump away from its neighbours and back again. A clock that is set jumps too, but
+/// then continues from there.
 fn is_trusted(before: Option<u64>, time: u64, ahead: [Option<u64>; 2]) -> bool {
     let near = |next: u64| in_order(time, next) && next.saturating_sub(time) <= DAY_US;
     match (before, ahead) {
@@ -60,7 +60,7 @@ fn is_trusted(before: Option<u64>, time: u64, ahead: [Option<u64>; 2]) -> bool {
         (Some(before), [Some(next), _]) => in_order(before, time) || in_order(time, next),
         (Some(before), [None, _]) => in_order(before, time) && time.saturating_sub(before) <= DAY_US,
         (None, [None, None]) => PLAUSIBLE_US.contains(&time),
-        // If it is the next that leaps, the one behind it comes later than this.
+        // If it is the next time that jumps, the one after it is later than this.
         (None, [next, second]) => next.is_some_and(near) || second.is_some_and(|second| time <= second && near(second)),
     }
 }
@@ -69,7 +69,7 @@ fn in_order(earlier: u64, later: u64) -> bool {
     earlier <= later.saturating_add(DISORDER_US)
 }
 
-/// A time for a frame whose own cannot be trusted.
+/// A time for a frame whose own time is not trusted.
 fn between(before: Option<u64>, ahead: [Option<u64>; 2]) -> Option<u64> {
     match (before, ahead) {
         (Some(before), [Some(next), _]) if in_order(before, next) => Some(before.midpoint(next)),
@@ -79,21 +79,21 @@ fn between(before: Option<u64>, ahead: [Option<u64>; 2]) -> Option<u64> {
     }
 }
 
-/// A vehicle's clock that goes back by less is mere disorder of its messages, ms.
+/// If a vehicle's clock goes back by less than this, its messages are merely out of order, ms.
 const DISORDER_MS: i64 = 1000;
-/// So many messages in a row show that it goes on from where it went.
+/// This many messages in a row show that the clock continues from where it jumped to.
 const CONFIRMED_BY: u32 = 3;
-/// The count goes on from zero behind 32 bits, ms.
+/// The counter wraps around after 32 bits, ms.
 const RANGE_MS: i64 = 1 << 32;
-/// So close to its end, ms.
+/// This close to its end, ms.
 const WRAP_MS: i64 = 60_000;
-/// Restarts of one log. More is no vehicle but several that have one number.
+/// Restarts in one log. With more, it is not one vehicle but several with the same number.
 const MOST_RESTARTS: usize = 10_000;
 
-/// Since when the vehicle runs, by all of its messages that say so, in the order in which they came.
+/// Time since boot of the vehicle, from all its messages that carry it, in order of arrival.
 #[derive(Debug, Default)]
 pub(super) struct BootClock {
-    /// Where `time_boot_ms` lies in each message; `None` if it has none.
+    /// Position of `time_boot_ms` in each message; `None` if it has no such field.
     offsets: HashMap<u32, Option<usize>>,
     last: Option<Reading>,
     begun: Option<Begun>,
@@ -101,12 +101,12 @@ pub(super) struct BootClock {
     told_ms: i64,
 }
 
-/// Where it may have begun anew.
+/// Where it may have restarted.
 #[derive(Debug, Clone, Copy)]
 struct Begun {
     first: Reading,
     latest: Reading,
-    /// Messages may be written in a slightly different order than they came, ns.
+    /// Messages may be written slightly out of order of arrival, ns.
     earliest_ns: i64,
     count: u32,
 }
@@ -121,7 +121,7 @@ impl Begun {
     }
 }
 
-/// What the clock said when.
+/// A reading of the clock, and when it was taken.
 #[derive(Debug, Clone, Copy)]
 struct Reading {
     boot_ms: i64,
@@ -129,14 +129,14 @@ struct Reading {
 }
 
 impl Reading {
-    /// What the vehicle says has passed since an earlier reading, ms; across the end of its count it runs on.
+    /// Time since an earlier reading by the vehicle's clock, ms; wraparound is resolved.
     fn since_ms(self, earlier: Reading) -> i64 {
         let wraps = |from: i64, to: i64| from > RANGE_MS - WRAP_MS && to < WRAP_MS;
         let wrapped = i64::from(wraps(earlier.boot_ms, self.boot_ms)) - i64::from(wraps(self.boot_ms, earlier.boot_ms));
         self.boot_ms - earlier.boot_ms + wrapped * RANGE_MS
     }
 
-    /// How much longer the log says it took from an earlier reading than the vehicle does, ms.
+    /// How much more time passed since an earlier reading by the log's clock than by the vehicle's, ms.
     fn lag_ms(self, earlier: Reading) -> i64 {
         let logged_ms = self.logged_ns.saturating_sub(earlier.logged_ns) / 1_000_000;
         logged_ms.saturating_sub(self.since_ms(earlier))
@@ -148,21 +148,21 @@ impl Reading {
 }
 
 impl BootClock {
-    /// A message of the vehicle; zeros that are missing at its end count. Where nothing says when it came its place among the
-    /// bytes stands for that: then a clock that goes ahead tells nothing, and one that goes back does.
+    /// A message of the vehicle; missing trailing zeros count. Without a reception time its byte position
+    /// is used instead: then a clock that jumps ahead shows nothing, and one that goes back shows a restart.
     pub(super) fn message(&mut self, definition: &Definition, number: u32, payload: &[u8], logged_ns: i64) {
         let offset = *self.offsets.entry(number).or_insert_with(|| boot_ms_in(definition));
         let Some(rest) = offset.and_then(|offset| payload.get(offset..)) else { return };
         let bytes = std::array::from_fn(|at| rest.get(at).copied().unwrap_or(0));
         let boot_ms = i64::from(u32::from_le_bytes(bytes));
-        // Zero is how a sender leaves it that does not know.
+        // Senders that do not know the time leave it zero.
         if boot_ms != 0 {
             self.told_ms = boot_ms;
             self.read(Reading { boot_ms, logged_ns });
         }
     }
 
-    /// What it said last, ns; 0 before it said anything.
+    /// The last time it reported, ns; 0 before the first.
     pub(super) fn told_ns(&self) -> i64 {
         self.told_ms.saturating_mul(1_000_000)
     }
@@ -174,7 +174,7 @@ impl BootClock {
         };
         let leaps = |from: Reading| now.went_back(from) || now.lag_ms(from).abs() > DISORDER_MS;
         match self.begun {
-            // Of the two lines the one that is nearer.
+            // The nearer of the two lines.
             Some(begun) if now.lag_ms(begun.latest).abs() < now.lag_ms(last).abs() => {
                 let begun = begun.goes_on(now);
                 self.begun = Some(begun);
@@ -188,18 +188,18 @@ impl BootClock {
         }
     }
 
-    /// A clock that leaps ahead has not begun anew: messages that waited catch up, or the log's clock is set.
+    /// A clock that jumps ahead has not restarted: queued messages catch up, or the log's clock is set.
     fn confirm(&mut self, begun: Begun, before: Reading) {
         let certain = begun.first.went_back(before);
         let anew = certain || begun.first.lag_ms(before) > DISORDER_MS;
         if anew && self.restarts.len() < MOST_RESTARTS {
-            // A vehicle that starts is silent for some seconds: in their middle, disorder matters least.
+            // A vehicle that boots is silent for some seconds: in the middle of these, disorder matters least.
             let logged_ns = begun.earliest_ns.max(before.logged_ns).midpoint(before.logged_ns).saturating_add(1);
             self.restarts.push(Restart { logged_ns, certain });
         }
     }
 
-    /// How often it restarted so far.
+    /// Number of restarts so far.
     pub(super) fn restarts(&self) -> usize {
         self.restarts.len()
     }
@@ -231,13 +231,13 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_leaps_away_and_back_is_counted_and_lies_between_its_neighbours() {
+    fn a_time_that_jumps_away_and_back_is_counted_and_interpolated() {
         let good = line(20);
         for place in 0..20 {
             for bad in [0, 1, good[place] + 300_000, good[place] - 1_500_000, good[place] ^ 1 << 50, u64::MAX] {
                 let mut times = good.clone();
                 times[place] = bad;
-                // At either end a hole of less than a day is none that the others speak against.
+                // At either end the neighbours do not contradict a gap of less than a day.
                 let silent = (place == 0 && bad < good[0] && good[0] - bad < DAY_US)
                     || (place == 19 && bad > good[19] && bad - good[19] < DAY_US);
                 let (found, clock) = stamps(&times);
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_set_goes_on_from_there() {
+    fn a_clock_that_is_set_continues_from_there() {
         for step in [-3_600_000_000, -2_000_000, 5_000_000, 3_600_000_000_i64] {
             let times: Vec<u64> = line(20)
                 .iter()
@@ -268,7 +268,7 @@ mod tests {
         assert_eq!((clock.out_of_line.count, clock.unset.count, clock.set_back.count), (0, 10, 0));
     }
 
-    /// Restarts of a clock that says so at these times, both ms.
+    /// Restarts of a clock with these readings at these times, both ms.
     fn restarts(readings: impl IntoIterator<Item = (i64, i64)>) -> Vec<(i64, bool)> {
         let mut clock = BootClock::default();
         readings.into_iter().for_each(|(boot_ms, at_ms)| {
@@ -278,12 +278,12 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_begins_anew_is_found_and_disorder_glitches_and_wraps_are_none() {
+    fn a_clock_restart_is_detected_but_not_disorder_glitches_or_wraps() {
         let run = |boot: i64, at: i64| (0..100).map(move |i| (boot + 100 * i, at + 100 * i));
         assert_eq!(restarts(run(50_000, 0).chain(run(3000, 30_000))), [(19_950, true)]);
-        // It ran for longer than before when it is heard again.
+        // When it is heard again, it has run for longer than before.
         assert_eq!(restarts(run(50_000, 0).chain(run(60_000, 40_000))), [(24_950, false)]);
-        // Written in another order than received.
+        // Written in a different order than received.
         let swapped = run(3000, 30_000).map(|(boot, at)| (boot, at + if boot == 3000 { 150 } else { 0 }));
         assert_eq!(restarts(run(50_000, 0).chain(swapped)), [(20_000, true)]);
         let end = (1 << 32) - 5000;

@@ -1,11 +1,11 @@
-//! The messages that MAVLink defines: their layout, and the number in their checksum that stands for it.
+//! The messages that MAVLink defines: their layout, and the byte that represents it in their checksum.
 
 use super::checksum::Checksum;
 use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;
 use std::sync::LazyLock;
 
-/// One line for each message.
+/// One line per message.
 const TABLE: &str = include_str!("messages.txt");
 
 /// The messages by number.
@@ -16,18 +16,18 @@ pub(super) struct Definitions(Vec<Definition>);
 pub(super) struct Definition {
     number: u32,
     pub(super) name: &'static str,
-    /// Of its fields, without and with those of MAVLink 2.
+    /// Number of its fields, without and with MAVLink 2 extensions.
     fields: [&'static str; 2],
-    /// Enters the checksum, so that sender and receiver mean the same layout.
+    /// Included in the checksum, so that sender and receiver agree on the layout.
     pub(super) extra: u8,
-    /// Bytes of its payload without and with the fields of MAVLink 2.
+    /// Bytes of its payload, without and with MAVLink 2 extensions.
     lengths: [usize; 2],
-    /// Where in its payload the flags are of what is to be ignored, 16 bits.
+    /// Position of its ignore flags in the payload, 16 bits.
     ignore_at: Option<usize>,
 }
 
 impl Definitions {
-    /// All of them, taken apart once.
+    /// All definitions, parsed once.
     pub(super) fn all() -> &'static Definitions {
         static ALL: LazyLock<Definitions> = LazyLock::new(|| {
             let mut all: Vec<Definition> = TABLE.lines().filter_map(Definition::parse).collect();
@@ -55,26 +55,26 @@ impl Definition {
         Some(Definition { number: number.parse().ok()?, name, fields, extra: extra(name, base), lengths, ignore_at })
     }
 
-    /// Bytes of a payload; `wide` with the fields of MAVLink 2.
+    /// Bytes of a payload; `wide` includes the MAVLink 2 extensions.
     pub(super) fn length(&self, wide: bool) -> usize {
         let [base, all] = self.lengths;
         if wide { all } else { base }
     }
 
-    /// What tells one layout from another.
+    /// Distinguishes one layout from another.
     pub(super) fn text(&self, wide: bool) -> &'static str {
         let [base, all] = self.fields;
         if wide { all } else { base }
     }
 
-    /// What the reader puts in front of a payload: of a message with flags that say what is to be ignored the bits that say
-    /// what is to be used, for a map asks for bits that are set.
+    /// What the reader prepends to a payload: for a message with ignore flags, their inverse, because a channel map
+    /// asks for bits that are set.
     pub(super) fn derived(&self, payload: &[u8]) -> Option<[u8; 2]> {
         let flags = payload.get(self.ignore_at?..)?.first_chunk()?;
         Some((!u16::from_le_bytes(*flags)).to_le_bytes())
     }
 
-    /// Where everything lies in a payload behind what [`Definition::derived`] gives.
+    /// Positions of all fields in a payload, after what [`Definition::derived`] returns.
     pub(super) fn layout(&self, wide: bool) -> Layout {
         let mut offset = 0;
         let mut fields = vec![];
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_line_is_a_message_and_its_fields_are_all_understood() {
+    fn every_line_is_a_message_whose_fields_are_all_understood() {
         let lines: Vec<&str> = TABLE.lines().filter(|line| !line.starts_with('#')).collect();
         let all = Definitions::all();
         assert_eq!((all.0.len(), lines.len()), (393, 393));
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_numbers_in_the_checksum_are_those_that_mavlink_publishes() {
+    fn crc_extra_values_match_those_that_mavlink_publishes() {
         let all = Definitions::all();
         for (number, name, extra, lengths) in [
             (0, "HEARTBEAT", 50, [9, 9]),
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_have_a_column_each_and_characters_are_one_text() {
+    fn array_elements_have_a_column_each_and_characters_form_one_text() {
         let all = Definitions::all();
         let paths = |number: u32, wide| -> Vec<(String, usize)> {
             all.get(number).unwrap().layout(wide).fields.into_iter().map(|f| (f.path, f.offset)).collect()

@@ -1,57 +1,58 @@
 //! A frame of MAVLink 1 or 2 (<https://mavlink.io/en/guide/serialization.html>).
 //!
-//! Who does not know an incompatibility flag must drop the frame, says the specification; it defines one, of signatures. A
-//! draft of 2026 (<https://github.com/ArduPilot/pymavlink/pull/1229>) has two more, which make the header longer: its frames
-//! are dropped as others with such flags are, and the checksum proves where they end.
+//! The specification requires a receiver to drop frames with unknown incompatibility flags; it defines one, for
+//! signatures. A draft of 2026 (<https://github.com/ArduPilot/pymavlink/pull/1229>) adds two, which make the header
+//! longer. These frames are dropped like others with unknown flags, and the checksum proves where they end.
 
 use super::checksum::Checksum;
 use super::definition::Definitions;
 
 /// First bytes of a frame.
 pub(super) const MAGIC: [u8; 2] = [0xfe, 0xfd];
-/// The longest: header, payload, checksum and signature of MAVLink 2.
+/// Length of the longest frame: header, payload, checksum and signature of MAVLink 2.
 pub(super) const LONGEST: usize = HEADER_2 + WIDE_SENDER + WIDE_TARGET + 255 + CHECKSUM + SIGNATURE;
-/// Of the shortest, without payload.
+/// Length of the shortest frame, without payload.
 const HEADER_1: usize = 6;
 const HEADER_2: usize = 10;
 pub(super) const CHECKSUM: usize = 2;
 pub(super) const SIGNATURE: usize = 13;
-/// The flag of MAVLink 2 that a signature follows.
+/// The MAVLink 2 flag for a signature at the end.
 const SIGNED: u8 = 1;
-/// Flags of the draft: the number of the sending system has 32 bits, and the header ends in that of a target.
+/// Flags of the draft: the sending system's number has 32 bits, and the header ends with a target number.
 const SYSID32: u8 = 2;
 const TARGET32: u8 = 4;
-/// What that adds to the header.
+/// Bytes that this adds to the header.
 const WIDE_SENDER: usize = 3;
 const WIDE_TARGET: usize = 4;
 
-/// What stands in a frame.
+/// Content of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Frame<'b> {
-    /// MAVLink 2, or a payload of MAVLink 1 with fields of that: cut zeros are to be restored, and there may be more fields.
+    /// MAVLink 2, or a MAVLink 1 payload with extension fields: truncated zeros are restored, and there may be more
+    /// fields.
     pub(super) wide: bool,
     pub(super) system: u8,
     pub(super) component: u8,
     pub(super) message: u32,
-    /// Incompatibility flags that this reader does not know: then the payload may mean anything.
+    /// Incompatibility flags unknown to this reader: the meaning of the payload is then unknown.
     pub(super) unknown_flags: u8,
     pub(super) payload: &'b [u8],
     /// Bytes of the whole frame.
     pub(super) length: usize,
-    /// Whether the checksum is right; `None` for a message that is not defined, if some layout makes it right.
+    /// Whether the checksum is right; `None` for an undefined message whose checksum is right with some layout.
     pub(super) intact: Option<bool>,
 }
 
 /// Why there is no frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NoFrame {
-    /// It does not begin as one.
+    /// The first bytes are not those of a frame.
     Foreign,
     /// The bytes end inside it.
     Cut,
 }
 
-/// What stands in front of a payload.
+/// Header of a frame.
 #[derive(Debug, Clone, Copy)]
 struct Head {
     wide: bool,
@@ -59,13 +60,13 @@ struct Head {
     system: u8,
     component: u8,
     message: u32,
-    /// Bytes in front of the payload, and of it.
+    /// Bytes before the payload, and of it.
     header: usize,
     payload: usize,
 }
 
 impl Head {
-    /// The head that the bytes begin with, as the specification has it.
+    /// The header at the start of the bytes, by the specification.
     fn at(bytes: &[u8]) -> Result<Head, NoFrame> {
         let (Some(&magic), Some(&payload)) = (bytes.first(), bytes.get(1)) else { return Err(NoFrame::Cut) };
         if !MAGIC.contains(&magic) {
@@ -83,7 +84,7 @@ impl Head {
         Ok(Head { wide, flags, system, component, message, header, payload: payload.into() })
     }
 
-    /// The same as the draft has it, if its flags are set.
+    /// The same by the draft, if its flags are set.
     fn drafted(self, bytes: &[u8]) -> Option<Head> {
         let sender = if self.flags & SYSID32 == 0 { 0 } else { WIDE_SENDER };
         let target = if self.flags & TARGET32 == 0 { 0 } else { WIDE_TARGET };
@@ -103,19 +104,19 @@ impl Head {
 }
 
 impl<'b> Frame<'b> {
-    /// Bytes of the frame that the bytes begin with, intact or not.
+    /// Length of the frame at the start of the bytes, intact or not.
     pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {
         let head = Head::at(bytes).ok()?;
         Some(Frame::drafted(head, bytes).map_or(head.length(), |frame| frame.length))
     }
 
-    /// The frame that the bytes begin with.
+    /// The frame at the start of the bytes.
     pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
         let head = Head::at(bytes)?;
         Frame::drafted(head, bytes).map_or_else(|| Frame::behind(head, bytes), Ok)
     }
 
-    /// The same as the draft has it, if its checksum proves that.
+    /// The same by the draft, if the checksum confirms it.
     fn drafted(head: Head, bytes: &'b [u8]) -> Option<Frame<'b>> {
         let frame = head.drafted(bytes).and_then(|head| Frame::behind(head, bytes).ok());
         frame.filter(|frame| frame.intact == Some(true))
@@ -149,7 +150,8 @@ impl<'b> Frame<'b> {
 mod tests {
     use super::*;
 
-    /// Frames of COMMAND_LONG from system 42 or 10.0.0.1 to 7 or 10.0.0.2, the last one signed: from the tests of the draft.
+    /// Frames of COMMAND_LONG from system 42 or 10.0.0.1 to 7 or 10.0.0.2, the last one signed: from the tests of the
+    /// draft.
     const DRAFTED: [&str; 4] = [
         "fd210400002a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa018df2",
         "fd210200000100000a0b4c00000000803f0000004000004040000080400000a0400000c0400000e0402c0107fa019d0f",
@@ -159,7 +161,7 @@ mod tests {
     ];
 
     #[test]
-    fn a_frame_with_the_longer_header_of_the_draft_is_intact_and_its_flags_are_not_known() {
+    fn a_frame_with_the_drafts_longer_header_is_intact_with_unknown_flags() {
         for text in DRAFTED {
             let digit = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).unwrap();
             let bytes: Vec<u8> = (0..text.len()).step_by(2).map(digit).collect();
@@ -175,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_is_taken_apart_in_both_versions_with_and_without_a_signature() {
+    fn frames_of_both_versions_are_parsed_with_and_without_a_signature() {
         let extra = Definitions::all().get(0).unwrap().extra;
         let sealed = |mut frame: Vec<u8>| {
             let mut checksum = Checksum::new();

@@ -1,4 +1,4 @@
-//! What stands in front of the frames of a file.
+//! What precedes the frames of a file.
 
 use super::book::NO_FRAME;
 use super::clock::PLAUSIBLE_US;
@@ -7,22 +7,22 @@ use crate::error::IngestError;
 use crate::reader::ReadContext;
 use logscan::LogFile;
 
-/// Bytes of the time in front of a frame.
+/// Bytes of the time before a frame.
 pub(super) const TIME: usize = 8;
-/// Bytes looked through for the first frames.
+/// Bytes searched for the first frames.
 const SOUGHT: u64 = 16 << 20;
 
-/// What stands in front of every frame of a file.
+/// What precedes every frame of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Framing {
-    /// The time at which it came.
+    /// Its reception time.
     Stamped,
-    /// Nothing: it follows the frame before.
+    /// Nothing: it follows the previous frame.
     Bare,
 }
 
 impl Framing {
-    /// Bytes in front of a frame.
+    /// Number of bytes before a frame.
     pub(super) fn front(self) -> usize {
         match self {
             Framing::Stamped => TIME,
@@ -30,8 +30,8 @@ impl Framing {
         }
     }
 
-    /// By the first block that holds frames: what stands before may be zeros, junk, or text. A file without one is refused if
-    /// it is no log at all.
+    /// Determined from the first block with frames: before it there may be zeros, junk or text. A file without such a
+    /// block is rejected if it is not a log at all.
     pub(super) fn of_file(file: &mut LogFile, context: &ReadContext<'_>) -> Result<Framing, IngestError> {
         let mut at = 0;
         while at < file.size().min(SOUGHT) {
@@ -45,9 +45,9 @@ impl Framing {
         Ok(Framing::of(file.up_to(0, crate::sniff::HEAD)?))
     }
 
-    /// As the begin shows, or else most of what follows a frame.
+    /// Determined from the start, otherwise from what follows most frames.
     fn of(head: &[u8]) -> Framing {
-        // The end of a frame of a few bytes may look like a time: then another follows at once.
+        // The end of a frame of a few bytes may look like a time: then another frame follows directly.
         let first =
             head.get(TIME..).and_then(Frame::length_at).map_or(usize::MAX, |length| TIME.saturating_add(length));
         let follows = || Framing::ahead(head.get(first..).unwrap_or_default()) == Some(Framing::Bare);
@@ -55,7 +55,7 @@ impl Framing {
         if is_bare { Framing::Bare } else { Framing::Stamped }
     }
 
-    /// What the bytes behind a frame show, if they show that another one follows.
+    /// Framing of the next frame by the bytes after a frame, if they show that another one follows.
     fn ahead(bytes: &[u8]) -> Option<Framing> {
         let is_magic = |at: usize| bytes.get(at).is_some_and(|magic| MAGIC.contains(magic));
         if is_magic(0) {
@@ -64,28 +64,28 @@ impl Framing {
         (is_magic(TIME) && is_plausible(bytes)).then_some(Framing::Stamped)
     }
 
-    /// Whether what stands before a frame may do so: a time of a clock that is set.
+    /// Whether the bytes before a frame can be a time: one of a clock that is set.
     pub(super) fn is_plausible(self, record: &[u8]) -> bool {
         self == Framing::Bare || is_plausible(record)
     }
 }
 
-/// What a walk over the first bytes of a file finds.
+/// Statistics of the first bytes of a file.
 #[derive(Default)]
 struct Census {
     frames: usize,
-    /// Of all frames.
+    /// Bytes of all frames.
     bytes: usize,
-    /// Frames that another one follows, behind its time and at once.
+    /// Frames followed by another one, after its time and directly.
     stamped: usize,
     bare: usize,
 }
 
-/// So many frames are no accident.
+/// This many frames are not a coincidence.
 const FEWEST: usize = 3;
 
 impl Census {
-    /// Counts intact frames, and those of messages that are not defined where the frame before says that one stands.
+    /// Counts intact frames, and those of undefined messages where the previous frame shows that one begins.
     fn of(head: &[u8]) -> Census {
         let mut census = Census::default();
         let (mut at, mut next) = (0, None);
@@ -110,13 +110,13 @@ impl Census {
         self.bare > self.stamped
     }
 
-    /// Whether the head is of MAVLink: some frames, and half of it is theirs.
+    /// Whether the head is MAVLink: a few frames, which make up at least half of it.
     fn prevails_in(&self, head: &[u8]) -> bool {
         self.frames >= FEWEST && 2 * self.bytes >= head.len()
     }
 }
 
-/// Whether these first bytes of a file begin with a frame behind its time, or are frames by half.
+/// Whether these first bytes of a file begin with a time and a frame, or consist of frames for at least half.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
     begins_stamped(head) || Census::of(head).prevails_in(head)
 }
@@ -135,7 +135,7 @@ fn is_plausible(bytes: &[u8]) -> bool {
     time_us(bytes).is_some_and(|time| PLAUSIBLE_US.contains(&time))
 }
 
-/// The time in front of a frame that the bytes begin with, and what follows that frame.
+/// The time before the frame at the start of the bytes, and what follows that frame.
 pub(super) fn next_time(bytes: &[u8]) -> Option<(u64, &[u8])> {
     let time = time_us(bytes).filter(|_| bytes.get(TIME).is_some_and(|magic| MAGIC.contains(magic)))?;
     let length = Frame::length_at(bytes.get(TIME..)?).unwrap_or(usize::MAX);

@@ -1,4 +1,4 @@
-//! What the messages tell of the vehicle: firmware, modes, parameters, texts.
+//! Information about the vehicle from its messages: firmware, modes, parameters, texts.
 
 use crate::decode::packed::text_of;
 use crate::format::dataflash::modes;
@@ -6,7 +6,7 @@ use crate::format::dataflash::vehicle::Vehicle as ArduPilot;
 use flight::{About, Clock, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 
-/// Numbers of messages.
+/// Message numbers.
 const HEARTBEAT: u32 = 0;
 const PARAM_VALUE: u32 = 22;
 const AUTOPILOT_VERSION: u32 = 148;
@@ -17,10 +17,10 @@ const ARDUPILOT: u8 = 3;
 const NO_AUTOPILOT: u8 = 8;
 const PX4: u8 = 12;
 
-/// Parts of texts that are remembered until the others are here.
+/// Parts of texts that are kept until the text is complete.
 const MOST_PARTS: usize = 64;
 
-/// The autopilot that a heartbeat comes from; `None` if it is another message, or of a ground station, a camera.
+/// Whether it is the heartbeat of an autopilot, and not another message or a heartbeat of a ground station or camera.
 pub(super) fn is_autopilot(message: u32, payload: &[u8]) -> bool {
     let kind = Heartbeat::read(payload);
     message == HEARTBEAT && kind.is_some_and(|h| h.autopilot != NO_AUTOPILOT && h.vehicle_type != GROUND_STATION)
@@ -29,24 +29,24 @@ pub(super) fn is_autopilot(message: u32, payload: &[u8]) -> bool {
 /// `MAV_TYPE_GCS`.
 const GROUND_STATION: u8 = 6;
 
-/// What an autopilot has told so far.
+/// Information from an autopilot so far.
 #[derive(Debug)]
 pub(super) struct Vehicle {
-    /// Of the times at which messages came.
+    /// Clock of the reception times.
     clock: Clock,
-    /// Keeps what autopilots of all makes tell.
+    /// Collects information from all makes of autopilot.
     kept: ArduPilot,
     autopilot: Option<u8>,
     system: Option<&'static str>,
     firmware: Option<String>,
     board: Option<String>,
     uid: Option<String>,
-    /// Texts in parts by their number.
+    /// Partial texts by their number.
     parts: BTreeMap<u16, String>,
 }
 
 impl Vehicle {
-    /// A vehicle whose messages came at times of this clock.
+    /// A vehicle whose messages have times of this clock.
     pub(super) fn new(clock: Clock) -> Vehicle {
         Vehicle {
             clock,
@@ -60,7 +60,7 @@ impl Vehicle {
         }
     }
 
-    /// Takes in a message; its payload is as long as its definition says.
+    /// Takes a message; its payload has the length of its definition.
     pub(super) fn tell(&mut self, message: u32, payload: &[u8], at_ns: i64) {
         match message {
             HEARTBEAT => self.heartbeat(payload, at_ns),
@@ -78,7 +78,7 @@ impl Vehicle {
         self.kept.mode(at_ns, None, Some(&heartbeat.mode()));
     }
 
-    /// ArduPilot sends whole numbers as floats, PX4 their bits in place of a float's.
+    /// ArduPilot sends integers as floats, PX4 their bits in place of a float's.
     fn parameter(&mut self, payload: &[u8], at_ns: i64) {
         let (Some(bits), Some(name), Some(&kind)) = (payload.first_chunk(), payload.get(8..24), payload.get(24)) else {
             return;
@@ -103,8 +103,8 @@ impl Vehicle {
         self.uid = uid.filter(|uid| *uid != 0).map(|uid| format!("{uid:016x}")).or(self.uid.take());
     }
 
-    /// A text of more than 50 characters comes in parts with one number; the last is shorter. It has no time of its own:
-    /// that of the log stands in, as with modes.
+    /// A text of more than 50 characters is split into parts with one number; the last part is shorter. It has no time
+    /// of its own: the log's time is used, as with modes.
     fn text(&mut self, payload: &[u8], at_ns: i64) {
         const PART: usize = 50;
         let text = text_of(payload.get(1..=PART).unwrap_or_default());
@@ -123,7 +123,7 @@ impl Vehicle {
 
     pub(super) fn finish(self) -> About {
         let mut about = self.kept.finish();
-        // Heartbeats have no time of their own: a mode begins when the log has it.
+        // Heartbeats have no time of their own: a mode begins at the log's time.
         for mode in &mut about.modes {
             mode.clock = self.clock;
         }
@@ -135,7 +135,7 @@ impl Vehicle {
     }
 }
 
-/// Who lives, and in which mode.
+/// Fields of a heartbeat.
 struct Heartbeat {
     custom_mode: u32,
     vehicle_type: u8,
@@ -171,7 +171,7 @@ impl Heartbeat {
     }
 }
 
-/// `PX4_CUSTOM_MAIN_MODE` and, of its automatic mode, `PX4_CUSTOM_SUB_MODE_AUTO`; named as those of a ULog.
+/// `PX4_CUSTOM_MAIN_MODE` and, for its automatic mode, `PX4_CUSTOM_SUB_MODE_AUTO`; named as in ULog.
 fn px4_mode(main: u8, sub: u8) -> String {
     let name = match (main, sub) {
         (1, _) => "Manual",
@@ -195,7 +195,7 @@ fn px4_mode(main: u8, sub: u8) -> String {
     name.to_owned()
 }
 
-/// `0xAABBCCTT`: major, minor, patch and the kind of release; and the commit, as text or as bytes.
+/// `0xAABBCCTT`: major, minor, patch and release type; and the commit, as text or as bytes.
 fn firmware(version: u32, custom: &[u8]) -> String {
     let [major, minor, patch, kind] = version.to_be_bytes();
     let kind = match kind {
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_heartbeat_names_its_mode_in_the_words_of_its_autopilot() {
+    fn a_heartbeat_names_its_mode_as_its_autopilot_does() {
         let mode = |custom_mode, vehicle_type, autopilot| Heartbeat { custom_mode, vehicle_type, autopilot }.mode();
         assert_eq!(mode(10, 1, ARDUPILOT), "AUTO");
         assert_eq!(mode(5, 2, ARDUPILOT), "LOITER");
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ground_station_is_no_autopilot() {
+    fn a_ground_station_is_not_an_autopilot() {
         let heartbeat = |kind, autopilot| [0, 0, 0, 0, kind, autopilot, 0, 4, 3];
         assert!(is_autopilot(0, &heartbeat(1, ARDUPILOT)));
         assert!(!is_autopilot(0, &heartbeat(GROUND_STATION, NO_AUTOPILOT)));
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_parameters_are_floats_of_ardupilot_and_bits_of_px4() {
+    fn integer_parameters_are_floats_from_ardupilot_and_bits_from_px4() {
         let about = |autopilot, bits: [u8; 4], name| {
             let mut vehicle = Vehicle::new(Clock::Unix);
             vehicle.tell(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn receiver_and_antenna_are_told_by_parameters_of_either_autopilot() {
+    fn parameters_of_either_autopilot_give_receiver_and_antenna() {
         let about = |autopilot, parameters: &[(&str, f32)]| {
             let mut vehicle = Vehicle::new(Clock::Unix);
             vehicle.tell(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_of_a_parameter_is_told_with_when_it_came() {
+    fn a_parameter_change_is_reported_with_its_time() {
         let mut vehicle = Vehicle::new(Clock::Unix);
         for (value, at_ns) in [(0.25_f32, 5_000_000_000), (0.25, 6_000_000_000), (0.5, 7_250_000_000)] {
             vehicle.tell(PARAM_VALUE, &parameter("A", value.to_le_bytes(), 9), at_ns);
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_text_is_put_together_and_tells_of_the_firmware() {
+    fn a_long_text_is_joined_and_the_firmware_read_from_it() {
         let mut vehicle = Vehicle::new(Clock::Unix);
         let part = |id: u16, text: &str| {
             let mut field = text.as_bytes().to_vec();

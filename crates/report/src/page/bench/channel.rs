@@ -1,4 +1,4 @@
-//! Everything about one channel.
+//! The section of one channel.
 
 use super::super::Head::{Number, Text};
 use super::super::{
@@ -17,7 +17,7 @@ use record::{
     ModelCandidate, ModelFinding, ResponseFinding, Stationarity, Verdict,
 };
 
-/// Most rows of each table of a channel; the record holds all.
+/// Maximum number of rows in each table of a channel; the record has all.
 const MOST: usize = 40;
 
 pub(super) fn section(channels: &[ChannelDynamics], figures: &[ChannelFigures], doubts: &[String]) -> Markup {
@@ -29,7 +29,7 @@ pub(super) fn section(channels: &[ChannelDynamics], figures: &[ChannelFigures], 
     }
 }
 
-/// How to read the figures of a channel: one text for each kind that is on the page.
+/// How to read the figures of a channel: one text for each kind of figure on the page.
 fn kinds(figures: &[ChannelFigures]) -> Markup {
     let is_drawn = |kind: usize| figures.iter().any(|f| f.slots()[kind].is_some());
     html! {
@@ -44,7 +44,7 @@ fn kinds(figures: &[ChannelFigures]) -> Markup {
     }
 }
 
-/// Folded away where nothing is left to ask.
+/// Details of a channel, collapsed unless the channel is delayed.
 fn details(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String]) -> Markup {
     let is_open = channel.verdict == Verdict::Delayed;
     html! {

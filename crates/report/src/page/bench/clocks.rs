@@ -1,4 +1,4 @@
-//! How the sensor's stamps were tied to the encoder's clock: what is absolute and what is relative.
+//! How the sensor's timestamps were related to the encoder's clock: what is absolute and what is relative.
 
 use super::super::Head::Text;
 use super::super::{basis, estimate, fact, finding, health, no_number, or_why, plain, table};
@@ -45,7 +45,7 @@ fn what_they_are(basis: &TimeBasis) -> Markup {
     }
 }
 
-/// Seconds gained per second, as parts per million.
+/// Clock skew (seconds gained per second) in parts per million.
 fn ppm(skew: &Estimate) -> Markup {
     html! { (estimate(&number::scaled(skew, 1e6))) " ppm (positive gains)" }
 }
@@ -58,7 +58,7 @@ fn hull(found: &HullFinding) -> Markup {
         (fact("Arrival − device time on the hull, at the middle", html! {
             (number::fixed(found.offset_s, 6)) " s; it holds the least transport latency"
         }))
-        // The slope of arrival less device time falls where the device gains.
+        // If the device clock gains, arrival minus device time decreases.
         (fact("Skew of the device clock", html! { (plain(-found.skew * 1e6, 3)) " ppm (positive gains)" }))
         (fact("Arrival above the fastest", html! {
             "median " (health::millis(d.median)) " ms, 1st to 99th percentile " (health::millis(d.p01)) " to "

@@ -1,7 +1,7 @@
-//! The part of a record's page in which a reader shifts the reference by hand and watches what is left.
+//! The section of a bench page where the reader shifts the reference by hand and sees the residuals.
 //!
-//! `bench.js` draws it from curves and residuals of the record. Without script the part stays hidden and the figure of the
-//! same few swings stands alone.
+//! `bench.js` draws it from curves and residuals of the record. Without the script, the section is hidden and only the
+//! figure of the same few swings is shown.
 
 use crate::figure::families;
 use crate::number;
@@ -11,15 +11,15 @@ use maud::{Markup, PreEscaped, html};
 use record::{BenchFindings, ChannelDynamics, ComponentDynamics, Curve};
 use serde::Serialize;
 
-/// What the script reads.
+/// Input of the script.
 #[derive(Debug, Serialize)]
 struct Data {
     panels: Vec<Panel>,
-    /// From, to: the few swings, s.
+    /// Start and end of the few swings, s.
     view: [f64; 2],
     /// Mean period of the bar's angle, s.
     period_s: f64,
-    /// Largest shift to either side, ms.
+    /// Largest shift in either direction, ms.
     reach_ms: f64,
 }
 
@@ -29,7 +29,7 @@ struct Panel {
     unit: String,
     gain: f64,
     found_ms: Option<f64>,
-    /// The same as people read it.
+    /// The delay as text for the reader.
     found: String,
     reference: Points,
     measured: Points,
@@ -49,7 +49,7 @@ struct Shifts {
     rms: Vec<f64>,
 }
 
-/// The part, where the record holds something to shift.
+/// The section, if the record has something to shift.
 pub(super) fn section(findings: &BenchFindings) -> Option<Markup> {
     let panels: Vec<Panel> = families(&findings.channels).into_iter().filter_map(panel).collect();
     let ends = |pick: fn(&[f64]) -> Option<&f64>| panels.iter().filter_map(move |p| pick(&p.measured.t)).copied();
@@ -57,7 +57,7 @@ pub(super) fn section(findings: &BenchFindings) -> Option<Markup> {
     let reach_ms = panels.iter().map(|p| -p.shifts.from_ms).fold(500.0, f64::max);
     let hertz = findings.gate.rms_frequency_hz;
     let period_s = if hertz > 0.0 { 1.0 / hertz } else { view[1] - view[0] };
-    // Plain numbers and text cannot fail; `<` would end the script element.
+    // Serializing plain numbers and text cannot fail. A `<` could end the script element.
     let json = serde_json::to_string(&Data { panels, view, period_s, reach_ms }).unwrap_or_default();
     Some(html! {
         section.explorer #shift hidden="" aria-label="Shift the reference by hand" {
@@ -101,7 +101,7 @@ fn panel((channel, component): (&ChannelDynamics, &ComponentDynamics)) -> Option
     is_drawable.then_some(panel)
 }
 
-/// Times to 0.1 ms and values to five digits: what a screen can show. What is not finite is left out.
+/// Times to 0.1 ms and values to five digits, the resolution of a screen. Non-finite values are skipped.
 fn points(curve: &Curve) -> Points {
     let finite = curve.t_s.iter().zip(&curve.y).filter(|(t, y)| t.is_finite() && y.is_finite());
     let (t, y) = finite.map(|(t, y)| ((t * 1e4).round() / 1e4, number::to_significant(*y, 5))).unzip();

@@ -1,4 +1,4 @@
-//! The rig as it was built, drawn from the rig file, and where each channel was measured.
+//! The rig as built, drawn from the rig file, and where each channel was measured.
 
 use super::super::Head::{Number, Text};
 use super::super::{exact, figure, rows, table};

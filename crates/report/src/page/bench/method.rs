@@ -1,4 +1,4 @@
-//! The method in words and equations, from the options that were used.
+//! The method in words and equations, with the options that were used.
 
 use super::super::exact;
 use crate::number;
@@ -7,7 +7,7 @@ use flight::Clock;
 use maud::{Markup, html};
 use record::{BenchFindings, ChannelDynamics, ClockFinding, ReferenceFinding, TimeBasis, Verdict};
 
-/// Ready to paste into a report.
+/// The method section, ready to paste into a report.
 pub(super) fn section(findings: &BenchFindings) -> Markup {
     let channels = &findings.channels;
     html! {
@@ -28,7 +28,7 @@ pub(super) fn section(findings: &BenchFindings) -> Markup {
     }
 }
 
-/// What t = 0 is.
+/// Definition of t = 0.
 fn zero(findings: &BenchFindings) -> String {
     let utc = jiff::Timestamp::from_nanosecond(i128::from(findings.origin_ns)).ok();
     match utc.filter(|_| findings.clock == Clock::Unix) {
@@ -101,7 +101,7 @@ fn delay(channels: &[ChannelDynamics]) -> Markup {
     }
 }
 
-/// Over which range a first value was sought.
+/// The range of the search for an initial value.
 fn search(channels: &[ChannelDynamics]) -> Markup {
     let curves = || channels.iter().filter_map(|c| c.checks.as_ref()).map(|c| &c.objective.delay_s);
     let first = curves().filter_map(|d| d.first()).copied().reduce(f64::min);

@@ -1,4 +1,4 @@
-//! Mount and calibration: what the data say beside what the rig file says.
+//! Mount and calibration: values from the data next to values from the rig file.
 
 use super::super::Head::{Number, Text};
 use super::super::{badge, estimate, exact, fact, finding, met_badge, or_why, plain, rows, table};
@@ -73,7 +73,7 @@ fn bar(found: &Flexibility) -> Markup {
     }
 }
 
-/// A matrix, row by row, with its uncertainties where they are known.
+/// A matrix row by row, with uncertainties if known.
 pub(in crate::page) fn soft_iron(rows: &[[f64; 3]], uncertainties: &[[f64; 3]]) -> Markup {
     let cell = |row: usize, column: usize, value: f64| match uncertainties.get(row) {
         Some(u) => estimate(&Estimate { value, standard_uncertainty: Some(u[column]) }),

@@ -1,4 +1,4 @@
-//! All channels in one table, Fig. 4, and whether the swing can show anything at all.
+//! All channels in one table, Fig. 4, and whether the swing is suitable for a measurement.
 
 use super::super::Head::{self, Number, Text};
 use super::super::{
@@ -15,7 +15,7 @@ use record::{
     QualityGate, TimeBasis,
 };
 
-/// Most channels of a table; the record holds all.
+/// Maximum number of channels in a table; the record has all.
 pub(super) const MOST_CHANNELS: usize = 60;
 
 pub(super) fn section(
@@ -91,7 +91,7 @@ fn row(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String]) -
     }
 }
 
-/// The delay, and what a loop sees that reads held values.
+/// The delay, and the delay seen by a control loop that reads held values.
 fn delay_cell(found: &DelayFinding) -> Markup {
     html! {
         (estimate(&verdict::in_millis(&verdict::delay(found))))
@@ -135,7 +135,7 @@ fn noise((component, noise): (&ComponentDynamics, &NoiseFinding)) -> Markup {
     }
 }
 
-/// What the delay of a channel is measured against; the anchor is its own measure.
+/// What the delay of a channel is measured against. The anchor has no other reference.
 fn against(channel: &ChannelDynamics) -> Markup {
     match &channel.basis {
         TimeBasis::Anchor { channel: anchor } if *anchor == channel.name => html! { "the anchor itself" },
@@ -143,14 +143,14 @@ fn against(channel: &ChannelDynamics) -> Markup {
     }
 }
 
-/// Checks, folded away where all of them pass.
+/// Checks, collapsed if all pass.
 pub(super) fn folded(what: &str, all_pass: bool, table: &Markup) -> Markup {
     html! {
         @if all_pass { details { summary { "All passed: " (what) } (table) } } @else { (table) }
     }
 }
 
-/// What was asked before any verdict.
+/// Quality checks made before any verdict.
 pub(super) fn gate(gate: &QualityGate) -> Markup {
     let check = |check: &GateCheck| {
         html! {

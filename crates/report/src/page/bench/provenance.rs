@@ -1,4 +1,4 @@
-//! What the page was made from, and how to make it again.
+//! Inputs of the page, and how to regenerate it.
 
 use super::super::Head::Text;
 use super::super::{command_block, fact, provenance, sensor_name, settings_details, table, versions};

@@ -1,4 +1,4 @@
-//! The encoder, and the reference motion made from it.
+//! The encoder and the reference motion computed from it.
 
 use super::super::Head::Text;
 use super::super::{estimate, exact, fact, figure, no_number, or_why, plain, table};

@@ -1,4 +1,4 @@
-//! What needs attention: one line for each reason, not one for each flight.
+//! What needs attention: one line for each reason, not for each flight.
 
 use super::super::{badge, reason};
 use super::flights::{is_on_the_page, link};
@@ -9,24 +9,24 @@ use maud::{Markup, html};
 use record::{CampaignRecord, FlightRow, Gravity, Outcome, flight_alarms};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Flights named beside a reason before the rest is folded away.
+/// Number of flights named next to a reason. The others are collapsed.
 const NAMED: usize = 3;
 /// Flights with one reason.
 struct Reason<'a> {
-    /// Name in the address of the table that shows them.
+    /// Name in the URL of the filtered table.
     slug: String,
     class: &'static str,
     icon: &'static str,
     word: &'static str,
-    /// What the first of them says.
+    /// Text of the first flight.
     text: String,
     flights: Vec<&'a FlightRow>,
 }
 
-/// How grave, then what: reasons that differ in their numbers only are one.
+/// Severity, then text without numbers. Reasons that differ only in their numbers are merged.
 type Key = (u8, String);
 
-/// All reasons, the gravest and most frequent first.
+/// All reasons, most severe and most frequent first.
 fn all_reasons(flights: &[FlightRow]) -> Vec<Reason<'_>> {
     let mut all: BTreeMap<Key, Reason<'_>> = BTreeMap::new();
     for row in flights {
@@ -46,7 +46,7 @@ fn all_reasons(flights: &[FlightRow]) -> Vec<Reason<'_>> {
     all.into_iter().map(|(_, reason)| reason).collect()
 }
 
-/// A name for an address: small letters and digits of the first words.
+/// A name for a URL: lower-case letters and digits of the first words.
 fn slug(what: &str) -> String {
     const MOST: usize = 32;
     let letters = what.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' });
@@ -59,7 +59,7 @@ fn slug(what: &str) -> String {
     if joined.is_empty() { "other".to_owned() } else { joined }
 }
 
-/// The reasons of each flight, by its name, as the table of flights is filtered by them.
+/// The reasons of each flight by flight name, for the filter of the flight table.
 pub(super) type Reasons<'a> = BTreeMap<&'a str, String>;
 
 pub(super) fn reasons_of(record: &CampaignRecord) -> Reasons<'_> {
@@ -101,7 +101,7 @@ fn line(reason: &Reason<'_>, is_on_the_page: bool) -> Markup {
     }
 }
 
-/// How grave a reason is, and its badge: class, icon and word.
+/// Severity of a reason, and its badge: class, icon and word.
 type Grave = (u8, (&'static str, &'static str, &'static str));
 
 fn of_outcome(outcome: &Outcome) -> Option<Grave> {
@@ -109,7 +109,7 @@ fn of_outcome(outcome: &Outcome) -> Option<Grave> {
         Outcome::Failed { .. } => Some((0, ("bad", "✗", "Failed"))),
         Outcome::NotMeasurable { .. } => Some((4, ("unsure", "○", "Not measurable"))),
         Outcome::Pending { .. } => Some((5, ("off", "…", "Pending"))),
-        // Why nothing was removed is in the table and on the flight's page.
+        // The table and the flight's page have the reason why nothing was removed.
         Outcome::Compensated | Outcome::Uncompensated { .. } => None,
     }
 }
@@ -145,7 +145,7 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
     let alarmed = |text: &str| alarms.iter().any(|a| a.text == text);
     let mut others = row.attention.iter().filter(|text| !said.contains(&text.as_str()) && !alarmed(text));
     if row.lossy {
-        // The first says what was lost; the flight's page has all.
+        // The first text says what was lost. The flight's page has all texts.
         let text = others.next().map_or("bytes or messages were lost", String::as_str);
         add(2, &without_numbers(text), ("lost", "▲", "LOG DAMAGED"), text);
     } else {
@@ -154,13 +154,13 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
             false => add(3, &without_numbers(text), ("unsure", "!", "Warning"), text),
         });
     }
-    // A flight counts once for each reason.
+    // Count a flight once for each reason.
     let mut keys = BTreeSet::new();
     out.retain(|(key, _)| keys.insert(key.clone()));
     out
 }
 
-/// The text with every number as `#`.
+/// The text with every number replaced by `#`.
 fn without_numbers(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -179,7 +179,7 @@ pub(super) fn varies(row: &FlightRow) -> bool {
     row.lateness.as_ref().is_some_and(|l| l.kind.varies())
 }
 
-/// The first names, and how many more.
+/// The first names and the number of further names.
 pub(super) fn names(flights: &[&FlightRow]) -> Markup {
     html! {
         @for (i, row) in flights.iter().take(NAMED).enumerate() { @if i > 0 { ", " } (link(row, "")) }
@@ -192,14 +192,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_has_a_short_name_of_plain_letters() {
+    fn a_slug_is_short_and_alphanumeric() {
         assert_eq!(slug("delay-steps"), "delay-steps");
         assert_eq!(slug("# bytes of the log <b> are damaged and lost"), "bytes-of-the-log-b-are-damaged");
         assert_eq!(slug("\u{202e}?"), "other");
     }
 
     #[test]
-    fn reasons_that_differ_in_their_numbers_only_are_one() {
+    fn reasons_that_differ_only_in_their_numbers_are_merged() {
         let text = |bytes: &str| format!("{bytes} bytes of a7.bag are damaged at 12.5 s, and more");
         assert_eq!(without_numbers(&text("4096")), without_numbers(&text("17")));
         assert_eq!(without_numbers("1,234.5 m"), "# m");

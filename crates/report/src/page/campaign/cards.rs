@@ -10,15 +10,15 @@ use maud::{Markup, html};
 use record::{CampaignRecord, DelaySetting, DelaySource, EffectVerdict, Estimate, FlightRow, GroupLateness};
 use std::collections::BTreeSet;
 
-/// Most groups that are shown; the record holds all.
+/// Maximum number of groups shown; the record has all.
 const MOST_GROUPS: usize = 20;
-/// Groups before what is to be done: a row of them.
+/// Number of groups shown above the to-do list: one row.
 const FIRST: usize = 3;
 /// Width and height of the small chart, CSS pixels.
 const SPARK: (f64, f64) = (150.0, 28.0);
-/// Most flights on the small chart, the newest.
+/// Maximum number of flights in the small chart (the newest).
 const MOST_SPARKS: usize = 100;
-/// The fact of a group that says which kind of log its flights are.
+/// Name of the group fact with the log type of its flights.
 const LOG: &str = "log";
 
 /// How late the position is in the largest groups, whether the removal helped, and what to set.
@@ -31,7 +31,7 @@ pub(super) fn first(record: &CampaignRecord) -> Markup {
     }
 }
 
-/// The same of the other groups, below what is to be done: that belongs on the first screen.
+/// Cards of the other groups, below the to-do list, which must be on the first screen.
 pub(super) fn others(record: &CampaignRecord) -> Markup {
     let rest = record.groups.len().saturating_sub(FIRST);
     html! {
@@ -45,7 +45,7 @@ pub(super) fn others(record: &CampaignRecord) -> Markup {
     }
 }
 
-/// Those of the groups, with a delay first.
+/// Cards of the groups. Groups with a delay come first.
 fn cards(record: &CampaignRecord, from: usize, to: usize) -> Markup {
     let groups = &record.groups;
     let mut ordered: Vec<&GroupLateness> = groups.iter().collect();
@@ -57,7 +57,7 @@ fn cards(record: &CampaignRecord, from: usize, to: usize) -> Markup {
     }
 }
 
-/// Kinds of log of the groups that are like this one in everything else.
+/// Log types of the groups that differ from this one only in log type.
 fn other_logs<'a>(group: &GroupLateness, groups: &'a [GroupLateness]) -> Vec<&'a str> {
     let log =
         |of: &'a GroupLateness| of.group.parts.iter().find(|part| part.what == LOG).map(|part| part.value.as_str());
@@ -92,7 +92,7 @@ fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Mark
     }
 }
 
-/// How late; of flights that are not one group the range, for their mean describes none of them.
+/// How late. If the flights have no common delay, the range is shown, because their mean describes no flight.
 fn lateness(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let all = || rows.iter().filter_map(|r| r.lateness.as_ref()?.lateness_s()).map(|e| e.value);
     let (low, high) = (all().reduce(f64::min), all().reduce(f64::max));
@@ -125,7 +125,7 @@ fn range(low_s: f64, high_s: f64) -> String {
     }
 }
 
-/// What stands before an item of a list in a sentence.
+/// Separator before an item of a list in a sentence.
 fn joint(item: usize, of: usize) -> &'static str {
     match item {
         0 => "",
@@ -146,7 +146,7 @@ fn datum(against: &str) -> &str {
     }
 }
 
-/// How many flights tell it, and whether they agree.
+/// Number of flights that show the lateness, and whether they agree.
 fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let outliers: Vec<&FlightRow> = rows.iter().filter(|r| group.outliers.contains(&r.flight)).copied().collect();
     html! {
@@ -154,7 +154,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
         @if group.pooled > 0 { ", " (number::count(group.pooled)) " measured it" }
         @if let Some(words) = &group.split { ": " (ended(words)) }
         @else {
-            // The test is over all flights. Outliers are named instead, and are not in the mean.
+            // The test covers all flights. Outliers are named instead and excluded from the mean.
             @if let Some(test) = group.difference.as_ref().filter(|_| outliers.is_empty() || group.lateness_s.is_none()) {
                 @if test.p < DIFFER_P {
                     ", and they differ (" (p_value(test.p))
@@ -173,7 +173,7 @@ pub(in super::super) fn p_value(p: f64) -> String {
     if p < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", number::significant(p, 2)) }
 }
 
-/// Positions that no delay of the group is right for.
+/// Positions from other receivers. The delay of the group does not apply to them.
 fn other_receivers(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let of = |row: &FlightRow| row.lateness.as_ref().map(|l| l.other_receivers.clone()).unwrap_or_default();
     let with: Vec<&FlightRow> = rows.iter().filter(|row| !of(row).is_empty()).copied().collect();
@@ -192,7 +192,7 @@ fn other_receivers(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     }
 }
 
-/// What was removed from these flights, and what it did.
+/// What was removed from these flights, and the effect.
 fn removal(rows: &[&FlightRow]) -> Markup {
     let removed: Vec<f64> = rows.iter().filter_map(|r| r.delay_s).filter(|s| s.is_finite()).collect();
     let sources: BTreeSet<DelaySource> =
@@ -232,7 +232,7 @@ fn effects(rows: &[&FlightRow]) -> Markup {
     }
 }
 
-/// How far the removal stays behind what the flights allow, in the middle of those that do.
+/// How far the removal falls short of the best possible: median over the flights that fall short.
 fn short(rows: &[&FlightRow]) -> Markup {
     let mut factors: Vec<f64> =
         rows.iter().filter_map(|r| r.effect.as_ref()?.short_by).filter(|f| f.is_finite()).collect();
@@ -259,7 +259,7 @@ pub(super) fn settings(set: &[DelaySetting]) -> Markup {
 fn spark(rows: &[&FlightRow], is_relative: bool) -> Markup {
     let mut all: Vec<(&str, f64)> =
         rows.iter().filter_map(|r| Some((r.flown_at.as_deref()?, r.lateness.as_ref()?.lateness_s()?.value))).collect();
-    // What is further off is a fault, and hides all others.
+    // Values further off are faults and would hide all others.
     all.retain(|(_, late)| late.abs() < 1e6);
     all.sort_unstable_by(|a, b| a.0.cmp(b.0).then(a.1.total_cmp(&b.1)));
     let newest = all.split_off(all.len().saturating_sub(MOST_SPARKS));
@@ -289,7 +289,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_length_of_time_is_negatively_late() {
+    fn a_range_of_lateness_has_no_negative_values() {
         let all = [(0.003, 0.02), (-0.021, -0.001), (-0.005, 0.012)].map(|(low, high)| range(low, high));
         assert_eq!(all, ["3 to 20\u{a0}ms later", "1 to 21\u{a0}ms earlier", "5\u{a0}ms earlier to 12\u{a0}ms later"]);
     }

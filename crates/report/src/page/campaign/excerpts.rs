@@ -1,4 +1,4 @@
-//! North and east of the newest flights, raw and compensated, on demand: Fig. 7 of the paper, many times.
+//! North and east of the newest flights, raw and compensated, on demand: Fig. 7 of the paper for each flight.
 
 use super::flights::link;
 use crate::draw;
@@ -7,16 +7,16 @@ use crate::number;
 use maud::{Markup, html};
 use record::{AxisCurves, CampaignRecord, Curve, FlightRow, Outcome, Zoom};
 
-/// Most flights; each is a few kilobytes.
+/// Maximum number of flights; each takes a few kilobytes.
 const MOST: usize = 12;
-/// Width of a panel and its place, drawing units: half a CSS pixel each.
+/// Width and left edge of a panel in drawing units (half a CSS pixel).
 const WIDTH: f64 = 560.0;
 const LEFT: f64 = 80.0;
-/// Height of a panel, and what is between the panels.
+/// Height of a panel, and the space between panels.
 const HEIGHT: f64 = 150.0;
 const BETWEEN: f64 = 16.0;
 
-/// Where the aircraft turned hardest, of one flight.
+/// The hardest turn of one flight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackExcerpt {
     /// The flight's name.
@@ -25,7 +25,7 @@ pub struct TrackExcerpt {
     pub zoom: Zoom,
 }
 
-/// The flights whose tracks the page of a campaign shows: the newest that were compensated.
+/// The flights whose tracks the page of a campaign shows: the newest compensated flights.
 #[must_use]
 pub fn excerpt_flights(record: &CampaignRecord) -> Vec<&FlightRow> {
     let mut rows: Vec<&FlightRow> = record.flights.iter().filter(|row| row.outcome == Outcome::Compensated).collect();
@@ -60,7 +60,7 @@ pub(super) fn section(record: &CampaignRecord, excerpts: &[TrackExcerpt]) -> Mar
     }
 }
 
-/// Both axes; `None` without a curve that can be drawn.
+/// Both axes; `None` if no curve can be drawn.
 fn drawing(zoom: &Zoom) -> Option<Markup> {
     let axes: Vec<Vec<Line>> = zoom.axes.iter().take(2).map(lines).collect();
     let time = extent(axes.iter().flatten(), |p| p.0).filter(|(from, to)| to > from)?;
@@ -90,7 +90,7 @@ fn panel(lines: &[Line], (from, to): (f64, f64), top: f64) -> Markup {
     }
 }
 
-/// The exact form or the last there is, and on it the raw curve.
+/// The curve of the exact form (fallback: the last curve) with the raw curve on top.
 fn lines(axis: &AxisCurves) -> Vec<Line> {
     let raw = axis.position_m.first();
     let others = axis.position_m.get(1..).unwrap_or_default();

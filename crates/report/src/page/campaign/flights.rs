@@ -1,4 +1,4 @@
-//! The table of all flights: the gravest first, with what the script filters by.
+//! The table of all flights, most severe first, with the attributes that the script filters by.
 
 use super::super::Head::{self, Number, Text};
 use super::super::{Needs, criteria, data_lost, document, expanded, files, lateness, minor_loss, tail_cut};
@@ -12,14 +12,14 @@ use maud::{Markup, Render, html};
 use record::{CampaignRecord, DelayAlarm, Estimate, FlightLateness, FlightRow, Gravity, Outcome, flight_alarms};
 use std::collections::BTreeMap;
 
-/// Most flights in the table of the campaign's page. More are in pages of their own.
+/// Maximum number of flights in the table of the campaign's page. Larger tables are on separate pages.
 pub(super) const MOST_FLIGHTS: usize = 2_000;
-/// Flights in the table of each of these pages.
+/// Number of flights on each of these pages.
 const ON_A_PAGE: usize = 1_000;
-/// Folder of these pages, beside the campaign's page.
+/// Folder of these pages, next to the campaign's page.
 pub const TABLE_FOLDER: &str = "table";
 
-/// A column head; what not everybody needs is shown on demand.
+/// A column head. A less important column (`false`) is shown on demand.
 struct Column(Head, bool);
 
 impl Render for Column {
@@ -37,14 +37,14 @@ pub(super) fn is_on_the_page(record: &CampaignRecord) -> bool {
     record.flights.len() <= MOST_FLIGHTS
 }
 
-/// The gravest first, those of one gravity by name.
+/// Flights by severity, most severe first, then by name.
 fn sorted(record: &CampaignRecord) -> Vec<&FlightRow> {
     let mut rows: Vec<&FlightRow> = record.flights.iter().collect();
     rows.sort_by_cached_key(|row| gravity(row));
     rows
 }
 
-/// The table, or links to the pages that hold its parts.
+/// The table, or links to the pages with its parts.
 pub(super) fn section(record: &CampaignRecord) -> Markup {
     let rows = sorted(record);
     html! {
@@ -71,7 +71,7 @@ fn span(page: usize, flights: usize) -> String {
     format!("{} to {}", number::count(first as u64 + 1), number::count((first + flights) as u64))
 }
 
-/// How many flights of each result.
+/// Number of flights with each result.
 fn effects(rows: &[&FlightRow]) -> Markup {
     let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
     rows.iter()
@@ -79,7 +79,7 @@ fn effects(rows: &[&FlightRow]) -> Markup {
     html! { @for (i, (word, n)) in counts.iter().enumerate() { @if i > 0 { ", " } (number::count(*n)) " " (word) } }
 }
 
-/// The pages that hold the table of a campaign with more flights than its own page can show; none if it has all.
+/// The table pages of a campaign with more flights than its own page can show; otherwise empty.
 pub(super) fn pages(record: &CampaignRecord) -> Vec<(String, String)> {
     if is_on_the_page(record) {
         return vec![];
@@ -120,7 +120,7 @@ fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Rea
     }
 }
 
-/// The first eight are printed.
+/// The column heads. The first eight columns are printed.
 fn head(judged: bool, alarmed: bool) -> Vec<Column> {
     let (usual, more) = (|h| Column(h, true), |h| Column(h, false));
     let mut head = vec![
@@ -190,13 +190,13 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
     }
 }
 
-/// Alarms of a flight without the grey ones.
+/// Alarms of a flight, except grey ones.
 fn told(row: &FlightRow) -> Vec<DelayAlarm> {
     let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
     alarms.into_iter().filter(|a| a.gravity != Gravity::Grey).collect()
 }
 
-/// Ends of the scale of the bars, s: of all flights, and beyond them the half of a usual bar.
+/// Ends of the scale of the bars, s: the range of all flights plus half the median bar length on either side.
 type Scale = Option<(f64, f64)>;
 
 fn scale(flights: &[FlightRow]) -> Scale {
@@ -213,7 +213,7 @@ fn late(row: &FlightRow) -> Option<Estimate> {
     row.lateness.as_ref().and_then(FlightLateness::lateness_s)
 }
 
-/// The lateness, before a bar from its lower to its upper end on a scale that all rows share.
+/// The lateness in front of a bar that shows its interval on a scale common to all rows.
 fn lateness_cell(row: &FlightRow, scale: Scale) -> Markup {
     let Some(late) = late(row).filter(|e| e.value.is_finite()) else { return html! { td.n { "—" } } };
     let half = 2.0 * late.standard_uncertainty.unwrap_or(0.0);
@@ -224,12 +224,12 @@ fn lateness_cell(row: &FlightRow, scale: Scale) -> Markup {
     html! { td.range style=(style) data-v=(late.value) data-u=[expanded(&late)] { (number::with_uncertainty(&in_millis(&late))) } }
 }
 
-/// A link to the flight's page, its name isolated from the text around it. `base` leads to the folder of the campaign's page.
+/// A link to the flight's page. The name is isolated for bidirectional text. `base` leads to the campaign's folder.
 pub(super) fn link(row: &FlightRow, base: &str) -> Markup {
     html! { a href={ (base) (href(&row.page)) } { bdi { (shown(&row.flight)) } } }
 }
 
-/// A text, or the dash of the caption.
+/// A text, or the dash that the caption explains.
 fn or_dash(text: Option<&str>) -> Shown<'_> {
     shown(text.unwrap_or("—"))
 }
@@ -239,7 +239,7 @@ fn minute(instant: &str) -> String {
     sentence(instant).chars().take(16).map(|c| if c == 'T' { ' ' } else { c }).collect()
 }
 
-/// Nothing is known of the data of a flight that failed for another reason.
+/// State of the data; unknown if a flight failed for another reason.
 fn data_word(row: &FlightRow) -> Markup {
     match data_name(row) {
         "damaged" => data_lost(),
@@ -270,7 +270,7 @@ fn data_rank(row: &FlightRow) -> u8 {
     }
 }
 
-/// A number that sorts by all its bits and is shown rounded.
+/// A number that is sorted at full precision and shown rounded.
 fn cell(value: Option<f64>, show: impl FnOnce(f64) -> String) -> Markup {
     match value {
         Some(value) => html! { td data-v=(value) { (show(value)) } },

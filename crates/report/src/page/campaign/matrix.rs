@@ -1,4 +1,4 @@
-//! Criteria against flights; of many flights, against groups.
+//! Matrix of criteria and flights, or criteria and groups if there are many flights.
 
 use super::super::criteria::verdict_cell;
 use super::flights::link;
@@ -8,11 +8,11 @@ use crate::text::{label, shown};
 use maud::{Markup, html};
 use record::{CampaignCriteria, CampaignRecord, CriterionSummary, CriterionVerdict, FlightRow, VerdictTally};
 
-/// Most flights with a column each.
+/// Maximum number of flights with a column each.
 const MOST_FLIGHTS: usize = 60;
-/// Most groups with a column each.
+/// Maximum number of groups with a column each.
 const MOST_GROUPS: usize = 12;
-/// Most criteria.
+/// Maximum number of criteria.
 const MOST_CRITERIA: usize = 100;
 
 pub(super) fn matrix(record: &CampaignRecord, criteria: &CampaignCriteria) -> Markup {

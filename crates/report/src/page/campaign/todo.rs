@@ -1,4 +1,4 @@
-//! What to do, ranked by the metres that it saves.
+//! What to do, ranked by how much it reduces the error in metres.
 
 use super::attention::{names, varies};
 use super::cards::settings;
@@ -10,23 +10,23 @@ use maud::{Markup, html};
 use record::{CampaignRecord, Effect, FlightRow, GroupLateness, Outcome};
 use std::collections::BTreeMap;
 
-/// Most lines.
+/// Maximum number of lines.
 const MOST: usize = 5;
-/// Code of the alarm of a table whose columns were bound by guess.
+/// Code of the alarm for a table whose columns were bound by a guess.
 const GUESSED: &str = "bound-by-guess";
 
 /// One thing to do.
 struct Action {
-    /// Error that it saves, summed over its flights, m.
+    /// Reduction of the error, summed over its flights, m.
     saves_m: f64,
     what: Markup,
 }
 
-/// At most five lines.
+/// The to-do list, at most five lines.
 pub(super) fn todo(record: &CampaignRecord) -> Markup {
     let mut all: Vec<Action> = record.groups.iter().filter_map(|group| set(group, &record.flights)).collect();
     all.extend(harmed(&record.flights));
-    // Equal metres keep this order.
+    // Actions with equal savings keep this order.
     all.extend(changing(&record.flights));
     all.extend(failed(&record.flights));
     all.extend(copies(&record.flights));
@@ -46,8 +46,8 @@ pub(super) fn todo(record: &CampaignRecord) -> Markup {
     }
 }
 
-/// The setting of a group: what it saves against what was removed, where that is known to be too little or too much, else
-/// against the log.
+/// The setting of a group. Its saving is relative to the delay that was removed, if that is known to be too small or
+/// too large, and otherwise relative to the log.
 fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
     if group.advice.set.is_empty() {
         return None;
@@ -73,8 +73,8 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
     Some(Action { saves_m, what })
 }
 
-/// Error of each flight now and with the setting, m: now is what the removal left, where that is known to be too little or too
-/// much (then true), else the log.
+/// Error of each flight now and with the setting, m. "Now" is the error after removal if the removed delay is known to
+/// be too small or too large (the flag is then true), and otherwise the error of the log.
 fn errors_now_and_then(group: &GroupLateness, rows: &[&FlightRow]) -> (Vec<[f64; 2]>, bool) {
     let set_s = group.advice.set.iter().find(|setting| setting.unit == "s").map(|setting| setting.value);
     let own_s = |row: &FlightRow| row.lateness.as_ref()?.lateness_s().map(|own| own.value);
@@ -92,15 +92,15 @@ fn errors_now_and_then(group: &GroupLateness, rows: &[&FlightRow]) -> (Vec<[f64;
     if shorts.is_empty() { (of(&logged), false) } else { (shorts, true) }
 }
 
-/// Of an even number the mean of the two in the middle.
+/// Median; for an even count, the mean of the two middle values.
 fn median(mut all: Vec<f64>) -> Option<f64> {
     all.sort_unstable_by(f64::total_cmp);
     let (low, high) = (all.get(all.len().wrapping_sub(1) / 2)?, all.get(all.len() / 2)?);
     Some((low + high) / 2.0)
 }
 
-/// Error that removing `set_s` leaves where removing `at_s` leaves `error_m`: the raw error is the speed times the delay, and the
-/// difference of both delays adds its share of it.
+/// Error after removing `set_s`, if removing `at_s` leaves `error_m`. The raw error is speed times delay, and the
+/// difference of the two delays adds its share in quadrature.
 fn error_at(set_s: f64, error_m: f64, at_s: f64, effect: &Effect) -> Option<f64> {
     let speed_mps = effect.error_raw_m?.value / at_s.abs();
     Some(error_m.hypot((set_s - at_s) * speed_mps)).filter(|error| error.is_finite())
@@ -149,7 +149,7 @@ fn failed(flights: &[FlightRow]) -> Option<Action> {
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
 
-/// What to fly, by the most frequent advice.
+/// What to fly: the most frequent advice.
 fn fly(flights: &[FlightRow]) -> Option<Action> {
     let mut by_advice: BTreeMap<&str, Vec<&FlightRow>> = BTreeMap::new();
     for row in flights.iter().filter(|row| row.duplicate_of.is_none()) {
@@ -158,7 +158,7 @@ fn fly(flights: &[FlightRow]) -> Option<Action> {
         }
     }
     let (advice, rows) = by_advice.into_iter().max_by_key(|(_, rows)| rows.len())?;
-    // Advice is also given where the lateness is known, and only whether it changes is not.
+    // Advice is also given if the lateness is known but it is unknown whether it changes.
     let lacks = rows.iter().filter(|r| r.lateness.as_ref().is_some_and(|l| l.lateness.is_none())).count();
     let what = html! {
         (ended(advice)) " "
@@ -170,7 +170,7 @@ fn fly(flights: &[FlightRow]) -> Option<Action> {
     Some(Action { saves_m: 0.0, what })
 }
 
-/// What would tie to true time the flights that know a difference of two channels and no more, so that nothing was removed.
+/// How to get true time for flights that show only the difference of two channels, so that nothing was removed.
 fn relative(record: &CampaignRecord) -> Option<Action> {
     let groups = record.groups.iter().filter(|g| is_relative(g) && g.lateness_s.is_some());
     let rows: Vec<&FlightRow> =
