@@ -1,5 +1,5 @@
 //! The contents of a ULog besides its topics, as texts by name: information, parameters with defaults and changes,
-//! logged texts, and dropouts. Every value is kept: a float has a point or an exponent; values that are neither number nor
+//! logged texts, and dropouts. Every value is kept: a float has a point or an exponent; values other than numbers and
 //! text are their type and bytes.
 
 use super::about::level_name;

@@ -1,7 +1,7 @@
 //! Boots of the vehicle, where logs come one after another.
 //!
-//! Every log counts from the boot of its vehicle. If a log starts before the end of the previous log, its messages are of
-//! another boot. They are logged after it, so that two boots do not mix, and each boot is dated by itself.
+//! Every log counts from the boot of its vehicle. If a log starts before the end of the previous log, its messages are
+//! of another boot. They are logged after it, so that two boots do not mix, and each boot is dated by itself.
 
 use crate::reader::Restart;
 
