@@ -1,4 +1,4 @@
-//! Where bytes are read under observation.
+//! Reads bytes while measuring time and memory.
 
 use ingest::{
     Column, ColumnData, FlightUnit, IngestError, Limits, Log, LogKind, ReadContext, Select, Selection, Table, TopicInfo,
@@ -22,16 +22,16 @@ static DOOR: Mutex<()> = Mutex::new(());
 /// As the catalogue of faults has it (T4).
 const MEMORY_BYTES: usize = 64 << 20;
 
-/// A place to read one log after the other.
+/// Reads one log after the other.
 pub struct Lab {
     folder: tempfile::TempDir,
     /// The slowest reading so far.
     pub slowest: Duration,
     /// Readings so far.
     pub cases: u64,
-    /// For all that is read.
+    /// For all reads.
     pub limits: Limits,
-    /// Memory that reading may take beside four times the file, bytes.
+    /// Memory that reading may take in addition to four times the file, bytes.
     pub memory: usize,
     _alone: MutexGuard<'static, ()>,
 }
@@ -133,7 +133,7 @@ impl Lab {
     }
 }
 
-/// A log on disk with one file that is written anew for each case.
+/// A log on disk with one file that is rewritten for each case.
 pub struct Subject {
     unit: FlightUnit,
     file: File,
@@ -141,7 +141,7 @@ pub struct Subject {
     others: u64,
 }
 
-/// Seeds whose names begin so.
+/// Seeds with this name prefix.
 pub fn seeds(family: &str) -> Vec<Seed> {
     let seeds: Vec<Seed> = simulate::seeds().unwrap().into_iter().filter(|s| s.name.starts_with(family)).collect();
     assert!(!seeds.is_empty(), "{family}");
@@ -155,7 +155,7 @@ pub fn each_file(family: &str, check: impl Fn(&Seed, usize)) {
     }
 }
 
-/// Two tests of each format: one that tries every so-manieth place of its seeds, in the normal suite, and one of all
+/// Two tests of each format: one that tries every n-th offset of its seeds, in the normal suite, and one of all
 /// places, which are so far apart. What they call is given the family and the step.
 macro_rules! of_each_format {
     ($check:expr, $all_step:literal, $why:literal: $($name:ident $family:literal $step:literal $all:ident,)*) => {$(

@@ -4,7 +4,7 @@ use crate::lab::{Lab, of_each_format, seeds};
 
 const VALUES: [u64; 8] = [0, 1, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, 1 << 62, 1 << 63, u64::MAX];
 
-/// In the normal suite every so-manieth place of a file is written to; all of them by `just faults`.
+/// In the normal suite every n-th offset of a file is overwritten; all of them by `just faults`.
 fn lengths(family: &str, step: usize) {
     for seed in seeds(family) {
         let mut lab = Lab::new();

@@ -1,5 +1,5 @@
-//! Logs that shrink, grow, are replaced or vanish while they are read: what is read is of the length at the begin, what is
-//! missing of it is damage, and a flight is made of one content or of none.
+//! Logs that shrink, grow, are replaced or vanish while they are read: the length at the start is read, missing
+//! bytes are damage, and a flight is never made of mixed contents.
 
 use crate::lab::kind_of;
 use ingest::{FlightUnit, IngestError, Limits, Log, MapLibrary, ReadContext, Selection, TopicInfo};
@@ -84,7 +84,7 @@ const ACTS: [Act; 5] = [
 ];
 
 #[test]
-fn a_log_that_moves_while_it_is_read_makes_no_flight_and_loses_no_byte_in_silence() {
+fn a_log_changed_while_read_makes_no_flight_and_loses_no_byte_silently() {
     let flight = flight();
     let library = MapLibrary::shipped().unwrap();
     for seed in simulate::seeds().unwrap() {

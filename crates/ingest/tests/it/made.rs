@@ -1,4 +1,4 @@
-//! A small flight whose every value is known, in every encoding and container.
+//! A small flight with all values known, in every encoding and container.
 
 use crate::support::in_context;
 use flight::Severity;
@@ -151,7 +151,7 @@ impl Layout {
     }
 }
 
-/// Writes the messages as MCAP; `more` may add what it likes before the file is closed.
+/// Writes the messages as MCAP; `more` may add records before the file is closed.
 pub fn mcap_with(
     sent: &[Sent],
     encoding: Encoding,
@@ -324,7 +324,7 @@ impl OnDisk {
         self.file.as_file().set_len(length).unwrap();
     }
 
-    /// Reads the fixes; the camera is not wanted. Every byte must have a fate.
+    /// Reads the fixes; the camera is not wanted. Every byte must be accounted for.
     pub fn read(&self) -> Result<Log, IngestError> {
         self.read_where(|topic| if topic.name == FIX { Selection::All } else { Selection::Skip })
     }
@@ -398,7 +398,7 @@ pub fn notice<'l>(log: &'l Log, code: &str) -> &'l flight::Notice {
     log.notices.iter().find(|n| n.code == code).unwrap_or_else(|| panic!("no {code} in {:?}", log.notices))
 }
 
-/// The rows of a table of fixes, as what was sent. Checks that no value is absent.
+/// The rows of a table of fixes, as sent. Checks that no value is absent.
 pub fn received(table: &Table, published: bool) -> Vec<Sent> {
     let integer = |path: &str, row| table.column(path).unwrap().integer(row).unwrap();
     (0..table.rows)
@@ -455,7 +455,7 @@ pub fn check_cuts(content: &[u8], is_bag: bool, lengths: impl Iterator<Item = us
     assert_eq!(most, sent.iter().filter(|s| s.topic == FIX).count(), "{case}");
 }
 
-/// Sum of all values of a column that are there, and how many.
+/// Sum and number of all present values of a column.
 pub fn sum(table: &Table, path: &str) -> (usize, f64) {
     let column = table.column(path).unwrap_or_else(|| panic!("no column {path}"));
     let values: Vec<f64> = (0..table.rows).filter_map(|row| column.number(row)).collect();
