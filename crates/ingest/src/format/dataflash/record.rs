@@ -264,7 +264,7 @@ fn size_of(code: u8) -> Option<usize> {
 }
 
 /// `TimeUS` since 2014, milliseconds before. The `TimeMS` of an old GPS record is the receiver's time of week; its
-/// `T` is when the autopilot received it. PX4's sdlog2 logs the time in a separate record, for the records after it; one
+/// `T` is when the autopilot received it. PX4's sdlog2 logs the time in a separate record before the others; one
 /// type of ArduPilot has another name for it.
 fn time_field(name: &str, fields: &[Field]) -> Option<TimeField> {
     let new = match name {
