@@ -28,7 +28,7 @@ impl Ends {
             Container::Db3(_) if seed.files[damaged].path.ends_with("metadata.yaml") => {
                 Ends::At((0..bytes.len()).collect())
             }
-            // A bag without an index has a loss to tell as it is, and no other.
+            // A bag without an index already reports a loss, and no other.
             Container::Bag(BagSettings { indexed: false, .. }) => Ends::At((0..bytes.len()).collect()),
             Container::Mcap(_) | Container::Bag(_) | Container::Db3(_) => Ends::Nowhere,
         }
@@ -103,7 +103,7 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
         Container::DataFlashText => {
             let defines = |line: &&[u8]| ["FMT", "UNIT", "MULT"].iter().any(|name| line.starts_with(name.as_bytes()));
             let length = bytes.split_inclusive(|b| *b == b'\n').take_while(defines).map(<[u8]>::len).sum();
-            // A free text that loses its line end goes on with the next line.
+            // A free text that loses its line end continues on the next line.
             let mut at = 0;
             let texts = bytes.split_inclusive(|b| *b == b'\n').filter_map(|line| {
                 at += line.len();
@@ -112,13 +112,13 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
             once(0..length).chain(texts).collect()
         }
         Container::CsvWide | Container::CsvFolder => {
-            // The first row tells columns of integers from those of floats: a stamp there that is too large for an integer
-            // makes its column one of floats.
+            // The first row decides between integer and float columns: a timestamp there that is too large for an
+            // integer makes its column a float column.
             let lines = if seed.container == Container::CsvWide { 3 } else { 2 };
             once(0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()).collect()
         }
         Container::Bag(BagSettings { compression: BagCompression::None, .. }) => bag_definitions(bytes),
-        // Recorders pack without a checksum, and a bit of a packed file means any of the bytes behind it.
+        // Recorders pack without a checksum, and one bit of a packed file can affect all later bytes.
         Container::Db3(Db3Settings { compression: Db3Compression::ZstdFile, .. }) => once(0..bytes.len()).collect(),
         Container::Db3(_) if damaged == 0 => db3_definitions(bytes),
         _ => vec![],

@@ -14,7 +14,7 @@ fn lengths(family: &str, step: usize) {
         for (turn, at) in (0..bytes.len()).step_by(step).enumerate() {
             for width in [1, 2, 4, 8].into_iter().filter(|width| at + width <= size) {
                 let kept = bytes[at..at + width].to_vec();
-                // One more and one less than what stands there, and one of the large values in turn.
+                // One more and one less than the present value, and one of the large values in turn.
                 let stands = kept.iter().rev().fold(0_u64, |n, b| n << 8 | u64::from(*b));
                 let values = [stands.wrapping_add(1), stands.wrapping_sub(1), VALUES[(turn + width) % VALUES.len()]];
                 let values = values.into_iter().chain(VALUES.into_iter().filter(|_| step == 1));

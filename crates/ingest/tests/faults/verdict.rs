@@ -50,7 +50,7 @@ impl Verdict {
         if told(read, intact) {
             return Verdict::Told;
         }
-        // Rows as the intact log has them count up, others down.
+        // Rows that the intact log has count up, others down.
         let mut rows: BTreeMap<String, i64> = BTreeMap::new();
         rows_of(intact).for_each(|row| *rows.entry(row).or_default() += 1);
         rows_of(log).for_each(|row| *rows.entry(row).or_default() -= 1);
@@ -99,13 +99,13 @@ fn cell(column: &Column, row: usize) -> Option<String> {
     })
 }
 
-/// A row of `log` that no row of `intact` is.
+/// A row of `log` that is not in `intact`.
 pub fn first_unknown_row(log: &Log, intact: &Log) -> Option<String> {
     let known: BTreeSet<String> = rows_of(intact).collect();
     rows_of(log).find(|row| !known.contains(row))
 }
 
-/// The first row of `log` that is not the row of the same place in `intact`.
+/// The first row of `log` that differs from the same row of `intact`.
 pub fn first_foreign_row(log: &Log, intact: &Log) -> Option<String> {
     log.tables.iter().filter(|t| t.rows > 0).find_map(|table| {
         let topic = &table.topic.name;

@@ -180,7 +180,7 @@ fn a_jump_of_receiver_time_in_flight_does_not_move_the_date() {
     }
 }
 
-/// A map of a table with weeks, and with the logger's UTC beside them.
+/// A map of a table with weeks, and with the logger's UTC next to them.
 fn table_map() -> MapLibrary {
     let text = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{ week = \"GWk\", field = \"GMS\", unit = \"ms\" }]\n\
                 logged = [{ field = \"utc\", unit = \"ms\", clock = \"unix\" }]\n[[channel]]\nname = \"position.gps\"\n\
@@ -191,7 +191,7 @@ fn table_map() -> MapLibrary {
     library
 }
 
-/// A table; with `utc` it says when each epoch was logged, ms.
+/// A table; with `utc` it has the log time of each epoch, ms.
 fn table(epochs: &[Epoch], utc: Option<&dyn Fn(usize) -> i64>) -> Vec<u8> {
     let mut text = format!("GWk,GMS,fix,lat,lon{}\n", if utc.is_some() { ",utc" } else { "" });
     for (row, e) in epochs.iter().enumerate() {
@@ -352,7 +352,7 @@ fn sentences_are_dated_over_midnight_and_rollover_dates_are_suspect() {
         assert_eq!(count_of(&loaded, "clock-suspect"), 0, "{:?}", loaded.flight.notices);
     }
     let begin = 1_715_471_970;
-    // Without a fix: place and date of the firmware.
+    // Without a fix: position and date of the firmware.
     let no_fix = |utc: i64| if utc < begin + 9 { (315_964_800 + utc - begin, false) } else { (utc, true) };
     let loaded = load_as(LogKind::Nmea, &sentences(begin, no_fix), &library, None);
     let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
@@ -395,7 +395,7 @@ fn an_impossibly_early_date_gets_a_warning_and_is_kept() {
         // The navigational status of NMEA 4.10, talkers of Galileo and BeiDou.
         (nmea("GN", "070903", ",A,V"), Some("2023-04-23"), 1_062_936_000),
         (nmea("GA", "070903", ""), Some("2023-04-23"), 1_062_936_000),
-        // Of an older receiver nobody can know, unless the log is older than any that is read.
+        // An older receiver cannot be excluded, unless the log is older than any that is read.
         (nmea("GP", "070903", ",A"), None, 1_062_936_000),
         (nmea("GP", "070903", ",,V"), None, 1_062_936_000),
         (nmea("GP", "070990", ",A"), Some("2010-04-23"), 652_708_800),

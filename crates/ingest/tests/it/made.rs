@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use std::path::PathBuf;
 
-/// The topic that is wanted, and the one that is not.
+/// The wanted topic, and the unwanted one.
 pub const FIX: &str = "/gps/fix";
 pub const CAMERA: &str = "/camera";
 
@@ -277,7 +277,7 @@ pub fn bag(sent: &[Sent], codec: BagCodec, per_chunk: usize, in_chunks: bool, cl
         let mut counts = vec![];
         for (id, topic) in [FIX, CAMERA].iter().enumerate() {
             let count = messages.iter().filter(|m| m.topic == *topic).count();
-            // Times and offsets, which no reader of a whole log needs.
+            // Times and offsets, which reading a whole log does not need.
             let entries = vec![0; 12 * count];
             let (id, count) = ((id as u32).to_le_bytes(), (count as u32).to_le_bytes());
             counts.extend([id, count].concat());
@@ -345,7 +345,7 @@ pub fn reader(path: PathBuf, is_bag: bool) -> Box<dyn LogReader> {
 }
 
 /// Calls `body` with `cases` copies of `content`, each with one stretch zeroed, filled, scrambled, cut
-/// out, doubled or swapped with another. Always the same ones.
+/// out, doubled or swapped with another. The sequence is fixed.
 pub fn each_damage(content: &[u8], cases: u64, mut body: impl FnMut(&[u8])) {
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut next = |below: usize| {
@@ -375,7 +375,7 @@ pub fn each_damage(content: &[u8], cases: u64, mut body: impl FnMut(&[u8])) {
     }
 }
 
-/// Every byte has one fate, and damage is never without a notice.
+/// Every byte is accounted for once, and damage always has a notice.
 pub fn assert_balanced(log: &Log) {
     let b = &log.health.bytes;
     assert_eq!(b.sum(), b.size, "{b:?}");

@@ -10,7 +10,7 @@ const WEEK: i64 = 604_800;
 /// 1980-01-06, s.
 const GPS_EPOCH: i64 = 315_964_800;
 
-/// A map of a wide table with `lat`, `lon` and these stamps.
+/// A map of a wide table with `lat`, `lon` and these timestamps.
 fn library(time: &str, more: &str) -> MapLibrary {
     let text = format!(
         "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\n{time}\n{more}\n[[channel]]\nname = \"position.gps\"\n\
@@ -389,7 +389,7 @@ fn a_position_and_velocity_without_common_time_are_reported() {
     }
 }
 
-/// A map of a position and a velocity that have their time in this way.
+/// A map of a position and a velocity with this time source.
 fn turn_library([position, velocity]: [&str; 2]) -> MapLibrary {
     let channel = |name: &str, quantity: &str, topic: &str, time: &str, fields: &str| {
         format!(
@@ -407,7 +407,7 @@ fn turn_library([position, velocity]: [&str; 2]) -> MapLibrary {
     library
 }
 
-/// A table with a row in each of these seconds, which are counted to `range`; one cell may be another, if so wished.
+/// A table with a row in each of these seconds, which wrap around at `range`; one cell may be replaced.
 fn turn_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: Option<(i64, i64)>) -> PathBuf {
     let begin = seconds.start;
     let cell = |s: i64| wrong.filter(|(at, _)| begin + at == s).map_or(s % range, |(_, cell)| cell);
@@ -416,8 +416,8 @@ fn turn_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: O
     path
 }
 
-/// When the first row of each of these tables was, s, where they are read whole; with it what is said of the stamps of the
-/// first two, by code and count.
+/// The time of the first row of each of these tables, s, if they are read whole; and the notices about the timestamps
+/// of the first two, by code and count.
 fn first_rows(files: &[PathBuf], library: &MapLibrary) -> (Vec<i64>, Vec<(String, u64)>) {
     let all = |_: &ingest::TopicInfo| ingest::Selection::All;
     let log = in_context(|context| ingest::open(&tables(files)).read(&all, context)).unwrap();
@@ -433,7 +433,7 @@ fn first_rows(files: &[PathBuf], library: &MapLibrary) -> (Vec<i64>, Vec<(String
     )
 }
 
-/// What is said of the stamps of these topics, by code and count.
+/// The notices about the timestamps of these topics, by code and count.
 fn said_of_stamps(notices: &flight::Notices, topics: &[String]) -> Vec<(String, u64)> {
     let of_stamps = |n: &&flight::Notice| n.text.contains("stamps in ") && topics.contains(&n.place);
     let mut said: Vec<(String, u64)> = notices.iter().filter(of_stamps).map(|n| (n.code.clone(), n.count)).collect();
