@@ -1,4 +1,4 @@
-//! Columns to channels: which map fits, which rows count, in which order.
+//! Binds columns to channels: which map fits, which rows count, and in which order.
 
 mod attitude;
 mod clocks;
@@ -39,18 +39,19 @@ use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices,
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-/// Finds the channel map that fits `log` and makes its flight of its columns, which are gone afterwards. The notices of the
-/// log come first.
+/// Finds the channel map that fits `log` and makes its flight from the log's columns, which are consumed. The notices
+/// of the log come first.
 ///
-/// A map fits if it binds a position, a velocity, an encoder, or something else that a bench measures, with data.
-/// Of several the better one wins: both a position and a velocity before one of them before none, an encoder
-/// before none, topics by name before topics by type before columns of any table, then the number of channels,
-/// those of a flight first, then topics of the very name before topics below a namespace. `forced` names the map instead.
+/// A map fits if it binds a position, a velocity, an encoder, or another bench quantity, with data.
+/// If several fit, the better one wins. The criteria, in order: position and velocity before only one of them before
+/// neither, an encoder before no encoder, topics matched by name before topics matched by type before columns of any
+/// table, the number of channels (those of a flight first), exact topic names before topics below a namespace. `forced`
+/// names the map instead.
 ///
 /// # Errors
-/// [`IngestError::Map`] if none fits, with what is missing; if two fit equally, with both names; or if there is no map `forced`.
-/// [`IngestError::MapLacks`] if the best one is of the user and names fields that the log lacks, with the nearest names, or comes
-/// near without fitting.
+/// [`IngestError::Map`] if no map fits, with what is missing; if two fit equally, with both names; or if there is no
+/// map `forced`. [`IngestError::MapLacks`] if the best map is the user's and names fields that the log lacks, with the
+/// nearest names, or nearly fits.
 pub fn bind(log: &mut Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Flight, Binding), IngestError> {
     let chosen = choose(log, library, forced);
     let made = chosen.map(|chosen| make(chosen, log));
@@ -58,13 +59,13 @@ pub fn bind(log: &mut Log, library: &MapLibrary, forced: Option<&str>) -> Result
     made
 }
 
-/// A channel map with its plans for a log, and all that is not to be asked of the log again.
+/// A channel map with its plans for a log, and everything that needs to be read from the log only once.
 struct Chosen<'m> {
     map: &'m ChannelMap,
     parts: Vec<Parted>,
-    /// Of each part, what is to be said of its units.
+    /// The notices about units, for each part.
     units: Vec<Notices>,
-    /// Of the log and of the plans.
+    /// The notices of the log and of the plans.
     notices: Notices,
     joined: Option<Joined>,
     tied: Option<Tied>,
@@ -97,7 +98,7 @@ fn choose<'m>(log: &Log, library: &'m MapLibrary, forced: Option<&str>) -> Resul
     Ok(Chosen { map, parts, units, notices, joined, tied, why, others })
 }
 
-/// Refuses trials whose first does not fit, is no better than the second, or lacks what the user's map names.
+/// Rejects trials whose first does not fit, is no better than the second, or lacks what the user's map names.
 fn check_best(trials: &[Trial<'_>], log: &Log) -> Result<(), IngestError> {
     let Some(best) = trials.first().filter(|t| t.fits()) else { return Err(nothing_fits(trials, log)) };
     let equals: Vec<&str> = trials.iter().filter(|t| t.rank() == best.rank()).map(|t| t.map.name.as_str()).collect();
@@ -108,7 +109,7 @@ fn check_best(trials: &[Trial<'_>], log: &Log) -> Result<(), IngestError> {
     lacking::check(best, log).map_err(IngestError::MapLacks)
 }
 
-/// Moves the stamps of all sessions of a log onto the clock of the first; `None` if it has one session.
+/// Moves the timestamps of all sessions of a log onto the clock of the first; `None` if it has one session.
 fn on_one_clock(best: &mut Trial<'_>, log: &Log) -> Option<Joined> {
     let joined = restarts::join(&best.plans, &best.map.ties, log)?;
     for plan in &mut best.plans {
@@ -119,7 +120,7 @@ fn on_one_clock(best: &mut Trial<'_>, log: &Log) -> Option<Joined> {
     Some(joined)
 }
 
-/// What is to be said before any channel is made.
+/// The notices to report before any channel is made.
 fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
     let mut notices = log.notices.clone();
     for (name, said) in &best.unknown {
@@ -130,7 +131,7 @@ fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
     notices
 }
 
-/// The clock and the stamps, ns, that one source gives to the rows of a table.
+/// The clock and the timestamps, ns, that one source gives to the rows of a table.
 pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Values<i64>)> {
     let stamps = stamps::read_stamps(StampKind::Logged, source, table, || None)?;
     Some((stamps.clock, Rc::unwrap_or_clone(stamps.nanos)))
@@ -181,7 +182,7 @@ fn date_clocks(flight: &mut Flight, joined: Option<Joined>, tied: Option<Tied>) 
     clocks::compare(flight);
 }
 
-/// How a clock is tied to UTC, and what was put right or left out for it.
+/// Reports how a clock is tied to UTC, and what was corrected or skipped for it.
 fn note_tie(tied: &Tied, notices: &mut Notices) {
     let tie = &tied.tie;
     let text = format!(
@@ -201,7 +202,7 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
     }
 }
 
-/// One notice of all channels whose stamps go back; how often each does is in its health.
+/// One notice for all channels whose timestamps go back; the number of jumps of each is in its health.
 fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notices: &mut Notices) {
     let jumps = |c: &ChannelHealth| c.stamps.as_ref().map_or(0, |s| s.back_jumps);
     let back: Vec<&ChannelHealth> = channels.iter().filter(|c| jumps(c) > 0).collect();
@@ -220,8 +221,8 @@ fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notice
     notices.push(Code::UnreliableStamps, place, back.iter().copied().map(jumps).sum(), text);
 }
 
-/// A driver fills in what its sensor does not have, say with zeros: a channel of a bench without one usable row is no reason
-/// to warn of a flight.
+/// A driver fills in what its sensor lacks, for example with zeros. A bench channel without usable rows is therefore no
+/// reason to warn about a flight.
 fn no_rows(health: &ChannelHealth, notices: &mut Notices) {
     let reasons: Vec<String> = health.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
     let text = format!("channel {} has no usable row: {}", health.name, reasons.join(", "));
@@ -240,14 +241,14 @@ fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {
     MapCandidate { map: trial.map.name.clone(), binds: trial.names(), why: why.into() }
 }
 
-/// What comes nearest, and which topics there are.
+/// Reports which map comes nearest, and which topics the log has.
 fn nothing_fits(trials: &[Trial<'_>], log: &Log) -> IngestError {
     let meant: Vec<String> =
         trials.iter().filter(|trial| trial.is_meant()).filter_map(|trial| lacking::check(trial, log).err()).collect();
     if !meant.is_empty() {
         return IngestError::MapLacks(meant.join("; "));
     }
-    // Who asks for one map wants to know all.
+    // A user who asks for one map wants all the details.
     let (mut text, channels) = match trials {
         [only] => (format!("the channel map {} does not fit", only.map.name), usize::MAX),
         _ => ("no channel map fits".to_owned(), 3),
@@ -277,7 +278,7 @@ fn topics_of(log: &Log) -> String {
     if list.is_empty() { "the log holds no topic".into() } else { format!("the log holds {}{more}", list.join(", ")) }
 }
 
-/// Whether any channel of the map is what is looked for.
+/// Whether the map binds any channel of the wanted quantities.
 fn binds(plans: &[Plan<'_>], wanted: &[Quantity]) -> bool {
     plans.iter().any(|p| wanted.contains(&p.rule.quantity))
 }

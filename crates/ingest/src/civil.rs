@@ -1,4 +1,4 @@
-//! Time written as text or as a number, to integer nanoseconds. Never asks the machine for its time zone.
+//! Parses time written as text or as a number, to integer nanoseconds. Never uses the machine's time zone.
 
 pub(crate) use crate::map_schema::{OrderName as DateOrder, TickName as Tick};
 use jiff::civil::{Date, DateTime, ISOWeekDate, Time, Weekday};
@@ -6,7 +6,7 @@ use jiff::tz::Offset;
 use std::ops::Deref;
 
 impl Tick {
-    /// Nanoseconds in one.
+    /// Nanoseconds in one tick.
     pub(crate) fn nanos(self) -> i64 {
         match self {
             Tick::Days => 86_400_000_000_000,
@@ -20,25 +20,25 @@ impl Tick {
         }
     }
 
-    /// Nanoseconds of a decimal number as text. Plain decimals are exact to the nanosecond;
-    /// digits beyond it are rounded. Others, such as `1.5e9`, go through a double.
+    /// Nanoseconds of a decimal number as text. Plain decimals are exact to the nanosecond; digits past it are rounded.
+    /// Others, such as `1.5e9`, go through a double.
     pub(crate) fn of_text(self, text: &str) -> Option<i64> {
         self.text_since(text, 0)
     }
 
-    /// Nanoseconds of an exact number of ticks since an instant so many seconds after the one that counts as zero; `None`
-    /// beyond the range of `i64`.
+    /// Nanoseconds of an exact number of ticks since an instant `zero_s` seconds after the zero of the result; `None`
+    /// outside the range of `i64`.
     pub(crate) fn integer_since(self, ticks: i64, zero_s: i64) -> Option<i64> {
         since(self.wide(ticks), zero_s)
     }
 
-    /// Nanoseconds of a double of ticks since such an instant; `None` beyond the range of `i64`. Only its fraction is rounded: a
-    /// double of all the nanoseconds since 1970 would be a multiple of 256.
+    /// Nanoseconds of a double of ticks since such an instant; `None` outside the range of `i64`. Only its fraction is
+    /// rounded: a double of all the nanoseconds since 1970 would be a multiple of 256.
     pub(crate) fn float_since(self, ticks: f64, zero_s: i64) -> Option<i64> {
         since(self.wide_of_float(ticks)?, zero_s)
     }
 
-    /// As [`Tick::of_text`], of ticks since such an instant.
+    /// As [`Tick::of_text`], for ticks since such an instant.
     pub(crate) fn text_since(self, text: &str, zero_s: i64) -> Option<i64> {
         let float = || self.wide_of_float(text.parse().ok().filter(|t: &f64| t.is_finite())?);
         since(self.wide_of_decimal(text).or_else(float)?, zero_s)
@@ -65,7 +65,7 @@ impl Tick {
     }
 }
 
-/// Nanoseconds that begin so many seconds after the instant that counts as zero.
+/// Nanoseconds counted from `zero_s` seconds after the zero of the result.
 fn since(nanos: i128, zero_s: i64) -> Option<i64> {
     i64::try_from(nanos + i128::from(zero_s) * 1_000_000_000).ok()
 }
@@ -80,7 +80,7 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
     if fraction.is_empty() {
         return Some(0);
     }
-    // Eighteen digits of any unit up to a day fit into an i128, and more do not matter.
+    // Eighteen digits of any unit up to a day fit into an i128, and more are not significant.
     let digits = fraction.get(..fraction.len().min(18))?;
     let scale = 10_i128.pow(u32::try_from(digits.len()).ok()?);
     if !fraction.bytes().all(|b| b.is_ascii_digit()) {
@@ -90,14 +90,14 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
     i64::try_from((2 * scaled + scale) / (2 * scale)).ok()
 }
 
-/// Nanoseconds since 1970 of an ISO 8601 instant, such as `2024-05-10T17:27:44.30Z`,
-/// `2024-05-10 17:27:44.3+02:00`, or without a zone, which then means UTC. Also with another date whose order is certain:
-/// `2024/05/10`, or `10.05.2024`, for points stand only behind a day that comes first.
+/// Nanoseconds since 1970 of an ISO 8601 instant, such as `2024-05-10T17:27:44.30Z`, `2024-05-10 17:27:44.3+02:00`, or
+/// without a zone, which then means UTC. Also with another date whose order is certain: `2024/05/10`, or `10.05.2024`,
+/// because dots are used only with the day first.
 pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
     local_to_unix_ns(text, "Z")
 }
 
-/// As [`iso_to_unix_ns`]; without a zone the instant has the offset from UTC that is given.
+/// As [`iso_to_unix_ns`]; an instant without a zone has the given offset from UTC.
 pub(crate) fn local_to_unix_ns(text: &str, offset: &str) -> Option<i64> {
     let text = text.trim();
     let at = break_of(text)?;
@@ -111,26 +111,26 @@ pub(crate) fn local_to_unix_ns(text: &str, offset: &str) -> Option<i64> {
     unix_ns(plain_date(date).or_else(with_points)?, time, offset)
 }
 
-/// Where `T` or a blank stands between the date and the time of an instant.
+/// The position of the `T` or space between the date and the time of an instant.
 fn break_of(text: &str) -> Option<usize> {
     let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
     let mut breaks = text.match_indices(['T', 't', ' ']).map(|(at, _)| at);
     breaks.find(|at| *at > 0 && digit(at - 1) && digit(at + 1))
 }
 
-/// Whether an instant says its zone.
+/// Whether an instant states its zone.
 pub(crate) fn says_zone(text: &str) -> bool {
     let text = text.trim();
     zone_at(text.get(break_of(text).map_or(0, |at| at + 1)..).unwrap_or_default()).is_some()
 }
 
-/// Where the zone behind a time of day begins.
+/// Where the zone after a time of day begins.
 fn zone_at(time: &str) -> Option<usize> {
     time.find(['Z', 'z', '+', '-', 'U', 'G'])
 }
 
-/// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]`, which `AM` or `PM` may follow, and an offset
-/// `+hh:mm`, `Z`, `UTC` or `GMT`. One that stands behind the time counts instead.
+/// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]`, optionally followed by `AM` or `PM`, and an offset
+/// `+hh:mm`, `Z`, `UTC` or `GMT`. An offset after the time takes precedence.
 pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
     let (time, own) = time.split_at_checked(zone_at(time).unwrap_or(time.len()))?;
     let offset = if own.is_empty() { offset } else { own };
@@ -140,12 +140,12 @@ pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
     seconds.as_second().checked_mul(1_000_000_000)?.checked_add(nanos)
 }
 
-/// Nanoseconds since midnight of a time of day `hh:mm:ss[.fff]`, wherever an offset behind it says that this is.
+/// Nanoseconds since midnight of a time of day `hh:mm:ss[.fff]`, ignoring an offset after it.
 pub(crate) fn since_midnight_ns(time: &str) -> Option<i64> {
     with_offset(time).map(|(nanos, _)| nanos)
 }
 
-/// The same, and how far east of UTC the offset behind it is, if there is one, ns.
+/// The same, with the offset after it if there is one, ns east of UTC.
 fn with_offset(time: &str) -> Option<(i64, Option<i64>)> {
     let time = time.trim();
     let (time, own) = time.split_at_checked(zone_at(time).unwrap_or(time.len()))?;
@@ -158,8 +158,8 @@ fn with_offset(time: &str) -> Option<(i64, Option<i64>)> {
     Some(((seconds * 1_000_000_000).checked_add(nanos)?, east_ns))
 }
 
-/// A time of day written as a number, `hhmmss[.fff]`, with colons; zeros in front may be missing. Of one with fewer digits
-/// than four nobody knows whether it is a time of day; of all that are none it is `None`.
+/// A time of day written as a number, `hhmmss[.fff]`, with colons; leading zeros may be missing. `None` if it has fewer
+/// than four digits, which may not be a time of day, or is not a time of day.
 pub(crate) fn with_colons(time: &str) -> Option<String> {
     let time = time.trim();
     let whole = time.bytes().take_while(u8::is_ascii_digit).count();
@@ -169,23 +169,23 @@ pub(crate) fn with_colons(time: &str) -> Option<String> {
     (!rest.contains(':') && since_midnight_ns(&text).is_some()).then_some(text)
 }
 
-/// A day of a year and the time in it, as time codes of ranges are written (IRIG 200 counts days like this):
-/// `[yyyy:]ddd:hh:mm:ss[.ffffff]`. Instead of the colons in front of the hours `-`, `/`, `T` or a blank may stand; an offset
-/// from UTC may follow.
+/// A day of a year and the time in it, as range time codes are written (IRIG 200 counts days like this):
+/// `[yyyy:]ddd:hh:mm:ss[.ffffff]`. The colon before the hours may also be `-`, `/`, `T` or a space; an offset from UTC
+/// may follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct DayOfYear {
-    /// If it is written.
+    /// If given.
     pub(crate) year: Option<i16>,
     /// From 1.
     pub(crate) day: i64,
     /// Since midnight.
     pub(crate) nanos: i64,
-    /// How far east of UTC this is, ns, if it is written.
+    /// Offset east of UTC, ns, if given.
     pub(crate) east_ns: Option<i64>,
 }
 
 impl DayOfYear {
-    /// `None` if it is none.
+    /// `None` if the text is not a day of a year.
     pub(crate) fn of_text(text: &str) -> Option<DayOfYear> {
         let (first, rest) = number_in_front(text.trim())?;
         let (year, day, time) = match (first.len(), rest) {
@@ -198,7 +198,7 @@ impl DayOfYear {
         };
         let days = year.map_or(Some(366), days_in)?;
         let day = unsigned(day).filter(|n| day.len() <= 3 && (1..=days).contains(n))?;
-        // Without the seconds it may as well be hours, minutes and seconds of no day.
+        // Without seconds it may as well be hours, minutes and seconds without a day.
         if time.matches(':').count() < 2 {
             return None;
         }
@@ -207,18 +207,18 @@ impl DayOfYear {
     }
 }
 
-/// Digits, and what stands behind the separator that follows them.
+/// Leading digits, and what follows the separator after them.
 fn number_in_front(text: &str) -> Option<(&str, &str)> {
     let (digits, rest) = text.split_at_checked(text.bytes().take_while(u8::is_ascii_digit).count())?;
     Some((digits, rest.strip_prefix([':', '-', '/', ' ', 'T'])?))
 }
 
-/// How many days a year has.
+/// The number of days in a year.
 fn days_in(year: i16) -> Option<i64> {
     Some(i64::from(Date::new(year, 1, 1).ok()?.days_in_year()))
 }
 
-/// Nanoseconds since 1970 at the begin of a year, UTC.
+/// Nanoseconds since 1970 at the start of a year, UTC.
 pub(crate) fn year_begin_unix_ns(year: i16) -> Option<i64> {
     unix_ns(Date::new(year, 1, 1).ok()?, "00:00", "Z")
 }
@@ -234,8 +234,8 @@ pub(crate) fn calendar_to_unix_ns(parts: [i64; 6], nanos: i64) -> Option<i64> {
     instant.as_second().checked_add(leap)?.checked_mul(1_000_000_000)?.checked_add(nanos)
 }
 
-/// The whole second, and the fraction in ns, of `hh:mm[:ss[.fff]]` or `hh:mm:ss:fff`. A leap second counts as the second after,
-/// as Unix has it.
+/// The whole second, and the fraction in ns, of `hh:mm[:ss[.fff]]` or `hh:mm:ss:fff`. A leap second counts as the
+/// second after, as in Unix time.
 fn time_of_day(text: &str) -> Option<(Time, i64)> {
     let (text, half) = half_of_day(text);
     let mut parts = text.split(':');
@@ -247,7 +247,7 @@ fn time_of_day(text: &str) -> Option<(Time, i64)> {
     };
     let minute = two_digits(parts.next()?)?;
     let (second, fraction) = parts.next().map_or(("00", ""), |s| s.split_once('.').unwrap_or((s, "")));
-    // Behind another colon stand milliseconds if there are three digits, else nobody knows what.
+    // After another colon, three digits are milliseconds; anything else is unknown.
     let fraction = match parts.next() {
         Some(millis) if millis.len() == 3 && fraction.is_empty() => millis,
         Some(_) => return None,
@@ -346,11 +346,11 @@ pub(crate) fn iso_date(text: &str) -> Option<Date> {
     Date::new(i16::try_from(unsigned(year)?).ok()?, two_digits(month)?, two_digits(day)?).ok()
 }
 
-/// In dates whose writing leaves it open: `05/06/2021`, `5-6-2021`, `05.06.21`, `050621`.
+/// For ambiguous dates: `05/06/2021`, `5-6-2021`, `05.06.21`, `050621`.
 impl DateOrder {
     const ALL: [DateOrder; 3] = [DateOrder::DayMonthYear, DateOrder::MonthDayYear, DateOrder::YearMonthDay];
 
-    /// What it begins with.
+    /// What the date begins with.
     pub(crate) fn word(self) -> &'static str {
         match self {
             DateOrder::DayMonthYear => "day",
@@ -359,11 +359,11 @@ impl DateOrder {
         }
     }
 
-    /// What the dates of a whole column show, and the one that shows it; `None` if none of them is open. Points stand only
-    /// behind a day that comes first.
+    /// The order that the dates of a whole column show, and the date that proves it; `None` if no date is ambiguous.
+    /// Dots are used only with the day first.
     ///
     /// # Errors
-    /// An open date of which nobody can know what it means.
+    /// A date that stays ambiguous.
     pub(crate) fn shown_by<T: Deref<Target = str> + Default + Copy>(
         dates: impl Iterator<Item = T>,
     ) -> Result<Option<(DateOrder, T)>, T> {
@@ -389,7 +389,7 @@ impl DateOrder {
         }
     }
 
-    /// The date, if it is an open one and has this order. Years of two digits are those from 1980 to 2079.
+    /// The date, if it is an ambiguous one and has this order. Two-digit years are 1980 to 2079.
     pub(crate) fn date(self, text: &str) -> Option<Date> {
         if text.bytes().all(|b| b.is_ascii_digit()) {
             return self.of_digits(text);
@@ -411,11 +411,11 @@ impl DateOrder {
         Date::new(year, small(month)?, small(day)?).ok()
     }
 
-    /// The same without separators: `050621`, or with a year of four digits that stands behind, `05062021`.
+    /// The same without separators: `050621`, or with a four-digit year at the end, `05062021`.
     fn of_digits(self, text: &str) -> Option<Date> {
         let (first, rest) = text.split_at_checked(2).filter(|_| matches!(text.len(), 6 | 8))?;
         let (second, third) = rest.split_at_checked(2)?;
-        // No month is 19 or 20, so that yyyymmdd is none of these.
+        // No month is 19 or 20, so that yyyymmdd never matches.
         if third.len() == 4 && !third.starts_with("19") && !third.starts_with("20") {
             return None;
         }
@@ -428,7 +428,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn iso_instants_have_their_unix_time() {
+    fn iso_instants_convert_to_unix_time() {
         // GNU date: date -u -d '2024-05-10T17:27:44Z' +%s
         assert_eq!(iso_to_unix_ns("2024-05-10T17:27:44.30Z"), Some(1_715_362_064_300_000_000));
         assert_eq!(iso_to_unix_ns("2024-05-10T17:27:44.000000001"), Some(1_715_362_064_000_000_001));
@@ -446,17 +446,17 @@ mod tests {
             assert_eq!(iso_to_unix_ns(same), Some(1_715_362_064_300_000_000), "{same}");
         }
         assert_eq!(iso_to_unix_ns("20240510 17:27:44.3"), Some(1_715_362_064_300_000_000));
-        // The t of a month is no T.
+        // The t of a month is not a T.
         assert_eq!(iso_to_unix_ns("05-Oct-2024 10:00:00"), iso_to_unix_ns("2024-10-05T10:00:00"));
         assert_eq!(iso_to_unix_ns("1.5.2024T10:00:00"), iso_to_unix_ns("2024-05-01T10:00:00"));
         assert_eq!(iso_to_unix_ns("1970-01-01T00:00:00Z"), Some(0));
         assert_eq!(iso_to_unix_ns("1969-12-31T23:59:59.5Z"), Some(-500_000_000));
-        // 2016 ended in a leap second; Unix gives it the number of the second after.
+        // 2016 ended in a leap second; Unix time gives it the number of the second after.
         assert_eq!(iso_to_unix_ns("2016-12-31T23:59:60.25Z"), Some(1_483_228_800_250_000_000));
     }
 
     #[test]
-    fn what_is_no_instant_is_refused() {
+    fn invalid_instants_are_rejected() {
         for text in [
             "",
             "2024-05-10",
@@ -493,7 +493,7 @@ mod tests {
     }
 
     #[test]
-    fn a_double_of_seconds_is_read_to_its_own_last_bit() {
+    fn a_double_of_seconds_is_exact_to_its_last_bit() {
         // Its neighbours are 238 ns away; python3: decimal.Decimal(1700000000.123456) = 1700000000.1234560013...
         assert_eq!(Tick::Seconds.float_since(1_700_000_000.123_456, 0), Some(1_700_000_000_123_456_001));
         assert_eq!(Tick::Seconds.float_since(-0.25, 0), Some(-250_000_000));
@@ -504,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn days_since_other_epochs_are_exact_although_they_are_beyond_64_bits_of_nanoseconds() {
+    fn days_since_other_epochs_are_exact_outside_64_bits_of_nanoseconds() {
         // 2024-05-10T17:27:44.3Z is day 60440.7275960648... of the modified Julian date.
         let truth = 1_715_362_064_300_000_000_i64;
         let nanos_of_day = truth % (86_400 * 1_000_000_000);
@@ -521,7 +521,7 @@ mod tests {
     }
 
     #[test]
-    fn a_day_of_a_year_is_read_in_the_ways_that_time_codes_are_written() {
+    fn a_day_of_a_year_is_read_in_every_time_code_notation() {
         // date -u -d '2024-05-10' +%j is 131.
         let nanos = ((17 * 60 + 27) * 60 + 44) * 1_000_000_000 + 300_000_000;
         let plain = DayOfYear { year: None, day: 131, nanos, east_ns: None };
@@ -542,7 +542,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_day_of_a_year_with_a_time_is_none() {
+    fn an_invalid_day_of_a_year_with_a_time_is_rejected() {
         for text in [
             "",
             "131",
@@ -564,7 +564,7 @@ mod tests {
     }
 
     #[test]
-    fn dates_by_the_day_of_the_year_and_by_the_week_are_those_that_date_prints() {
+    fn ordinal_and_week_dates_match_gnu_date() {
         // date -u -d '2024-05-10' '+%G-W%V-%u' is 2024-W19-5; 2020-12-31 is day 366 and 2020-W53-4; 2021-01-03 is 2020-W53-7.
         for (text, date) in [
             ("2024-131", "2024-05-10"),
@@ -585,7 +585,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_of_day_without_colons_is_one_only_if_its_digits_can_be() {
+    fn digits_without_colons_are_a_time_of_day_only_if_valid() {
         for (text, colons) in
             [("172744.30", "17:27:44.30"), ("92344", "09:23:44"), ("5", "00:00:05"), ("000005.25Z", "00:00:05.25Z")]
         {
@@ -599,7 +599,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_open_dates_is_what_the_whole_column_shows() {
+    fn the_order_of_ambiguous_dates_is_inferred_from_the_whole_column() {
         let shown =
             |dates: &[&str]| DateOrder::shown_by(dates.iter().copied()).map(|o| o.map(|o| o.0)).map_err(str::to_owned);
         assert_eq!(shown(&["05/06/2021", "23/06/2021"]), Ok(Some(DateOrder::DayMonthYear)));
@@ -608,7 +608,7 @@ mod tests {
         assert_eq!(shown(&["05.06.21"]), Ok(Some(DateOrder::DayMonthYear)));
         assert_eq!(shown(&["85/06/05"]), Ok(Some(DateOrder::YearMonthDay)));
         assert_eq!(shown(&["2021-06-05", "20210605", "5 Jun 2021", ""]), Ok(None));
-        // Nobody can know; two disagree; day or year.
+        // Ambiguous; two contradict; day or year.
         for unclear in
             [&["05/06/2021"][..], &["05/16/2021", "23/06/2021"], &["23/06/21"], &["05.06.2021", "06/23/2021"]]
         {
@@ -617,7 +617,7 @@ mod tests {
     }
 
     #[test]
-    fn an_open_date_is_read_in_its_order_or_not_at_all() {
+    fn an_ambiguous_date_is_read_in_its_order_or_not_at_all() {
         let day = iso_date("2021-06-05");
         for text in ["05/06/2021", "5-6-2021", "05.06.2021", "5.6.21", "05/06/21", "050621", "05062021"] {
             assert_eq!(DateOrder::DayMonthYear.date(text), day, "{text}");
@@ -642,7 +642,7 @@ mod tests {
     }
 
     #[test]
-    fn a_date_whose_order_is_certain_is_read_in_every_way_to_write_it() {
+    fn an_unambiguous_date_is_read_in_every_notation() {
         for text in ["2021-06-05", "2021/06/05", "20210605", "05-Jun-2021", "5 JUN 2021"] {
             assert_eq!(plain_date(text), iso_date("2021-06-05"), "{text}");
         }
@@ -665,7 +665,7 @@ mod tests {
     }
 
     #[test]
-    fn calendar_numbers_are_the_instant_that_their_text_is() {
+    fn calendar_numbers_give_the_same_instant_as_their_text() {
         assert_eq!(calendar_to_unix_ns([2024, 5, 10, 17, 27, 44], 300_000_000), Some(1_715_362_064_300_000_000));
         assert_eq!(calendar_to_unix_ns([2016, 12, 31, 23, 59, 60], 0), Some(1_483_228_800_000_000_000));
         for parts in [[0, 0, 0, 0, 0, 0], [2024, 13, 1, 0, 0, 0], [2024, 5, 10, 24, 0, 0], [2024, 5, 10, 0, 0, 61]] {
@@ -674,7 +674,7 @@ mod tests {
     }
 
     #[test]
-    fn a_local_time_with_its_offset_is_the_right_instant() {
+    fn a_local_time_with_its_offset_converts_to_the_right_instant() {
         let date = iso_date("2022-04-17").unwrap();
         // date -u -d '2022-04-17T10:50:02Z' +%s
         assert_eq!(unix_ns(date, "12:50:02", "+02:00"), Some(1_650_192_602_000_000_000));

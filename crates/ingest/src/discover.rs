@@ -13,41 +13,41 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-/// Folders within folders that are gone into.
+/// The deepest level of nested folders that is searched.
 const DEPTH: usize = 64;
 
-/// The flights below a folder, and the files that are none.
+/// The flights below a folder, and the files that are not flights.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Discovery {
     /// Flights, sorted by id.
     pub units: Vec<FlightUnit>,
-    /// What is no log, by its path below the root and with the reason; sorted.
+    /// Files that are not logs, by their path below the root and with the reason; sorted.
     pub ignored: Vec<(String, String)>,
-    /// Files, folders and links that could not be looked at, in the same way. They may be logs.
+    /// Files, folders and links that could not be read, in the same form. They may be logs.
     pub unreadable: Vec<(String, String)>,
 }
 
 /// The files of one flight.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct FlightUnit {
-    /// Path below the root with `/` between folders. Of several files that make one flight: their
-    /// folder and the beginning that their names share.
+    /// Path below the root with `/` between folders. For several files that make one flight: their folder and the
+    /// common prefix of their names.
     pub id: String,
-    /// Its files in the order in which they are read: sorted, or as the recording goes on.
+    /// Its files in the order in which they are read: sorted, or in recording order.
     pub files: Vec<PathBuf>,
     /// How they are read.
     pub kind: LogKind,
 }
 
-/// Looks through `root`, a folder or a single file. Files are recognised by their content; tables in
-/// one folder whose names end in the topics of a channel map are one flight, as are those whose names differ in the last word,
-/// if that says what they hold (`x_GPS.csv`, `x_IMU.csv`), and TRACK.CSV, SENSOR.CSV and
-/// EVENT.CSV of a FlySight 2. Nothing that is no regular file is opened, every file counts once, and
-/// links in a circle end. The order does not depend on the file system.
+/// Searches `root`, a folder or a single file. Files are recognised by their content. Tables in one folder are one
+/// flight if their names end in the topics of a channel map, or if they differ only in the last word and that says what
+/// they hold (`x_GPS.csv`, `x_IMU.csv`), or if they are TRACK.CSV, SENSOR.CSV and EVENT.CSV of a FlySight 2. Only
+/// regular files are opened, every file counts once, and circular links are not followed endlessly. The order does not
+/// depend on the file system.
 ///
 /// # Errors
-/// [`IngestError::Io`] if the root itself cannot be looked at. What cannot be read below it is listed
-/// as unreadable, with the reason.
+/// [`IngestError::Io`] if the root itself cannot be read. What cannot be read below it is listed as unreadable, with
+/// the reason.
 pub fn discover(root: &Path, library: &MapLibrary) -> Result<Discovery, IngestError> {
     let failed = |source| IngestError::Io { file: root.display().to_string(), offset: 0, source };
     let about = fs::metadata(root).map_err(failed)?;
@@ -71,7 +71,7 @@ pub fn discover(root: &Path, library: &MapLibrary) -> Result<Discovery, IngestEr
     Ok(found)
 }
 
-/// Names that are no UTF-8 may look alike once they are.
+/// Names that are not UTF-8 may become equal once they are converted.
 fn make_unique(units: &mut [FlightUnit]) {
     let mut taken = HashSet::new();
     for unit in units {
@@ -90,7 +90,7 @@ struct TableFile {
     id: String,
     stem: String,
     flysight2: bool,
-    /// A header names its columns; else the name of the file alone says what it holds.
+    /// Whether a header names its columns; without one only the file name says what it holds.
     named: bool,
 }
 
@@ -110,7 +110,7 @@ enum Inside {
 struct Search<'a> {
     library: &'a MapLibrary,
     found: Discovery,
-    /// Files by identity, with the path under which each was found first.
+    /// Files by identity, with the path under which each was first found.
     seen: HashMap<FileIdentity, String>,
 }
 
@@ -150,8 +150,8 @@ impl Search<'_> {
         self.join_recording(&paths, first, below, name);
     }
 
-    /// Makes one flight of the files of a ROS 2 bag: those that its `metadata.yaml` names, or where the recorder was
-    /// killed before it wrote that, those that bear the folder's name and a number.
+    /// Makes one flight of the files of a ROS 2 bag: those that its `metadata.yaml` names or, if the recorder was
+    /// killed before writing that, those named after the folder with a number.
     fn join_recording(&mut self, paths: &[PathBuf], first: usize, below: &str, folder: &str) {
         let described = paths.iter().find(|path| path.file_name().is_some_and(|name| name == bag_folder::NAME));
         let metadata = described.and_then(|path| Some((path, Metadata::read(path).ok()??)));
@@ -188,7 +188,7 @@ impl Search<'_> {
         self.found.units.push(FlightUnit { id, files, kind });
     }
 
-    /// The bag of a folder whose `metadata.yaml` names files that are not there, if it is the only one: it was renamed.
+    /// The bag of a folder whose `metadata.yaml` names missing files, if it is the only one: it was renamed.
     fn only_bag(&mut self, paths: &[PathBuf], first: usize) -> Option<FlightUnit> {
         let is_here = |unit: &FlightUnit| unit.files.first().is_some_and(|file| paths.contains(file));
         let is_bag = |unit: &FlightUnit| matches!(unit.kind, LogKind::Db3 | LogKind::Mcap) && is_here(unit);
@@ -197,9 +197,9 @@ impl Search<'_> {
         Some(self.found.units.remove(only))
     }
 
-    /// Who plays a compressed bag leaves its files unpacked beside it: of both, only the one that `metadata.yaml` names is a
-    /// log, and without that the packed one, which the recorder wrote. A file of another length than the packed one says is
-    /// another one.
+    /// Playing a compressed bag leaves its files unpacked next to it. Of both, only the one that `metadata.yaml` names
+    /// is a log; without that it is the packed one, which the recorder wrote. A file whose length differs from that in
+    /// the packed header is a different one.
     fn leave_out_copies(&mut self, paths: &[PathBuf], metadata: Option<&Metadata>, first: usize) {
         for packed in paths.iter().filter(|path| path.extension().is_some_and(|ending| ending == "zstd")) {
             let plain = packed.with_extension("");
@@ -243,7 +243,7 @@ impl Search<'_> {
         if above.len() >= DEPTH {
             return self.ignore(id, format!("more than {DEPTH} folders deep"));
         }
-        // A folder with two names is gone into once.
+        // A folder with two names is searched once.
         if let Some(first) = self.first_name(path, id) {
             return self.ignore(id, format!("same folder as {first}"));
         }
@@ -257,7 +257,7 @@ impl Search<'_> {
         }
     }
 
-    /// The name under which this file or folder was found before.
+    /// The name under which this file or folder was first found.
     fn first_name(&mut self, path: &Path, id: &str) -> Option<String> {
         let identity = identity(path)?;
         match self.seen.get(&identity) {
@@ -291,7 +291,7 @@ impl Search<'_> {
             Content::Log(kind) => self.unit(id, vec![path.to_owned()], kind),
             Content::Packed(packing) => match self.inside(path, packing) {
                 Ok(Inside::Log(kind)) => self.unit(id, vec![path.to_owned()], kind),
-                // Tables of several packed files may be one flight, as those of several files.
+                // Tables of several packed files may be one flight, as may those of several plain files.
                 Ok(Inside::Table(table)) => {
                     tables.push(TableFile { path: path.to_owned(), id: id.to_owned(), ..table })
                 }
@@ -306,13 +306,13 @@ impl Search<'_> {
         }
     }
 
-    /// Whether a channel map names a topic like the file.
+    /// Whether a channel map names a topic that matches the file name.
     fn is_topic(&self, path: &Path) -> bool {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         self.library.flight_prefix(&stem, true).is_some()
     }
 
-    /// What kind of log a packed file holds; the reason if it is not one flight.
+    /// The kind of log a packed file holds; the reason if it is not one flight.
     fn inside(&self, path: &Path, packing: Packing) -> Result<Inside, String> {
         let (mut logs, mut tables, mut others) = (vec![], vec![], vec![]);
         for member in members(path, packing).map_err(|e| e.to_string())? {
@@ -360,7 +360,7 @@ impl Search<'_> {
         self.found.units.push(FlightUnit { id: id.to_owned(), files, kind });
     }
 
-    /// Sorts the tables of one folder into flights.
+    /// Groups the tables of one folder into flights.
     fn group(&mut self, tables: Vec<TableFile>, below: &str, folder: &str) {
         let prefixes = self.prefixes(&tables);
         let shared = shared_prefixes(&tables);
@@ -386,15 +386,15 @@ impl Search<'_> {
         }
     }
 
-    /// What stands before the topics' names: of those of flights, or where there are none, of those of a bench.
-    /// Without anything before them two files must agree, for then all tables of the folder belong together.
+    /// The prefixes before the topic names: those of flights or, if there are none, those of a bench. With an empty
+    /// prefix two files must match, because all tables of the folder then belong together.
     fn prefixes(&self, tables: &[TableFile]) -> BTreeSet<String> {
         let of = |sensed: bool| -> Vec<&str> {
             tables.iter().filter_map(|t| self.library.flight_prefix(&t.stem, sensed)).collect()
         };
         let found = Some(of(false)).filter(|found| !found.is_empty()).unwrap_or_else(|| of(true));
         let bare = found.iter().filter(|p| p.is_empty()).count();
-        // A table without a header was known by its name.
+        // A table without a header was recognised by its name.
         let together = bare > 1 || tables.iter().any(|t| !t.named);
         found.iter().filter(|p| !p.is_empty() || together).map(|p| (*p).to_owned()).collect()
     }
@@ -405,11 +405,11 @@ const PARTS: [&str; 19] = [
     "gps", "gnss", "pos", "position", "vel", "velocity", "nav", "ins", "ekf", "imu", "att", "attitude", "acc", "accel",
     "gyro", "mag", "baro", "wind", "airdata",
 ];
-/// What stands before such a word.
+/// Separators before such a word.
 const BEFORE_PART: [char; 4] = ['_', '-', '.', ' '];
 
-/// What the names of several tables share beside a word that says which part of the flight they hold: `x` of `x_GPS` and
-/// `x_POS`, or of `GPS_x` and `POS_x`; nothing of `gps` and `imu`. By table.
+/// The common part of several table names next to a word for the part of the flight that they hold: `x` in `x_GPS` and
+/// `x_POS`, or in `GPS_x` and `POS_x`; nothing in `gps` and `imu`. Keyed by table.
 fn shared_prefixes(tables: &[TableFile]) -> BTreeMap<String, String> {
     let mut fronts: BTreeMap<&str, BTreeMap<String, &str>> = BTreeMap::new();
     for table in tables.iter().filter(|t| t.named) {
@@ -426,7 +426,7 @@ fn shared_prefixes(tables: &[TableFile]) -> BTreeMap<String, String> {
     several.flat_map(|(front, parts)| parts.into_values().map(|stem| (stem.to_owned(), front.to_owned()))).collect()
 }
 
-/// Whether the files of a FlySight 2 are those of one flight: one track, and what goes with it.
+/// Whether the files of a FlySight 2 are one flight: one track with its sensor and event files.
 fn is_one_flysight2(tables: &[TableFile]) -> bool {
     let is = |name: &str, table: &TableFile| table.stem.eq_ignore_ascii_case(name);
     let own: Vec<&TableFile> = tables.iter().filter(|t| t.flysight2).collect();
@@ -442,7 +442,7 @@ fn join(below: &str, name: &str) -> String {
     if below.is_empty() { name.to_owned() } else { format!("{below}/{name}") }
 }
 
-/// The write-ahead log of a database that was not closed, also where the database was packed since.
+/// The write-ahead log of a database that was not closed, also if the database was packed later.
 fn write_ahead_log(database: &Path) -> Option<PathBuf> {
     let packed = database.extension().is_some_and(|e| PACKED_ENDINGS.iter().any(|ending| e == *ending));
     let unpacked = if packed { database.with_extension("") } else { database.to_owned() };
@@ -472,7 +472,7 @@ fn head_of(path: &Path) -> std::io::Result<Vec<u8>> {
     File::open(path)?.take(sniff::HEAD as u64).read_to_end(&mut head)?;
     Ok(head)
 }
-/// Whether the head of a zstd file says that it holds as many bytes as the other has.
+/// Whether the header of a zstd file states the length of the other file.
 fn is_packed_of(packed: &Path, plain: &Path) -> bool {
     let mut head = [0; 18];
     let read = File::open(packed).and_then(|mut file| file.read(&mut head)).unwrap_or(0);

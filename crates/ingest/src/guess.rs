@@ -1,5 +1,5 @@
-//! A channel map for a table that no map fits: by the names of its columns, their units, and whether the position moves as the
-//! velocity says. What the data contradict is refused, and what they cannot decide too.
+//! Guesses a channel map for a table that no map fits: from column names, their units, and whether the position moves
+//! as the velocity says. What the data contradict or cannot decide is rejected.
 
 mod bare;
 mod body;
@@ -25,10 +25,10 @@ use crate::table::{Table, TopicInfo};
 use flight::{Clock, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Names of columns that no source is said of, beside those of the GPS: of something else, and mostly of something faster.
+/// Channel names for columns without a source, next to those of the GPS: they belong to something else, usually faster.
 pub(crate) const PLAIN: [&str; 2] = ["position.plain", "velocity.plain"];
 
-/// Said of a table without a time.
+/// Part of the reason for a table without a time.
 pub(crate) const NO_TIME: &str = "is a time that goes on";
 
 /// A guessed map.
@@ -36,21 +36,21 @@ pub(crate) const NO_TIME: &str = "is a time that goes on";
 pub(crate) struct Guess {
     /// The map as a file, with the reasons as comments.
     pub(crate) text: String,
-    /// What was bound to what, in a line.
+    /// What was bound to what, in one line.
     pub(crate) said: String,
-    /// Channels.
+    /// The number of channels.
     pub(crate) channels: u64,
-    /// There are a position and a velocity.
+    /// Whether there are both a position and a velocity.
     pub(crate) both: bool,
 }
 
-/// What of tables with these headers is to be read for a guess; `None` if their names promise nothing.
+/// The fields to read for a guess from tables with these headers; `None` if no name matches.
 pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
     let named =
         |head: &TableHead| -> Vec<Named> { head.names.iter().filter_map(|path| names::named(head, path)).collect() };
     let all: Vec<(&TableHead, Vec<Named>)> = heads.iter().map(|head| (head, named(head))).collect();
     let lacks_time = |head: &TableHead, named: &[Named]| bare::may_be_tried(head) && sets::lacks_time(named);
-    // An attitude alone is no flight.
+    // An attitude alone is not a flight.
     let any = all.iter().any(|(head, named)| may_hold(named) || lacks_time(head, named));
     let tables = all.into_iter().filter_map(|(head, named)| match may_hold(&named) || has_body(&named) {
         true => Some((head.topic.clone(), requests(&named))),
@@ -61,7 +61,7 @@ pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
     any.then_some(Wanted(tables))
 }
 
-/// Whether the names of some columns say a position, and those of some a velocity.
+/// Whether some column names indicate a position, and some a velocity.
 pub(crate) fn may_hold_both(heads: &[TableHead]) -> bool {
     let of_all = |holds: fn(&[Named]) -> bool| {
         heads.iter().any(|head| {
@@ -72,7 +72,7 @@ pub(crate) fn may_hold_both(heads: &[TableHead]) -> bool {
     of_all(sets::has_position) && of_all(sets::has_velocity)
 }
 
-/// What of tables whose names say nothing is to be read for [`guess_by_motion`]: every column.
+/// The fields to read for [`guess_by_motion`] from tables with meaningless names: every column.
 pub(crate) fn wanted_by_motion(heads: &[TableHead]) -> Option<Wanted> {
     let tables = heads.iter().filter(|head| bare::may_be_tried(head));
     let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|h| (h.topic.clone(), every_column(h))).collect();
@@ -89,7 +89,7 @@ pub(crate) fn has_bare(heads: &[TableHead]) -> bool {
     heads.iter().any(bare::is_bare)
 }
 
-/// Why tables whose names promise nothing are not bound, and what to do about it.
+/// Why tables whose names match nothing are not bound, and what to do about it.
 pub(crate) fn nameless(heads: &[TableHead]) -> String {
     if has_bare(heads) {
         return "the table has no header; `flightlag maps --suggest LOG` writes a channel map for it if its columns move as a \
@@ -112,7 +112,7 @@ impl Select for Wanted {
 
 fn requests(named: &[Named]) -> Vec<FieldRequest> {
     let ask = |column: &Named, kind| FieldRequest { path: column.path.clone(), kind };
-    // The digits of a time count.
+    // The digits of a time matter.
     let times = named.iter().filter(|c| c.role == Role::Time).map(|c| ask(c, ValueKind::Text));
     let mut all: Vec<FieldRequest> = named.iter().map(|c| ask(c, ValueKind::Number)).chain(times).collect();
     all.sort();
@@ -120,12 +120,12 @@ fn requests(named: &[Named]) -> Vec<FieldRequest> {
     all
 }
 
-/// A column's name as TOML writes it.
+/// A column name quoted for TOML.
 fn quoted(name: &str) -> String {
     toml::Value::from(name).to_string()
 }
 
-/// Something found, in a table with its time.
+/// An item with its table and time.
 struct Found<'l, T> {
     topic: &'l str,
     timing: Timing,
@@ -138,7 +138,7 @@ impl<'l, T> Found<'l, T> {
     }
 }
 
-/// The map for the tables of a log that was read by [`wanted`].
+/// Guesses the map for the tables of a log that was read with [`wanted`].
 pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     let sources = sources(log);
     if let Some(odd) = odd_unit(&sources) {
@@ -154,7 +154,7 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
             }
         }
     }
-    // What moves otherwise than a velocity of the same table says is no more sure than that velocity.
+    // A position that contradicts a velocity of the same table is as uncertain as that velocity.
     let is_doubtful = motions.is_empty() && sources.iter().any(|source| !source.velocities.is_empty());
     if is_doubtful || places.is_empty() && motions.is_empty() {
         reasons.dedup();
@@ -167,7 +167,7 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     Ok(with_bodies(&sources, places, motions, reasons, log.tables.len() > 1))
 }
 
-/// The positions and velocities that agree, and velocities whose names say everything; `reasons` of the others.
+/// The positions and velocities that agree, and velocities whose names are complete; `reasons` get the others.
 fn compared<'l>(
     sources: &'l [Source<'l>],
     reasons: &mut Vec<String>,
@@ -199,7 +199,7 @@ fn has_place(places: &[Found<'_, Place>], topic: &str, first: &Named) -> bool {
     places.iter().any(|known| known.topic == topic && known.what.set.first.path == first.path)
 }
 
-/// The map of positions and velocities, with the attitudes, rates and forces that are found by them.
+/// The map of positions and velocities, with the attitudes, rates and forces inferred from them.
 fn with_bodies<'l>(
     sources: &'l [Source<'l>],
     places: Vec<Found<'l, Place>>,
@@ -218,7 +218,8 @@ fn with_bodies<'l>(
     Guess { said: guess.said + &notes.concat(), ..guess }
 }
 
-/// Tables that each count from their own first row, and did not last equally long: they may not have begun together.
+/// Tables that each count from their own first row and have different durations: they may have started at different
+/// times.
 fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> BTreeSet<&'t str> {
     let own = |timing: &Timing| {
         let given = || timing.times_s.iter().copied().filter(|t| t.is_finite());
@@ -233,8 +234,8 @@ fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> BTreeSet<&'t str> {
     if apart > 2.0 * step { all.into_iter().map(|(topic, _)| topic).collect() } else { BTreeSet::new() }
 }
 
-/// Takes out what lies in another such table than the position and the velocity: their delays against it would be wrong
-/// by the time between the starts. Gives what is said of it.
+/// Removes bodies in another such table than the position and the velocity: their delays would be wrong by the time
+/// between the starts. Returns the notice.
 fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(&str, &Timing)]) -> Option<String> {
     let of_bodies = bodies.iter().map(|body| (body.topic, &body.timing));
     let all: Vec<(&str, &Timing)> = times.iter().copied().chain(of_bodies).collect();
@@ -251,11 +252,11 @@ fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(
     ))
 }
 
-/// The map for a table without a header, or whose header says nothing: the two pairs of neighbours that agree best, if they
+/// The map for a table without a header or with a meaningless one: the two pairs of neighbours that agree best, if they
 /// agree very well.
 pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     const LEAST: f64 = 0.97;
-    /// Agreements in steps of this are the same: then the usual order of axes counts.
+    /// Agreements within this are equal: the usual order of axes then decides.
     const SAME: f64 = 0.005;
     let of_table = |table: &'l Table| log.head(&table.topic.name).map_or(vec![], |head| bare::sources(head, table));
     let all: Vec<Source<'l>> = log.tables.iter().flat_map(of_table).collect();
@@ -285,7 +286,7 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     Ok(write::map(&All { places: vec![place], motions: vec![motion], bodies: vec![] }, &[], true))
 }
 
-/// What is said of a table without a time.
+/// The reason for a table without a time.
 fn without_time(source: &Source<'_>) -> String {
     let of_positions = source.positions.iter().flat_map(|p| [&p.first.path, &p.second.path]);
     let all: Vec<&str> = of_positions
@@ -303,7 +304,7 @@ fn without_time(source: &Source<'_>) -> String {
     }
 }
 
-/// An unknown unit that a table states is no reason to take another one.
+/// A table that states an unknown unit is not read in another one.
 fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
     if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
         return Some(format!(
@@ -326,7 +327,7 @@ fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
 
 type Pair<'l> = (Found<'l, Place>, Found<'l, Motion>);
 
-/// The positions with which a velocity agrees, those of the same table and source first, and what then follows for it.
+/// The positions that a velocity agrees with, those of the same table and source first, and what follows for it.
 fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velocity) -> Result<Vec<Pair<'l>>, String> {
     let mut order: Vec<(&Source<'_>, &Position)> =
         sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))).collect();
@@ -337,7 +338,7 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
     for (source, position) in order {
         match with_times(source, position, of, velocity) {
             Ok(mut pair) => {
-                // Its axes go where those of a latitude and longitude show.
+                // Its axes point as those of a latitude and longitude show.
                 if let (Some((known, shown)), (place, own)) = (pairs.first(), &mut pair)
                     && known.what.set.is_geodetic
                     && !place.what.set.is_geodetic
@@ -358,12 +359,12 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
             Err(_) => {}
         }
     }
-    // Axes that agree with a position of unnamed axes, and not with a latitude and longitude, may go anywhere.
+    // Axes that agree only with a position of unnamed axes, and not with a latitude and longitude, may point anywhere.
     let only_local = pairs.iter().all(|(place, _)| !place.what.set.is_geodetic && !says_axes(&place.what.set.first));
     if pairs.is_empty() || contradicts && only_local { Err(why_not) } else { Ok(pairs) }
 }
 
-/// Why no way to read the times of two tables is tried.
+/// Why two tables have no common time.
 fn no_common_time(source: &Source<'_>, of: &Source<'_>) -> String {
     match (of.timings.first(), source.timings.first()) {
         (Some(own), Some(other)) if own.clock != other.clock => format!(
@@ -380,7 +381,7 @@ fn no_common_time(source: &Source<'_>, of: &Source<'_>) -> String {
     }
 }
 
-/// Tries all ways to read the time; only one of them may fit.
+/// Tries all ways to read the time; exactly one must fit.
 fn with_times<'l>(
     source: &'l Source<'l>,
     position: &Position,
@@ -410,11 +411,11 @@ fn with_times<'l>(
     }
 }
 
-/// A velocity that nothing moves with, if its names say everything.
+/// A velocity that no position agrees with, if its names are complete.
 fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
     let timing = of.timings.first().filter(|timing| timing.is_certain)?;
     let unit = set.first.unit?;
-    // Where a position is there and moves otherwise, names are no reason to believe them.
+    // Where a position exists and contradicts them, names alone are not trusted.
     if !of.positions.is_empty() || set.is_polar || !says_axes(&set.first) {
         return None;
     }
@@ -425,7 +426,7 @@ fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
     Some(Found::of(of, timing, what))
 }
 
-/// A position that no velocity was compared with, if its range or its names say everything.
+/// A position that no velocity was compared with, if its range or its names are conclusive.
 fn unchecked<'l>(
     of: &'l Source<'l>,
     set: &Position,
@@ -456,7 +457,7 @@ fn unchecked<'l>(
     Ok(Found::of(of, timing, what))
 }
 
-/// The unit of a height that nothing was compared with, and where it counts to; `why` says what was assumed.
+/// The unit and the sign of a height that nothing was compared with; `why` gets the assumptions.
 fn unchecked_height(table: &Table, height: &Named, angle: Unit, why: &mut Vec<String>) -> Option<(Unit, Vertical)> {
     let (found, said) = plausible_height(table, height, angle);
     why.extend(said);

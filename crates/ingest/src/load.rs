@@ -22,21 +22,21 @@ use std::time::SystemTime;
 pub struct Loaded {
     /// The flight; without channels if no map fits.
     pub flight: Flight,
-    /// How the reading went.
+    /// The health of the log.
     pub health: LogHealth,
-    /// Which map bound what, or why none did.
+    /// Which map bound what, or why no map did.
     pub binding: Result<Binding, String>,
-    /// What the log is, if it is no flight but goes with one.
+    /// What the log is, if it is not a flight but belongs to one.
     pub companion: Option<String>,
 }
 
-/// A reader for the files of a flight, packed or not. The ledger of a packed log counts unpacked bytes.
+/// A reader for the files of a flight, packed or not. The byte ledger of a packed log counts unpacked bytes.
 #[must_use]
 pub fn open(unit: &FlightUnit) -> Box<dyn LogReader> {
     Box::new(UnpackingReader { unit: unit.clone() })
 }
 
-/// A reader for files of one kind that are not packed: one log, or several that make up one flight. Nothing is opened yet.
+/// A reader for unpacked files of one kind: one log, or several that make up one flight. Nothing is opened yet.
 #[must_use]
 pub fn reader_of(kind: LogKind, files: Vec<PathBuf>) -> Box<dyn LogReader> {
     Box::new(FilesReader { kind, files })
@@ -64,9 +64,9 @@ impl LogReader for FilesReader {
     }
 }
 
-/// Reads the files of a flight once and binds what they hold. `forced` names the channel map.
+/// Reads the files of a flight once and binds their columns. `forced` names the channel map.
 ///
-/// If no map fits, the health of the log comes back all the same, with the reason in the binding.
+/// If no map fits, the health of the log is still returned, with the reason in the binding.
 ///
 /// # Errors
 /// As [`LogReader::read`]; [`IngestError::Changed`] if a file changed in the meantime;
@@ -87,9 +87,9 @@ pub fn load(
     unchanged()?;
     let bound = bind(&mut log, library, forced);
     let is_table = unit.kind == LogKind::Csv && forced.is_none();
-    // Of a flight, only a guess with both a position and a velocity takes the place.
+    // For a flight, a guess replaces the binding only with both a position and a velocity.
     let may_guess = is_table && needs_guess(&bound, library) && (bound.is_err() || guess::may_hold_both(&log.heads));
-    // A table in memory is enough: what a map binds of it is bound again if the guess is no better.
+    // A table in memory is enough: the map's binding is repeated if the guess is no better.
     let bound = if may_guess { bound.map(drop) } else { return finished(log, bound, None) };
     let (bound, refused) = match (bound, guessed(unit, &log.heads, context)?) {
         (bound, Ok(guess)) if bound.is_err() || guess.both => {
@@ -107,7 +107,7 @@ pub fn load(
     finished(log, bound, refused)
 }
 
-/// What was read, with why nothing was bound. `refused` is why no columns were bound by guess, where that was tried.
+/// What was read, with why nothing was bound. `refused` is the reason why no columns were guessed, if that was tried.
 fn finished(
     mut log: Log,
     bound: Result<(Flight, Binding), IngestError>,
@@ -128,7 +128,7 @@ fn finished(
         Err(IngestError::Map(mut reason)) => {
             match refused {
                 Some(NoGuess::Refused(why)) => {
-                    // What the nearest shipped map lacks is no advice for a table that nearly binds by itself.
+                    // What the nearest shipped map lacks does not help for a table that nearly binds by itself.
                     reason = match why.contains(guess::NO_TIME) {
                         true => format!("its columns cannot be bound by guess: {why}; {reason}"),
                         false => format!("no channel map fits, and its columns cannot be bound by guess: {why}"),
@@ -146,14 +146,14 @@ fn finished(
     Ok(Loaded { flight, health: log.health, binding, companion })
 }
 
-/// Whether no map of the user was taken, and no shipped one that gives a position and a velocity.
+/// Whether no user map was used, and no shipped one that gives a position and a velocity.
 fn needs_guess(bound: &Result<(Flight, Binding), IngestError>, library: &MapLibrary) -> bool {
     match bound {
         Ok((flight, binding)) => {
             let has = |wanted: &[Quantity]| flight.channels.values().any(|channel| wanted.contains(&channel.quantity));
             let both = has(&[Quantity::PositionGeodetic, Quantity::PositionNed]) && has(&[Quantity::VelocityNed]);
             let any = has(&[Quantity::PositionGeodetic, Quantity::PositionNed, Quantity::VelocityNed]);
-            // A bench is no flight that lacks something.
+            // A bench is not an incomplete flight.
             any && !both && library.get(&binding.map).is_ok_and(|map| map.shipped)
         }
         Err(IngestError::Map(_)) => true,
@@ -166,9 +166,9 @@ type Guessed = Result<Guess, NoGuess>;
 
 /// Why the columns of a table are not bound by guess.
 enum NoGuess {
-    /// Their names promise nothing; what to do.
+    /// Their names match nothing; with advice.
     Nameless(String),
-    /// They contradict the motion, leave something open, or are missing; why.
+    /// They contradict the motion, are ambiguous, or are missing; with the reason.
     Refused(String),
 }
 
@@ -181,7 +181,7 @@ fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) ->
     Ok(guess::guess(&log).map_err(NoGuess::Refused))
 }
 
-/// For another reading of bytes that were counted when they were read first.
+/// For reading bytes again that were already counted.
 fn again<'c>(context: &ReadContext<'c>) -> ReadContext<'c> {
     ReadContext { on_bytes: &|_| (), ..*context }
 }
@@ -200,8 +200,8 @@ fn by_guess(log: &mut Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bi
     Ok((flight, Binding { why: "no map fits; columns bound by guess".into(), ..binding }))
 }
 
-/// A table as the second file of a flight, where [`load`] does not bind it: each way in which its axes may point, with what was
-/// bound to what. None for a table whose time or units are not known.
+/// A table as the second file of a flight, where [`load`] does not bind it: one flight for each possible direction of
+/// its axes, with what was bound to what. Empty for a table whose time or units are unknown.
 ///
 /// # Errors
 /// As [`LogReader::read`].
@@ -223,10 +223,10 @@ pub fn load_ways(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<Vec<(Fl
     Ok(ways)
 }
 
-/// The channel map by which [`load`] would read a table that no map fits, as the text of a file with the reasons as comments.
+/// The channel map that [`load`] would use for a table that no map fits, as file text with the reasons as comments.
 ///
 /// # Errors
-/// As [`LogReader::read`]; [`IngestError::Map`] with the reason if there is none.
+/// As [`LogReader::read`]; [`IngestError::Map`] with the reason if there is no such map.
 pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, IngestError> {
     if unit.kind != LogKind::Csv {
         return Err(IngestError::Map("only tables of text are bound by guess; other logs name their types".into()));
@@ -252,7 +252,7 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
     }
 }
 
-/// Formats without stamps of their own get those of their bound channels.
+/// Formats without timestamps of their own get those of their bound channels.
 fn note_stamps(log: &mut Log, binding: &Binding) {
     for channel in &binding.channels {
         let topic = log.health.topics.iter_mut().find(|t| t.name == channel.source.topic);
@@ -264,7 +264,7 @@ fn note_stamps(log: &mut Log, binding: &Binding) {
     }
 }
 
-/// What shows that a file was written to, or that another one is in its place.
+/// Changes if a file was written to or replaced.
 type State = (PathBuf, u64, Option<SystemTime>, Option<FileIdentity>);
 
 fn states(files: &[PathBuf]) -> Result<Vec<State>, IngestError> {

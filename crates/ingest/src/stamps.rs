@@ -1,32 +1,31 @@
-//! How stamps behave: counts, steps, gaps, jumps; streaming for a whole log, exact for a column.
+//! Statistics of timestamps: counts, steps, gaps, jumps; streaming for a whole log, exact for a column.
 
 use flight::{Clock, Distribution, Gap, StampHealth, StampKind};
 
 /// A step longer than this many median steps is a gap.
 const GAP_FACTOR: f64 = 2.5;
-/// Gaps that are listed.
+/// The number of gaps that are listed.
 const LISTED_GAPS: usize = 10;
-/// Of this many steps one may be a gap, and gaps are still no part of the rate.
+/// At most one of this many steps may be a gap for gaps to be excluded from the rate.
 const STEPS_FOR_A_GAP: u64 = 100;
-/// One stamp with this share of all rows, and with at least two: the rows were written at once, and have no rate.
+/// If one timestamp has this share of all rows, and at least two, the rows were written at once and have no rate.
 const AT_ONCE: u64 = 2;
-/// Steps held one by one before a streaming count goes over to buckets.
+/// Steps held individually before a streaming count switches to buckets.
 const HELD_STEPS: usize = 1024;
-/// Buckets in each octave of the step: the middle of one is within 1/256 of any step in it.
+/// Buckets per octave of the step: the middle of one is within 1/256 of any step in it.
 const BUCKETS: usize = 1 << BUCKET_BITS;
 const BUCKET_BITS: u32 = 7;
 
-/// Describes the stamps of one topic, one at a time in the order in which the log holds them.
+/// Describes the timestamps of one topic, taken one at a time in the order of the log.
 ///
-/// A step is a stamp less the one before it. Forward steps (above zero) make the
-/// distribution, the rate and the gaps; equal stamps and steps back are counted apart, so
-/// that a topic which sends everything twice has its true rate. Where one stamp holds half of all rows, they were written at
-/// once, as the parameters at the start of a log: no rate.
+/// A step is a timestamp minus the one before it. Forward steps (above zero) make the distribution, the rate and the
+/// gaps. Equal timestamps and steps back are counted separately, so that a topic that sends everything twice has its
+/// true rate. Where one timestamp holds half of all rows, they were written at once, as the parameters at the start of
+/// a log: no rate.
 ///
-/// Counts, ends, extremes and the ten longest gaps are always exact. Percentiles (linear
-/// between order statistics, as NumPy's default) are exact up to 1024 forward steps; beyond
-/// that memory stays below 33 kB and each is within 0.4 % of the true step, and the number of
-/// gaps is exact but for steps within 0.4 % of the threshold. Measured by
+/// Counts, ends, extremes and the ten longest gaps are always exact. Percentiles (linear between order statistics, as
+/// NumPy's default) are exact up to 1024 forward steps. Above that, memory stays below 33 kB, each percentile is within
+/// 0.4 % of the true step, and the number of gaps is exact except for steps within 0.4 % of the threshold. Measured by
 /// `a_long_stream_is_described_within_four_per_mille`.
 #[derive(Debug, Clone)]
 pub struct StampStats {
@@ -34,7 +33,7 @@ pub struct StampStats {
     first_ns: i64,
     last_ns: i64,
     duplicates: u64,
-    /// Equal stamps after one another: those of now, and the most.
+    /// Runs of equal timestamps: the current one, and the longest.
     equal: u64,
     most_equal: u64,
     back_jumps: u64,
@@ -57,20 +56,20 @@ impl Default for StampStats {
 }
 
 impl StampStats {
-    /// Of a stream of any length, in bounded memory.
+    /// For a stream of any length, in bounded memory.
     #[must_use]
     pub fn new() -> StampStats {
         StampStats::with(Steps::Held { steps: vec![], most: HELD_STEPS })
     }
 
-    /// Counts, ends and jumps only: no distribution, rate or gaps. For logs with so many topics
-    /// that describing each would take too much memory.
+    /// Counts, ends and jumps only: no distribution, rate or gaps. For logs with so many topics that describing each
+    /// would take too much memory.
     #[must_use]
     pub fn counts_only() -> StampStats {
         StampStats::with(Steps::Ignored)
     }
 
-    /// Exact description of stamps that are in memory; `None` if there are none.
+    /// Exact description of timestamps that are in memory; `None` if there are none.
     #[must_use]
     pub fn from_slice(kind: StampKind, clock: Clock, source: &str, stamps_ns: &[i64]) -> Option<StampHealth> {
         let mut stats = StampStats::with(Steps::Held { steps: vec![], most: usize::MAX });
@@ -96,7 +95,7 @@ impl StampStats {
         }
     }
 
-    /// The next stamp, ns.
+    /// Adds the next timestamp, ns.
     pub fn push(&mut self, stamp_ns: i64) {
         if self.count == 0 {
             self.first_ns = stamp_ns;
@@ -134,14 +133,14 @@ impl StampStats {
         self.longest.truncate(LISTED_GAPS);
     }
 
-    /// How many so far.
+    /// The number of timestamps so far.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Forward steps per second without the gaps. Many gaps are no gaps but the topic's way. `None` for rows that were written
-    /// at once.
+    /// Forward steps per second without the gaps. Frequent gaps are not gaps but normal for the topic. `None` for rows
+    /// that were written at once.
     fn rate_hz(&self, threshold_s: f64) -> Option<f64> {
         if self.most_equal > 1 && self.most_equal * AT_ONCE >= self.count {
             return None;
@@ -157,7 +156,7 @@ impl StampStats {
         Some(count as f64 * 1e9 / ns as f64)
     }
 
-    /// The description; `None` if there was no stamp.
+    /// The description; `None` if there was no timestamp.
     #[must_use]
     pub fn finish(mut self, kind: StampKind, clock: Clock, source: &str) -> Option<StampHealth> {
         if self.count == 0 {
@@ -193,7 +192,7 @@ impl StampStats {
     }
 }
 
-/// Order statistics of a sample; values that are not finite are left out. `None` if none is left.
+/// Order statistics of a sample; non-finite values are skipped. `None` if no value remains.
 #[must_use]
 pub fn distribution(values: &[f64]) -> Option<Distribution> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
@@ -272,7 +271,7 @@ impl Steps {
     }
 }
 
-/// A histogram of steps with buckets of equal relative width; octaves that occur are held.
+/// A histogram of steps with buckets of equal relative width; only octaves that occur are held.
 #[derive(Debug, Clone)]
 struct Buckets {
     count: u64,
@@ -300,7 +299,7 @@ impl Buckets {
         }
     }
 
-    /// Middle and tally of every bucket in use, rising.
+    /// Middle and count of every bucket in use, in ascending order.
     fn middles(&self) -> impl Iterator<Item = (u64, u64)> {
         self.octaves.iter().enumerate().flat_map(move |(octave, tallies)| {
             tallies.iter().flat_map(move |tallies| {
@@ -355,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_every_ten_milliseconds_with_one_hole_have_one_gap_there() {
+    fn a_hole_in_a_regular_stream_is_its_only_gap() {
         let stamps: Vec<i64> = (0..101).map(|i| i * 10_000_000 + if i > 60 { 500_000_000 } else { 0 }).collect();
         let health = described(&stamps);
         assert_eq!(health.rate_hz, Some(100.0));
@@ -372,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_back_is_a_jump_and_neither_a_gap_nor_a_rate() {
+    fn a_step_back_is_a_jump_and_does_not_affect_gaps_or_rate() {
         let health = described(&[0, 10, 20, 5, 15, 25]);
         assert_eq!((health.back_jumps, health.gap_count, health.duplicates), (1, 0, 0));
         assert_eq!(health.steps_s.unwrap().median, 1e-8);
@@ -380,14 +379,14 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_were_written_at_once_have_no_rate() {
+    fn rows_written_at_once_have_no_rate() {
         // The parameters at the start of a log, and some that were changed in flight.
         let parameters: Vec<i64> = vec![71; 1298].into_iter().chain((1..=8).map(|i| 71 + i * 30)).collect();
         let formats: Vec<i64> = vec![0; 77].into_iter().chain(vec![71; 77]).collect();
         for stamps in [parameters, formats] {
             assert_eq!(described(&stamps).rate_hz, None);
         }
-        // Five sensors that share a stamp, twenty times, are 50 Hz.
+        // Five sensors that share a timestamp, twenty times, are 50 Hz.
         let sensors: Vec<i64> = (0..100).map(|i| (i / 5) * 20_000_000).collect();
         assert_eq!(described(&sensors).rate_hz, Some(50.0));
         assert_eq!(described(&[0, 20_000_000]).rate_hz, Some(50.0));
@@ -395,7 +394,7 @@ mod tests {
 
     #[test]
     fn a_logger_that_pauses_often_has_the_rate_at_which_it_logs() {
-        // 5 Hz with a pause of 40 s after every 190 rows, as a parachutist's.
+        // 5 Hz with a pause of 40 s after every 190 rows, as in a parachutist's log.
         let mut now = 0;
         let stamps = (0..6731).map(|row| {
             now += if row % 190 == 189 { 40_000_000_000 } else { 200_000_000 };
@@ -408,13 +407,13 @@ mod tests {
         stamps.iter().for_each(|stamp| stream.push(*stamp));
         let streamed = stream.finish(StampKind::Logged, Clock::Unix, "log").unwrap().rate_hz.unwrap();
         assert!((streamed / 5.0 - 1.0).abs() < 0.004, "{streamed}");
-        // A topic that comes in pairs a second apart has no gaps: that is its way.
+        // A topic that comes in pairs a second apart has no gaps: that is normal for it.
         let pairs: Vec<i64> = (0..200).map(|i| (i / 2) * 1_000_000_000 + (i % 2) * 10_000_000).collect();
         assert!((described(&pairs).rate_hz.unwrap() - 199.0 / 99.01).abs() < 1e-9);
     }
 
     #[test]
-    fn one_stamp_or_equal_stamps_have_no_rate() {
+    fn a_single_timestamp_or_equal_timestamps_have_no_rate() {
         for stamps in [&[7][..], &[7, 7, 7]] {
             let health = described(stamps);
             assert_eq!((health.rate_hz, health.steps_s, health.count), (None, None, stamps.len() as u64));
@@ -423,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_at_both_ends_of_time_do_not_overflow() {
+    fn timestamps_at_both_limits_of_the_range_do_not_overflow() {
         let health = described(&[i64::MIN, i64::MAX, i64::MIN]);
         assert_eq!(health.back_jumps, 1);
         assert_eq!(health.steps_s.unwrap().max, 18_446_744_073.709_553);
@@ -475,7 +474,7 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_lie_linearly_between_order_statistics() {
+    fn percentiles_are_interpolated_linearly_between_order_statistics() {
         // numpy.percentile([1, 2, 4, 8], [1, 50, 99]) = 1.03, 3, 7.88
         let d = distribution(&[8.0, f64::NAN, 1.0, 4.0, 2.0]).unwrap();
         assert_eq!((d.min, d.median, d.max), (1.0, 3.0, 8.0));

@@ -1,19 +1,19 @@
-//! Texts of a column in little memory: the digits of each one apart from what stands around them.
+//! Stores the texts of a column compactly: the digits of each text separately from the characters around them.
 //!
-//! Times, numbers and words of status are most of what columns of text hold. Of thousands of them only the digits differ,
-//! so a cell takes five bytes, or nine if a number is longer than nine digits; other texts take these and their own bytes.
+//! Text columns mostly hold times, numbers and status words. Thousands of them differ only in their digits, so a cell
+//! takes five bytes, or nine if a number is longer than nine digits; other texts take these and their own bytes.
 
 use std::collections::HashMap;
 use std::ops::Deref;
 
 /// Longer texts have no shape, bytes.
 const LONGEST: usize = 40;
-/// So many digits make a number of 64 bits, whatever they are.
+/// The most digits that always fit a 64-bit number.
 const MOST_DIGITS: usize = 19;
-/// The number of no shape.
+/// The shape number of a text without a shape.
 const NO_SHAPE: u8 = u8::MAX;
 
-/// The texts of a column, row by row. Columns of numbers, which are as large, should not pay for what it holds.
+/// The texts of a column, row by row. Boxed, so that number columns do not pay for its size.
 #[derive(Clone, Default)]
 pub struct Texts(Box<Columns>);
 
@@ -21,16 +21,16 @@ pub struct Texts(Box<Columns>);
 struct Columns {
     /// For each row the number of its shape, or [`NO_SHAPE`].
     shape_of: Vec<u8>,
-    /// For each row its digits as a number, or where it stands in `others`.
+    /// For each row its digits as a number, or its offset in `others`.
     digits: Digits,
     shapes: Vec<Shape>,
     by_text: HashMap<Box<[u8]>, u8>,
-    /// Texts without a shape, each after its length: seven bits a byte, the lowest first, and the eighth bit where more
-    /// follow.
+    /// Texts without a shape, each after its length: seven bits a byte, the lowest first, and the eighth bit set if
+    /// more follow.
     others: Vec<u8>,
 }
 
-/// Numbers in as many bytes as the longest of them takes.
+/// Numbers, each in as many bytes as the longest needs.
 #[derive(Clone)]
 enum Digits {
     Narrow(Vec<u32>),
@@ -75,7 +75,7 @@ impl Digits {
     }
 }
 
-/// A text whose digits are all `0`.
+/// A text with every digit replaced by `0`.
 #[derive(Debug, Clone)]
 struct Shape {
     text: Box<[u8]>,
@@ -93,13 +93,13 @@ enum Held<'t> {
 }
 
 impl Texts {
-    /// How many there are.
+    /// The number of texts.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.shape_of.len()
     }
 
-    /// Without rows.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.shape_of.is_empty()
@@ -115,7 +115,7 @@ impl Texts {
         }
     }
 
-    /// All of them in order.
+    /// Iterates over all texts in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Text<'_>> {
         (0..self.len()).map(|row| self.get(row).unwrap_or_default())
     }
@@ -130,13 +130,13 @@ impl Texts {
         self.0.digits.push(digits);
     }
 
-    /// Leaves so many at most.
+    /// Keeps at most `rows` texts.
     pub fn truncate(&mut self, rows: usize) {
         self.0.shape_of.truncate(rows);
         self.0.digits.truncate(rows);
     }
 
-    /// Leaves so many: more are empty.
+    /// Sets the number of texts to `rows`: added ones are empty.
     pub fn resize(&mut self, rows: usize) {
         if rows <= self.len() {
             return self.truncate(rows);
@@ -149,7 +149,7 @@ impl Texts {
         (last + 1..rows).for_each(|_| self.0.digits.push(digits));
     }
 
-    /// Takes the texts of another column after these, and leaves it without any, but with its room.
+    /// Appends the texts of another column, and empties it, but keeps its capacity.
     pub(crate) fn append(&mut self, more: &mut Texts) {
         let numbers: Option<Vec<u8>> =
             more.0.shapes.iter().map(|shape| self.number_of(&shape.text, shape.digits)).collect();
@@ -173,14 +173,14 @@ impl Texts {
         more.clear();
     }
 
-    /// Without rows, but with the room for as many.
+    /// Removes all rows but keeps the capacity.
     pub(crate) fn clear(&mut self) {
         self.0.shape_of.clear();
         self.0.digits.truncate(0);
         self.0.others.clear();
     }
 
-    /// The number of its shape and its digits; `None` if it has none.
+    /// The number of its shape and its digits; `None` if it has no shape.
     fn shaped(&mut self, text: &[u8]) -> Option<(u8, u64)> {
         let mut shape = [0; LONGEST];
         let shape = shape.get_mut(..text.len())?;
@@ -204,7 +204,7 @@ impl Texts {
         Some((self.number_of(shape, count)?, digits))
     }
 
-    /// The number of a shape, made if there is none; `None` if there are too many.
+    /// The number of a shape, created if it is new; `None` if there are too many.
     fn number_of(&mut self, shape: &[u8], digits: usize) -> Option<u8> {
         if let Some(number) = self.0.by_text.get(shape) {
             return Some(*number);
@@ -238,7 +238,7 @@ fn push_with_length(to: &mut Vec<u8>, text: &[u8]) {
     to.extend_from_slice(text);
 }
 
-/// The text that begins here with its length, and what follows it.
+/// The text that starts here with its length, and the rest.
 fn with_length(from: &[u8]) -> Option<(&[u8], &[u8])> {
     let length = from.iter().position(|byte| byte & 0x80 == 0)? + 1;
     let (digits, behind) = from.split_at_checked(length)?;
@@ -313,7 +313,7 @@ impl std::fmt::Display for Text<'_> {
     }
 }
 
-/// Row by row, whatever the shapes are called.
+/// Row by row, independent of the numbering of shapes.
 impl PartialEq for Texts {
     fn eq(&self, other: &Texts) -> bool {
         self.len() == other.len() && self.iter().zip(other.iter()).all(|(a, b)| a == b)
@@ -348,14 +348,14 @@ mod tests {
     }
 
     #[test]
-    fn each_text_comes_back_as_it_was_written() {
+    fn each_text_is_read_back_as_written() {
         let texts: Texts = all().into_iter().collect();
         assert!(texts.iter().eq(all().iter().map(String::as_str)));
         assert_eq!((texts.get(0).as_deref(), texts.get(all().len())), (Some("2026-05-04T08:00:00.000Z"), None));
     }
 
     #[test]
-    fn a_time_takes_nine_bytes_and_a_long_text_its_own() {
+    fn a_time_takes_nine_bytes_and_a_long_text_its_own_length() {
         let times: Texts = (0..10_000).map(|i| format!("2026-05-04T08:00:{:02}.{:04}Z", i % 60, i)).collect();
         assert_eq!((times.0.shapes.len(), times.0.others.len()), (1, 0));
         let long: Texts = (0..100).map(|i| "y".repeat(41 + i)).collect();
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_can_be_cut_filled_and_put_behind_one_another() {
+    fn rows_can_be_truncated_padded_and_appended() {
         let mut texts: Texts = ["a1", "b22"].into_iter().collect();
         texts.resize(4);
         assert_eq!(texts, ["a1", "b22", "", ""].into_iter().collect());

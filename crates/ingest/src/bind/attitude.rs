@@ -1,12 +1,12 @@
-//! Attitudes of any frame as the quaternion that turns forward, right, down to north, east, down.
+//! Converts attitudes of any frame to the quaternion that rotates forward, right, down to north, east, down.
 
 use crate::map::AttitudeFrame;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// A squared length this near one is one: dividing by it would only stir the last bits.
+/// A squared length this near one counts as one: dividing by it would only perturb the last bits.
 const UNIT: f64 = 1e-14;
 
-/// w, x, y, z from a quaternion w, x, y, z of any length in `frame`; `None` if that is zero or not finite.
+/// w, x, y, z from a quaternion w, x, y, z of any length in `frame`; `None` if it is zero or not finite.
 pub(super) fn from_quaternion(frame: AttitudeFrame, q: [f64; 4]) -> Option<[f64; 4]> {
     let square: f64 = q.iter().map(|v| v * v).sum();
     if (square - 1.0).abs() <= UNIT {
@@ -28,8 +28,8 @@ pub(crate) fn from_euler(frame: AttitudeFrame, angles: [f64; 3]) -> [f64; 4] {
     to_ned(frame, q)
 }
 
-/// `q(world → NED) q q(FRD → body)`. Half a turn about x makes forward, left, up and north, west, up of theirs;
-/// half a turn about north-east makes east, north, up of north, east, down.
+/// `q(world → NED) q q(FRD → body)`. Half a turn about x converts forward, left, up and north, west, up; half a turn
+/// about north-east converts east, north, up to north, east, down.
 fn to_ned(frame: AttitudeFrame, [w, x, y, z]: [f64; 4]) -> [f64; 4] {
     match frame {
         AttitudeFrame::FrdNed => [w, x, y, z],
@@ -39,7 +39,7 @@ fn to_ned(frame: AttitudeFrame, [w, x, y, z]: [f64; 4]) -> [f64; 4] {
     }
 }
 
-/// `v` turned by a quaternion x, y, z, w of any length; `None` if that is zero or not finite.
+/// `v` rotated by a quaternion x, y, z, w of any length; `None` if that is zero or not finite.
 pub(super) fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> Option<[f64; 3]> {
     let norm = Some((x * x + y * y + z * z + w * w).sqrt()).filter(|n| *n > 0.0 && n.is_finite())?;
     let [x, y, z, w] = [x / norm, y / norm, z / norm, w / norm];
@@ -57,7 +57,7 @@ fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// North, east, down of a vector in forward, right, down.
+    /// North, east, down of a vector given in forward, right, down.
     fn turned([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
         rotate([x, y, z, w], v).unwrap()
     }
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_that_stands_in_its_source_frame_looks_along_its_first_axis() {
+    fn the_identity_attitude_points_along_the_first_axis_of_its_frame() {
         let level = [1.0, 0.0, 0.0, 0.0];
         let forward = |frame| turned(from_quaternion(frame, level).unwrap(), [1.0, 0.0, 0.0]);
         let down = |frame| turned(from_quaternion(frame, level).unwrap(), [0.0, 0.0, 1.0]);
@@ -83,21 +83,21 @@ mod tests {
     }
 
     #[test]
-    fn any_attitude_turns_any_vector_as_its_own_frame_does() {
+    fn any_attitude_rotates_any_vector_as_in_its_source_frame() {
         let q = [0.5, -0.3, 0.7, 0.2];
         let v = [0.2, -1.1, 0.6];
         for (frame, to_ned) in [
             (AttitudeFrame::FluNwu, (|[n, w, u]: [f64; 3]| [n, -w, -u]) as fn([f64; 3]) -> [f64; 3]),
             (AttitudeFrame::FluEnu, |[e, n, u]| [n, e, -u]),
         ] {
-            // Forward, left, up of the same vector, turned by the source's own quaternion.
+            // Forward, left, up of the same vector, rotated by the source's own quaternion.
             let source = rotate([q[1], q[2], q[3], q[0]], [v[0], -v[1], -v[2]]).unwrap();
             assert_near(&turned(from_quaternion(frame, q).unwrap(), v), &to_ned(source));
         }
     }
 
     #[test]
-    fn euler_angles_turn_by_yaw_then_pitch_then_roll() {
+    fn euler_angles_rotate_by_yaw_then_pitch_then_roll() {
         let (roll, pitch, yaw) = (0.3_f64, -0.4_f64, 2.0_f64);
         let about = |axis: usize, angle: f64| {
             let mut q = [(angle / 2.0).cos(), 0.0, 0.0, 0.0];
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quaternion_of_any_length_becomes_a_unit_and_a_unit_keeps_its_bits() {
+    fn quaternions_are_normalized_and_unit_quaternions_keep_their_bits() {
         let q = from_quaternion(AttitudeFrame::FrdNed, [2.0, 0.0, 0.0, -2.0]).unwrap();
         assert_near(&q, &[FRAC_1_SQRT_2, 0.0, 0.0, -FRAC_1_SQRT_2]);
         let unit = [0.1, 0.7, -0.5, 0.5];

@@ -1,4 +1,4 @@
-//! The clocks of one log against one another: of different topics, and of a clock since boot against the log's.
+//! Compares the clocks of one log: those of different topics, and a clock since boot with the log's own.
 
 use crate::stamps::distribution;
 use crate::time::suspicion;
@@ -8,28 +8,28 @@ use flight::{
 };
 use std::collections::BTreeMap;
 
-/// Fewer rows say nothing of a clock.
+/// With fewer rows, a clock is not compared.
 const FEWEST_ROWS: usize = 10;
-/// Two topics begin and end as far apart as this, if nothing but their clocks differs, s.
+/// Two topics whose starts and ends differ by the same offset within this, s, differ only in their clocks.
 const SAME_S: f64 = 0.5;
-/// Topics begin a second or two apart without being wrong: only larger offsets of beginnings and ends are looked at, s.
+/// Topics may begin a second or two apart without a fault: only larger offsets of starts and ends are examined, s.
 const SHORTEST_S: f64 = 10.0;
 
-/// The stamps of one topic on one clock.
+/// The timestamps of one topic on one clock.
 struct Line<'f> {
     name: &'f str,
     channel: &'f Channel,
-    /// UTC of the first and the last stamp.
+    /// UTC of the first and the last timestamp.
     ends: [Stamp; 2],
-    /// UTC less the log's own time, s.
+    /// UTC minus the log's own time, s.
     to_log: Option<Distribution>,
 }
 
-/// Says aloud where two clocks that both claim UTC look as if one had leap seconds, a time zone or a week too many.
+/// Warns where two clocks that both claim UTC seem to differ by leap seconds, a time zone or a week.
 pub(super) fn compare(flight: &mut Flight) {
     let mut notices = Notices::new();
     let lines = lines(flight);
-    // The clock since boot is one: the first topic stands for all.
+    // The clock since boot is shared by all topics: checking the first one is enough.
     if let Some((line, what)) = lines.iter().find_map(|line| Some((line, against_log(line)?))) {
         let clock = line.channel.series.timeline().clock();
         let text = format!("channel {}, the log's stamps and the clock {clock} by UTC: {what}", line.name);
@@ -40,7 +40,7 @@ pub(super) fn compare(flight: &mut Flight) {
     let mut told: Vec<(String, u64)> = vec![];
     for (a, b) in pairs {
         let Some(what) = offset(a, b).and_then(|o| suspicion(&o, a.ends[0])) else { continue };
-        // One clock that is wrong is off against every other: the first pair is told, the others are counted.
+        // A wrong clock differs from every other one: the first pair is reported, the others are counted.
         let kind = what.split_once(": ").map_or("", |(_, kind)| kind);
         match told.iter_mut().find(|(known, _)| known.ends_with(kind)) {
             Some((_, count)) => *count += 1,
@@ -54,7 +54,7 @@ pub(super) fn compare(flight: &mut Flight) {
     flight.notices.extend(notices);
 }
 
-/// One for each topic and clock, of its first channel by name.
+/// One line for each topic and clock, from its first channel by name.
 fn lines(flight: &Flight) -> Vec<Line<'_>> {
     let mut lines: BTreeMap<(&str, StampKind), Line<'_>> = BTreeMap::new();
     for (name, channel) in &flight.channels {
@@ -76,8 +76,8 @@ fn lines(flight: &Flight) -> Vec<Line<'_>> {
     lines.into_values().collect()
 }
 
-/// What a clock since boot, by what ties it to UTC, looks like against the log's. Of other clocks the channel's own rows
-/// say it.
+/// What the difference between a clock since boot, tied to UTC, and the log's clock looks like. For other clocks the
+/// channel's own rows show it.
 fn against_log(line: &Line<'_>) -> Option<String> {
     if !matches!(line.channel.series.timeline().clock(), Clock::Boot | Clock::Elapsed) {
         return None;
@@ -87,8 +87,8 @@ fn against_log(line: &Line<'_>) -> Option<String> {
     suspicion(&log_less_clock, line.ends[0])
 }
 
-/// How far the clock of `a` is ahead of that of `b`, as far as the log shows it without looking at the values: by the
-/// log's own time on both, or by their beginnings and ends, if these are equally far apart.
+/// How far the clock of `a` is ahead of that of `b`, as far as the log shows it without examining the values: from the
+/// log's own time on both, or from their starts and ends if these differ by the same offset.
 fn offset(a: &Line<'_>, b: &Line<'_>) -> Option<Distribution> {
     if let (Some(a), Some(b)) = (&a.to_log, &b.to_log) {
         let apart = |x: f64, y: f64| x - y;
@@ -106,7 +106,7 @@ fn offset(a: &Line<'_>, b: &Line<'_>) -> Option<Distribution> {
     telling.then(|| distribution(&[begin, end])).flatten()
 }
 
-/// A position and a velocity that never were at the same time cannot be of one clock.
+/// A position and a velocity that never overlap in time cannot be on one clock.
 fn no_common_time(flight: &Flight, notices: &mut Notices) {
     let is_velocity = |c: &Channel| c.quantity == Quantity::VelocityNed;
     let is_position = |c: &Channel| matches!(c.quantity, Quantity::PositionGeodetic | Quantity::PositionNed);
@@ -126,8 +126,8 @@ fn no_common_time(flight: &Flight, notices: &mut Notices) {
     }
 }
 
-/// Whether UTC was reckoned from GPS time on a day whose leap seconds are not known: of a channel that counts GPS time, or
-/// of a clock since boot that GPS time ties to UTC.
+/// Notes that UTC was computed from GPS time on a day whose leap seconds are unknown, for a channel that counts GPS
+/// time or a clock since boot that GPS time ties to UTC.
 pub(super) fn note_unknown_leaps(flight: &mut Flight, tied_by_gps: bool) {
     let last = |channel: &Channel| {
         let timeline = channel.series.timeline();

@@ -1,4 +1,4 @@
-//! What a map asks of a row before it counts: of its own fields, or of another message of the same epoch.
+//! Conditions of a map on a row before it counts: on its own fields, or on another message of the same epoch.
 
 use crate::map_schema::RequireEntry;
 use crate::reader::Log;
@@ -6,7 +6,7 @@ use crate::table::{Column, Table, numbers};
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// One condition with the numbers that it is about.
+/// One condition with the numbers to check.
 pub(super) struct Condition<'a> {
     pub(super) entry: &'a RequireEntry,
     pub(super) values: Values<'a>,
@@ -14,11 +14,11 @@ pub(super) struct Condition<'a> {
 
 pub(super) enum Values<'a> {
     Own(&'a Column),
-    /// Of the row of the same epoch in the topic of this name; `None` for epochs that it does not have.
+    /// From the row of the same epoch in the topic of this name; `None` for epochs that it lacks.
     Of(Cow<'a, str>, Vec<Option<f64>>),
 }
 
-/// The conditions of a rule on the rows of `table`, as far as the log has their fields.
+/// The conditions of a rule on the rows of `table`, for those fields that the log has.
 pub(super) fn conditions<'a>(require: &'a [RequireEntry], table: &'a Table, log: &'a Log) -> Vec<Condition<'a>> {
     let mut conditions = vec![];
     for entry in require {
@@ -36,8 +36,8 @@ pub(super) fn conditions<'a>(require: &'a [RequireEntry], table: &'a Table, log:
     conditions
 }
 
-/// The field in the rows of `other` that have the numbers of the epoch that each row of `table` has. Where several have
-/// them, one that fails the condition speaks for all: which of them is of the row nobody can tell.
+/// The field in the rows of `other` whose epoch numbers match those of each row of `table`. Where several rows match,
+/// one that fails the condition decides, because it is unknown which of them belongs to the row.
 fn same_epoch(entry: &RequireEntry, table: &Table, other: &Table) -> Option<Vec<Option<f64>>> {
     let epochs = |table| entry.same.0.iter().map(|field| numbers(table, field)).collect::<Option<Vec<_>>>();
     let (here, there, field) = (epochs(table)?, epochs(other)?, numbers(other, &entry.field)?);
@@ -73,7 +73,7 @@ impl Condition<'_> {
     }
 }
 
-/// The first condition that a row fails, in words. A row without the field fails none.
+/// The first condition that a row fails, in words. A row without the field passes.
 pub(super) fn failed(conditions: &[Condition<'_>], row: usize) -> Option<String> {
     let fails = |c: &&Condition<'_>| c.value(row).is_some_and(|value| !c.entry.met_by(value));
     conditions.iter().find(fails).map(Condition::text)

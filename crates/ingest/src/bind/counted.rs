@@ -1,4 +1,4 @@
-//! Dates by a device's own counter, for rows that have none.
+//! Dates rows that have no date by a device's own counter.
 
 use super::order::FAR_NS;
 use super::repair::Repair;
@@ -11,8 +11,8 @@ use flight::{Code, Severity};
 const COUNTED: &str = "rows without a date, or with one more than a day off those of most rows, are dated by the device's \
                        counter from the nearest row that has one";
 
-/// Dates the rows of a calendar with a counter that have no date, and those whose date is more than a day off what most
-/// rows say: a device counts from a day of its own until it hears the time.
+/// Dates the rows of a calendar with a counter that have no date, and those whose date differs by more than a day from
+/// that of most rows: a device counts from a date of its own until it receives the time.
 pub(super) fn date_by_counter(source: &TimeSource, table: &Table, dates: &mut Values<i64>, repairs: &mut Vec<Repair>) {
     let TimeSource::Calendar { counter: Some((field, tick)), .. } = source else { return };
     let Some(column) = numbers(table, field) else { return };
@@ -27,7 +27,7 @@ pub(super) fn date_by_counter(source: &TimeSource, table: &Table, dates: &mut Va
     }
 }
 
-/// How many rows were dated. The counter is taken to run on from one dated row to the next unless it goes back.
+/// The number of rows dated. The counter is assumed to continue from one dated row to the next unless it goes back.
 fn date_rows(dates: &mut [Option<i64>], counts: &[Option<i64>]) -> u64 {
     let begin = |(date, count): (&Option<i64>, &Option<i64>)| date.zip(*count).map(|(date, count)| date - count);
     let mut begins: Vec<i64> = dates.iter().zip(counts).filter_map(begin).collect();
@@ -54,7 +54,7 @@ fn date_rows(dates: &mut [Option<i64>], counts: &[Option<i64>]) -> u64 {
     moved
 }
 
-/// At each place the last pair up to it.
+/// For each index, the last pair up to it.
 fn nearest<'p>(pairs: impl Iterator<Item = &'p Option<(i64, i64)>>) -> Vec<Option<(i64, i64)>> {
     let mut last = None;
     pairs
@@ -70,16 +70,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_before_between_and_behind_the_dated_ones_are_dated_by_the_counter() {
+    fn rows_before_between_and_after_dated_rows_are_dated_by_the_counter() {
         let counts: Vec<Option<i64>> = (0..8).map(|i| Some(50 + 10 * i)).collect();
-        // Exact to the row before, or at the begin to the first: here the date gains two against the counter.
+        // Exact relative to the row before, or at the start to the first: here the date gains two on the counter.
         let mut dates = [None, None, Some(1020), None, Some(1042), Some(1052), None, None];
         assert_eq!(date_rows(&mut dates, &counts), 5);
         assert_eq!(dates.map(Option::unwrap), [1000, 1010, 1020, 1030, 1042, 1052, 1062, 1072]);
     }
 
     #[test]
-    fn a_day_of_the_devices_own_gives_way_to_that_of_most_rows() {
+    fn a_default_date_of_the_device_is_replaced_by_that_of_most_rows() {
         let counts: Vec<Option<i64>> = (0..6).map(|i| Some(10 * i)).collect();
         let day = 1_700_000_000_000_000_000;
         let mut dates = [0, 10, day + 20, day + 30, day + 40, day + 50].map(Some);
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_beyond_a_restart_of_the_counter_and_rows_without_one_stay_undated() {
+    fn rows_across_a_counter_restart_or_without_a_counter_stay_undated() {
         let counts = [Some(900), Some(910), Some(0), Some(10), None];
         let mut dates = [None, None, None, Some(500), None];
         assert_eq!(date_rows(&mut dates, &counts), 1);

@@ -1,4 +1,4 @@
-//! Stamps from a column of dates and one of the time of day.
+//! Timestamps from a date column and a time-of-day column.
 
 use super::daytime::{DAY_NS, TimesOfDay};
 use super::repair::Repair;
@@ -11,18 +11,18 @@ use flight::{Code, GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity};
 use jiff::civil::Date;
 use std::borrow::Cow;
 
-/// No clock is set further from UTC: what is more is hours and minutes, `0530`.
+/// No zone is further from UTC: a larger number is hours and minutes, `0530`.
 const MOST_HOURS: u64 = 14;
 const STALE: &str = "rows after midnight that still have the old date are dated a day later";
 
 /// The columns of [`TimeSource::Civil`].
 ///
-/// Where a log's columns have types, as in what was recovered of a table, a date of digits and an offset of digits are numbers.
+/// Where a log's columns have types, as in a recovered table, a date of digits and an offset of digits are numbers.
 struct Civil<'a> {
     date: &'a Column,
     time: TimesOfDay<'a>,
     offset: Option<&'a Column>,
-    /// The offset of rows where no column says it.
+    /// The offset of rows for which no column gives it.
     zone: &'a str,
     order: Option<DateOrder>,
 }
@@ -36,7 +36,7 @@ impl<'a> Civil<'a> {
         Some(Civil { date: either(date)?, time: TimesOfDay::of(table, time)?, offset, zone, order: *order })
     }
 
-    /// The date of a row; `order` is that of dates that leave it open.
+    /// The date of a row; `order` is the order for ambiguous dates.
     fn date(&self, row: usize, order: Option<DateOrder>) -> Option<Date> {
         match self.date.text(row) {
             Some(text) => date_in(order, &text),
@@ -55,7 +55,7 @@ impl<'a> Civil<'a> {
         Some(format!("{digits:+0width$}").into())
     }
 
-    /// The order of dates that leave it open, and the one that shows it if the map does not say it.
+    /// The order of ambiguous dates, and the date that proves it if the map does not state it.
     fn order(&self, rows: usize) -> Result<Option<(DateOrder, Option<Text<'a>>)>, Text<'a>> {
         match self.order {
             Some(order) => Ok(Some((order, None))),
@@ -67,8 +67,8 @@ impl<'a> Civil<'a> {
     }
 }
 
-/// Seven digits with the year behind, `2062021`, have lost the zero of the first of eight; without an order they are a year and
-/// its day.
+/// Seven digits with the year last, `2062021`, have lost the leading zero of eight. Without an order they are a year
+/// and a day of the year.
 fn date_in(order: Option<DateOrder>, text: &str) -> Option<Date> {
     let seven = text.len() == 7 && text.bytes().all(|b| b.is_ascii_digit());
     match order {
@@ -77,7 +77,8 @@ fn date_in(order: Option<DateOrder>, text: &str) -> Option<Date> {
     }
 }
 
-/// A stamp for each row, ns since 1970; `None` if the table has no such columns, or nobody can know what its dates mean.
+/// A timestamp for each row, ns since 1970; `None` if the table has no such columns, or the order of its dates is
+/// unknown.
 pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
     let civil = Civil::of(source, table)?;
     let order = civil.order(table.rows).ok()?;
@@ -88,7 +89,7 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
         days.push(date.and_then(|date| unix_ns(date, "00:00:00", "Z")).map(|midnight| midnight / DAY_NS));
         stamps.push(civil.time.at(row).and_then(|time| instant(&time)));
     }
-    // A date with points and a year of four digits is told by nobody otherwise.
+    // A date with dots and a four-digit year has only one order in use.
     if let Some((order, Some(shows))) = order.filter(|(_, shows)| !shows.as_deref().is_some_and(is_plain)) {
         let text = format!("the dates are read with the {} first, as {shows} shows", order.word());
         repairs.push(Repair { what: Code::DateInferred.into(), count: table.rows as u64, text: text.into() });
@@ -107,7 +108,7 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
     Some(stamps)
 }
 
-/// How many rows say an instant without a zone, where the map does not know it either and no name of a column says that it is
+/// The number of rows that state an instant without a zone, where neither the map nor a column name says that it is
 /// UTC.
 pub(super) fn without_zone(source: &TimeSource, table: &Table) -> u64 {
     let (field, is_silent): (_, fn(&str) -> bool) = match source {
@@ -130,7 +131,7 @@ fn is_plain(date: &str) -> bool {
     date.rsplit_once('.').is_some_and(|(_, year)| year.len() == 4)
 }
 
-/// The first that stands where an instant should, if it is none.
+/// The first value in place of an instant that is not an instant.
 pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
     let first = |column: &Column| {
         let mut texts = (0..table.rows).filter_map(|row| column.text(row));

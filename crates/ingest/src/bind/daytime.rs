@@ -1,4 +1,4 @@
-//! Stamps from a day of the year, or from a time of day alone.
+//! Timestamps from a day of the year, or from a time of day alone.
 
 use super::repair::Repair;
 use crate::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, year_begin_unix_ns};
@@ -13,8 +13,8 @@ pub(super) const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
 #[derive(Clone, Copy)]
 pub(super) struct TimesOfDay<'a> {
     column: &'a Column,
-    /// Those that have no colon can be `hhmmss`, but for one in a hundred, and one has so many digits that it is no smaller
-    /// number.
+    /// Values without a colon may be `hhmmss`, except for one in a hundred, and one of them has too many digits for a
+    /// smaller number.
     compact: bool,
 }
 
@@ -50,7 +50,7 @@ fn is_compact(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_digit()) && !text.contains(':')
 }
 
-/// Stamps since the midnight before the first row; `None` if the table has no such column.
+/// Timestamps since the midnight before the first row; `None` if the table has no such column.
 pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>) -> Option<Values<i64>> {
     let times = TimesOfDay::of(table, field)?;
     let mut stamps: Values<i64> = (0..table.rows).map(|row| since_midnight_ns(&times.at(row)?)).collect();
@@ -58,8 +58,8 @@ pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>
     Some(stamps)
 }
 
-/// Stamps of days of the year, and what they count: UTC if most rows say the year, or if that of the first is known. Where most
-/// say it the others have no stamp. A row that says its offset from UTC is not in the zone of the map.
+/// Timestamps of days of the year, and their clock: UTC if most rows state the year, or if that of the first is known.
+/// Where most state it, the others have no timestamp. A row with its own UTC offset is not in the zone of the map.
 pub(super) fn days_of_year(
     field: &str,
     year: Option<i16>,
@@ -79,7 +79,7 @@ pub(super) fn days_of_year(
     }
     let begin = year.and_then(year_begin_unix_ns);
     let length = year_length_ns(year, &days);
-    // A known year may have no such day.
+    // A known year may lack such a day.
     let is_in_year = |ns: &i64| begin.is_none() || *ns < length;
     let mut stamps: Values<i64> = days.iter().map(|day| day.as_ref().map(since_begin).filter(is_in_year)).collect();
     note_wraps(unwrap(&mut stamps, length), "the day of the year wrapped around; the timestamps run on", repairs);
@@ -89,12 +89,12 @@ pub(super) fn days_of_year(
     Some((clock, stamps))
 }
 
-/// How far a zone, or else UTC, is from UTC, ns.
+/// The offset of a zone, or else of UTC, from UTC, ns.
 pub(super) fn zone_ns(zone: Option<&str>) -> i64 {
     i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND
 }
 
-/// Of a day that says its year, in the zone in which it is written.
+/// For a day with its year, in the zone in which it is written.
 fn unix_ns(day: &DayOfYear) -> Option<i64> {
     year_begin_unix_ns(day.year?)?.checked_add(since_begin(day))
 }
@@ -103,7 +103,7 @@ fn since_begin(day: &DayOfYear) -> i64 {
     (day.day - 1) * DAY_NS + day.nanos
 }
 
-/// The length of the year of the first row: where that is not known, as long as the rows ask for.
+/// The length of the year of the first row; if unknown, as long as the rows require.
 fn year_length_ns(year: Option<i16>, days: &[Option<DayOfYear>]) -> i64 {
     let begin_and_next = || {
         let year = year?;

@@ -1,5 +1,5 @@
-//! Places and velocities in earth-centred, earth-fixed axes: x to the meridian of Greenwich on the equator, z to the north
-//! pole (WGS-84).
+//! Positions and velocities in earth-centred, earth-fixed axes (WGS-84): x to the Greenwich meridian on the equator, z
+//! to the north pole.
 
 use flight::{Ecef, Geodetic};
 
@@ -7,18 +7,18 @@ use flight::{Ecef, Geodetic};
 const FARTHEST_M: f64 = 1e6;
 const NO_PLACE: &str = "the place is not on the earth: no fix";
 
-/// Latitude and longitude, rad, and height above the ellipsoid, m; fails far from the ellipsoid, as at the centre of the
-/// earth, where receivers are without a fix.
+/// Latitude and longitude, rad, and height above the ellipsoid, m; fails far from the ellipsoid, for example at the
+/// centre of the earth, where receivers put themselves without a fix.
 pub(super) fn place([x, y, z]: [f64; 3]) -> Result<Geodetic, String> {
     let place = Ecef { x, y, z }.to_geodetic();
     let plausible = [place.latitude, place.longitude].iter().all(|v| v.is_finite()) && place.height.abs() <= FARTHEST_M;
     if plausible { Ok(place) } else { Err(NO_PLACE.into()) }
 }
 
-/// North, east, down of a vector at a place.
+/// North, east, down of a vector at a position.
 pub(super) fn to_ned(at: Geodetic, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let ((sin_lat, cos_lat), (sin_lon, cos_lon)) = (at.latitude.sin_cos(), at.longitude.sin_cos());
-    // Away from the axis of the earth.
+    // Away from the earth's axis.
     let outwards = cos_lon * x + sin_lon * y;
     [cos_lat * z - sin_lat * outwards, cos_lon * y - sin_lon * x, -cos_lat * outwards - sin_lat * z]
 }
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_velocity_is_the_change_of_the_place() {
+    fn a_velocity_is_the_derivative_of_the_position() {
         for (lat, lon) in [(47.4, 8.5), (-33.9, 151.2), (0.0, -90.0), (70.0, 180.0)] {
             let from = Geodetic::from_degrees(lat, lon, 500.0);
             let frame = flight::LocalFrame::new(from);
@@ -43,7 +43,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_of_the_earth_and_what_is_beyond_measure_are_no_places() {
+    fn the_earths_centre_and_huge_coordinates_are_rejected() {
         for nowhere in [[0.0; 3], [1e9, 0.0, 0.0], [f64::MAX; 3], [f64::INFINITY, 0.0, 0.0]] {
             assert!(place(nowhere).is_err(), "{nowhere:?}");
         }

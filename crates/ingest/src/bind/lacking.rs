@@ -1,4 +1,4 @@
-//! Fields that a map of the user names and the log does not have.
+//! Fields that the user's map names and the log lacks.
 
 use super::trial::Trial;
 use crate::map::{ChannelMap, ChannelRule, Closeness, MapLibrary};
@@ -6,9 +6,9 @@ use crate::reader::Log;
 use crate::table::Table;
 use settings::nearest;
 
-/// Shipped maps list what some logs of a kind have; whoever writes a map of his own means every field of it. A field of another
-/// name is then a mistake, unless the channel is `optional`, or its names are copied from a shipped map, or no topic of the
-/// channel is in the log.
+/// A shipped map lists fields that some logs of a kind have; in the user's own map every field is meant. A missing
+/// field is then a mistake, unless the channel is `optional`, its names are copied from a shipped map, or the log has
+/// no topic of the channel.
 ///
 /// # Errors
 /// Every such field with its channel and the nearest name.
@@ -36,7 +36,7 @@ pub(super) fn check(best: &Trial<'_>, log: &Log) -> Result<(), String> {
     }
 }
 
-/// The first rule of each channel's name that the log does not exclude, if the channel has to be there.
+/// The first rule for each channel name that the log does not exclude, if the channel is required.
 fn wanted<'m>(map: &'m ChannelMap, log: &Log) -> impl Iterator<Item = &'m ChannelRule> {
     let met = |rule: &&ChannelRule| rule.when.as_ref().is_none_or(|when| when.met_by(log));
     let rules: Vec<&ChannelRule> = map.rules.iter().filter(met).collect();
@@ -49,10 +49,10 @@ fn wanted<'m>(map: &'m ChannelMap, log: &Log) -> impl Iterator<Item = &'m Channe
     kept.into_iter()
 }
 
-/// What the table of a rule lacks: the table that it is bound to, or else the closest one that has rows.
+/// What the table of a rule lacks: the table it is bound to, or else the closest one that has rows.
 fn missing(rule: &ChannelRule, best: &Trial<'_>, log: &Log) -> Option<String> {
     let bound = best.plans.iter().find(|plan| plan.rule.name == rule.name);
-    // Another rule of the same name did it.
+    // Another rule of the same name bound the channel.
     if bound.is_some_and(|plan| !std::ptr::eq(plan.rule, rule)) {
         return None;
     }
@@ -86,7 +86,7 @@ fn has_of(rule: &ChannelRule, table: &Table, log: &Log) -> usize {
     rule.parts.iter().flat_map(|part| &part.fields).filter(|field| has(table, log, &field.path)).count()
 }
 
-/// Names, at most three, and what the table has that comes nearest to the first one.
+/// At most three names, and the nearest name to the first one that the table has.
 fn told(paths: &[&str], table: &Table, log: &Log) -> String {
     let names: Vec<String> = paths.iter().take(3).map(|path| format!("{path:?}")).collect();
     let there = log.head(&table.topic.name).into_iter().flat_map(|head| head.names.iter().map(String::as_str));

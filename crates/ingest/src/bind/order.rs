@@ -1,22 +1,22 @@
-//! Rows into the order of their stamps, and without those whose stamp cannot be the time of their value.
+//! Sorts rows by timestamp, and drops those whose timestamp cannot be the time of their value.
 //!
-//! Rows that arrive in disorder are only sorted. A clock that is set back passes a time twice, and sorting would mix two
-//! stretches of the flight: of the two the longer stays. A few rows that leap out of line and back again have a wrong
-//! stamp, unless the place where they land is a hole that they fill.
+//! Out-of-order rows are only sorted. A clock that is set back covers a time twice, and sorting would interleave two
+//! stretches of the flight: the longer one is kept. A few rows that jump away and back have a wrong timestamp, unless
+//! they fill a hole where they land.
 
 use crate::table::Places;
 use flight::{Clock, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// A stamp further than this from the median of its channel is no time of the flight.
+/// A timestamp further than this from the median of its channel is not of the flight.
 pub(super) const FAR_NS: u64 = 86_400 * NANOS_PER_SECOND as u64;
-/// So many usual steps back are more than disorder.
+/// A step back of this many usual steps is more than disorder.
 const DEEP_STEPS: u64 = 4;
-/// Rows that leap out of line together.
+/// The most rows that jump away together.
 const FEW: usize = 5;
 
-/// Why a row is left out.
+/// Why a row is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reason {
     NeverFilled,
@@ -24,7 +24,7 @@ pub(super) enum Reason {
     PassedTwice,
     OutOfLine,
     Repeated,
-    /// Which of the two was then nobody knows.
+    /// It is unknown which of the two rows is right.
     Shared,
 }
 
@@ -41,45 +41,45 @@ impl Reason {
     }
 }
 
-/// Whether rows that are left out for this reason are as good as the others, and only their time is not known.
+/// Whether rows dropped for this reason are otherwise valid, and only their time is unknown.
 pub(super) fn is_of_clock(reason: &str) -> bool {
     [Reason::Far, Reason::PassedTwice].iter().any(|of_clock| of_clock.text() == reason)
 }
 
-/// Rows that are used, column by column: where each stood, when it was, what it says. A log may have many millions.
+/// The rows that are used, in columns: index, timestamp, values. A log may have many millions.
 #[derive(Default)]
 pub(super) struct Samples {
     /// The row of each sample, counted from 1.
     rows: Places,
     stamps: Vec<i64>,
-    /// One for each component of the quantity; empty as long as all values are zero, as of a height that the log does not hold.
+    /// One for each component of the quantity; empty while all values are zero, such as a height that the log lacks.
     values: Vec<Vec<f64>>,
 }
 
-/// Samples whose stamps are still with the stamps of all rows.
+/// Samples whose timestamps are still in the timestamps of all rows.
 #[derive(Default)]
 pub(super) struct Unstamped {
     count: usize,
-    /// There will be no more.
+    /// The maximum number of samples.
     most: usize,
     rows: Places,
     values: Vec<Vec<f64>>,
 }
 
 impl Unstamped {
-    /// Of a table with at most so many rows.
+    /// For a table with at most this many rows.
     pub(super) fn new(components: usize, most: usize) -> Unstamped {
         Unstamped { values: vec![vec![]; components], most, ..Unstamped::default() }
     }
 
-    /// Takes as many of the values as there are components.
+    /// Takes as many values as there are components.
     pub(super) fn push(&mut self, row: usize, values: [f64; 4]) {
         let before = self.count;
         self.rows.push(before, row as u64 + 1);
         self.count += 1;
         for (column, value) in self.values.iter_mut().zip(values) {
             if !column.is_empty() || value.to_bits() != 0 {
-                // Once: a column that grows leaves holes in the memory.
+                // Only once: a growing column fragments the memory.
                 column.reserve_exact(self.most.saturating_sub(before));
                 column.resize(before, 0.0);
                 column.push(value);
@@ -87,7 +87,7 @@ impl Unstamped {
         }
     }
 
-    /// With the stamp of each row.
+    /// Attaches the timestamp of each row.
     pub(super) fn stamped(self, stamp_of: impl Fn(usize) -> i64) -> Samples {
         let Unstamped { count, rows, mut values, .. } = self;
         values.iter_mut().for_each(Vec::shrink_to_fit);
@@ -109,7 +109,7 @@ impl Samples {
         &self.stamps
     }
 
-    /// The row of the table that a sample is.
+    /// The table row of a sample.
     pub(super) fn row(&self, sample: usize) -> usize {
         row_of(&self.rows, sample)
     }
@@ -119,13 +119,13 @@ impl Samples {
         (0..self.len()).map(|sample| self.row(sample))
     }
 
-    /// Whether the first components of two samples, so many, are the same.
+    /// Whether the first `components` components of two samples are equal.
     pub(super) fn is_same(&self, a: usize, b: usize, components: usize) -> bool {
         self.values.iter().take(components).all(|column| column.get(a) == column.get(b))
     }
 
-    /// Whether the first components of these samples, so many, change by one step of their resolution nearly each time: such
-    /// values repeat because they are rounded.
+    /// Whether the first `components` components of these samples change by one step of their resolution nearly every
+    /// time: such values repeat because they are rounded.
     pub(super) fn is_rounded(&self, at: &[usize], components: usize) -> bool {
         const NEARLY_ALL: f64 = 0.8;
         let changes = |column: &'_ Vec<f64>| -> Vec<f64> {
@@ -143,15 +143,15 @@ impl Samples {
         all > 0 && single as f64 >= NEARLY_ALL * all as f64
     }
 
-    /// Stamps and components.
+    /// Timestamps and components.
     pub(super) fn into_columns(self) -> (Vec<i64>, Vec<Vec<f64>>) {
         let rows = self.stamps.len();
-        // Zeros that nobody writes are given by the system when they are read, and take no memory.
+        // Zeros that are never written are provided by the system on reading, and take no memory.
         let whole = |values: Vec<f64>| if values.is_empty() { vec![0.0; rows] } else { values };
         (self.stamps, self.values.into_iter().map(whole).collect())
     }
 
-    /// Leaves out those for which there is a reason.
+    /// Drops those for which `why` gives a reason.
     fn keep(&mut self, rejected: Reject<'_>, mut why: impl FnMut(&Samples, usize) -> Option<Reason>) {
         let reasons: Vec<Option<Reason>> = (0..self.len()).map(|sample| why(self, sample)).collect();
         if reasons.iter().all(Option::is_none) {
@@ -173,7 +173,7 @@ impl Samples {
         self.values.iter_mut().for_each(|column| retain(column, &reasons));
     }
 
-    /// Those of one stamp stay in the order of the log.
+    /// Samples with equal timestamps stay in the order of the log.
     fn sort(&mut self) {
         if self.stamps.is_sorted() {
             return;
@@ -199,10 +199,11 @@ fn retain<T>(values: &mut Vec<T>, reasons: &[Option<Reason>]) {
     values.shrink_to_fit();
 }
 
-/// Calls `rejected` with the row of each sample that is left out, and why.
+/// Called with the reason and the row of each dropped sample.
 pub(super) type Reject<'r> = &'r mut dyn FnMut(Reason, usize);
 
-/// Leaves out rows that are years or days off, and zeros before the first true stamp of a clock that does not know the day.
+/// Drops rows that are years or days off, and zeros before the first valid timestamp of a clock that does not know the
+/// day.
 pub(super) fn leave_out_far(samples: &mut Samples, clock: Clock, rejected: Reject<'_>) {
     leave_out_unset(samples, clock, rejected);
     let middle = samples.len() / 2;
@@ -230,7 +231,7 @@ fn leave_out_unset(samples: &mut Samples, clock: Clock, rejected: Reject<'_>) {
     }
 }
 
-/// Sorts by stamp; of equal ones the first in the log is kept.
+/// Sorts by timestamp; of equal ones the first in the log is kept.
 pub(super) fn sort(samples: &mut Samples, rejected: Reject<'_>) {
     let reasons = misplaced(samples);
     if !reasons.is_empty() {
@@ -253,7 +254,7 @@ pub(super) fn sort(samples: &mut Samples, rejected: Reject<'_>) {
     });
 }
 
-/// Nine of ten steps forward are no longer, ns; `None` if there are too few to say.
+/// The 90th percentile of the steps forward, ns; `None` if there are too few.
 fn usual_step(stamps: &[i64]) -> Option<u64> {
     let step = |pair: &[i64]| match pair {
         [a, b] if b > a => Some(b.abs_diff(*a)),
@@ -264,7 +265,7 @@ fn usual_step(stamps: &[i64]) -> Option<u64> {
     (steps.len() > FEW).then(|| *steps.select_nth_unstable(place).1)
 }
 
-/// Why each row is left out, in the order of the log. Of nothing but disorder nothing is.
+/// Why each row is dropped, in the order of the log. Mere disorder drops no row.
 fn misplaced(samples: &Samples) -> Vec<Option<Reason>> {
     if samples.stamps.is_sorted() {
         return vec![];
@@ -276,7 +277,7 @@ fn misplaced(samples: &Samples) -> Vec<Option<Reason>> {
     }
     let mut reasons = vec![None; samples.len()];
     let mut placed = Placed { rows: BTreeMap::new(), samples, step };
-    // The longest first; of equal ones that which comes first.
+    // The longest first; of equal ones the earlier.
     pieces.sort_by_key(|p| std::cmp::Reverse(p.rows.len()));
     for piece in pieces {
         placed.add(&piece, &mut reasons);
@@ -306,17 +307,17 @@ fn pieces(stamps: &[i64], deep_ns: u64) -> Vec<Piece> {
     pieces
 }
 
-/// Rows by stamp that stay.
+/// Rows that are kept, by timestamp.
 struct Placed<'s> {
     rows: BTreeMap<i64, usize>,
     samples: &'s Samples,
     step: u64,
 }
 
-/// What is where a row would go.
+/// What surrounds the position of a row.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// Other rows are before and behind it, close together, or another value is there.
+    /// Other rows are close before and after it, or another value is there.
     Taken,
     /// Between rows, with room for more.
     Hole,
@@ -351,14 +352,14 @@ impl Placed<'_> {
     fn place(&self, row: usize) -> Place {
         let Some(&stamp) = self.samples.stamps.get(row) else { return Place::End };
         if let Some(other) = self.rows.get(&stamp) {
-            // The same row once more is only a duplicate.
+            // A repeat of the same row is only a duplicate.
             let is_same = self.samples.is_same(*other, row, self.samples.values.len());
             return if is_same { Place::Hole } else { Place::Taken };
         }
         let before = self.rows.range(..stamp).next_back().map(|(s, _)| stamp.abs_diff(*s));
         let behind = self.rows.range(stamp..).next().map(|(s, _)| stamp.abs_diff(*s));
         match (before, behind) {
-            // A row that is missing leaves two steps.
+            // A missing row leaves two steps.
             (Some(before), Some(behind)) if 10 * (before + behind) < 19 * self.step => Place::Taken,
             (Some(_), Some(_)) => Place::Hole,
             (Some(gap), None) | (None, Some(gap)) if gap > DEEP_STEPS * self.step => Place::Beyond,
@@ -371,7 +372,7 @@ impl Placed<'_> {
 mod tests {
     use super::*;
 
-    /// Stamps and rows that are kept, and reasons and rows that are left out.
+    /// Timestamps and rows that are kept, and reasons and rows that are dropped.
     type Sorted = (Vec<(i64, usize)>, Vec<(Reason, usize)>);
 
     fn sorted(clock: Clock, stamps: &[i64]) -> Sorted {
@@ -393,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn disorder_of_any_kind_is_sorted_and_costs_no_row() {
+    fn out_of_order_rows_are_sorted_without_losing_any() {
         let swapped = (0..100).map(|i| 100 * (i ^ 1)).collect();
         let late = {
             let mut l = line(0, 100);
@@ -412,19 +413,19 @@ mod tests {
     }
 
     #[test]
-    fn of_two_stretches_over_the_same_time_the_longer_stays_whole() {
-        // A device that starts anew: its first three hundred rows are those before the flight.
+    fn the_longer_of_two_overlapping_stretches_is_kept_whole() {
+        // A device that restarts: its first three hundred rows are from before the flight.
         let (kept, rejected) = sorted(Clock::Boot, &[line(1000, 300), line(1050, 900)].concat());
         assert!(kept.iter().all(|(_, row)| *row >= 300 || *row == 0), "{kept:?}");
         assert!(rejected.iter().all(|(why, row)| *why == Reason::PassedTwice && (1..300).contains(row)));
-        // Set back by a second in the middle: ten rows are passed twice.
+        // Set back by a second in the middle: ten rows are covered twice.
         let (kept, rejected) = sorted(Clock::Unix, &[line(0, 500), line(49_000, 400)].concat());
         assert_eq!((kept.len(), rejected.len()), (890, 10));
         assert!(rejected.iter().all(|(_, row)| (500..510).contains(row)));
     }
 
     #[test]
-    fn rows_that_leap_out_of_line_and_back_are_left_out() {
+    fn rows_that_jump_away_and_back_are_dropped() {
         for length in [1, 3, 5] {
             for leap in [-3_600_000, -1_000, -5_000, 1_000, 5_000, 3_600_000] {
                 for begin in [0, 40, 85] {
@@ -432,7 +433,7 @@ mod tests {
                     stamps[begin..begin + length].iter_mut().for_each(|s| *s += leap);
                     let (kept, rejected) = sorted(Clock::Boot, &stamps);
                     let good = |(stamp, row): &(i64, usize)| *stamp == 100_000 + 100 * *row as i64;
-                    // At the very begin a leap back is a hole behind it.
+                    // At the very start a jump back leaves a hole after it.
                     if begin > 0 || leap > 0 {
                         assert!(kept.iter().all(good), "{length} {leap} {begin}: {kept:?}");
                         assert_eq!(rejected.len(), length);
@@ -443,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn zeros_before_the_first_stamp_are_none_and_a_time_that_begins_at_zero_is_one() {
+    fn leading_zeros_are_dropped_unless_the_time_begins_at_zero() {
         let (kept, rejected) = sorted(Clock::Boot, &[vec![0; 3], line(60_000, 20)].concat());
         assert_eq!((kept[0].0, rejected.len(), rejected[0].0), (60_000, 3, Reason::NeverFilled));
         assert_eq!(sorted(Clock::Elapsed, &line(0, 20)).1, []);

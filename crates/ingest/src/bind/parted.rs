@@ -1,5 +1,5 @@
-//! The columns of a log, handed to the channels one after another: a column leaves memory when the last channel that reads
-//! it is made. A flight takes as much memory as the columns that it is made of, and both must not be held at once.
+//! Hands the columns of a log to the channels one after another. A column is freed once the last channel that reads it
+//! is made: a flight takes as much memory as its columns, and both must not be held at once.
 
 use super::conditions::{Condition, Values};
 use super::stamps::Stamps;
@@ -11,11 +11,11 @@ use crate::table::{Column, ColumnData, Table};
 use flight::Unit;
 use std::collections::HashSet;
 
-/// A plan that names its columns and does not hold them.
+/// A plan that names its columns without holding them.
 pub(super) struct Parted {
-    /// Among the rules of the map.
+    /// Index among the rules of the map.
     rule: usize,
-    /// Among the tables of the log.
+    /// Index among the tables of the log.
     table: usize,
     columns: Vec<Option<Place>>,
     stamps: Vec<Stamps>,
@@ -32,7 +32,7 @@ struct Place {
 
 /// As [`Condition`].
 struct OnRows {
-    /// Among those of the rule.
+    /// Index among the entries of the rule.
     entry: usize,
     values: OfRows,
 }
@@ -43,13 +43,13 @@ enum OfRows {
     Topic(String, Vec<Option<f64>>),
 }
 
-/// The place of something that is one of these.
+/// The index of an element in a slice, by address.
 fn place_of<T>(all: &[T], one: &T) -> usize {
     all.iter().position(|other| std::ptr::eq(other, one)).unwrap_or(usize::MAX)
 }
 
 impl Parted {
-    /// Of a plan of this map for this log.
+    /// From a plan of this map for this log.
     pub(super) fn of(plan: Plan<'_>, map: &ChannelMap, log: &Log) -> Parted {
         let column = |column: &Column| place_of(&plan.table.columns, column);
         let place = |found: &Found<'_>| Place {
@@ -85,7 +85,7 @@ impl Parted {
         found.chain(asked).map(|column| (self.table, column))
     }
 
-    /// The table of the columns that it reads, taken out of the log, and which columns these were.
+    /// The table with the columns that the plan reads, taken out of the log, and their indices.
     fn take_columns(&self, log: &mut Log) -> Option<(Table, Vec<usize>)> {
         let mut held: Vec<usize> = self.reads().map(|(_, column)| column).collect();
         held.sort_unstable();
@@ -98,7 +98,7 @@ impl Parted {
         Some((own, held))
     }
 
-    /// Leaves the table the names of its columns alone. Those that others read `later` go back into the log.
+    /// Leaves the table only the names of its columns. Columns that others read `later` go back into the log.
     fn give_back(&self, table: &mut Table, held: &[usize], log: &mut Log, later: &[Parted]) {
         for (column, place) in table.columns.iter_mut().zip(held) {
             let named = Column { path: column.path.clone(), ..empty() };
@@ -111,7 +111,7 @@ impl Parted {
         }
     }
 
-    /// The plan once more, with the columns of this table.
+    /// Rebuilds the plan with the columns of this table.
     fn plan<'p>(&self, rule: &'p ChannelRule, table: &'p Table, held: &[usize], stamps: Vec<Stamps>) -> Plan<'p> {
         let column = |of: usize| table.columns.get(held.binary_search(&of).ok()?);
         let found = |place: &Place| {
@@ -127,8 +127,8 @@ impl Parted {
         Plan { rule, table, distance: 0, columns, stamps, remarks: vec![], conditions: vec![] }
     }
 
-    /// Gives the plan to `take` with its columns, and then to `make` with what that took. Before that, columns that nobody
-    /// reads `later` are gone from memory.
+    /// Gives the plan to `take` with its columns, and then to `make` with the result. Columns that no part reads
+    /// `later` are freed in between.
     pub(super) fn make<S, T>(
         mut self,
         map: &ChannelMap,
@@ -156,7 +156,7 @@ impl Parted {
     }
 }
 
-/// Leaves only the columns that these read.
+/// Keeps only the columns that these read.
 pub(super) fn keep_columns_of(parts: &[Parted], log: &mut Log) {
     let read: HashSet<(usize, usize)> = parts.iter().flat_map(Parted::reads).collect();
     for (at, table) in log.tables.iter_mut().enumerate() {

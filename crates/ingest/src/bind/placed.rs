@@ -1,8 +1,8 @@
-//! Messages that state no time, placed on the clock since boot between messages of the same vehicle that do.
+//! Places messages without a time on the clock since boot, between messages of the same vehicle that state it.
 //!
-//! A link keeps the order of messages. One that was received after a message of boot time `a` and before one of `b` was sent
-//! between the two, if those state when they were sent. Its stamp is the straight line between both, by when the three were
-//! received, so that a latency that changes slowly cancels. It is wrong by no more than `b - a`.
+//! A link keeps the order of messages. One received after a message of boot time `a` and before one of `b` was sent
+//! between the two, if `a` and `b` are send times. Its timestamp is interpolated linearly between both by receive time,
+//! so that a slowly changing latency cancels. The error is at most `b - a`.
 
 use super::repair::Repair;
 use super::stamps::{Stamps, read_stamps};
@@ -13,18 +13,18 @@ use crate::table::Table;
 use flight::{Clock, Code, NANOS_PER_SECOND, StampKind};
 use std::rc::Rc;
 
-/// Farther from a message that states its time, none is placed, ns. The two clocks run apart by less between two such
-/// messages; else one of them was set, or the vehicle restarted.
+/// Messages further than this from one that states its time are not placed, ns. The two clocks drift by less between
+/// two such messages; a larger drift means that one of them was set, or the vehicle restarted.
 const FARTHEST_NS: i64 = NANOS_PER_SECOND;
 
-/// When a message was received and what it states, ns.
+/// When a message was received and the time it states, ns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Pair {
     logged: i64,
     boot: i64,
 }
 
-/// Stamps on the clock since boot for the rows of a table; `None` if no message near any of them states one.
+/// Timestamps on the clock since boot for the rows of a table; `None` if no message near any of them states a time.
 pub(super) fn placed(kind: StampKind, rules: &[TieRule], log: &Log, table: &Table) -> Option<Stamps> {
     let logged = table.logged_ns.as_ref()?;
     let (mut pairs, mut topics) = (vec![], vec![]);
@@ -54,7 +54,7 @@ pub(super) fn placed(kind: StampKind, rules: &[TieRule], log: &Log, table: &Tabl
     Some(Stamps { kind, clock: Clock::Boot, label, nanos: Rc::new(nanos.into()), repairs, counts: vec![], turn: None })
 }
 
-/// Which vehicle, component and run a topic is of: `@2` of `ATTITUDE@2`.
+/// The vehicle, component and run of a topic: `@2` of `ATTITUDE@2`.
 fn sender(table: &Table) -> &str {
     let name = table.topic.name.as_str();
     name.find(['@', '#']).and_then(|at| name.get(at..)).unwrap_or_default()
@@ -67,7 +67,7 @@ fn pairs_of(rule: &TieRule, table: &Table) -> Vec<Pair> {
     logged.zip(boot.iter()).filter_map(|(logged, boot)| Some(Pair { logged: *logged, boot: boot? })).collect()
 }
 
-/// The boot time of what was received at a time, and how far the messages around it are apart, ns.
+/// The boot time of a message received at a time, and the distance of the messages around it, ns.
 fn place(pairs: &[Pair], logged: i64) -> Option<(i64, i64)> {
     let before = pairs.partition_point(|pair| pair.logged < logged).checked_sub(1).and_then(|at| pairs.get(at));
     let after = pairs.get(pairs.partition_point(|pair| pair.logged <= logged));
@@ -89,7 +89,7 @@ fn place(pairs: &[Pair], logged: i64) -> Option<(i64, i64)> {
     }
 }
 
-/// Whether both clocks ran alike between two messages.
+/// Whether both clocks ran at the same rate between two messages.
 fn agree(before: Pair, after: Pair) -> bool {
     let apart = after.boot.checked_sub(before.boot).and_then(|sent| sent.checked_sub(after.logged - before.logged));
     apart.is_some_and(|apart| apart.abs() <= FARTHEST_NS)
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slowly_changing_latency_cancels_and_the_error_is_within_what_is_said() {
+    fn a_slowly_changing_latency_cancels_within_the_stated_error() {
         let latency = |i: i64| 40 + 3 * i;
         let pairs = pairs(latency);
         for i in 0..19 {
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn across_a_restart_the_nearest_message_decides_and_far_from_all_nothing_is_placed() {
+    fn the_nearest_message_decides_at_a_restart_and_far_rows_are_not_placed() {
         let mut pairs = pairs(|_| 0);
         for pair in &mut pairs[10..] {
             pair.boot -= 4000 * MS;
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_received_with_another_has_its_time() {
+    fn a_message_received_together_with_another_gets_its_time() {
         assert_eq!(place(&pairs(|_| 7), 1_005_507 * MS), Some((5500 * MS, 200 * MS)));
     }
 }

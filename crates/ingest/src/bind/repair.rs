@@ -1,9 +1,9 @@
-//! What was done to stamps, for people to know.
+//! Repairs of timestamps, to be reported.
 
 use flight::Graded;
 use std::borrow::Cow;
 
-/// Stamps that were put right, or of which there was a choice.
+/// Timestamps that were corrected, or chosen from several.
 pub(super) struct Repair {
     pub(super) what: Graded,
     pub(super) count: u64,

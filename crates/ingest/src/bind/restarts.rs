@@ -1,8 +1,8 @@
-//! A vehicle that starts anew within a log: its clock since boot begins again, and no stamp of one session means the same
-//! time as that of another.
+//! Handles a vehicle that restarts within a log: its clock since boot starts over, and equal timestamps of two sessions
+//! are different times.
 //!
-//! Each session is dated by itself, and its stamps are moved onto the clock of the first: the sessions are then as far apart
-//! as their dates, and within a session nothing changes. One that cannot be dated is lost.
+//! Each session is dated separately, and its timestamps are moved onto the clock of the first: the sessions are then as
+//! far apart as their dates, and nothing changes within a session. A session that cannot be dated is lost.
 
 use super::stamps::{NO_UTC_BEFORE_NS, Stamps, Tied, pairs_of};
 use super::trial::Plan;
@@ -13,14 +13,14 @@ use crate::time::tie;
 use flight::{Clock, Code, NANOS_PER_SECOND, Notices, Severity, UtcTie};
 use std::collections::BTreeMap;
 
-/// Dates of two sessions that differ by less are one, ns.
+/// Dates of two sessions that differ by less than this are the same, ns.
 const SAME_NS: u64 = NANOS_PER_SECOND as u64;
 
-/// What dates the sessions of a log; those that it does not date are `None`.
+/// The dates of a log's sessions from one source; `None` for those that it does not date.
 struct Dates {
     sessions: Vec<Option<UtcTie>>,
     from_gps: bool,
-    /// By when the log has the messages, and not by what they say.
+    /// Dated by when the log has the messages, not by their content.
     by_log: bool,
 }
 
@@ -33,7 +33,7 @@ impl Dates {
         self.sessions.iter().all(Option::is_some)
     }
 
-    /// Whether a session is dated before the end of another that comes first in the log: then they are no dates.
+    /// Whether a session is dated before the end of an earlier one in the log: the dates are then invalid.
     fn overlap(&self, ends: &[Option<[i64; 2]>]) -> bool {
         let dated = (0..).zip(ends).filter_map(|(session, ends)| {
             let (offset, ends) = (self.offset(session)?, (*ends)?);
@@ -48,11 +48,11 @@ impl Dates {
 pub(super) struct Joined {
     restarts: Vec<Restart>,
     axis: Axis,
-    /// Of all topics whose stamps count since boot.
+    /// Rows of all topics whose timestamps count since boot.
     rows: Vec<u64>,
 }
 
-/// Finds the sessions, and what dates them; `None` if the clock did not begin anew.
+/// Finds the sessions, and what dates them; `None` if the clock did not restart.
 pub(super) fn join(plans: &[Plan<'_>], rules: &[TieRule], log: &Log) -> Option<Joined> {
     if log.restarts.is_empty() {
         return None;
@@ -72,8 +72,8 @@ pub(super) fn join(plans: &[Plan<'_>], rules: &[TieRule], log: &Log) -> Option<J
 }
 
 impl Joined {
-    /// Moves the stamps of a table onto the clock of the first session, if they count since boot. A row of a session that
-    /// nothing dates has none.
+    /// Moves the timestamps of a table onto the clock of the first session, if they count since boot. A row of an
+    /// undated session has no timestamp.
     pub(super) fn shift(&self, table: &Table, clock: Clock, nanos: &mut [Option<i64>]) {
         if clock != Clock::Boot {
             return;
@@ -85,12 +85,12 @@ impl Joined {
         }
     }
 
-    /// What ties the clock of the first session that is dated.
+    /// The tie of the first dated session.
     pub(super) fn into_tie(self) -> Option<Tied> {
         self.axis.tied
     }
 
-    /// How the sessions were dated, and what is lost.
+    /// Reports how the sessions were dated, and what is lost.
     pub(super) fn report(&self, notices: &mut Notices) {
         let sessions = self.axis.shifts.len() as u64;
         if let Some(source) = &self.axis.source {
@@ -98,7 +98,7 @@ impl Joined {
                 "the clock since boot restarted; each session is dated by itself and put on the clock of the first";
             notices.push(Code::SeveralSessions, source, sessions - 1, text);
         }
-        // A session without a row has nothing to lose.
+        // A session without rows has nothing to lose.
         let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, rows)| shift.is_none() && **rows > 0);
         if lost().next().is_some() {
             let text = format!(
@@ -110,8 +110,8 @@ impl Joined {
     }
 }
 
-/// A clock that did not go back has begun anew only where what the messages say dates it anew, and where the log has a
-/// clock of its own that agrees. That clock may be set, and messages may come late.
+/// A clock that did not go back has restarted only where the messages date it differently, and where the log's own
+/// clock agrees if it has one. That clock may be set, and messages may arrive late.
 fn is_dated_anew(all: &[Dates], restart: usize) -> bool {
     let step = |dates: &Dates| dates.offset(restart + 1)?.checked_sub(dates.offset(restart)?);
     let steps = |by_log: bool| all.iter().filter(move |d| d.by_log == by_log).find_map(step);
@@ -123,7 +123,7 @@ fn session_at(restarts: &[Restart], logged_ns: i64) -> usize {
     restarts.partition_point(|r| r.logged_ns <= logged_ns)
 }
 
-/// The session of a row; `None` in a table of somebody else than the vehicle that the log is of.
+/// The session of a row; `None` in a table of another vehicle than the log's.
 fn session_of(table: &Table, restarts: &[Restart], row: usize) -> Option<usize> {
     let logged = table.logged_ns.as_ref()?.get(row).filter(|_| is_own(table))?;
     Some(session_at(restarts, *logged))
@@ -133,7 +133,7 @@ fn is_own(table: &Table) -> bool {
     !table.topic.name.contains('@')
 }
 
-/// By each rule, and at last by the log.
+/// Dates by each rule, and finally by the log.
 fn dates(plans: &[Plan<'_>], rules: &[TieRule], log: &Log, restarts: &[Restart]) -> Vec<Dates> {
     let by_rule = |rule: &TieRule| {
         pairs_of(rule, log).into_iter().find_map(|(table, pairs)| {
@@ -147,7 +147,7 @@ fn dates(plans: &[Plan<'_>], rules: &[TieRule], log: &Log, restarts: &[Restart])
     all
 }
 
-/// Dates by when the log has the messages of one topic: that which has most rows in the session where it has fewest.
+/// Dates by when the log has the messages of one topic: the one with the most rows in its smallest session.
 fn by_log(plans: &[Plan<'_>], restarts: &[Restart]) -> Option<Dates> {
     let count = |plan: &&Plan<'_>| counts(plan.table, restarts).into_iter().min();
     let plan = plans.iter().filter(|plan| boot_stamps(plan).is_some()).rev().max_by_key(count)?;
@@ -166,7 +166,7 @@ fn boot_stamps<'p>(plan: &'p Plan<'_>) -> Option<&'p Stamps> {
     plan.stamps.iter().find(|stamps| stamps.clock == Clock::Boot).filter(|_| is_own(plan.table))
 }
 
-/// Between which stamps nine tenths of the rows of each session lie, ns, in the topic that has most of them.
+/// The range of timestamps that holds nine tenths of the rows of each session, ns, in the topic with the most of them.
 fn ends(plans: &[Plan<'_>], restarts: &[Restart]) -> Vec<Option<[i64; 2]>> {
     let mut most: Vec<Vec<i64>> = vec![vec![]; restarts.len() + 1];
     for (plan, stamps) in plans.iter().filter_map(|plan| Some((plan, boot_stamps(plan)?))) {
@@ -186,7 +186,7 @@ fn ends(plans: &[Plan<'_>], restarts: &[Restart]) -> Vec<Option<[i64; 2]>> {
     most.into_iter().map(ends).collect()
 }
 
-/// How many rows of a table each session has.
+/// The number of rows of a table in each session.
 fn counts(table: &Table, restarts: &[Restart]) -> Vec<u64> {
     let mut counts = vec![0; restarts.len() + 1];
     for row in 0..table.rows {
@@ -196,7 +196,7 @@ fn counts(table: &Table, restarts: &[Restart]) -> Vec<u64> {
     counts
 }
 
-/// The same of all topics whose stamps count since boot.
+/// The same for all topics whose timestamps count since boot.
 fn rows_of(plans: &[Plan<'_>], restarts: &[Restart]) -> Vec<u64> {
     let of_boot = plans.iter().filter(|plan| boot_stamps(plan).is_some());
     let tables: BTreeMap<&str, &Table> = of_boot.map(|plan| (plan.table.topic.name.as_str(), plan.table)).collect();
@@ -207,10 +207,10 @@ fn rows_of(plans: &[Plan<'_>], restarts: &[Restart]) -> Vec<u64> {
     rows
 }
 
-/// The clock of the first session that is dated, and where it has the others.
+/// The clock of the first dated session, and the shifts of the others.
 #[derive(Default)]
 struct Axis {
-    /// What is added to the stamps of each session, ns; `None` of one that is lost.
+    /// What is added to the timestamps of each session, ns; `None` for a lost one.
     shifts: Vec<Option<i64>>,
     /// What dates the sessions.
     source: Option<String>,
@@ -218,7 +218,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// The first of the dates that has every session makes it, or else the one that has most rows.
+    /// Uses the first of the dates that covers every session, or else the one that covers most rows.
     fn of(mut all: Vec<Dates>, rows: &[u64]) -> Axis {
         let dated = |dates: &Dates| -> u64 {
             dates.sessions.iter().zip(rows).filter(|(tie, _)| tie.is_some()).map(|(_, rows)| rows).sum()
@@ -243,7 +243,7 @@ impl Axis {
         Axis { shifts, source, tied: tie.map(|tie| Tied { tie, from_gps, repairs: vec![] }) }
     }
 
-    /// Nothing dates any session: the longest stays.
+    /// Without any date, the longest session is kept.
     fn undated(rows: &[u64]) -> Axis {
         let longest = (0..rows.len()).rev().max_by_key(|session| rows.get(*session));
         let shifts = (0..rows.len()).map(|session| (Some(session) == longest).then_some(0)).collect();
@@ -251,8 +251,8 @@ impl Axis {
     }
 }
 
-/// The first session that messages date, its tie, and whether that is from GPS time: a better date of all than when the
-/// log has the messages.
+/// The first session that messages date, its tie, and whether that is from GPS time: a better date than when the log
+/// has the messages.
 fn first_said(all: &[Dates]) -> Option<(usize, UtcTie, bool)> {
     let said = all.iter().find(|dates| !dates.by_log)?;
     let (session, tie) = (0..).zip(&said.sessions).find_map(|(i, tie)| Some((i, tie.clone()?)))?;
@@ -277,7 +277,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_session_that_nothing_dates_is_a_loss_of_its_rows_and_none_if_it_has_none() {
+    fn an_undated_session_is_reported_lost_only_if_it_has_rows() {
         let told = |rows: [u64; 3]| {
             let axis = Axis { shifts: vec![Some(0), None, None], ..Axis::default() };
             let mut notices = Notices::new();

@@ -1,4 +1,4 @@
-//! From the rows of a table to the samples of a channel: what is used, what is not and why.
+//! Turns the rows of a table into the samples of a channel, and reports which rows are unused and why.
 
 use super::attitude::{from_euler, from_quaternion, rotate};
 use super::conditions::failed;
@@ -16,26 +16,26 @@ use flight::{
 };
 use std::collections::HashMap;
 
-/// Fewer runs than this say nothing of holding.
+/// With fewer runs than this, holding is not inferred.
 const FEWEST_RUNS: usize = 3;
 
-/// A channel with its health and what is to be said of it.
+/// A channel with its health and its notices.
 pub(super) struct Bound {
     /// `None` if no row could be used.
     pub(super) channel: Option<Channel>,
     pub(super) health: ChannelHealth,
-    /// Kinds of stamp that are more than a day apart.
+    /// Kinds of timestamp that are more than a day apart.
     pub(super) apart: Vec<StampOffset>,
-    /// How far apart the stamps are that several rows share.
+    /// The resolution of timestamps that several rows share.
     pub(super) coarse_s: Option<f64>,
     pub(super) back: Option<StepBack>,
     pub(super) notices: Notices,
 }
 
-/// The longest step back of a channel's stamps, in the order of the log.
+/// The longest step back of a channel's timestamps, in the order of the log.
 #[derive(Clone, Copy)]
 pub(super) struct StepBack {
-    /// By how much the clock was set back: the time between two rows is added.
+    /// How far the clock was set back: the time between two rows is added.
     pub(super) length_s: f64,
     /// Between two rows.
     pub(super) step_s: f64,
@@ -49,7 +49,7 @@ impl StepBack {
     }
 }
 
-/// Rows that are not used, by reason, in the order in which the reasons came up.
+/// Rows that are not used, by reason, in the order in which the reasons first occur.
 #[derive(Default)]
 struct Rejects(Vec<RejectCount>);
 
@@ -70,7 +70,7 @@ impl Rejects {
     }
 }
 
-/// What a channel is made of: its columns are needed no more.
+/// What a channel is made from once its columns are no longer needed.
 pub(super) struct Taken {
     samples: Unstamped,
     rejects: Rejects,
@@ -79,18 +79,18 @@ pub(super) struct Taken {
     notices: Notices,
 }
 
-/// Takes the rows of a plan that can be used.
+/// Takes the usable rows of a plan.
 pub(super) fn take_rows(plan: &Plan<'_>) -> Taken {
     let mut notices = Notices::new();
     let mut rejects = Rejects::default();
     let columns = drop_thin_verticals(plan, &mut notices);
-    // A plan without stamps is never made; should it be, no row has one.
+    // A plan without timestamps is never made; if it were, no row would have one.
     let samples = plan.stamps.first().map(|primary| usable_rows(plan, &columns, primary, &mut rejects));
     let used = columns.iter().map(Option::is_some).collect();
     Taken { samples: samples.unwrap_or_default(), rejects, used, notices }
 }
 
-/// Makes the channel of a plan of what was taken.
+/// Makes the channel of a plan from the rows taken.
 pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
     let Taken { samples, mut rejects, used, mut notices } = taken;
     let columns = plan.columns.iter().zip(used).map(|(found, used)| found.as_ref().filter(|_| used));
@@ -112,7 +112,7 @@ pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
     Bound { channel, health, apart, coarse_s, back, notices }
 }
 
-/// Leaves out stamps that are far from the others and sorts the rest. Gives their health and their longest step back.
+/// Drops rows with timestamps far from the others and sorts the rest. Returns their health and their longest step back.
 fn put_in_order(
     plan: &Plan<'_>,
     primary: &Stamps,
@@ -138,8 +138,8 @@ fn describe(stamps: &Stamps, samples: &Samples) -> Option<StampHealth> {
     StampStats::from_slice(stamps.kind, stamps.clock, &stamps.label, samples.stamps())
 }
 
-/// Where stamps go back the log's order hides holes: rate, steps and gaps are then those of the sorted rows, and only
-/// the jumps and repeats those of the log.
+/// Where timestamps go back, the order of the log hides holes. Rate, steps and gaps then describe the sorted rows, and
+/// only jumps and repeats describe the log.
 fn as_used(logged: StampHealth, primary: &Stamps, sorted: &Samples) -> StampHealth {
     let (duplicates, back_jumps) = (logged.duplicates, logged.back_jumps);
     match (back_jumps > 0).then(|| describe(primary, sorted)).flatten() {
@@ -159,7 +159,7 @@ fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, n
     }
 }
 
-/// A height or vertical speed that most rows lack is left out whole, so that it does not cost the rows.
+/// A height or vertical speed that most rows lack is dropped as a whole, so that no rows are lost for it.
 fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Option<&'p Found<'p>>> {
     let rows_with_others = |row: usize| {
         let needed = |part: &Part| !matches!(part.presence, Presence::Vertical | Presence::Direction);
@@ -243,7 +243,7 @@ fn values_of(rule: &ChannelRule, columns: &[Option<&Found<'_>>], row: usize) -> 
     Ok(values)
 }
 
-/// What stands for a part that a row does not have, behind the parts before it; fails if nothing can.
+/// The substitute for a part that a row lacks, computed from the parts before it; fails if there is none.
 fn instead(part: &Part, found: Option<&Found<'_>>, before: &[f64]) -> Result<f64, String> {
     match (part.presence, found, before.first()) {
         (Presence::Direction, _, Some(0.0)) => Ok(0.0),
@@ -271,7 +271,7 @@ fn combine(how: Combine, parts: &[f64]) -> Result<[f64; 4], String> {
         }
         (Combine::Body, &[forward, left, up, x, y, z, w]) => {
             let turned = rotate([x, y, z, w], [forward, left, up]);
-            // All zero is how a driver without orientation leaves the field.
+            // Drivers without orientation leave the field all zero.
             let [east, north, up] = turned.ok_or(NO_ORIENTATION)?;
             [north, east, -up, 0.0]
         }
@@ -285,7 +285,7 @@ const NO_ORIENTATION: &str = "the orientation is zero or beyond measure";
 
 fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
     use std::f64::consts::{FRAC_PI_2, PI};
-    // A degree's last digit may round just beyond the pole or the antimeridian.
+    // The last digit of a degree may round just past the pole or the antimeridian.
     const SLACK: f64 = 1e-9;
     if latitude.abs() > FRAC_PI_2 + SLACK || longitude.abs() > 2.0 * PI + SLACK {
         return Err("latitude or longitude out of range".into());
@@ -296,11 +296,11 @@ fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
     if height.abs() > 1e6 { Err("height out of range".into()) } else { Ok(()) }
 }
 
-/// Of so many rows one that shares its stamp with another value is one too many.
+/// One row in this many that shares its timestamp with another value is one too many.
 const SHARED_BY: u64 = 4;
 
-/// How coarse a clock is that gives one stamp to several rows, as one of whole seconds, or of a logger that writes its rows in
-/// blocks, s.
+/// The resolution of a clock that gives one timestamp to several rows, such as one of whole seconds, or of a logger
+/// that writes its rows in blocks, s.
 fn coarse(rejects: &Rejects, sorted: &[i64]) -> Option<f64> {
     let shared = rejects.of(Reason::Shared.text());
     let all = shared + sorted.len() as u64;
@@ -315,11 +315,11 @@ fn seconds_between(pair: &[i64]) -> f64 {
     }
 }
 
-/// One row in so many that is left out for its clock alone is a loss, if it is more than a few.
+/// One row in this many dropped only for its clock is a loss, if it is more than a few.
 const LOST_BY_CLOCK: u64 = 10;
 const FEW_ROWS: u64 = 5;
 
-/// Of a channel without one usable row [`no_rows`](super::no_rows) says why, and of coarse stamps
+/// For a channel without usable rows [`no_rows`](super::no_rows) gives the reason, and for coarse timestamps
 /// [`note_coarse`](super::told::note_coarse).
 fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, notices: &mut Notices) {
     let told = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == Reason::Shared.text());
@@ -339,7 +339,7 @@ fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, n
     }
 }
 
-/// What the map takes for granted.
+/// Reports what the map assumes.
 fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut Notices) {
     let name = &plan.rule.name;
     let mut say = |what: Graded, text: &str| {
@@ -359,7 +359,7 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     if plan.rule.combine == Combine::MagneticPolar {
         say(substitute, "the track is magnetic; true track = track + variation");
     }
-    // A column that was left out has its own notice.
+    // A dropped column has its own notice.
     if columns.iter().flatten().count() == plan.columns.iter().flatten().count() {
         for absent in absent(plan, columns) {
             say(substitute, &format!("the log has no {absent}; it counts as zero"));
@@ -367,8 +367,8 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     }
 }
 
-/// Which components the log holds: those with a part of their own, if it was found; else all, but for a third that
-/// is height or down.
+/// Which components the log holds: those with a part of their own, if it was found; otherwise all, except a third
+/// component that is height or down.
 fn present(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<bool> {
     let found = |i: usize| columns.get(i).copied().flatten().is_some();
     let vertical = plan.rule.parts.iter().position(|p| p.presence == Presence::Vertical);
@@ -407,8 +407,9 @@ fn health_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, 
     }
 }
 
-/// Differences between kinds of stamp on the same rows: those whose clocks agree, and those that are more than a day apart.
-/// Stamps of a simulation that claim to be UTC are years away from those of the logger: such a difference is no delay.
+/// Differences between kinds of timestamp on the same rows: those whose clocks agree, and those more than a day apart.
+/// Timestamps of a simulation that claim to be UTC are years away from those of the logger: such a difference is not a
+/// delay.
 fn offsets(plan: &Plan<'_>, samples: &Samples, notices: &mut Notices) -> (Vec<StampOffset>, Vec<StampOffset>) {
     let pairs = [
         (StampKind::Published, StampKind::Measured),
@@ -426,7 +427,7 @@ fn offsets(plan: &Plan<'_>, samples: &Samples, notices: &mut Notices) -> (Vec<St
     offsets.into_iter().partition(|o| o.offset_s.median.abs() <= far_s)
 }
 
-/// When the first sample was, by any of its stamps that knows.
+/// The time of the first sample, from any of its timestamps with a known date.
 fn first_unix(plan: &Plan<'_>, samples: &Samples) -> Option<Stamp> {
     let row = samples.rows().next()?;
     plan.stamps.iter().find_map(|s| s.clock.unix(Stamp(s.nanos.get(row)?)))
@@ -435,7 +436,7 @@ fn first_unix(plan: &Plan<'_>, samples: &Samples) -> Option<Stamp> {
 fn offset(plan: &Plan<'_>, samples: &Samples, (of, against): (StampKind, StampKind)) -> Option<StampOffset> {
     let of_kind = |kind| plan.stamps.iter().find(|s| s.kind == kind);
     let (later, earlier) = (of_kind(of)?, of_kind(against)?);
-    // GPS time and UTC are compared as UTC; clocks of unknown begin only with their own kind.
+    // GPS time and UTC are compared as UTC; clocks with an unknown epoch only with their own kind.
     let on_axis = |stamps: &Stamps, row: usize| {
         let stamp = Stamp(stamps.nanos.get(row)?);
         if later.clock == earlier.clock { Some(stamp) } else { stamps.clock.unix(stamp) }
@@ -445,9 +446,9 @@ fn offset(plan: &Plan<'_>, samples: &Samples, (of, against): (StampKind, StampKi
     Some(StampOffset { of, against, offset_s: distribution(&differences)? })
 }
 
-/// How many components must stand still for a row to repeat the one before; `None` where a value that stands
-/// still is a measurement: a bar at rest. Of a position or velocity the third does not count, for a height may
-/// be updated on its own.
+/// How many components must be unchanged for a row to repeat the one before; `None` where an unchanged value is a
+/// measurement, such as a bar at rest. The third component of a position or velocity does not count, because a height
+/// may be updated separately.
 fn compared(quantity: Quantity, parts: usize) -> Option<usize> {
     match quantity {
         Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::VelocityNed | Quantity::Scalar => {
@@ -463,9 +464,9 @@ fn compared(quantity: Quantity, parts: usize) -> Option<usize> {
     }
 }
 
-/// Which rows repeat the value before, if the stream is held: at least half of its values stand for
-/// two rows or more, so the most frequent run is two or longer (design note 3.8). Rounded values that repeat because the
-/// vehicle is slow are measurements.
+/// Which rows repeat the value before, if the stream is held: at least half of its values last for two rows or more, so
+/// the most frequent run is two or longer (design note 3.8). Rounded values that repeat because the vehicle is slow are
+/// measurements.
 fn held_rows(samples: &Samples, compared: Option<usize>) -> (Vec<bool>, Option<Held>) {
     let Some(compared) = compared else { return (vec![false; samples.len()], None) };
     let mut repeats: Vec<bool> = (0..samples.len()).map(|i| i > 0 && samples.is_same(i - 1, i, compared)).collect();
@@ -496,7 +497,7 @@ fn held_rows(samples: &Samples, compared: Option<usize>) -> (Vec<bool>, Option<H
     (repeats, Some(health))
 }
 
-/// The most frequent number of rows from one update to the next, the shorter where two are as frequent.
+/// The most frequent number of rows between updates; the shorter if two are equally frequent.
 fn modal_run(updates: impl Iterator<Item = usize> + Clone, rows: usize) -> usize {
     let mut tally: HashMap<usize, usize> = HashMap::new();
     let ends = updates.clone().skip(1).chain([rows]);
@@ -532,7 +533,7 @@ fn channel_of(
             held,
             source: source_of(plan, columns),
         }),
-        // The rows were sorted and checked above; should they ever not fit, say so.
+        // The rows were sorted and checked above; this reports it if they are still rejected.
         Err(error) => {
             let text = format!("channel {}: {error}", plan.rule.name);
             notices.push(Code::RejectedRow, &plan.table.topic.name, rows as u64, text);
@@ -541,7 +542,7 @@ fn channel_of(
     }
 }
 
-/// The other kinds of stamp that every used row has.
+/// The other kinds of timestamp that every used row has.
 fn other_stamps(
     plan: &Plan<'_>,
     samples: &Samples,
@@ -585,14 +586,14 @@ mod tests {
     }
 
     #[test]
-    fn a_body_without_orientation_moves_nowhere_that_is_known() {
+    fn a_body_velocity_without_orientation_is_rejected() {
         for length in [0.0, 1e-200, 1e200] {
             assert!(combine(Combine::Body, &[15.0, 0.0, 0.0, 0.0, 0.0, 0.0, length]).is_err());
         }
     }
 
     #[test]
-    fn the_most_frequent_run_tells_held_from_parked() {
+    fn the_most_frequent_run_distinguishes_held_from_parked() {
         assert_eq!(modal_run([0, 2, 4, 7, 9].into_iter(), 11), 2);
         assert_eq!(modal_run([0, 500, 501, 502, 503].into_iter(), 504), 1);
         assert_eq!(modal_run([0, 1, 2, 4, 6].into_iter(), 8), 2);

@@ -1,4 +1,4 @@
-//! The stamps of a table: read from their source, and put right where a clock is known to go wrong.
+//! Reads the timestamps of a table from their source, and corrects known clock faults.
 
 use super::counted::date_by_counter;
 use super::dated::{dated, without_zone};
@@ -17,39 +17,39 @@ use std::rc::Rc;
 /// Receivers without a fix count from 1970, 1980 or the year of their firmware; no log that ties is from before 2000.
 pub(super) const NO_UTC_BEFORE_NS: i64 = 946_684_800 * NANOS_PER_SECOND;
 
-/// The stamps of one kind for all rows.
+/// The timestamps of one kind for all rows.
 pub(super) struct Stamps {
     pub(super) kind: StampKind,
     pub(super) clock: Clock,
     pub(super) label: String,
-    /// Channels of one table share them.
+    /// Shared by the channels of one table.
     pub(super) nanos: Rc<Values<i64>>,
     pub(super) repairs: Vec<Repair>,
-    /// What the stamps may count to before they begin anew; nothing for those of 64 bits, of containers, and of seconds since boot.
+    /// The counters that the timestamps may wrap around at; empty for 64-bit ones, containers, and seconds since boot.
     pub(super) counts: Vec<Count>,
-    /// The one of them that began anew.
+    /// The counter that wrapped around.
     pub(super) turn: Option<Count>,
 }
 
-/// A count that begins anew.
+/// A counter that wraps around.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Count {
     /// Its length, ns.
     pub(super) range: i64,
-    /// What is counted; `None` of a time of day as text.
+    /// The unit counted; `None` for a time of day as text.
     tick: Option<Tick>,
 }
 
 impl Stamps {
-    /// Takes the memory of stamps of the same rows where they are the same.
+    /// Shares the memory of equal timestamps of the same rows.
     pub(super) fn share(&mut self, other: &Stamps) {
         if self.nanos == other.nanos {
             self.nanos = Rc::clone(&other.nanos);
         }
     }
 
-    /// Takes the stamps of another source of the same clock for rows that have none, if no row has both: devices of two
-    /// generations may have written one log. A source that was never filled in is none.
+    /// Takes the timestamps of another source of the same clock for rows without one, if no row has both: devices of
+    /// two generations may have written one log. A source that was never filled in is ignored.
     pub(super) fn fill(&mut self, other: Stamps) {
         let both = self.nanos.iter().zip(other.nanos.iter()).any(|(own, other)| own.is_some() && other.is_some());
         if both || other.clock != self.clock || is_constant(&other.nanos) {
@@ -65,15 +65,15 @@ impl Stamps {
     }
 }
 
-/// A stamp that was never filled in is no stamp.
+/// A timestamp that was never filled in is not a timestamp.
 pub(super) fn is_constant(nanos: &Values<i64>) -> bool {
     let mut values = nanos.given();
     let first = values.next();
     nanos.len() > 1 && values.all(|v| Some(v) == first)
 }
 
-/// When another clock of the log says that the rows of a table were written, ns since 1970: the median of the first of
-/// `sources` that counts UTC, or else of the container's stamps.
+/// When the rows of a table were written according to another clock of the log, ns since 1970: the median of the first
+/// of `sources` that counts UTC, or else of the container's timestamps.
 pub(super) fn written_at<'s>(sources: impl Iterator<Item = &'s TimeSource>, table: &Table) -> Option<i64> {
     let utc = sources.filter(|s| s.clock() == Clock::Unix).chain([&TimeSource::ContainerLogged]);
     utc.filter_map(|source| {
@@ -86,7 +86,7 @@ pub(super) fn written_at<'s>(sources: impl Iterator<Item = &'s TimeSource>, tabl
     .next()
 }
 
-/// One stamp for each row; `None` if the table has no such source or nothing in it. `written_at` is [`written_at`].
+/// One timestamp for each row; `None` if the table has no such source or it is empty. `written_at` is [`written_at`].
 pub(super) fn read_stamps(
     kind: StampKind,
     source: &TimeSource,
@@ -119,7 +119,7 @@ pub(super) fn read_stamps(
     Some(Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
 }
 
-/// GPS time of a source of weeks, those of ten bits by when the log was written, and its nanoseconds.
+/// GPS time from weeks, with ten-bit weeks resolved by when the log was written, and its nanoseconds.
 fn gps_time(
     source: &TimeSource,
     table: &Table,
@@ -139,14 +139,14 @@ fn gps_time(
 
 const NO_ZONE: &str = "say no zone and are taken as UTC";
 const UNIX_STAMPS: &str = "taken as UTC and not as a time since boot, for that would be more than thirty years";
-/// Nothing has run since boot for so long, and no log is from so late: 2001 to 2096, ns since 1970.
+/// Longer than any uptime, and later than any log: 2001 to 2096, ns since 1970.
 const UNIX_AND_NOT_BOOT: Range<i64> = 1_000_000_000 * NANOS_PER_SECOND..4_000_000_000 * NANOS_PER_SECOND;
 
-/// Encodings of containers that say since boot when a message was logged.
+/// Encodings of containers whose log time counts since boot.
 const LOGGED_SINCE_BOOT: [&str; 2] = ["dataflash", "ulog"];
 
-/// What the stamps count. MAVLink's `time_usec` is "UNIX Epoch time or time since system boot", to be told apart by its
-/// size (<https://mavlink.io/en/messages/common.html>); the median of the rows decides for all of them.
+/// The clock of the timestamps. MAVLink's `time_usec` is "UNIX Epoch time or time since system boot", distinguished by
+/// its size (<https://mavlink.io/en/messages/common.html>); the median of the rows decides for all of them.
 fn clock_of(source: &TimeSource, table: &Table, nanos: &Values<i64>) -> Clock {
     let clock = source.clock();
     if matches!(source, TimeSource::ContainerLogged) && LOGGED_SINCE_BOOT.contains(&table.topic.encoding.as_str()) {
@@ -176,7 +176,7 @@ fn note_inferred(repairs: &mut Vec<Repair>, count: u64, text: &'static str) {
     }
 }
 
-/// What a source may count to.
+/// The counters that a source may use.
 fn counts_of(source: &TimeSource) -> Vec<Count> {
     let TimeSource::Number { tick, clock: clock @ (Clock::Boot | Clock::Elapsed), bits, .. } = source else {
         let of_day = matches!(source, TimeSource::TimeOfDay { .. });
@@ -188,7 +188,7 @@ fn counts_of(source: &TimeSource) -> Vec<Count> {
     counter.into_iter().chain(of_days).map(|range| Count { range, tick: Some(*tick) }).collect()
 }
 
-/// Whether the type of a column has more bits than a counter that the map does not describe.
+/// Whether the type of a column is wider than a counter that the map does not describe.
 fn is_wide(source: &TimeSource, table: &Table) -> bool {
     const WITHOUT_TYPES: [&str; 2] = ["csv", "json"];
     let TimeSource::Number { field, bits: USUAL_BITS, .. } = source else { return false };
@@ -196,7 +196,7 @@ fn is_wide(source: &TimeSource, table: &Table) -> bool {
     numbers(table, field).is_some_and(long) && !WITHOUT_TYPES.contains(&table.topic.encoding.as_str())
 }
 
-/// Puts right what the clock of a source is known to do wrong. The count that began anew is returned.
+/// Corrects the known clock faults of a source. Returns the counter that wrapped around.
 fn repair(source: &TimeSource, counts: &[Count], nanos: &mut Values<i64>, repairs: &mut Vec<Repair>) -> Option<Count> {
     let TimeSource::Number { clock, bits, .. } = source else {
         if matches!(source, TimeSource::GpsWeek { .. }) {
@@ -230,7 +230,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
     let rows = 0..table.rows;
     Some(match source {
         TimeSource::ContainerLogged => table.logged_ns.clone()?.into(),
-        // Writers that know no publish time repeat the log time there.
+        // Writers without a publish time repeat the log time there.
         TimeSource::ContainerPublished if table.published_ns == table.logged_ns => return None,
         // Other messages of the log place it.
         TimeSource::LoggedOnBoot => return None,
@@ -253,7 +253,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
     })
 }
 
-/// A number of ticks for each row, since so many seconds.
+/// A number of ticks for each row since `zero_s`.
 fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Values<i64>> {
     let rows = 0..table.rows;
     match (texts(table, field), numbers(table, field)) {
@@ -269,8 +269,8 @@ fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Values<i
     }
 }
 
-/// GPS time from a week and the time in it, and how many weeks were counters of ten bits. `logged` is the week in which
-/// the log was written, if another clock says it.
+/// GPS time from a week and the time of week, and how many weeks were ten-bit counters. `logged` is the week in which
+/// the log was written, if another clock gives it.
 fn gps_weeks(week: &Column, field: &str, tick: Tick, logged: Option<i64>, table: &Table) -> Option<(Values<i64>, u64)> {
     let in_week = ticks(field, tick, 0, table)?;
     let count = WeekCount::of((0..table.rows).filter_map(|row| week.integer(row)), logged);
@@ -285,7 +285,7 @@ fn gps_weeks(week: &Column, field: &str, tick: Tick, logged: Option<i64>, table:
     Some((nanos, ten_bit))
 }
 
-/// Adds a column of nanoseconds; without one of them there is no stamp.
+/// Adds a column of nanoseconds; a row without nanoseconds has no timestamp.
 fn add(nanos: &Column, stamps: &mut [Option<i64>]) {
     for (row, stamp) in stamps.iter_mut().enumerate() {
         *stamp = stamp.zip(nanos.integer(row)).and_then(|(stamp, nanos)| stamp.checked_add(nanos));
@@ -307,10 +307,10 @@ fn calendar(columns: &[&Column], row: usize) -> Option<i64> {
     calendar_to_unix_ns([whole(year)?, whole(month)?, whole(day)?, whole(hour)?, whole(minute)?, second], nanos)
 }
 
-/// What ties a clock to UTC, and what is to be said of it.
+/// The tie of a clock to UTC, and its notices.
 pub(super) struct Tied {
     pub(super) tie: UtcTie,
-    /// UTC was reckoned from GPS time.
+    /// UTC was computed from GPS time.
     pub(super) from_gps: bool,
     pub(super) repairs: Vec<Repair>,
 }
@@ -325,19 +325,19 @@ pub(super) fn tie_of(rules: &[TieRule], log: &Log) -> Option<Tied> {
     })
 }
 
-/// Stamps of a clock with UTC, row by row.
+/// Timestamps of a clock with UTC, row by row.
 pub(super) struct Pairs {
     clock: Clock,
     /// Topic and fields.
     source: String,
-    /// Row, stamp and UTC, ns.
+    /// Row, timestamp and UTC, ns.
     pairs: Vec<(usize, i64, i64)>,
     pub(super) from_gps: bool,
     pub(super) repairs: Vec<Repair>,
 }
 
 impl Pairs {
-    /// The tie by the rows of each of so many sessions; `None` of one without any.
+    /// The tie from the rows of each session; `None` for one without any.
     pub(super) fn ties(&self, sessions: usize, session_of: impl Fn(usize) -> Option<usize>) -> Vec<Option<UtcTie>> {
         let mut pairs = vec![vec![]; sessions];
         for (row, stamp, utc) in &self.pairs {
@@ -348,7 +348,7 @@ impl Pairs {
     }
 }
 
-/// The tables in which a rule finds pairs, that of the closest name first.
+/// The tables in which a rule finds pairs, the closest name first.
 pub(super) fn pairs_of<'l>(rule: &TieRule, log: &'l Log) -> Vec<(&'l Table, Pairs)> {
     let mut tables: Vec<_> = log.tables.iter().filter_map(|t| Some((rule.meets(&t.topic)?, t))).collect();
     tables.sort_by_key(|(closeness, _)| *closeness);

@@ -1,4 +1,4 @@
-//! The units of the map against those that the log itself states.
+//! Compares the units of the map with those that the log itself states.
 
 use super::stamps::Stamps;
 use super::trial::{Found, Plan};
@@ -7,11 +7,11 @@ use crate::reader::{StatedUnit, TableHead};
 use crate::written_unit::{Written, in_brackets, read};
 use flight::{Code, Dimension, Graded, Notices, Severity, Unit};
 
-/// The column in the unit that its table states. A decimal fraction of that unit is the map's own affair, for tables state
-/// `deg` of integers of 1e-7 deg.
+/// The column in the unit that its table states. A decimal fraction of that unit is left to the map, because tables
+/// state `deg` for integers of 1e-7 deg.
 ///
 /// # Errors
-/// If the table states a unit of something else.
+/// If the table states a unit of another quantity.
 pub(super) fn as_written<'a>(found: Found<'a>, head: Option<&'a TableHead>) -> Result<Found<'a>, String> {
     let map = found.unit;
     let Some(head) = head.filter(|_| map.dimension() != Dimension::None) else { return Ok(found) };
@@ -23,7 +23,7 @@ pub(super) fn as_written<'a>(found: Found<'a>, head: Option<&'a TableHead>) -> R
         Written::Other(other) if other.dimension() != map.dimension() && !is_of_name(head, path, text) => {
             Err(format!("the table states {path} in {other}, and the channel map takes it for {map}"))
         }
-        // What stands in brackets in a name may be anything.
+        // Brackets in a name may hold anything.
         Written::Unknown if !is_of_name(head, path, text) => Ok(Found { said: Some((text, map)), ..found }),
         Written::Blank | Written::Other(_) | Written::Unknown => Ok(found),
     }
@@ -38,7 +38,7 @@ fn is_of_name(head: &TableHead, path: &str, text: &str) -> bool {
     in_brackets(path) == Some(text) && !head.units.iter().any(|cell| cell == text)
 }
 
-/// Refuses stamps whose column states another unit of time than the map.
+/// Rejects timestamps whose column states another unit of time than the map.
 ///
 /// # Errors
 /// With both units.
@@ -63,11 +63,11 @@ pub(super) fn check_times(rule: &ChannelRule, stamps: &[Stamps], head: Option<&T
     Ok(())
 }
 
-/// Scales that differ by less are the same: loggers round theirs to single precision.
+/// Scales that differ by less than this are equal: loggers round theirs to single precision.
 const SAME_SCALE: f64 = 1e-5;
 
-/// Says where the map takes a field for something else than the log does. The map is followed all the same: whoever
-/// wrote it may know better. Of pure numbers nothing is said, for which loggers have no common word.
+/// Reports where the map interprets a field differently from the log. The map still applies, because its author may
+/// know better. Pure numbers are not reported: loggers have no common word for them.
 pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Notices) {
     for found in plan.columns.iter().flatten() {
         let Some((text, map)) = found.said else { continue };

@@ -1,5 +1,5 @@
-//! When each row of a table was, as far as the log itself says it: for tables whose rows nobody logged, or by a clock that
-//! began anew.
+//! The time of each row of a table as far as the log itself states it: for tables whose rows have no log time, or one
+//! by a clock that restarted.
 
 use super::restarts::{self, Joined};
 use super::stamps::{NO_UTC_BEFORE_NS, Stamps, tie_of};
@@ -17,12 +17,12 @@ use std::rc::Rc;
 /// The times of a log's rows, by the channel map that fits it best.
 #[derive(Debug, Default)]
 pub struct RowTimes {
-    /// For each table of the log, in their order; `None` where no stamp is found, and for tables whose rows the container
-    /// logged, unless its clock since boot began anew: then its stamps on the clock of the first session.
+    /// For each table of the log, in order; `None` where no timestamp is found, and for tables whose rows the container
+    /// logged, unless its clock since boot restarted: then its timestamps on the clock of the first session.
     pub tables: Vec<Option<TableTimes>>,
-    /// UTC of a clock of the log that does not know it.
+    /// The tie to UTC of a clock of the log that does not count UTC.
     pub utc: Option<UtcTie>,
-    /// What was put right in stamps.
+    /// Corrections of timestamps.
     pub notices: Notices,
 }
 
@@ -33,13 +33,13 @@ pub struct TableTimes {
     pub clock: Clock,
     /// The fields that they were read from.
     pub source: String,
-    /// For each row. Counts that begin anew run on.
+    /// For each row. Counters that wrap around are unwrapped.
     pub nanos: Values<i64>,
 }
 
-/// Finds the times of all rows. The map is the one that [`bind`](crate::bind) would take, or if none fits the one that comes
-/// nearest; what it says of its own topics' stamps is tried on the other tables too, for a receiver's messages have them
-/// alike. Stamps that know the date go before others.
+/// Finds the times of all rows. The map is the one that [`bind`](crate::bind) would choose, or the nearest one if none
+/// fits. Its timestamp sources for its own topics are tried on the other tables too, because all messages of a receiver
+/// have them alike. Dated timestamps come before others.
 ///
 /// # Errors
 /// [`IngestError::Map`] for a library that cannot be used.
@@ -76,7 +76,7 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
     Ok(RowTimes { tables, utc: tied.map(|tied| tied.tie), notices })
 }
 
-/// The times of a log of which no map finds anything.
+/// The times of a log in which no map finds anything.
 fn without_map(log: &Log, library: &MapLibrary) -> RowTimes {
     let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
     let said: Vec<Option<Stamps>> = log.tables.iter().map(dated).collect();
@@ -85,8 +85,8 @@ fn without_map(log: &Log, library: &MapLibrary) -> RowTimes {
     RowTimes { tables, utc: None, notices }
 }
 
-/// Puts what each table says into the turn where [`bind`](crate::bind) puts its channels, and then tables of which it makes
-/// none into the turn of the others.
+/// Aligns the timestamps of each table with the wrap count that [`bind`](crate::bind) gives its channels, and then
+/// tables without channels with the others.
 fn align(plans: &mut [Plan<'_>], log: &Log, said: &mut [Option<Stamps>]) {
     let bound: Vec<bool> = log.tables.iter().map(|table| plans.iter().any(|p| p.table.topic == table.topic)).collect();
     let of_plans = plans.iter_mut().flat_map(|plan| &mut plan.stamps);
@@ -95,12 +95,12 @@ fn align(plans: &mut [Plan<'_>], log: &Log, said: &mut [Option<Stamps>]) {
     turns::align(said.iter_mut().flatten());
 }
 
-/// What was put right in what the tables say.
+/// The corrections of the tables' own timestamps.
 fn repairs(log: &Log, said: &[Option<Stamps>]) -> Notices {
     let mut notices = Notices::new();
     for (table, stamps) in log.tables.iter().zip(said).filter_map(|(table, said)| Some((table, said.as_ref()?))) {
         for repair in &stamps.repairs {
-            // Aligned first with the channels and then with all tables, stamps may have it twice.
+            // Timestamps are aligned first with the channels and then with all tables, so that they may have it twice.
             let mut told = Notices::new();
             let text = format!("stamps in {}: {}", stamps.label, repair.text);
             told.push(repair.what, table.topic.name.as_str(), repair.count, text);
@@ -110,7 +110,7 @@ fn repairs(log: &Log, said: &[Option<Stamps>]) -> Notices {
     notices
 }
 
-/// A table with its large decimals as they were written, if it has any, and else the columns that maps know.
+/// A table with its large decimals as written, if it has any, and otherwise the columns that maps know.
 fn exact(log: &Log, library: &MapLibrary, table: &Table) -> Option<Table> {
     let written = log.written.iter().filter(|(topic, _)| *topic == table.topic).map(|(_, column)| column);
     let mut columns: Vec<Column> = written.cloned().collect();
@@ -131,14 +131,14 @@ fn exact(log: &Log, library: &MapLibrary, table: &Table) -> Option<Table> {
     })
 }
 
-/// The container's stamps, those of all sessions on the clock of the first.
+/// The container's timestamps, with all sessions on the clock of the first.
 fn joined_times(joined: &Joined, table: &Table, logged: &[i64]) -> TableTimes {
     let mut nanos: Vec<Option<i64>> = logged.iter().copied().map(Some).collect();
     joined.shift(table, Clock::Boot, &mut nanos);
     TableTimes { clock: Clock::Boot, source: "log".to_owned(), nanos: nanos.into() }
 }
 
-/// Of the rules that are made for the table, then of all others.
+/// From the rules made for the table, then from all others.
 fn times_of(map: &ChannelMap, table: &Table) -> Option<Stamps> {
     let own = map.rules.iter().filter(|rule| rule.meets(&table.topic).is_some());
     let found =
@@ -153,8 +153,8 @@ fn times_of(map: &ChannelMap, table: &Table) -> Option<Stamps> {
     first
 }
 
-/// By what any map says of stamps, for tables of which no map reads more. Only what is a date counts: a column may be called
-/// as a stamp and be none.
+/// Timestamps by any map's sources, for tables that no map reads further. Only dates count: a column may be named like
+/// a timestamp and not be one.
 fn dated_by_any(library: &MapLibrary, table: &Table) -> Option<Stamps> {
     if table.logged_ns.is_some() {
         return None;
@@ -164,7 +164,7 @@ fn dated_by_any(library: &MapLibrary, table: &Table) -> Option<Stamps> {
     found.flat_map(|(stamps, _)| stamps).find(is_dated)
 }
 
-/// Whether stamps are UTC or GPS time, and of this century.
+/// Whether timestamps are UTC or GPS time, and of this century.
 fn is_dated(stamps: &Stamps) -> bool {
     let unix = |ns: i64| stamps.clock.unix(Stamp(ns)).is_some_and(|unix| unix.0 > NO_UTC_BEFORE_NS);
     stamps.nanos.given().all(unix) && stamps.nanos.given().next().is_some()

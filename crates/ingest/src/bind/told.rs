@@ -1,10 +1,10 @@
-//! What is said of the stamps of a topic: once, however many channels have them.
+//! Notices about the timestamps of a topic: one each, however many channels share them.
 
 use super::order::Reason;
 use super::trial::Plan;
 use flight::{ChannelHealth, Code, Graded, Notices, Severity, StampOffset};
 
-/// One thing that is said, and the channels that it is about.
+/// One notice, and the channels that it is about.
 struct Told<'p> {
     what: Graded,
     topic: &'p str,
@@ -14,7 +14,7 @@ struct Told<'p> {
     channels: usize,
 }
 
-/// What was put right in the stamps of the plans, and what stands in for others.
+/// Reports corrected and substituted timestamps of the plans.
 pub(super) fn note_stamps(plans: &[Plan<'_>], notices: &mut Notices) {
     let mut told: Vec<Told<'_>> = vec![];
     for said in plans.iter().flat_map(of_plan) {
@@ -47,8 +47,8 @@ fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<Told<'p>> {
     remarks.chain(repairs).collect()
 }
 
-/// Kinds of stamp that are more than a day apart in these channels: they count different clocks. As a rule it is one clock
-/// that is wrong, in all of them.
+/// Kinds of timestamp that are more than a day apart in these channels: they count different clocks. Usually one clock
+/// is wrong, in all of them.
 pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut Notices) {
     let days = |o: &StampOffset| o.offset_s.median / 86_400.0;
     let is_same =
@@ -72,8 +72,8 @@ pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut N
     }
 }
 
-/// Channels whose rows share stamps, and how far apart these are, s: once for each topic. Whether the first of the rows is the
-/// one that was then, nobody knows.
+/// Channels whose rows share timestamps, and their resolution, s: once for each topic. It is unknown whether the first
+/// of the rows is the one at that time.
 pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices) {
     let shared = |health: &ChannelHealth| -> u64 {
         health.rejected.iter().filter(|r| r.reason == Reason::Shared.text()).map(|r| r.count).sum()
@@ -94,7 +94,7 @@ pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices
     }
 }
 
-/// The channel, or how many there are.
+/// The channel, or the number of channels.
 pub(super) fn which(first: &str, channels: usize) -> String {
     match channels {
         1 => format!("channel {first}"),

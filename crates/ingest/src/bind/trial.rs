@@ -12,36 +12,36 @@ use crate::reader::Log;
 use crate::table::{Column, Table, numbers};
 use flight::{Quantity, StampKind, Unit};
 
-/// What a map would make of a log.
+/// What a map finds in a log.
 pub(super) struct Trial<'a> {
     pub(super) map: &'a ChannelMap,
     /// One for each rule that finds its data.
     pub(super) plans: Vec<Plan<'a>>,
-    /// Rules that found a topic, but not what they want in it.
+    /// Rules that found a topic, but lack something in it.
     near: Vec<String>,
     /// Rules that found no topic.
     far: Vec<String>,
-    /// Channels of which the log says something that no rule knows, and what it says.
+    /// Channels for which the log states something that no rule knows, and what it states.
     pub(super) unknown: Vec<(String, String)>,
-    /// How many wanted columns the near rules did find.
+    /// The number of wanted columns that the near rules did find.
     nearness: usize,
 }
 
-/// How good a map is for a log; the larger is the better, the first that differs decides.
+/// How good a map is for a log; larger is better, and the first difference decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rank {
     both: bool,
-    /// A velocity that is zero in every row is as good as none.
+    /// A velocity that is zero in every row does not count.
     moves: bool,
     replayed: bool,
     encoder: bool,
     fits: bool,
-    /// Made for a device, and not for any log of some types.
+    /// Made for a device, and not for any log with certain types.
     of_device: bool,
     specificity: Specificity,
     of_flights: usize,
     channels: usize,
-    /// Topics that have the very name, before topics below a namespace.
+    /// Topics with the exact name come before topics below a namespace.
     nearness: std::cmp::Reverse<usize>,
 }
 
@@ -51,11 +51,11 @@ pub(super) struct Plan<'a> {
     pub(super) table: &'a Table,
     /// [`Closeness::distance`] of the table's name.
     pub(super) distance: u8,
-    /// As [`ChannelRule::parts`]; `None` where the log has no such field.
+    /// As [`ChannelRule::parts`]; `None` where the log lacks the field.
     pub(super) columns: Vec<Option<Found<'a>>>,
-    /// The stamps by kind, the timeline's kind first.
+    /// The timestamps by kind, the timeline's kind first.
     pub(super) stamps: Vec<Stamps>,
-    /// What was assumed to find them.
+    /// The assumptions made to find them.
     pub(super) remarks: Vec<String>,
     pub(super) conditions: Vec<Condition<'a>>,
 }
@@ -65,23 +65,23 @@ pub(super) struct Plan<'a> {
 pub(super) struct Found<'a> {
     pub(super) column: &'a Column,
     pub(super) unit: Unit,
-    /// Of a height.
+    /// For a height: what it is above.
     pub(super) above: Option<HeightAbove>,
-    /// One that was preferred and is zero throughout.
+    /// A preferred column that is zero throughout.
     pub(super) passed_over: Option<&'a Column>,
-    /// What the table itself says of its unit, and the map's unit, where that is another or not known.
+    /// The unit that the table states and the map's unit, where they differ or the stated one is unknown.
     pub(super) said: Option<(&'a str, Unit)>,
 }
 
 enum Miss {
     /// No topic of that name or type.
     NoTopic(String),
-    /// A topic, but something is missing in it; and how many columns are there.
+    /// The topic exists, but something is missing in it; with the number of columns found.
     Near(String, usize),
 }
 
 impl<'a> Trial<'a> {
-    /// Of each map. Stamps that several of them read alike are in memory once.
+    /// One for each map. Timestamps that several of them read alike are in memory once.
     pub(super) fn of_all(maps: &[&'a ChannelMap], log: &'a Log) -> Vec<Trial<'a>> {
         let mut trials: Vec<Trial<'_>> = vec![];
         for map in maps {
@@ -124,8 +124,8 @@ impl<'a> Trial<'a> {
         self.position() || self.velocity() || binds(&self.plans, BENCH_ALONE)
     }
 
-    /// Larger is better. What flights are made of decides first, so that a channel more of a bench does not
-    /// change which map a flight gets.
+    /// Larger is better. The channels of flights decide first, so that an extra bench channel does not change which map
+    /// a flight gets.
     pub(super) fn rank(&self) -> Rank {
         Rank {
             both: self.both(),
@@ -173,7 +173,7 @@ impl<'a> Trial<'a> {
         self.plans.iter().filter(move |p| !beside(p.rule.quantity))
     }
 
-    /// Of the channel that is named least exactly; of those of a flight, if there is one.
+    /// The specificity of the channel with the least exact name; of the flight channels, if there is one.
     pub(super) fn specificity(&self) -> Specificity {
         let least = |plans: &mut dyn Iterator<Item = &Plan<'a>>| plans.map(|p| p.rule.specificity()).min();
         least(&mut self.of_flights()).or_else(|| least(&mut self.plans.iter())).unwrap_or(Specificity::AnyTable)
@@ -183,7 +183,7 @@ impl<'a> Trial<'a> {
         self.plans.iter().map(|p| p.rule.name.clone()).collect()
     }
 
-    /// Why this map is the best one; its channels, so many, are listed by name elsewhere.
+    /// Why this map is the best; the names of its `channels` channels are listed elsewhere.
     pub(super) fn why(&self, channels: usize) -> String {
         let how = match self.specificity() {
             Specificity::ByName => "the log holds its topics by name",
@@ -198,14 +198,14 @@ impl<'a> Trial<'a> {
         format!("{how}{lacking}; {channels} {}", if channels == 1 { "channel" } else { "channels" })
     }
 
-    /// A map of the user that finds at least half of its columns in the log: it was meant.
+    /// Whether a user's map finds at least half of its columns in the log, so that it was meant for it.
     pub(super) fn is_meant(&self) -> bool {
         let parts = self.map.rules.iter().flat_map(|rule| &rule.parts).filter(|part| !part.fields.is_empty()).count();
         !self.map.shipped && self.nearness > 0 && 2 * self.nearness >= parts
     }
 
-    /// How near the map comes, and what is missing in the first so many channels; `None` if it finds nothing of its own at
-    /// all.
+    /// How near the map comes, and what is missing in the first `channels` channels; `None` if it finds nothing of its
+    /// own.
     pub(super) fn complaint(&self, channels: usize) -> Option<(usize, String)> {
         let missing: Vec<&str> = self.near.iter().chain(&self.far).map(String::as_str).collect();
         let missing = first_of(&missing, channels, ", ", " and {} more channels");
@@ -213,7 +213,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// Channels whose rules go by a remark of the log, where none of them knows what it says; those whose data the log has.
+/// Channels whose rules depend on a remark of the log that none of them knows, if the log has their data.
 fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
     let mut unknown: Vec<(String, String)> = vec![];
     for (rule, when) in map.rules.iter().filter_map(|rule| Some((rule, rule.when.as_ref()?))) {
@@ -259,7 +259,8 @@ fn plan<'a>(rule: &'a ChannelRule, map: &ChannelMap, log: &'a Log) -> Result<Pla
     }
 }
 
-/// Fields of the rule that the table has, with or without values. A column of the time tells nothing: every table has one.
+/// The number of the rule's fields that the table has, with or without values. Time columns do not count: every table
+/// has one.
 fn columns_found(rule: &ChannelRule, table: &Table) -> usize {
     let by_name = usize::from(rule.specificity() > Specificity::AnyTable);
     let fields = || rule.parts.iter().flat_map(|part| &part.fields);
@@ -317,15 +318,15 @@ fn missing(part: &Part) -> String {
     format!("no {} ({})", part.role, first_of(&names, 3, " or ", " or {} other names"))
 }
 
-/// A list of no more than so many; `more` says how many there are besides.
+/// A list of at most `most` names; `more` names how many others there are.
 fn first_of(names: &[&str], most: usize, between: &str, more: &str) -> String {
     let (listed, besides) = names.split_at(names.len().min(most));
     let more = if besides.is_empty() { String::new() } else { more.replace("{}", &besides.len().to_string()) };
     listed.join(between) + &more
 }
 
-/// The first of the part's fields that holds a number at all. A height that is zero throughout stands back behind one that is
-/// not: a writer that does not know it leaves it so.
+/// The first of the part's fields that holds any number. A height that is zero throughout ranks after one that is not:
+/// writers that do not know it leave it zero.
 fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
     let mut zero = None;
     for source in &part.fields {
@@ -345,8 +346,8 @@ fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
     zero
 }
 
-/// Whether a channel is nothing without a part that the table does not have. What is known by its name may have stood still
-/// all the time; of any other table a speed alone does not say that it is one.
+/// Whether a channel needs a part that the table lacks. A channel known by its name may be motionless throughout; in
+/// any other table a speed alone does not prove that it is one.
 fn is_needed(part: &Part, rule: &ChannelRule) -> bool {
     match part.presence {
         Presence::Required => true,
@@ -355,8 +356,8 @@ fn is_needed(part: &Part, rule: &ChannelRule) -> bool {
     }
 }
 
-/// The stamps that the log holds, the wanted kind first. Where it is missing the nearest other kind
-/// stands in, with a remark. `on_boot` places the container's stamps on the clock since boot.
+/// The timestamps that the log holds, the wanted kind first. If it is missing, the nearest other kind is the fallback,
+/// with a remark. `on_boot` places the container's timestamps on the clock since boot.
 pub(super) fn stamps_of(
     rule: &ChannelRule,
     table: &Table,
@@ -390,7 +391,7 @@ pub(super) fn stamps_of(
     Ok((found, remarks))
 }
 
-/// The stamps of the first of some sources of a kind, those that it lacks from the next.
+/// The timestamps of the first of some sources of a kind, with missing ones from the next.
 fn filled(
     kind: StampKind,
     sources: &[TimeSource],

@@ -1,4 +1,4 @@
-//! Counts of several topics that begin anew together, of which one topic shows it and another only begins behind.
+//! Counters of several topics that wrap around together, where one topic shows it and another only starts afterwards.
 
 use super::repair::Repair;
 use super::stamps::{Count, Stamps};
@@ -6,14 +6,14 @@ use crate::time::TOLERATED;
 use flight::{Clock, Code};
 use std::rc::Rc;
 
-/// A topic belongs where so much of it lies within the time of the others, of a hundred.
+/// A topic belongs where at least this percentage of it lies within the time of the others.
 const WITHIN: i128 = 90;
 
 const SHIFTED: &str = "the counter wrapped around before this topic started, as the other topics show: its timestamps are shifted accordingly";
 const UNCLEAR: &str = "in other topics the counter wrapped around, and these timestamps fit before it as well as after: they are not shifted, \
                        which is before";
 
-/// From when to when stamps are, ns.
+/// The range of timestamps, ns.
 #[derive(Clone, Copy)]
 struct Span {
     first: i128,
@@ -21,7 +21,8 @@ struct Span {
 }
 
 impl Span {
-    /// One stamp of [`TOLERATED`] at each end may be a wrong one. What is cut off there is put back by the rate of the others.
+    /// One timestamp of [`TOLERATED`] at each end may be wrong. What that trims is restored from the rate of the
+    /// others.
     fn of(stamps: impl Iterator<Item = i64>) -> Option<Span> {
         let mut stamps: Vec<i64> = stamps.collect();
         stamps.sort_unstable();
@@ -47,8 +48,8 @@ impl Span {
     }
 }
 
-/// Puts the stamps of topics that do not show the end of a count into the turn in which the topics that show it are. Only what
-/// counts the same to the same end is put there.
+/// Shifts the timestamps of topics that do not show the wrap of a counter to match the topics that do. Only topics with
+/// the same unit and limit are shifted.
 pub(super) fn align<'s>(topics: impl Iterator<Item = &'s mut Stamps>) {
     let mut topics: Vec<&mut Stamps> = topics.collect();
     let mut turned: Vec<(Clock, Count, Span)> = vec![];
@@ -76,7 +77,8 @@ fn put_into_turn(stamps: &mut Stamps, range: i64, all: Span) {
         return;
     }
     let wide = i128::from(range);
-    // Before the first of these turns the stamps end before the others begin; beyond the last they begin behind their end.
+    // Before the first of these turns the timestamps end before the others begin; after the last they begin after the
+    // others end.
     let (first, last) = ((all.first - own.last).div_euclid(wide).max(0), (all.last - own.first).div_euclid(wide));
     let mut fitting = (first..=last).filter(|turns| own.behind(*turns, wide).is_within(all));
     let text = match (fitting.next(), fitting.next()) {

@@ -1,8 +1,8 @@
-//! Threads that have nothing else to do, and work that the walk through a log leaves to them.
+//! Idle threads, and work that the walk through a log leaves to them.
 //!
-//! What they have made changes nothing in what is read, and nobody waits for a thread that is busy elsewhere: work that none
-//! has begun is the walk's own. In a campaign the threads are those of its pool, which all have flights of their own until
-//! the last ones; elsewhere there is a pool for all logs of the process. With one thread nothing is made early.
+//! Their work does not change what is read, and the walk never waits for a thread that is busy elsewhere: it does work
+//! that no thread has begun itself. In a campaign the threads are those of its pool, which all have flights of their
+//! own until the last ones; elsewhere one pool serves all logs of the process. With one thread nothing is done ahead.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,9 +15,9 @@ const MOST_THREADS: usize = 4;
 pub(crate) struct Crew {
     /// The pool of the process; else that of the thread that walks.
     shared: Option<&'static rayon::ThreadPool>,
-    /// So much is under way or lies ready.
+    /// The pool of the process; `None` for that of the thread that walks.
     most: usize,
-    /// Work that was handed over and that no thread has got to, though it may not be wanted any more.
+    /// Most items that are in progress or ready.
     handed_over: Arc<AtomicUsize>,
 }
 
@@ -118,12 +118,12 @@ impl<T> Order<T> {
         true
     }
 
-    /// Whether a thread is at it.
+    /// Whether a thread is working on it.
     pub(crate) fn is_under_way(&self) -> bool {
         matches!(*self.state(), State::TakenUp)
     }
 
-    /// What came out, as soon as it is there; if nobody has begun yet, nobody will.
+    /// The result, as soon as it is available; work that has not begun is withdrawn.
     pub(crate) fn wait(&self) -> Option<Outcome<T>> {
         let is_under_way = |state: &mut State<T>| matches!(state, State::TakenUp);
         let mut state = self.changed.wait_while(self.state(), is_under_way).unwrap_or_else(PoisonError::into_inner);
@@ -133,7 +133,7 @@ impl<T> Order<T> {
         }
     }
 
-    /// Nobody wants it any more. `None` if a thread is at it.
+    /// Withdraws the work. `None` if a thread is working on it.
     pub(crate) fn revoke(&self) -> Option<Outcome<T>> {
         let mut state = self.state();
         match std::mem::replace(&mut *state, State::Gone) {
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_nobody_has_begun_with_is_given_back_and_never_begun() {
+    fn work_that_has_not_begun_is_withdrawn_and_never_done() {
         let order = Order::new(7);
         assert!(matches!(order.wait(), Some(Outcome::Open(item)) if item == 7));
         assert!(!order.carry_out(|_| panic!("begun all the same")));

@@ -1,4 +1,4 @@
-//! Text tables: one table in a file, one file per topic, or FlySight 2 with several tables in one file.
+//! Text tables: one table per file, one file per topic, or FlySight 2 with several tables in one file.
 
 mod ahead;
 mod columns;
@@ -39,7 +39,7 @@ const HEAD: u64 = 256 << 10;
 
 /// `$VAR` lines of FlySight 2 files and remarks of others that are listed.
 const EXTRAS: usize = 256;
-/// A longer comment is none, bytes.
+/// A longer line is not a comment, bytes.
 const LONGEST_REMARK: usize = 200;
 
 /// Rows of a larger file are shared with idle threads, bytes.
@@ -52,10 +52,10 @@ const BOM: &[u8] = b"\xef\xbb\xbf";
 
 /// Reads one text log, or several that hold one topic each and make up one flight.
 ///
-/// A file is one topic named after the file, except FlySight 2 files, whose rows name their topic.
+/// A file is one topic named after the file, except for FlySight 2 files, whose rows name their topic.
 /// Line numbers count from 1.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-    // A file may become shorter or longer before its turn comes: its size is what it is now.
+    // A file may grow or shrink before its turn comes: its current size counts.
     let sizes = files.iter().map(|path| Ok(open(path)?.1)).collect::<Result<Vec<u64>, IngestError>>()?;
     let ledger = Ledger::new(sizes.iter().sum(), context.limits.listed_damage);
     let books = Books { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
@@ -74,9 +74,9 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     reading.finish()
 }
 
-/// Says whether the first bytes of a file look like a log in a table of text, and if not, why. Stricter than
-/// the reader, for many a text has the same number of commas in most of its lines. `false` if the table is one of
-/// numbers without a header: then only the name of the file can tell what it is.
+/// Whether the first bytes of a file look like a log in a text table, and if not, why. Stricter than
+/// the reader, because many texts have the same number of commas in most lines. `false` if the table has only
+/// numbers and no header: then only the file name can identify it.
 ///
 /// # Errors
 /// What it is instead.
@@ -90,13 +90,13 @@ pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<bool,
     }
 }
 
-/// What stands behind the mark of a comment, and a blank.
+/// The text after the comment mark and a blank.
 fn unmarked(comment: &[u8]) -> &[u8] {
     let text = comment.get(comment_mark(comment)..).unwrap_or_default();
     text.strip_prefix(b" ").unwrap_or(text)
 }
 
-/// A header as it is compared with others: TABs at its ends may be names that are missing.
+/// A header in the form used for comparison: TABs at its ends may be missing names.
 fn bare(line: &[u8]) -> &[u8] {
     let mut line = without_bom(line);
     while let Some(rest) = line.strip_prefix(b" ").or_else(|| line.strip_suffix(b" ")) {
@@ -122,14 +122,14 @@ struct Reading<'a> {
     context: &'a ReadContext<'a>,
     books: Books,
     topics: Vec<Topic>,
-    /// By the names of the topics, what their columns mean and what is wanted of them.
+    /// By topic name: the meaning of the columns and what is wanted of them.
     meanings: HashMap<String, (Meaning, Selection)>,
     formats: Vec<String>,
     /// Names of the topics.
     taken: HashSet<String>,
 }
 
-/// What became of every byte and row so far.
+/// Accounting for every byte and row so far.
 struct Books {
     ledger: Ledger,
     health: LogHealth,
@@ -137,7 +137,7 @@ struct Books {
     limits: Limits,
 }
 
-/// What stands between the rows of a table.
+/// A line between the rows of a table.
 enum Between {
     Header,
     /// A row, or a remark.
@@ -146,7 +146,7 @@ enum Between {
     },
 }
 
-/// A file while its records are taken in.
+/// A file while its records are read.
 struct Open<'a> {
     name: &'a str,
     lines: Lines<'a, std::io::Take<File>>,
@@ -197,7 +197,7 @@ impl Reading<'_> {
             Layout::Novatel => self.novatel(&mut open)?,
             Layout::Tagged => self.tagged(&mut open)?,
         }
-        // Only a file that shrank while it was read leaves something over here.
+        // Bytes are left over here only if the file shrank while it was read.
         let missing = size.saturating_sub(open.lines.offset);
         if missing > 0 {
             self.books.ledger.damaged(&name, open.lines.offset, missing, SHORTER);
@@ -281,14 +281,14 @@ impl Reading<'_> {
         Ok(())
     }
 
-    /// What happened to the cells of the topics from `first` on.
+    /// Reports problems with the cells of the topics from `first` on.
     fn report(&mut self, first: usize, file: &str) {
         for topic in self.topics.get_mut(first..).unwrap_or_default() {
             topic.report(file, self.context.limits.listed_damage, &mut self.books.notices);
         }
     }
 
-    /// The topic of a name that rows carry, begun with `columns` and of the type `kind/name` where it is new; `None` if
+    /// The topic of a name that rows carry. A new one is created with `columns` and the type `kind/name`; `None` if
     /// there are too many.
     fn named_topic(
         &mut self,
@@ -313,7 +313,8 @@ impl Reading<'_> {
         Some(self.topics.len() - 1)
     }
 
-    /// Rows that begin with a stamp and the name of their table, as PX4 ECL replays its sensors: the columns have numbers.
+    /// Rows that begin with a timestamp and the name of their table, as PX4 ECL replays its sensors: columns are
+    /// numbered.
     fn tagged(&mut self, open: &mut Open<'_>) -> Result<(), IngestError> {
         self.formats.push("CSV, ',' delimited, no header, tables named by the second field".into());
         let first = self.topics.len();
@@ -326,7 +327,7 @@ impl Reading<'_> {
             open.fields.split(open.lines.text(extent), b',');
             let name = open.fields.get(1).to_vec();
             let width = open.fields.len();
-            // A row that the log's end has cut says nothing of the width of its table.
+            // A row truncated at the end of the log does not show the width of its table.
             let whole = extent.ended && name.iter().any(u8::is_ascii_alphabetic);
             let columns = || (1..=width).map(|i| format!("column_{i}")).collect();
             let known = by_name.get(&name).copied();
@@ -340,7 +341,7 @@ impl Reading<'_> {
         Ok(())
     }
 
-    /// NovAtel messages; other lines between them, such as answers of the receiver, are passed and counted.
+    /// NovAtel messages; other lines between them, such as replies of the receiver, are skipped and counted.
     fn novatel(&mut self, open: &mut Open<'_>) -> Result<(), IngestError> {
         self.formats.push("NovAtel ASCII".into());
         let first = self.topics.len();
@@ -379,8 +380,8 @@ impl Reading<'_> {
         Ok(())
     }
 
-    /// A `$COL` line. One that says again what is known goes on with its table; one that gives a known
-    /// table other columns begins another topic.
+    /// A `$COL` line. One that repeats a known definition continues its table; one that gives a known
+    /// table other columns starts another topic.
     fn flysight2_table(&mut self, fields: &Fields, stem: &str, line: u64, by_name: &mut HashMap<Vec<u8>, usize>) {
         let mut names = fields.texts();
         let mut name = names.get(1).cloned().unwrap_or_default();
@@ -400,7 +401,7 @@ impl Reading<'_> {
         self.topics.push(Topic::new(info, names, &selection));
     }
 
-    /// `name`, unless another table has taken it.
+    /// `name`, unless another table already has it.
     fn free_name(&mut self, name: String, file: &str) -> String {
         let mut free = name;
         while !self.taken.insert(free.clone()) {
@@ -458,7 +459,7 @@ impl Books {
         }
     }
 
-    /// The rows that come next, as long as nothing about them is out of the common.
+    /// The next rows, as long as they are all regular.
     fn plain_rows(
         &mut self,
         open: &mut Open<'_>,
@@ -467,7 +468,7 @@ impl Books {
         crew: Option<&Crew>,
     ) -> Result<(), IngestError> {
         loop {
-            // The first rows tell what the columns are.
+            // The first rows show the column types.
             if let Some(crew) = crew.filter(|_| topic.rows > 0) {
                 open.lines.read_ahead(crew, topic, rules)?;
             }
@@ -485,8 +486,8 @@ impl Books {
         }
     }
 
-    /// Whether the record is a header, of another table as a rule: rows below that are not read. `open.fields` hold it where a
-    /// row is said to be split.
+    /// Whether the record is a header, usually of another table: rows below that are not read. `open.fields` hold it if
+    /// the row is marked as split.
     fn other_header(
         &mut self,
         open: &mut Open<'_>,
@@ -520,7 +521,7 @@ impl Books {
         Between::Header
     }
 
-    /// One data row: `skip` fields at its start are no columns. `open.fields` hold it already if it `is_split`.
+    /// One data row: the first `skip` fields are not columns. `open.fields` hold it already if it `is_split`.
     fn row(
         &mut self,
         open: &mut Open<'_>,
@@ -533,7 +534,7 @@ impl Books {
         let text = open.lines.text(extent);
         let line = open.lines.number;
         if !topic.decoded && self.limits.may_leave_closed {
-            // Nobody asked, so the fields are not looked at.
+            // Nothing is wanted, so the fields are not parsed.
             topic.count(extent);
             self.ledger.count(Fate::Skipped, extent.whole as u64);
             return open.lines.pass(extent);
@@ -570,7 +571,7 @@ impl Books {
             self.ledger.count(Fate::Skipped, extent.whole as u64);
         } else if topic.fits(open.fields.len(), || false) {
             topic.vouched += 1;
-            // Its checksum is right, so nothing of it is cut.
+            // Its checksum is right, so it is not truncated.
             topic.push(open.fields.row(), 0, line, Extent { ended: true, ..extent });
             self.ledger.count(Fate::Decoded, extent.whole as u64);
         } else {
@@ -601,7 +602,7 @@ impl Books {
     }
 }
 
-/// Why the cells of a row are not even looked at.
+/// Why the cells of a row are not examined.
 #[inline]
 fn unusable(open: &Open<'_>, extent: Extent, topic: &Topic) -> Option<String> {
     let line = open.lines.number;
@@ -627,7 +628,7 @@ fn remark_of(line: &[u8]) -> Option<String> {
     (!name.is_empty() && !text.is_empty()).then(|| format!("{name} = {text}"))
 }
 
-/// The beginning of a file: enough for the layout, even if its first line is long.
+/// The start of a file: enough for the layout, even if its first line is long.
 fn head_of(file: &File, name: &str, context: &ReadContext<'_>) -> Result<Vec<u8>, IngestError> {
     let mut head = vec![];
     let read = |bytes: u64, head: &mut Vec<u8>| {

@@ -1,8 +1,8 @@
 //! ArduPilot DataFlash, binary and text (<https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html>).
 //!
 //! A log describes itself: an `FMT` record names the fields of a type and their format characters. Values are as
-//! pymavlink gives them: `c`, `C`, `e`, `E` count hundredths and `L` counts 1e-7 degrees, everything else is as it
-//! stands. A topic is named after its type; of a type with instances the second is `GPS_1`.
+//! pymavlink gives them: `c`, `C`, `e`, `E` count hundredths and `L` counts 1e-7 degrees; all others are
+//! unscaled. A topic is named after its type; for a type with instances the second is `GPS_1`.
 
 mod binary;
 mod book;
@@ -21,7 +21,7 @@ use logscan::LogFile;
 use memchr::memmem;
 use std::path::PathBuf;
 
-/// Topics in one log: there are less than 256 types, and few instances of each.
+/// Maximum topics in one log: there are fewer than 256 types, with few instances of each.
 const MOST_TOPICS: usize = 4096;
 
 /// Reads one DataFlash log, binary or text, or several that make up one flight.
@@ -47,10 +47,10 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     Reading { files, ledger, notices, topics }.conclude(log)
 }
 
-/// The first definition in a text log, and how all of them begin.
+/// The first definition in a text log, and the prefix of all definitions.
 const TEXT_STARTS: [&str; 2] = ["FMT, 128, 89, FMT", "FMT,128,89,FMT"];
 const TEXT_DEFINITION: &str = "FMT,";
-/// What some editors put in front of a text.
+/// The byte order mark that some editors prepend to a text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 fn starts_a_log(line: &[u8]) -> bool {
@@ -62,8 +62,8 @@ fn is_text(file: &mut LogFile) -> Result<bool, IngestError> {
     Ok(!head.starts_with(&record::SYNC) && text_begins(head))
 }
 
-/// Whether a text log begins in these first bytes of a file: with the first definition, or with others if that one is
-/// damaged.
+/// Whether a text log starts in these first bytes of a file: with the first definition, or with others if that one is
+/// corrupt.
 fn text_begins(head: &[u8]) -> bool {
     let head = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head);
     let mut lines = head.split(|b| *b == b'\n');
@@ -71,8 +71,8 @@ fn text_begins(head: &[u8]) -> bool {
     lines.any(starts_a_log) || definitions.take(2).count() == 2
 }
 
-/// Whether these first bytes of a file are those of a DataFlash log, whatever stands in front of its first record.
-/// Two records of the type `FMT`, one behind the other, do not come about by chance.
+/// Whether these first bytes of a file are those of a DataFlash log, whatever comes before its first record.
+/// Two consecutive records of the type `FMT` do not occur by chance.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
     let definitions = memmem::find_iter(head, &[record::SYNC[0], record::SYNC[1], record::FMT_ID]);
     let mut pairs = definitions.filter_map(|at| head.get(at + record::FMT_LENGTH..));

@@ -1,10 +1,10 @@
 //! ROS 2 bag in SQLite (rosbag2 storage `sqlite3`): one file, or several that make up one flight.
 //!
-//! The pages are read by a walk of our own. SQLite itself ends at the first page that is damaged,
-//! cannot say what became of which byte, wants to write beside a database that was not closed, and
-//! executes what a hostile one brings along; for an intact bag both give the same rows.
+//! The pages are read by our own walk. SQLite itself stops at the first corrupt page,
+//! cannot account for every byte, needs to write next to a database that was not closed, and
+//! executes code in a hostile database. For an intact bag both give the same rows.
 //!
-//! Of every row its bytes are decoded or skipped; the rest of the file (trees, indexes, unused room,
+//! The bytes of each row are decoded or skipped; the rest of the file (trees, indexes, unused room,
 //! topics and definitions) is structure.
 
 mod content;
@@ -38,7 +38,7 @@ use std::path::{Path, PathBuf};
 
 const WRONG_START: &str = "the file does not begin as a SQLite database does";
 
-/// Reads ROS 2 bags in SQLite. A `metadata.yaml` among the files is what the others are compared with.
+/// Reads ROS 2 bags in SQLite. The content is compared with `metadata.yaml`, if there is one among the files.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
     let (metadata, rest) = Metadata::split_off(files)?;
     let databases: Vec<&PathBuf> = rest.iter().filter(|path| !is_beside(path, &rest)).collect();
@@ -59,7 +59,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
         source.tell_missing_wal(metadata.is_some(), &mut notices);
         log.health.undecodable += source.read(&mut ledger, &mut notices, &mut topics, context)?;
     }
-    // What is neither a row nor damaged.
+    // Neither row nor damage.
     ledger.count(Fate::Structure, ledger.open());
     log.health.format = "ROS 2 bag (SQLite)".to_owned();
     let files = sources.into_iter().map(|source| source.file).collect();
@@ -71,21 +71,21 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     Ok(log)
 }
 
-/// Whether a file is the log or the journal beside another one.
+/// Whether a file is the write-ahead log or the journal of another one.
 fn is_beside(path: &Path, others: &[PathBuf]) -> bool {
     let name = path.as_os_str().to_string_lossy();
     let database = ["-wal", "-shm", "-journal"].iter().find_map(|end| name.strip_suffix(end));
     database.is_some_and(|database| others.iter().any(|other| other.as_os_str().to_string_lossy() == database))
 }
 
-/// A file of the bag and what stands beside it.
+/// A file of the bag and its sidecars.
 struct Source {
     path: PathBuf,
     file: LogFile,
     beside: Beside,
     /// The database was kept with a write-ahead log.
     write_ahead: bool,
-    /// Why it is no database, nor a damaged one.
+    /// Why it is not a database, not even a corrupt one.
     refused: Result<(), IngestError>,
 }
 
@@ -103,8 +103,8 @@ impl Source {
         Ok(Source { path: path.to_owned(), file, beside, write_ahead, refused })
     }
 
-    /// A write-ahead log that was not copied along leaves no trace in the database. A recorder that closes its bag takes the
-    /// log away, and then describes the bag in `metadata.yaml`, whose counts are compared.
+    /// A write-ahead log that was not copied along leaves no trace in the database. A recorder that closes its bag removes
+    /// the log, and then describes the bag in `metadata.yaml`, whose counts are compared.
     fn tell_missing_wal(&self, described: bool, notices: &mut Notices) {
         let is_there = std::fs::metadata(wal::path_of(&self.path)).is_ok_and(|about| about.len() > 0);
         if self.write_ahead && !is_there && !described {
@@ -123,7 +123,7 @@ impl Source {
         self.file.size() + beside
     }
 
-    /// Reads the database. Gives back how many messages could not be unpacked or placed.
+    /// Reads the database. Returns how many messages could not be decompressed or placed.
     fn read(
         &mut self,
         ledger: &mut Ledger,
@@ -170,7 +170,7 @@ fn raise_wal(wal: &Wal, notices: &mut Notices) {
     }
 }
 
-/// A journal holds what the database was before a transaction that did not end.
+/// A journal holds the state of the database before an unfinished transaction.
 fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
     let mut journal = path.as_os_str().to_owned();
     journal.push("-journal");
@@ -184,7 +184,7 @@ fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
     }
 }
 
-/// The tables of a bag, by the leaves of their trees, and the texts that made them.
+/// The tables of a bag, by the leaves of their trees, and the SQL that created them.
 #[derive(Default)]
 struct Tables {
     topics: Vec<Leaf>,
@@ -198,11 +198,11 @@ struct Tables {
     utf16: Option<bool>,
 }
 
-/// Where name, type, serialization, qualities of service and hash of a topic are, and type, encoding and text of a definition.
+/// Columns of name, type, serialization, QoS and hash of a topic, and of type, encoding and text of a definition.
 struct Columns {
     topics: Places<5>,
     definitions: Places<3>,
-    /// The column with the number by which messages name a topic.
+    /// The column with the number that messages use for a topic.
     number: usize,
 }
 
@@ -220,7 +220,7 @@ impl Columns {
     }
 }
 
-/// Reads one database. Gives back how many of its messages could not be unpacked or placed.
+/// Reads one database. Returns how many of its messages could not be decompressed or placed.
 fn read_database(
     pages: Pages,
     sound: bool,
@@ -260,7 +260,7 @@ fn read_database(
     Ok(unplaced.count + packed.count)
 }
 
-/// The rows of topics and of definitions, and those that are found by their look where something is amiss.
+/// The rows of topics and of definitions, and those recognized by their shape if anything is wrong.
 fn named_and_defined(
     walk: &mut Walk<'_, '_>,
     tables: &Tables,
@@ -281,7 +281,7 @@ fn named_and_defined(
     Ok((named, definitions))
 }
 
-/// What a row of the first table says.
+/// A row of the schema table.
 struct Listed {
     name: String,
     /// Whether it is a table that is not stored as an index.
@@ -291,7 +291,7 @@ struct Listed {
 }
 
 impl Listed {
-    /// `None` for what has no tree of its own, as a view.
+    /// `None` for entries without a tree of their own, such as views.
     fn of(row: &OwnedRow, utf16: Option<bool>) -> Option<Listed> {
         let text = |column| row.text(column, utf16);
         let root = row.integer(3).and_then(|root| u32::try_from(root).ok()).filter(|root| *root > 0)?;
@@ -300,7 +300,7 @@ impl Listed {
     }
 }
 
-/// What was lost of a database, or read without trust.
+/// What was lost of a database, or read leniently.
 struct Losses<'l> {
     lost: &'l Lost,
     unplaced: &'l Tally,
@@ -326,7 +326,7 @@ impl Losses<'_> {
         }
     }
 
-    /// What the pages of the database have lost.
+    /// Losses in the pages of the database.
     fn report_pages(&self, name: &str, notices: &mut Notices) {
         let lost = self.lost;
         let mut raise = |count: u64, text: &str| {
@@ -341,7 +341,7 @@ impl Losses<'_> {
         raise(lost.bad_rows, "rows that cannot be read");
     }
 
-    /// What was read although the database does not say so.
+    /// Data that were read although the database does not list them.
     fn report_repairs(&self, name: &str, notices: &mut Notices) {
         let lost = self.lost;
         let mut raise = |count: u64, text: &str| {
@@ -358,7 +358,7 @@ impl Losses<'_> {
     }
 }
 
-/// The trees that the first table lists.
+/// The trees that the schema table lists.
 fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, IngestError> {
     let first = walk.leaves(1, true)?;
     let rows = gather(walk, &first, [0, 1])?;
@@ -385,7 +385,7 @@ fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, Ingest
         };
         leaves.extend(walk.leaves(listed.root, true)?);
     }
-    // Where a bag lacks one of its tables, another one may be it.
+    // If a bag lacks one of its tables, another table may be it.
     if tables.messages.is_empty() != tables.topics.is_empty() {
         walk.astray = true;
         return Ok(tables);
@@ -412,7 +412,7 @@ fn announce(
     utf16: Option<bool>,
     topics: &mut Topics<'_>,
 ) -> BTreeMap<i64, Route> {
-    // Those that were found by their look come last, and may be older.
+    // Rows recognized by their shape come last, and may be older.
     let mut known: HashMap<String, (String, String)> = HashMap::new();
     for row in definitions {
         let [of_type, encoding, text] = columns.definitions.read(row, utf16);
@@ -420,14 +420,14 @@ fn announce(
     }
     let mut routes = BTreeMap::new();
     for row in named {
-        // Messages name the column, which is the number of the row unless the table was made otherwise.
+        // Messages refer to the column, which is the row number unless the table was defined otherwise.
         let id = row.integer(columns.number).unwrap_or(row.rowid);
         if routes.contains_key(&id) {
             continue;
         }
         let [name, type_name, encoding, qos, hash] = columns.topics.read(row, utf16);
         let info = TopicInfo { name, type_name, encoding };
-        // As rosbag2 calls them in an MCAP.
+        // As rosbag2 names them in an MCAP.
         let beside = [("offered_qos_profiles", qos), ("topic_type_hash", hash)];
         let beside = beside.into_iter().filter(|(_, value)| !value.is_empty());
         let entries = beside.map(|(name, value)| (name.to_owned(), value)).collect();

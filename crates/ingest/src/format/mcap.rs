@@ -1,7 +1,7 @@
 //! MCAP (<https://mcap.dev/spec>), streamed: memory for one chunk, every checksum checked.
 //!
-//! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`records`), for the
-//! crate's own readers trust lengths that a damaged file states.
+//! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`records`), because the
+//! crate's own readers trust the lengths stated by a damaged file.
 
 mod original;
 mod plain;
@@ -32,13 +32,13 @@ use mcap::records::{MessageIndex, Record, op};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Memory that the definitions and channels of a file may take, bytes.
+/// Maximum memory for the definitions and channels of a file, bytes.
 const MOST_DEFINITIONS: usize = 64 << 20;
-/// Definitions and channels of one file that may take the place of others.
+/// Maximum definitions and channels of one file that replace others.
 const MOST_REDEFINED: u64 = 1000;
-/// Attachments and metadata that are listed by name.
+/// Maximum attachments and metadata listed by name.
 const MOST_EXTRAS: usize = 100;
-/// Channel, sequence and two times: the part of a message before its payload.
+/// Channel, sequence and two timestamps: the part of a message before its payload.
 const MESSAGE_HEAD_BYTES: usize = 22;
 
 /// Reads one MCAP file, or several that make up one flight.
@@ -79,7 +79,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     Ok(log)
 }
 
-/// `MCAP`, with what the header says of its writer.
+/// `MCAP`, with what the header says about its writer.
 fn format_name(headers: &[String]) -> String {
     match headers.iter().find(|h| !h.is_empty()) {
         Some(header) => format!("MCAP ({header})"),
@@ -87,7 +87,7 @@ fn format_name(headers: &[String]) -> String {
     }
 }
 
-/// Names of what is in a file beside messages.
+/// Names of the entries in a file other than messages.
 #[derive(Debug, Default)]
 struct Extras {
     listed: Vec<String>,
@@ -113,15 +113,15 @@ struct StoredSchema {
     text: Vec<u8>,
 }
 
-/// A channel as far as it matters here: other metadata are not held.
+/// The relevant part of a channel: other metadata are not kept.
 #[derive(PartialEq, Eq)]
 struct Channel {
     topic: String,
     schema_id: u16,
     encoding: String,
-    /// The MD5 sum that ROS 1 identifies its type by.
+    /// The MD5 sum by which ROS 1 identifies its type.
     md5sum: Option<String>,
-    /// What its topic is to be read as.
+    /// How its topic is to be read.
     original: Option<OriginalTopic>,
 }
 
@@ -151,51 +151,51 @@ impl Channel {
     }
 }
 
-/// Where the messages of a channel go, as far as is known.
+/// Where the messages of a channel go, as far as known.
 #[derive(Clone, Copy)]
 enum Way {
     Unknown,
-    /// Its channel record has been seen; its schema is looked up with the first message.
+    /// Its channel record was read; its schema is looked up with the first message.
     Announced,
     Open(Route, Stamped),
-    /// Its topic cannot be taken; asking again for each message would cost a long name each time.
+    /// Its topic cannot be taken. Kept because looking up a long name again for each message is expensive.
     Refused,
 }
 
-/// What tells when a message was logged.
+/// The source of a message's log timestamp.
 #[derive(Clone, Copy)]
 enum Stamped {
     AsLogged,
-    /// The time of publishing, in a recovered log: its log time runs on where the log's own clock began anew. The number
+    /// The publish time, in a recovered log: its log time continues where the log's own clock restarted. The number
     /// is that of the original topic.
     AsPublished(usize),
 }
 
-/// Channels and schemas of the logs of one file, one after the other; gives messages to the topics.
+/// Channels and schemas of the logs of one file, one after the other; routes messages to the topics.
 struct Channels<'t, 'w> {
     topics: &'t mut Topics<'w>,
     extras: &'t mut Extras,
     originals: &'t mut Originals,
     schemas: HashMap<u16, StoredSchema>,
     channels: HashMap<u16, Channel>,
-    /// Bytes of all schemas and channels so far.
+    /// Size of all schemas and channels so far, bytes.
     definition_bytes: usize,
     ways: Vec<Way>,
     header: String,
     found: u64,
     unplaced: Tally,
     inflater: Inflater,
-    /// Bytes that a message may become that was compressed by itself.
+    /// Maximum decompressed size of an individually compressed message, bytes.
     most: u64,
-    /// Messages whose own compression is broken.
+    /// Messages whose own compression is corrupt.
     broken: Tally,
-    /// Why a channel that is known has no topic.
+    /// Why a known channel has no topic.
     refusal: Option<String>,
     redefined: Tally,
-    /// Attachments that are wanted and longer than a record may be.
+    /// Wanted attachments that exceed the maximum record length.
     too_long: Tally,
     late_stamps: u64,
-    /// Of the logs that have ended: what their headers say, and messages that could not be placed or unpacked.
+    /// From logs that have ended: what their headers say, and messages that could not be placed or decompressed.
     headers: Vec<String>,
     undecodable: u64,
 }
@@ -268,7 +268,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         is_packed(payload) && self.channels.get(&channel).is_some_and(|channel| channel.encoding == "cdr")
     }
 
-    /// A message that rosbag2 compressed by itself.
+    /// A message that rosbag2 compressed individually.
     fn packed(&mut self, route: Route, times: Times, sequence: u32, payload: &[u8]) -> Fate {
         match self.inflater.message(payload, self.most) {
             Ok(plain) => self.topics.numbered(route, times, Some(sequence), plain),
@@ -279,7 +279,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         }
     }
 
-    /// Unsigned nanoseconds go to the year 2554, ours to 2262.
+    /// Unsigned nanoseconds reach the year 2554, ours 2262.
     fn stamp(&mut self, nanos: u64) -> i64 {
         i64::try_from(nanos).unwrap_or_else(|_| {
             self.late_stamps += 1;
@@ -299,7 +299,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         }
     }
 
-    /// Looks for the channel's schema and asks what is wanted of its topic.
+    /// Looks up the channel's schema and what is wanted of its topic.
     fn open(&mut self, id: u16) -> Option<(Route, Stamped)> {
         let channel = self.channels.get(&id)?;
         let schema = self.schemas.get(&channel.schema_id);
@@ -338,7 +338,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         }
         if known.is_some() {
             self.redefined.add(|| format!("channel {id}, {:.200}", channel.topic));
-            // If there is no room for the new one, messages are not to be taken for the old one's.
+            // If there is no room for the new channel, its messages must not go to the old one.
             self.channels.remove(&id);
             self.set_way(id, Way::Unknown);
         }
@@ -373,7 +373,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         Ok(())
     }
 
-    /// Channels of this schema look it up again.
+    /// Makes the channels of this schema look it up again.
     fn reopen(&mut self, schema: u16) {
         let affected: Vec<u16> =
             self.channels.iter().filter(|(_, c)| c.schema_id == schema).map(|(id, _)| *id).collect();
@@ -397,7 +397,7 @@ impl<'t, 'w> Channels<'t, 'w> {
             Record::Channel(channel) => {
                 let mcap::records::Channel { id, schema_id, topic, message_encoding: encoding, metadata } = channel;
                 self.topics.extra(&Extra::OfTopic { topic: &topic, entries: &metadata });
-                // Whoever takes messages as they stand takes them as they stand here.
+                // Receivers of raw messages get them unconverted here.
                 let original = OriginalTopic::of(&metadata).filter(|_| !self.topics.takes_extras());
                 let md5sum = metadata.get("md5sum").cloned();
                 self.announce(id, Channel { topic, schema_id, encoding, md5sum, original })?;
@@ -413,7 +413,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         Ok(Fate::Structure)
     }
 
-    /// An attachment whose checksum is right.
+    /// An attachment with a valid checksum.
     fn attachment(&mut self, body: &[u8]) {
         let Some(head) = AttachmentHead::parse(body, u64::MAX) else { return };
         let AttachmentHead { name, media_type, logged_ns, created_ns, data } = &head;
@@ -427,7 +427,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         self.extras.add(format!("attachment {name:.200} ({media_type:.100}, {bytes} bytes)"));
     }
 
-    /// The messages of a chunk that was left closed.
+    /// The messages of a skipped chunk.
     fn index(&mut self, index: &MessageIndex) {
         let Some(route) = self.route(index.channel_id) else { return };
         let mut entries = index.records.clone();
@@ -439,9 +439,9 @@ impl<'t, 'w> Channels<'t, 'w> {
         }
     }
 
-    /// Compares with the summary, and says what was odd.
+    /// Compares with the summary, and reports oddities.
     fn conclude(&mut self, file: &str, summary: &Summary, notices: &mut Notices) {
-        // Topics without messages are topics. In order, for there may be more than are taken.
+        // Topics without messages are topics too. In order, because there may be more than the limit.
         let mut ids: Vec<u16> = self.channels.keys().copied().collect();
         ids.sort_unstable();
         for id in ids {
@@ -465,7 +465,7 @@ impl Visit for Channels<'_, '_> {
     fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
         match opcode {
             op::MESSAGE => self.message(body),
-            // Of a chunk that was opened nothing is learned from it, but it must be one.
+            // A chunk that was opened adds nothing, but its index must be valid.
             op::MESSAGE_INDEX if is_message_index(body, body.len() as u64) => Ok(Fate::Structure),
             op::ATTACHMENT => {
                 self.attachment(body);
@@ -476,7 +476,7 @@ impl Visit for Channels<'_, '_> {
     }
 
     fn may_want(&mut self, channel: u16) -> bool {
-        // A summary may repeat channels without their schemas: those are known when the walk comes by.
+        // A summary may repeat channels without their schemas: the walk learns those when it reaches them.
         let waits = |c: &Channel| c.schema_id != 0 && !self.schemas.contains_key(&c.schema_id);
         self.channels.get(&channel).is_some_and(waits) || self.route(channel).is_none_or(Route::is_wanted)
     }
@@ -519,7 +519,7 @@ impl Visit for Channels<'_, '_> {
     }
 }
 
-/// Whether the first bytes of a record's content, which has `length` of them, are those of a message index.
+/// Whether the first bytes of a record's content, `length` bytes long, are those of a message index.
 fn is_message_index(start: &[u8], length: u64) -> bool {
     let mut rest = Bytes(start);
     let entries = rest.u16().and_then(|_channel| rest.u32());

@@ -104,8 +104,8 @@ fn is_foreign_part(
     Ok(true)
 }
 
-/// Describes a wrong start of a file: `wrong_start`, or that the file was copied in a text mode, which changes line ends
-/// or invalid UTF-8.
+/// Describes a wrong start of a file: `wrong_start`, or a copy in text mode, which changes line ends or replaces
+/// invalid UTF-8.
 fn wrong_start(found: &[u8], magic: &[u8], wrong_start: &'static str) -> &'static str {
     let line = |end: &[u8]| [magic.trim_ascii_end(), end].concat();
     let all: [Vec<u8>; 3] = [b"\n", &b"\r\n"[..], b"\r\r\n"].map(line);

@@ -1,4 +1,4 @@
-//! Streams of GNSS receivers: binary frames of UBX and RTCM 3, and lines with NMEA sentences, in any mixture.
+//! Streams of GNSS receivers: binary frames of UBX and RTCM 3, and NMEA sentences in lines, in any mixture.
 
 use super::Reading;
 use super::nmea::{self, Lines};
@@ -12,14 +12,14 @@ use memchr::{memchr, memchr3};
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// Topics in one log: talkers and types of sentences, and some two hundred messages of u-blox.
+/// Topics in one log: talkers and sentence types, and some two hundred messages of u-blox.
 const MOST_TOPICS: usize = 4096;
 
-/// Said of a stream of frames where neither frame nor sentence begins.
+/// Reported for a stream of frames where neither a frame nor a sentence begins.
 const NOTHING: &str = "bytes that are neither a frame nor a sentence";
 
-/// Reads one NMEA log, a stream of lines, or else one UBX log, of frames, or several that make up one flight. The receiver may
-/// have been told to send the other as well.
+/// Reads one NMEA log, a stream of lines, or one UBX log, of frames, or several that make up one flight. The receiver
+/// may have been configured to send the other format as well.
 pub(crate) fn read(
     paths: &[PathBuf],
     of_lines: bool,

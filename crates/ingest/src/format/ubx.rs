@@ -1,23 +1,23 @@
-//! UBX, the binary protocol of u-blox receivers, as it comes from the receiver: NMEA and RTCM 3 may stand between.
+//! UBX, the binary protocol of u-blox receivers, as the receiver sends it: NMEA and RTCM 3 may be interleaved.
 //!
-//! Every frame has a checksum, and it is checked. A topic is named after its message, `NAV-PVT`; messages that are not
-//! read are counted by class and number, and so are corrections; who takes messages as they stand has their bytes.
+//! The checksum of every frame is verified. A topic is named after its message, `NAV-PVT`. Messages that are not
+//! read are counted by class and number, and so are corrections; raw selections get their bytes.
 //!
-//! In front of the fields of a message the reader puts what it derives:
+//! The reader prepends derived fields to those of a message:
 //!
-//! - `gps_week`, the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or
-//!   else the first behind it (0 if none did), and `fix_ok`;
-//! - of NAV-PVT, NAV2-PVT and NAV-PVAT `carrier`, whether the phases of the carriers are solved;
-//! - of NAV-HPPOSLLH `latitude`, `longitude` and `ellipsoid_height` of all its digits, of NAV-HPPOSECEF so `place_x`,
+//! - `gps_week`, the week of its `iTOW` from a preceding NAV-TIMEGPS, NAV-SOL or date of NAV-TIMEUTC or a PVT,
+//!   otherwise from the first one after it (0 if there is none), and `fix_ok`;
+//! - for NAV-PVT, NAV2-PVT and NAV-PVAT `carrier`, whether the carrier phases are resolved;
+//! - for NAV-HPPOSLLH `latitude`, `longitude` and `ellipsoid_height` with all digits, and for NAV-HPPOSECEF `place_x`,
 //!   `place_y` and `place_z`;
-//! - of NAV-VELECEF the place that was told last, `at_x`, `at_y` and `at_z` (0 if none was within ten seconds);
-//! - of TIM-TP and TIM-TM2 `gps_tow_ms`, which with `gps_week` is the GPS time of a pulse that the message may count in
-//!   UTC or in the time of BeiDou; without one both are 0.
+//! - for NAV-VELECEF the last known position, `at_x`, `at_y` and `at_z` (0 if there was none within ten seconds);
+//! - for TIM-TP and TIM-TM2 `gps_tow_ms`, which with `gps_week` is the GPS time of a pulse that the message may count
+//!   in UTC or in the time of BeiDou; without one both are 0.
 //!
 //! A receiver's own output has no time at which it was logged.
 //!
-//! Layouts are a table and not those of the `ublox` crate: its accessors scale and clip each field, and one conversion
-//! by hand for each message would stand between it and the columns. The table goes into columns as it is.
+//! Layouts are a table, not those of the `ublox` crate: its accessors scale and clip each field, and each message would
+//! need a conversion by hand into columns. The table is decoded directly into columns.
 
 mod frame;
 mod identity;
@@ -40,7 +40,7 @@ use logscan::{Fate, Parsed, Trust};
 use memchr::memmem;
 use std::collections::HashMap;
 
-/// Nobody stamped the messages.
+/// The messages have no log time.
 const UNSTAMPED: Times = Times { logged_ns: 0, published_ns: None };
 
 /// Whether these first bytes of a file hold an intact frame.
@@ -77,19 +77,19 @@ pub(super) fn fault(bytes: &[u8]) -> &'static str {
     }
 }
 
-/// The way of frames to their topics.
+/// Routes frames to their topics.
 #[derive(Default)]
 pub(super) struct Frames {
-    /// There was one.
+    /// Whether there was any.
     pub(super) any: bool,
-    /// By class and number; RTCM by its own.
+    /// Routes by class and number; RTCM by its own.
     routes: HashMap<(u8, u8), Option<Route>>,
-    /// The same, for messages that are taken whole.
+    /// The same, for messages that are taken raw.
     whole_routes: HashMap<(u8, u8), Option<Route>>,
     line: String,
     receiver: Receiver,
     assembled: Vec<u8>,
-    /// Messages before the first that told the week, of this run of the receiver's clock, and of earlier ones, in which it did
+    /// Messages before the first known week, in this run of the receiver's clock and in earlier ones, in which it did
     /// not know the time.
     early: Tally,
     early_run: i64,
@@ -97,10 +97,10 @@ pub(super) struct Frames {
     unplaced: Tally,
 }
 
-/// Stands for corrections among the routes: no class of UBX has this number.
+/// Key of corrections among the routes: no UBX class has this number.
 const CORRECTIONS: (u8, u8) = (0xff, RTCM);
 
-/// Of messages that are not read, for who takes all of them as they stand.
+/// Raw column of messages that are not decoded.
 fn whole_layout() -> CellLayout {
     let number = CellKind::NumberIfAny;
     CellLayout::of([("gps_week", number), ("iTOW", number), (PAYLOAD_HEX, CellKind::Text)])
@@ -111,7 +111,7 @@ fn name_of(key: (u8, u8)) -> String {
 }
 
 impl Frames {
-    /// Takes a frame that was found to be intact.
+    /// Takes a frame that is known to be intact.
     pub(super) fn take(&mut self, bytes: &[u8], topics: &mut Topics<'_>) -> Fate {
         self.any = true;
         match bytes {
@@ -127,7 +127,7 @@ impl Frames {
             self.receiver.version(frame.payload);
         }
         self.receiver.identity.tell(key, frame.payload);
-        // A frame without payload asks for the message; nothing is in it.
+        // A frame without payload is a poll for the message; it contains nothing.
         let Some(message) = Message::of(frame.class, frame.number).filter(|_| !frame.payload.is_empty()) else {
             return self.skip(key, frame.payload, topics);
         };
@@ -148,7 +148,7 @@ impl Frames {
         topics.message(route, UNSTAMPED, &self.assembled)
     }
 
-    /// Counts what is not read, or hands it on as it stands, with the time of week that was told last.
+    /// Counts a message that is not read, or passes it on raw, with the last known time of week.
     fn skip(&mut self, key: (u8, u8), payload: &[u8], topics: &mut Topics<'_>) -> Fate {
         topics.vouch(Vouch::Checksum);
         if !topics.takes_extras() {
@@ -167,7 +167,7 @@ impl Frames {
     }
 
     fn whole_route(&mut self, key: (u8, u8), topics: &mut Topics<'_>) -> Option<Route> {
-        // One without a payload asks for the message, and is none of them.
+        // A frame without payload is a poll, not such a message.
         let poll = if Message::of(key.0, key.1).is_some() { "-poll" } else { "" };
         let name = name_of(key) + poll;
         let route = *self.whole_routes.entry(key).or_insert_with(|| {
@@ -180,7 +180,7 @@ impl Frames {
         route
     }
 
-    /// Where messages go; `None`, and counted, if there are too many topics.
+    /// Destination of messages; `None`, and counted, if there are too many topics.
     fn route(&mut self, key: (u8, u8), topics: &mut Topics<'_>) -> Option<Route> {
         let (class, number) = key;
         let name = name_of(key);
@@ -195,7 +195,8 @@ impl Frames {
         route
     }
 
-    /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
+    /// Writes what the receiver says about itself, and what was wrong. The returned value dates the tables once they
+    /// are made.
     pub(super) fn finish(mut self, log: &mut Log, notices: &mut Notices) -> (Weeks, EarlyMarks) {
         tell_too_many_topics(&self.unplaced, "messages", "", notices);
         if !self.receiver.weeks.are_of(self.early_run) {

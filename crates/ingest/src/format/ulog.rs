@@ -17,16 +17,16 @@ use flight::Clock;
 use logscan::scan;
 use std::path::PathBuf;
 
-/// What every ULog begins with; its version follows.
+/// The magic of every ULog; the version follows.
 const MAGIC: &[u8] = b"ULog\x01\x12\x35";
-/// Magic, version and time in front of the first message.
+/// Magic, version and time before the first message.
 const START: usize = 16;
 /// The newest version of the format.
 const VERSION: u8 = 1;
 
-/// Logs one behind another in one file.
+/// Maximum logs one after another in one file.
 const MOST_LOGS: u64 = 1000;
-/// Topics in one log: PX4 has some three hundred, and few instances of each.
+/// Maximum topics in one log: PX4 has about three hundred, with few instances of each.
 const MOST_TOPICS: usize = 8192;
 
 /// Reads one PX4 ULog, or several that make up one flight.

@@ -1,7 +1,7 @@
-//! Chunks decompressed and summed, some before the walk comes to them, by threads that have nothing else to do.
+//! Chunks decompressed and checksummed by idle threads, some before the walk reaches them.
 //!
-//! What lies ready changes nothing in what is read: the walk looks at every record itself, and takes what was made early
-//! only if it was made of the very bytes that it would decompress.
+//! Chunks prepared ahead do not change what is read: the walk examines every record itself, and uses a prepared chunk
+//! only if it was made from the very bytes that it would decompress.
 
 use crate::format::crew::{Crew, Order, Outcome};
 use crate::format::inflate::{Codec, Inflater};
@@ -11,45 +11,45 @@ use std::iter::Peekable;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Chunks that are made early are no longer than this, packed and unpacked together, bytes.
+/// Chunks prepared ahead are no longer than this, packed and unpacked together, bytes.
 const MOST_HELD: u64 = 8 << 20;
-/// Nearer to one another, chunks take less time than handing them over, bytes.
+/// Chunks closer together than this take less time than handing them over, bytes.
 const LEAST_APART: u64 = 1 << 10;
-/// Places that are remembered.
+/// Most positions that are remembered.
 pub(crate) const MOST_PLACES: usize = 1 << 20;
 
 /// A chunk to be decompressed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Packed {
-    /// The record, and what is looked at together with it.
+    /// The record, and the bytes that are examined together with it.
     pub(crate) fetched: Range<u64>,
     /// The compressed bytes, within it.
     pub(crate) data: Range<u64>,
     pub(crate) codec: Codec,
-    /// What they should become, bytes.
+    /// Declared uncompressed size, bytes.
     pub(crate) declared: u64,
     /// Whether the content has a CRC-32.
     pub(crate) summed: bool,
 }
 
-/// Finds the chunk of a record at a place in the file, if there is one.
+/// Finds the chunk of a record at a position in the file, if there is one.
 pub(crate) type Look = fn(&mut LogFile, u64) -> Result<Option<Packed>, ScanError>;
 
-/// What came out of a chunk, and what went wrong if it is not all that was declared.
+/// Content of a chunk, and what went wrong if it is not complete.
 #[derive(Debug)]
 pub(crate) struct Unpacked<'u> {
     pub(crate) bytes: &'u [u8],
-    /// Of these bytes, if it was asked for.
+    /// CRC-32 of these bytes, if requested.
     pub(crate) crc: u32,
     pub(crate) fault: Option<String>,
 }
 
 /// Decompresses the chunks of one file.
 pub(crate) struct Unpacker {
-    /// Bytes that a chunk may become.
+    /// Most bytes that a chunk may decompress to.
     limit: u64,
     own: Bench,
-    /// What lay ready of the chunk that the walk came to last. The walk's buffer is lent to it.
+    /// What was prepared of the chunk that the walk reached last. The walk's buffer is lent to it.
     ready: Option<Bench>,
     ahead: Option<Ahead>,
 }
@@ -59,7 +59,7 @@ impl Unpacker {
         Unpacker { limit, own: Bench::new(file), ready: None, ahead: None }
     }
 
-    /// From now on chunks that should stand at these places may be decompressed early.
+    /// From now on chunks expected at these positions may be decompressed ahead.
     pub(crate) fn expect(&mut self, mut places: Vec<u64>, look: Look) {
         places.sort_unstable();
         places.dedup_by(|next, place| *next - *place < LEAST_APART);
@@ -75,7 +75,7 @@ impl Unpacker {
         });
     }
 
-    /// Takes what lies ready of the record at `at`: `file` holds its bytes then.
+    /// Takes what was prepared for the record at `at`: `file` then holds its bytes.
     pub(crate) fn come_to(&mut self, at: u64, file: &mut LogFile) {
         let Some(ahead) = &mut self.ahead else { return };
         // The walk gets its own buffer back, which may be as long as its longest chunk.
@@ -112,15 +112,15 @@ impl Unpacker {
     }
 }
 
-/// What decompresses one chunk at a time, with the last one in it.
+/// Decompresses one chunk at a time and holds the last one.
 struct Bench {
     inflater: Inflater,
-    /// Where a thread reads: its buffer holds the bytes of the chunk.
+    /// Reader of a thread: its buffer holds the bytes of the chunk.
     file: LogFile,
     done: Option<Done>,
 }
 
-/// A chunk that was decompressed: its content lies in the [`Inflater`].
+/// A chunk that was decompressed: its content is in the [`Inflater`].
 struct Done {
     packed: Packed,
     length: usize,
@@ -145,12 +145,12 @@ impl Bench {
         self.done.as_ref().is_some_and(|done| done.packed == *packed)
     }
 
-    /// Memory of its buffers, bytes.
+    /// Size of its buffers, bytes.
     fn held(&self) -> u64 {
         (self.inflater.held() + self.file.held()) as u64
     }
 
-    /// Decompresses the chunk at `at`, unless there is none or it is long. What cannot be read is left to the walk.
+    /// Decompresses the chunk at `at`, if there is one and it is not long. The walk handles what cannot be read.
     fn prepare(&mut self, at: u64, look: Look, limit: u64) {
         self.done = None;
         let Ok(Some(packed)) = look(&mut self.file, at) else { return };
@@ -166,11 +166,11 @@ impl Bench {
     }
 }
 
-/// The chunks that are under way.
+/// The chunks in progress.
 struct Ahead {
     crew: Crew,
     file: LogFile,
-    /// Those that nobody has begun with.
+    /// Chunks that no thread has begun.
     places: Peekable<std::vec::IntoIter<u64>>,
     look: Look,
     limit: u64,
@@ -179,7 +179,7 @@ struct Ahead {
 }
 
 impl Ahead {
-    /// What was made of the chunk at `at`. What lies before it will not be asked for any more.
+    /// The result for the chunk at `at`. Earlier chunks will not be requested any more.
     fn take(&mut self, at: u64) -> Option<Bench> {
         while self.places.next_if(|&place| place <= at).is_some() {}
         while let Some((place, order)) = self.begun.pop_front_if(|(place, _)| *place <= at) {
@@ -193,7 +193,7 @@ impl Ahead {
         None
     }
 
-    /// For another chunk. Buffers that a long one has made are given back.
+    /// Prepares it for another chunk. Buffers that a long chunk has enlarged are released.
     fn keep(&mut self, mut bench: Bench) {
         if bench.held() <= MOST_HELD {
             bench.done = None;
@@ -201,7 +201,7 @@ impl Ahead {
         }
     }
 
-    /// Gives the next chunks to whoever has time.
+    /// Gives the next chunks to idle threads.
     fn begin(&mut self) {
         while self.crew.has_time(self.begun.len())
             && let Some(place) = self.places.next()
@@ -234,14 +234,14 @@ mod tests {
 
     const LENGTH: usize = 2000;
 
-    /// Chunks of as many bytes, uncompressed, one behind the other.
+    /// Chunks with this many uncompressed bytes each, one after the other.
     fn look(_: &mut LogFile, at: u64) -> Result<Option<Packed>, ScanError> {
         let (place, declared) = (at..at + LENGTH as u64, LENGTH as u64);
         Ok(Some(Packed { fetched: place.clone(), data: place, codec: Codec::None, declared, summed: true }))
     }
 
     #[test]
-    fn chunks_are_those_of_the_file_in_whatever_order_they_are_asked_for() {
+    fn chunks_are_those_of_the_file_in_any_order_of_requests() {
         let content: Vec<u8> = (0..10 * LENGTH as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
         for asked in [&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9][..], &[9, 0, 1], &[0, 0, 5, 5, 4, 9], &[3, 9]] {
@@ -257,7 +257,7 @@ mod tests {
                     let unpacked = unpacker.unpack(&packed, &mut file).unwrap().unwrap();
                     let expected = &content[at..][..LENGTH];
                     assert_eq!((unpacked.bytes, unpacked.crc), (expected, crc32fast::hash(expected)));
-                    // Another chunk at the same place is not taken for it.
+                    // A different chunk at the same position is not accepted in its place.
                     let shorter = Packed { data: at as u64..at as u64 + 50, declared: 50, ..packed };
                     assert_eq!(unpacker.unpack(&shorter, &mut file).unwrap().unwrap().bytes, &expected[..50]);
                 }
@@ -266,14 +266,14 @@ mod tests {
     }
 
     #[test]
-    fn buffers_that_a_long_chunk_has_made_are_given_back() {
+    fn buffers_enlarged_by_a_long_chunk_are_released() {
         let long = MOST_HELD as usize;
         let (_on_disk, mut file) = file_of(&vec![7; 2 * LENGTH + long]);
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
             let mut unpacker = Unpacker::new(&file, u64::MAX);
             unpacker.expect(vec![0, LENGTH as u64, 2 * LENGTH as u64], look);
             assert_eq!(file.bytes(2 * LENGTH as u64, long).unwrap().map(<[u8]>::len), Some(long));
-            // The walk keeps its own long buffer, whatever it takes of others.
+            // The walk keeps its own long buffer, even when it takes prepared chunks.
             for at in [0, LENGTH as u64, 2 * LENGTH as u64] {
                 unpacker.come_to(at, &mut file);
                 let lent = unpacker.ready.iter().map(Bench::held).sum::<u64>();
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn long_chunks_wait_for_the_walk_and_one_thread_makes_nothing_early() {
+    fn long_chunks_are_left_to_the_walk_and_one_thread_prepares_nothing() {
         let (_on_disk, file) = file_of(&[7; 3 * LENGTH / 2]);
         let mut bench = Bench::new(&file);
         let long: Look =

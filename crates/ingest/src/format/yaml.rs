@@ -1,17 +1,17 @@
-//! The values of a YAML file, each with the keys above it. Anchors are not followed, so that no file can unfold into a larger
-//! one.
+//! The values of a YAML file, each with its parent keys. Anchors are not followed, so that no file can expand into a
+//! larger one.
 
 use saphyr_parser::{Event, Parser};
 
-/// Collections within each other that are followed.
+/// Deepest nesting of collections that is followed.
 const DEEPEST: usize = 64;
 
-/// What stands for an element of a list among the keys.
+/// Key that represents a list element.
 pub(super) const ELEMENT: &str = "-";
 
-/// A collection that is open.
+/// A collection that has not ended.
 enum Open {
-    /// With the key whose value comes next.
+    /// With the key of the next value.
     Map(Option<String>),
     List,
 }
@@ -25,10 +25,10 @@ impl Open {
     }
 }
 
-/// Hands on every value with the keys above it from the outermost on, and `None` where a collection begins.
+/// Passes on every value with its parent keys from the outermost on, and `None` where a collection begins.
 ///
 /// # Errors
-/// Where and why the file is no YAML from there on, or nested too deep; what stands before has been handed on.
+/// Where and why the file is not valid YAML, or nested too deeply; everything before that has been passed on.
 pub(super) fn walk(text: &str, mut take: impl FnMut(&[&str], Option<&str>)) -> Result<(), String> {
     let mut open: Vec<Open> = vec![];
     let text = text.trim_start_matches('\u{feff}');
@@ -64,7 +64,7 @@ pub(super) fn walk(text: &str, mut take: impl FnMut(&[&str], Option<&str>)) -> R
     Ok(())
 }
 
-/// The value of a key is there: another key comes next.
+/// The value of a key is complete: another key comes next.
 fn end_value(open: &mut [Open]) {
     if let Some(Open::Map(key)) = open.last_mut() {
         *key = None;
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn values_have_the_keys_above_them_in_every_way_to_write_them() {
+    fn values_have_their_parent_keys_in_every_notation() {
         let expected = ["=(", "a=(", "a.b=1", "a.c=(", "a.c.-=x y", "a.c.-=(", "a.c.-.d=2", "e="];
         for text in [
             "a:\n  b: 1\n  c:\n  - x y\n  - d: 2\ne: ''\n",
@@ -94,20 +94,20 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_before_the_damage_is_handed_on_and_nothing_makes_it_long() {
+    fn values_before_damage_are_passed_on_and_no_file_expands() {
         let (found, end) = values("a: 1\nb: [2, 3\nc: }\n");
         assert_eq!(found[..2], ["=(", "a=1"]);
         assert!(end.unwrap_err().starts_with("line "));
         for hostile in ["[".repeat(1 << 20), "- ".repeat(1 << 20), "? ".repeat(1 << 20), "{a: ".repeat(1 << 18)] {
             assert!(values(&hostile).1.is_err(), "{:.8}", hostile);
         }
-        // Each alias would be ten of those before.
+        // Each alias would be ten of the previous ones.
         let bomb = "a: &a [x,x]\nb: &b [*a,*a]\nc: [*b,*b]\n";
         assert_eq!(values(bomb).0.len(), 10);
     }
 
     #[test]
-    fn no_flipped_bit_of_a_file_makes_a_panic() {
+    fn no_flipped_bit_of_a_file_causes_a_panic() {
         let text = "root:\n  list:\n    - \"a\": {b: [1, 'c']}\n      d: |\n        text\n    - *x\n  e: &y 5 # six\n";
         for bit in 0..8 * text.len() {
             let mut bytes = text.as_bytes().to_vec();

@@ -1,5 +1,5 @@
-//! Tables without a header: which columns move as a position and a velocity do. Names that say nothing are given roles that the
-//! motion has to prove.
+//! Tables without a header: finds the columns that move like a position and a velocity. Meaningless names get roles
+//! that the motion has to prove.
 
 use super::names::{Axis, Named, Role};
 use super::sets::{Position, Source, Velocity};
@@ -7,21 +7,21 @@ use super::times::{Timing, timings};
 use crate::reader::TableHead;
 use crate::table::{Table, numbers};
 
-/// More columns are not tried.
+/// Tables with more columns are not tried.
 const MOST_COLUMNS: usize = 40;
-/// No flight goes further, as an angle in degrees.
+/// No flight extends further, as an angle in degrees.
 const MOST_TRAVELLED: f64 = 20.0;
 
 /// Columns that are tried as the time.
 const MOST_TIMES: usize = 4;
 
-/// Whether no column has a name of its own.
+/// Whether no column has a name.
 pub(super) fn is_bare(head: &TableHead) -> bool {
     let is_numbered = |(i, name): (usize, &String)| *name == format!("column_{}", i + 1);
     may_be_tried(head) && head.names.iter().enumerate().all(is_numbered)
 }
 
-/// Whether the columns are few enough to be tried by their motion alone.
+/// Whether there are few enough columns to try them by their motion alone.
 pub(super) fn may_be_tried(head: &TableHead) -> bool {
     !head.names.is_empty() && head.names.len() <= MOST_COLUMNS
 }
@@ -30,8 +30,8 @@ pub(super) fn named(path: &str, role: Role) -> Named {
     Named { path: path.to_owned(), role, source: String::new(), unit: None, odd_unit: None, words: vec![] }
 }
 
-/// All neighbours that may be a latitude and a longitude, and all that may be horizontal velocities: once for each column
-/// that may be the time.
+/// All neighbours that may be a latitude and a longitude, and all that may be horizontal velocities: once for each
+/// possible time column.
 pub(super) fn sources<'l>(head: &TableHead, table: &'l Table) -> Vec<Source<'l>> {
     let times = head.names.iter().filter_map(|path| {
         let found = timings(table, &[named(path, Role::Time)]);
@@ -79,7 +79,7 @@ fn varies(table: &Table, path: &str) -> bool {
     range(table, path).is_some_and(|(least, most)| most > least)
 }
 
-/// Degrees, or integers of 1e-7 degrees, that stay in one country, and have as many digits as a place needs.
+/// Degrees, or integers of 1e-7 degrees, that stay in one country, and have enough digits for a position.
 fn may_be_place(table: &Table, latitude: &str, longitude: &str) -> bool {
     let Some(((a, b), (c, d))) = range(table, latitude).zip(range(table, longitude)) else { return false };
     let fits = |scale: f64| {

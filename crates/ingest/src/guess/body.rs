@@ -1,5 +1,5 @@
-//! Attitudes, angular rates and specific forces: units and axes by what they say of each other and of the velocity. What these
-//! contradict is refused, and what they cannot decide too.
+//! Attitudes, angular rates and specific forces: infers units and axes by comparing them with each other and with the
+//! velocity. What these contradict or cannot decide is rejected.
 
 mod attitude;
 mod force;
@@ -14,9 +14,9 @@ use super::{Found, decide};
 use crate::table::Table;
 use flight::Unit;
 
-/// Agreements that confirm, and that contradict.
+/// An agreement that confirms or, with the opposite sign, contradicts.
 const CONFIRMS: f64 = 0.8;
-/// Differences in agreement that decide.
+/// A difference in agreement that decides.
 const DECIDES: f64 = 0.05;
 
 /// Three columns with their unit and frame.
@@ -26,7 +26,7 @@ pub(super) struct Body {
     pub(super) quantity: &'static str,
     pub(super) roles: [&'static str; 3],
     pub(super) unit: Unit,
-    /// As a map calls it.
+    /// As named in a map.
     pub(super) frame: &'static str,
     pub(super) why: Vec<String>,
 }
@@ -45,10 +45,10 @@ impl Of<'_> {
         decide::trace(self.table, &self.timing.times_s, columns, |values| values.map(|value| unit.to_si(value)))
     }
 
-    /// The unit that the table states, or nothing.
+    /// The unit that the table states, or `None`.
     ///
     /// # Errors
-    /// A unit that is unknown, or not the same for all columns.
+    /// If a unit is unknown, or differs between columns.
     fn stated(&self) -> Result<Option<Unit>, String> {
         let columns = || self.set.columns.iter();
         if let Some((column, odd)) = columns().find_map(|column| Some((column, column.odd_unit.as_ref()?))) {
@@ -65,7 +65,7 @@ impl Of<'_> {
         }
     }
 
-    /// The largest value of any of the columns, without its sign.
+    /// The largest absolute value of any of the columns.
     fn largest(&self) -> f64 {
         self.set.columns.iter().map(|column| decide::largest(self.table, column)).fold(0.0, f64::max)
     }
@@ -75,7 +75,7 @@ fn unit(symbol: &str) -> Result<Unit, String> {
     decide::unit(symbol).ok_or_else(|| "no such unit".to_owned())
 }
 
-/// What is found in the tables, and why other sets are not bound. `motions` are the velocities that were bound.
+/// What is found in the tables, and why other sets are not bound. `motions` are the bound velocities.
 pub(super) fn bodies<'l>(
     sources: &'l [Source<'l>],
     motions: &[Found<'_, Motion>],
@@ -123,7 +123,7 @@ impl<'l> Bodies<'l> {
     }
 }
 
-/// The way to read the time of a table: that of its positions and velocities, else a certain one.
+/// The time of a table: that of its positions and velocities, or else a certain one.
 fn timing_of<'t>(source: &'t Source<'_>, times: &[(&str, &'t Timing)]) -> Option<&'t Timing> {
     let same = times.iter().find(|(topic, _)| *topic == source.table.topic.name).map(|(_, timing)| *timing);
     same.or(source.timings.first().filter(|timing| timing.is_certain))

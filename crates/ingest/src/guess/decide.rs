@@ -1,4 +1,4 @@
-//! What the motion says of a position and a velocity: units, axes and signs.
+//! Infers units, axes and signs of a position and a velocity from the motion.
 
 use super::motion::{Match, Trace, Windows};
 use super::names::{Axis, Named, Role};
@@ -7,28 +7,28 @@ use super::times::Timing;
 use crate::table::{Column, Table, numbers};
 use flight::{Dimension, Geodetic, LocalFrame, Unit};
 
-/// Below, position and velocity do not belong together.
+/// With less agreement, position and velocity do not belong together.
 const LEAST_AGREEMENT: f64 = 0.9;
-/// Differences in agreement that are none, and that decide.
+/// Below this a difference in agreement counts as zero; above, it decides.
 const SAME: f64 = 0.02;
 const DECIDES: f64 = 0.05;
-/// A unit is right if the measured scale is so near, as a logarithm.
+/// A unit is right if the measured scale is this near, as a logarithm.
 const NEAR: f64 = 0.15;
-/// Heights move too little for more.
+/// Heights move too little for a higher limit.
 const LEAST_VERTICAL: f64 = 0.8;
-/// Of a longer table so many rows are compared, and they stand together in so many stretches: each of minutes, where windows
-/// are of seconds.
+/// Of a longer table this many rows are compared, in this many contiguous stretches: each lasts minutes, and windows
+/// last seconds.
 const MOST_ROWS: usize = 1 << 19;
 const STRETCHES: usize = 32;
-/// rad.
+/// The latitude of a pole, rad.
 const MOST_LATITUDE: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Where a vertical column counts to.
+/// The positive direction of a vertical column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Vertical {
     Up,
     Down,
-    /// Nobody knows: the column is left out.
+    /// Unknown: the column is left out.
     LeftOut,
 }
 
@@ -38,9 +38,9 @@ pub(super) struct Place {
     pub(super) set: Position,
     pub(super) unit: Unit,
     pub(super) third: Option<(Unit, Vertical)>,
-    /// The second column goes north, and the first one east.
+    /// The second column is north, and the first one east.
     pub(super) swapped: bool,
-    /// The east column counts west.
+    /// The east column is positive to the west.
     pub(super) is_west: bool,
     pub(super) why: Vec<String>,
 }
@@ -50,18 +50,18 @@ pub(super) struct Place {
 pub(super) struct Motion {
     pub(super) set: Velocity,
     pub(super) unit: Unit,
-    /// Of a track.
+    /// For a track.
     pub(super) angle: Option<Unit>,
     pub(super) third: Option<(Unit, Vertical)>,
     pub(super) swapped: bool,
-    /// The east column counts west.
+    /// The east column is positive to the west.
     pub(super) is_west: bool,
     /// With the position that it was compared with; 1 is complete.
     pub(super) agreement: f64,
     pub(super) why: Vec<String>,
 }
 
-/// Rows of a table of so many that are compared: all of them, or of very many those of some stretches.
+/// The rows of a table that are compared: all of them, or some stretches of a very long one.
 fn compared_rows(rows: usize) -> impl Iterator<Item = usize> {
     let stretches = if rows > MOST_ROWS { STRETCHES } else { 1 };
     let length = rows.min(MOST_ROWS) / stretches;
@@ -71,7 +71,7 @@ fn compared_rows(rows: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The values of some columns over the time of a table, by whatever the rows give.
+/// The values of some columns over the time of a table, each row converted by `turn`.
 pub(super) fn trace<const N: usize>(
     table: &Table,
     times_s: &[f64],
@@ -101,10 +101,10 @@ pub(super) fn largest(table: &Table, column: &Named) -> f64 {
     (0..table.rows).filter_map(|row| values?.number(row)).fold(0.0, |most, v| most.max(v.abs()))
 }
 
-/// Distances from the centre of the Earth at which anything flies, m.
+/// Distances from the centre of the Earth within which anything flies, m.
 const EARTH_CENTRED_M: std::ops::Range<f64> = 6.33e6..6.5e6;
 
-/// Whether three lengths are earth-centred coordinates: they are as far from one point as the surface of the Earth is.
+/// Whether three lengths are earth-centred coordinates: their distance from the origin is the Earth's radius.
 pub(super) fn is_earth_centred(table: &Table, set: &Position) -> bool {
     let columns =
         [Some(&set.first), Some(&set.second), set.third.as_ref()].map(|c| Some((c?, numbers(table, &c?.path)?)));
@@ -118,8 +118,8 @@ pub(super) fn is_earth_centred(table: &Table, set: &Position) -> bool {
     !set.is_geodetic && distances.peek().is_some() && distances.all(|distance| EARTH_CENTRED_M.contains(&distance))
 }
 
-/// Units that a position may have: the stated one, or those that its range allows, with the reason; none of earth-centred
-/// coordinates, of which no axis goes north.
+/// Possible units of a position: the stated one, or those that its range allows, with the reason; none for
+/// earth-centred coordinates, which have no north axis.
 pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String)> {
     if is_earth_centred(table, set) {
         return vec![];
@@ -147,7 +147,7 @@ pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String
     degrees.into_iter().chain(radians.map(|rad| (rad, "tried as rad".to_owned()))).collect()
 }
 
-/// What is said of a position without a unit: it is earth-centred, or its values are in no unit of an angle.
+/// The reason for a position without a unit: it is earth-centred, or its values fit no unit of angle.
 pub(super) fn without_unit(table: &Table, set: &Position) -> String {
     if !set.is_geodetic {
         let [x, y] = [&set.first.path, &set.second.path];
@@ -165,7 +165,7 @@ pub(super) fn without_unit(table: &Table, set: &Position) -> String {
     )
 }
 
-/// A position in metres north, east, up from its first row; of lengths as the columns stand.
+/// A position in metres north, east, up from its first row; lengths in the order of the columns.
 fn metres(table: &Table, timing: &Timing, set: &Position, angle: Unit) -> Trace<3> {
     let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
     let third = set.third.as_ref().and_then(|c| c.unit);
@@ -187,7 +187,7 @@ fn metres(table: &Table, timing: &Timing, set: &Position, angle: Unit) -> Trace<
     degrees
 }
 
-/// A velocity as it stands: along the axes of its columns, with the track in `angle`.
+/// A velocity as logged: along the axes of its columns, with the track in `angle`.
 fn speeds(table: &Table, timing: &Timing, set: &Velocity, angle: Option<Unit>) -> Trace<3> {
     let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
     trace(table, &timing.times_s, columns, |[a, b, c]| match angle {
@@ -196,7 +196,7 @@ fn speeds(table: &Table, timing: &Timing, set: &Velocity, angle: Option<Unit>) -
     })
 }
 
-/// A table, how its time is read, and columns of it.
+/// A table, its time, and some of its columns.
 pub(super) struct Of<'a, S> {
     pub(super) table: &'a Table,
     pub(super) timing: &'a Timing,
@@ -211,10 +211,10 @@ impl<S> Clone for Of<'_, S> {
 
 impl<S> Copy for Of<'_, S> {}
 
-/// Units, axes and signs by which the position moves as the velocity says.
+/// Finds the units, axes and signs with which the position moves as the velocity says.
 ///
 /// # Errors
-/// Why there are none, or more than one way.
+/// Why there are none, or more than one.
 pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Result<(Place, Motion), String> {
     let mut found: Vec<(Place, Motion)> = vec![];
     let mut why_not = without_unit(place.table, place.set);
@@ -241,15 +241,15 @@ pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Resul
     }
 }
 
-/// How what two columns have in common is told where it is too little.
+/// How a reason begins the agreement that was too low.
 const AGREEMENT: &str = "(agreement ";
 
-/// Whether a reason of [`decide`] is that position and velocity move, and not alike.
+/// Whether a reason of [`decide`] is that position and velocity move differently.
 pub(super) fn is_contradiction(why: &str) -> bool {
     why.contains(AGREEMENT)
 }
 
-/// Units in which a track may be; one `None` for a velocity along axes.
+/// Possible units of a track; one `None` for a velocity along axes.
 fn tracks(table: &Table, set: &Velocity) -> Vec<Option<Unit>> {
     if !set.is_polar {
         return vec![None];
@@ -279,7 +279,7 @@ fn fit(
     }
     whys.extend(notes);
     let place_unit_why = if why.starts_with("tried") { format!("{angle}, as the motion says") } else { why.to_owned() };
-    // Where the velocity names its axes, those of an unnamed place are found and not its own.
+    // Where the velocity names its axes, they decide those of an unnamed position.
     let of_place = is_unnamed && says_axes(first);
     if of_place && found.signs[1] < 0.0 {
         return Err(format!(
@@ -308,7 +308,7 @@ fn fit(
     Ok((place, motion))
 }
 
-/// Why a velocity is taken as it is.
+/// The evidence for the units and axes of a velocity.
 fn evidence(windows: &Windows, place: &str, found: &Match, speed: Unit) -> String {
     format!(
         "{} windows of {:.1} s: it agrees with the motion of {place} to {:.3}, velocity over displacement is {:.3} ({speed} would \
@@ -322,7 +322,7 @@ fn evidence(windows: &Windows, place: &str, found: &Match, speed: Unit) -> Strin
     )
 }
 
-/// The way in which the axes stand: as the names say where they say it, else the one that fits by far best.
+/// The directions of the axes: as named if they are named, else those that fit best by far.
 fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match, String> {
     let all = windows.all();
     let plain = windows.try_axes(false, [1.0, 1.0]);
@@ -374,7 +374,7 @@ fn described(found: Match) -> String {
     }
 }
 
-/// The unit whose scale is measured, if no other one is nearly as near.
+/// The unit whose scale is measured, if no other unit is nearly as close.
 fn unit_of_speed(motion: Of<'_, Velocity>, scale: f64) -> Result<Unit, String> {
     let (first, second) = (&motion.set.first, &motion.set.second);
     let distance = |unit: Unit| (scale * unit.to_si(1.0)).ln().abs();
@@ -407,7 +407,7 @@ fn unit_of_speed(motion: Of<'_, Velocity>, scale: f64) -> Result<Unit, String> {
     }
 }
 
-/// Where a vertical column counts to by its name.
+/// The positive direction of a vertical column by its name.
 pub(super) fn side(named: &Named) -> Option<Vertical> {
     match named.role {
         Role::Height | Role::Velocity(Axis::Up) | Role::Position(Axis::Up) => Some(Vertical::Up),
@@ -416,7 +416,7 @@ pub(super) fn side(named: &Named) -> Option<Vertical> {
     }
 }
 
-/// Heights and vertical velocities: units and signs, as the motion says or else the names; and what is to be said.
+/// Units and signs of heights and vertical velocities, from the motion or else from the names; with the notices.
 #[expect(clippy::type_complexity, reason = "two verticals and their notes")]
 fn verticals(
     of: Of<'_, Position>,
@@ -434,7 +434,7 @@ fn verticals(
         (None, ..) => (None, None),
     };
     notes.extend(why);
-    // A `z` of a frame that nobody names counts as a vertical velocity shows that says where it points.
+    // A `z` of an unknown frame has the direction shown by a vertical velocity whose own direction is named.
     let by_third = || Some((side(third?)? == Vertical::Up) == (measured?.0 > 0.0));
     let height_up = height.and_then(side).map(|side| side == Vertical::Up).or_else(by_third);
     let place_side = height.map(|_| match (height_unit, height_up) {
@@ -463,17 +463,17 @@ fn verticals(
     (height, third_unit.zip(counts), notes)
 }
 
-/// How the reason of a unit ends that is assumed.
+/// How the reason of an assumed unit ends.
 pub(super) const UNSHOWN: &str = "which nothing shows";
 /// Units in which heights are logged.
 const OF_HEIGHTS: [&str; 4] = ["m", "ft", "mm", "cm"];
-/// No table of flights holds heights above this, m.
+/// No flight table holds heights above this, m.
 const HIGHEST_M: f64 = 20_000.0;
-/// Above this no height is in feet: it would be above [`HIGHEST_M`].
+/// A height above this is not in feet: it would be above [`HIGHEST_M`].
 const HIGHEST_FT: f64 = 65_600.0;
 
-/// The unit of a height by the vertical velocity that was compared with it, and what is to be said. `scale` is velocity over
-/// displacement as the columns stand, with the height in SI units where its unit is stated.
+/// The unit of a height from the vertical velocity that was compared with it, with the notices. `scale` is velocity
+/// over displacement as logged, with the height in SI units where its unit is stated.
 fn measured_height(
     table: &Table,
     height: &Named,
@@ -483,7 +483,7 @@ fn measured_height(
 ) -> (Option<Unit>, Option<String>) {
     let per_unit = |to_si: f64| scale * of_third.to_si(1.0) / to_si;
     if let Some(stated) = height.unit {
-        // The comparison has it in metres already.
+        // The comparison already has it in metres.
         let times = 1.0 / per_unit(1.0);
         let differs = times.ln().abs() > NEAR;
         return (
@@ -511,7 +511,7 @@ fn measured_height(
     }
 }
 
-/// The unit of a height that nothing is compared with, by its size; `None` if that leaves it open.
+/// The unit of a height that nothing is compared with, by its size; `None` if that is ambiguous.
 pub(super) fn plausible_height(table: &Table, height: &Named, angle: Unit) -> (Option<Unit>, Option<String>) {
     if let Some(stated) = height.unit {
         return (Some(stated), None);

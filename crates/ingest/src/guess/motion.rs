@@ -1,16 +1,16 @@
-//! Whether a position moves as a velocity says: displacements against the integral of the velocity over the same windows, with
-//! the delay between both looked for.
+//! Tests whether a position moves as a velocity says: compares displacements with the integral of the velocity over the
+//! same windows, searching for the delay between them.
 
-/// Delays that are tried, s: a position is rarely early.
+/// Range of delays tried, s: a position is rarely early.
 const EARLIEST_S: f64 = -1.0;
 const LATEST_S: f64 = 3.0;
 const TRIED: usize = 100;
-/// Windows are this long at least, s.
+/// The shortest window, s.
 const WINDOW_S: f64 = 1.0;
 const MOST_WINDOWS: usize = 2000;
-/// Fewer say nothing.
+/// Fewer windows are not evaluated.
 pub(super) const FEWEST_WINDOWS: usize = 10;
-/// So far it goes in a window that counts as motion, m.
+/// The shortest displacement in a window that counts as motion, m.
 const LEAST_MOTION_M: f64 = 0.2;
 
 /// Columns of one table with the times of their rows.
@@ -21,7 +21,7 @@ pub(super) struct Trace<const N: usize> {
 }
 
 impl<const N: usize> Trace<N> {
-    /// Rows in the order of time, without those that repeat the time.
+    /// Sorts the rows by time, without repeated times.
     pub(super) fn new(mut rows: Vec<(f64, [f64; N])>) -> Trace<N> {
         rows.retain(|(t, values)| t.is_finite() && values.iter().all(|v| v.is_finite()));
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -30,7 +30,7 @@ impl<const N: usize> Trace<N> {
         Trace { times_s, values }
     }
 
-    /// Without rows whose first two values repeat those before: held values are no measurements.
+    /// Drops rows whose first two values repeat those before: held values are not measurements.
     pub(super) fn updates(mut self) -> Trace<N> {
         let mut last: Option<[f64; N]> = None;
         self.retain(|value| {
@@ -41,7 +41,7 @@ impl<const N: usize> Trace<N> {
         self
     }
 
-    /// Keeps the rows of such values.
+    /// Keeps the rows whose values pass.
     pub(super) fn retain(&mut self, mut is_kept: impl FnMut(&[f64; N]) -> bool) {
         let kept: Vec<bool> = self.values.iter().map(&mut is_kept).collect();
         let mut of_times = kept.iter();
@@ -50,7 +50,7 @@ impl<const N: usize> Trace<N> {
         self.values.retain(|_| of_values.next().copied().unwrap_or_default());
     }
 
-    /// Its integral, by trapezoids; across a hole of more than `hole_s` it is not known.
+    /// The integral, by trapezoids; unknown across a hole of more than `hole_s`.
     pub(super) fn integral(self, hole_s: f64) -> Integral<N> {
         let (mut sum, mut holes) = ([0.0; N], 0_u32);
         let mut at = vec![(sum, holes)];
@@ -68,7 +68,8 @@ impl<const N: usize> Trace<N> {
         self.times_s.iter().copied().zip(&self.values)
     }
 
-    /// The values at a time, on a straight line between the rows before and after it; `None` across more than `hole_s`.
+    /// The values at a time, interpolated linearly between the rows before and after it; `None` across more than
+    /// `hole_s`.
     pub(super) fn at(&self, time_s: f64, hole_s: f64) -> Option<[f64; N]> {
         let behind = self.times_s.partition_point(|t| *t <= time_s);
         let before = behind.checked_sub(1)?;
@@ -80,7 +81,7 @@ impl<const N: usize> Trace<N> {
         (u - t <= hole_s).then_some(values)
     }
 
-    /// The step in the middle of all, s.
+    /// The median step, s.
     pub(super) fn median_step_s(&self) -> Option<f64> {
         let mut steps: Vec<f64> = self.times_s.iter().zip(self.times_s.iter().skip(1)).map(|(a, b)| b - a).collect();
         steps.sort_by(f64::total_cmp);
@@ -112,17 +113,17 @@ impl<const N: usize> Integral<N> {
 pub(super) struct Windows {
     pub(super) moved: Vec<[f64; 3]>,
     pub(super) flown: Vec<[f64; 3]>,
-    /// How late the position is, as far as this comparison can tell, s.
+    /// How late the position is, within the resolution of this comparison, s.
     pub(super) late_s: f64,
     pub(super) length_s: f64,
 }
 
-/// How well velocities, turned by one of the ways in which axes may stand, give displacements.
+/// How well velocities, with axes assigned in one of the possible ways, give displacements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Match {
-    /// Which column goes north, and which east.
+    /// Which column is north, and which is east.
     pub(super) swapped: bool,
-    /// Signs of what goes north and east.
+    /// Signs of north and east.
     pub(super) signs: [f64; 2],
     /// Velocity over displacement.
     pub(super) scale: f64,
@@ -153,7 +154,7 @@ impl Windows {
         ((sum / best.moved.len() as f64).sqrt() > LEAST_MOTION_M).then_some(best)
     }
 
-    /// One way in which axes may stand.
+    /// One assignment of the axes.
     pub(super) fn try_axes(&self, swapped: bool, signs: [f64; 2]) -> Match {
         let (mut cross, mut moved, mut flown) = (0.0, 0.0, 0.0);
         for (d, v) in self.moved.iter().zip(&self.flown) {
@@ -163,11 +164,11 @@ impl Windows {
             flown += a * a + b * b;
         }
         let agreement = cross / (moved * flown).sqrt().max(f64::MIN_POSITIVE);
-        // Both may be noisy: neither is taken as the true one.
+        // Both may be noisy: neither is taken as the reference.
         Match { swapped, signs, scale: (flown / moved.max(f64::MIN_POSITIVE)).sqrt(), agreement }
     }
 
-    /// All eight ways, the best first.
+    /// All eight assignments, the best first.
     pub(super) fn all(&self) -> Vec<Match> {
         let signs = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
         let mut all: Vec<Match> =
@@ -180,7 +181,7 @@ impl Windows {
         self.all().into_iter().next()
     }
 
-    /// Of heights and the third velocity: agreement, negative where one counts the other way, and scale.
+    /// Agreement, negative where the signs are opposite, and scale of heights and the third velocity.
     pub(super) fn vertical(&self) -> Option<(f64, f64)> {
         let (mut cross, mut moved, mut flown) = (0.0, 0.0, 0.0);
         for (d, v) in self.moved.iter().zip(&self.flown) {
@@ -209,7 +210,7 @@ fn pairs(position: &Trace<3>, length_s: f64) -> Vec<(usize, usize)> {
     all.into_iter().step_by(step).collect()
 }
 
-/// Without windows that are far longer than nearly all others: a few wrong fixes must not decide.
+/// Drops windows that are far longer than nearly all others: a few wrong fixes must not decide.
 fn without_leaps(position: &Trace<3>, mut pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
     let way_m = |(first, last): &(usize, usize)| match (position.values.get(*first), position.values.get(*last)) {
         (Some(a), Some(b)) => (b[0] - a[0]).hypot(b[1] - a[1]),
@@ -247,7 +248,7 @@ fn of_delay(
 mod tests {
     use super::*;
 
-    /// Circles that climb, with the position late by `late_s`.
+    /// A climbing circle, with the position late by `late_s`.
     fn flight(late_s: f64) -> (Trace<3>, Trace<3>) {
         let place = |t: f64| [30.0 * (0.3 * t).sin(), 20.0 - 30.0 * (0.3 * t).cos(), 2.0 * t + 5.0 * (0.2 * t).sin()];
         let speed = |t: f64| [9.0 * (0.3 * t).cos(), 9.0 * (0.3 * t).sin(), 2.0 + (0.2 * t).cos()];
@@ -257,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_signs_scale_and_delay_are_those_that_were_made() {
+    fn simulated_axes_signs_scale_and_delay_are_recovered() {
         let (position, mut velocity) = flight(0.4);
         for v in &mut velocity.values {
             *v = [-3.6 * v[1], 3.6 * v[0], -3.6 * v[2]];
@@ -282,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_move_says_nothing() {
+    fn without_motion_there_is_no_comparison() {
         let (mut position, velocity) = flight(0.0);
         position.values.iter_mut().enumerate().for_each(|(i, v)| *v = [1e-3 * (i % 7) as f64, 0.0, 0.0]);
         assert!(Windows::new(position, velocity).is_none());

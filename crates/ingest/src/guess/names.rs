@@ -1,23 +1,23 @@
-//! What the name of a column says: role, axis, source and unit.
+//! Infers role, axis, source and unit of a column from its name.
 
 use crate::reader::TableHead;
 use crate::written_unit::{Written, is_blank, of_word, read};
 use flight::{Dimension, Unit};
 
-/// An axis as names have it.
+/// An axis as written in names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Axis {
     North,
     East,
     Down,
     Up,
-    /// Of a frame that the name does not say.
+    /// In a frame that the name does not give.
     X,
     Y,
     Z,
 }
 
-/// What a column may be.
+/// A possible role of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Role {
     Time,
@@ -34,12 +34,12 @@ pub(super) enum Role {
     Yaw,
     /// About an axis of the body.
     Rate(Axis),
-    /// What an accelerometer measures along an axis of the body.
+    /// What an accelerometer measures along a body axis.
     Force(Axis),
 }
 
 impl Role {
-    /// What its unit measures.
+    /// The dimension of its unit.
     pub(super) fn dimension(self) -> Dimension {
         match self {
             Role::Time => Dimension::Time,
@@ -53,21 +53,21 @@ impl Role {
     }
 }
 
-/// A column whose name says what it may be.
+/// A column whose name indicates its role.
 #[derive(Debug, Clone)]
 pub(super) struct Named {
     pub(super) path: String,
     pub(super) role: Role,
-    /// The words that are left over, as `gps` in `gps_lat`.
+    /// The remaining words, such as `gps` in `gps_lat`.
     pub(super) source: String,
-    /// As the table states it.
+    /// As stated in the table.
     pub(super) unit: Option<Unit>,
-    /// The table states a unit that is unknown or one of something else.
+    /// The unit stated in the table if it is unknown or of another dimension.
     pub(super) odd_unit: Option<String>,
     pub(super) words: Vec<String>,
 }
 
-/// Words that make something else of a column: how good it is, what was wanted, or of another place.
+/// Words that change the meaning of a column: its quality, a setpoint, or another place.
 const OTHERS: &[&str] = &[
     "std",
     "sigma",
@@ -188,7 +188,7 @@ const TRACKS: &[&str] =
 const CLIMBS: &[&str] = &["climb", "vs", "vspd", "vspeed", "roc", "climbrate", "verticalspeed"];
 const HEIGHTS: &[&str] = &["alt", "altitude", "height", "hgt", "elev", "elevation", "h", "hmsl"];
 
-/// The words of a name in lower case: parted at other characters and where small letters meet capital ones.
+/// The words of a name in lower case: split at other characters and where lower case changes to upper case.
 fn words(name: &str) -> Vec<String> {
     let chars: Vec<char> = name.chars().collect();
     let mut words = vec![String::new()];
@@ -221,12 +221,12 @@ fn axis_of(word: &str) -> Option<Axis> {
     })
 }
 
-/// `veln`, `vnorth`, `px`: what the first letters say, and the axis behind them.
+/// `veln`, `vnorth`, `px`: a prefix for the role, followed by the axis.
 fn fused(word: &str, fronts: &[&str]) -> Option<Axis> {
     fronts.iter().find_map(|front| axis_of(word.strip_prefix(front)?))
 }
 
-/// What a column is by its name; `None` if nothing that is looked for.
+/// The role of a column by its name; `None` if it has no wanted role.
 pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
     let front = crate::written_unit::in_brackets(path)
         .map_or(path, |unit| path.get(..path.len().saturating_sub(unit.len() + 2)).unwrap_or(path));
@@ -257,7 +257,7 @@ fn without_number(word: &str) -> Vec<String> {
     }
 }
 
-/// Takes the words of a unit from the end, as `m`, `s` in `vel_n_m_s`, `mps` or `e7`.
+/// Takes the words of a unit from the end, such as `m`, `s` in `vel_n_m_s`, `mps` or `e7`.
 fn take_unit(words: &mut Vec<String>) -> Vec<Unit> {
     for count in [2, 1] {
         let Some(at) = words.len().checked_sub(count).filter(|at| *at > 0) else { continue };
@@ -269,7 +269,7 @@ fn take_unit(words: &mut Vec<String>) -> Vec<Unit> {
             _ => continue,
         };
         let units = of_word(&text);
-        // A word of time alone at the end may be the role itself.
+        // A single word of time at the end may be the role itself.
         if !units.is_empty() {
             words.truncate(at);
             return units;
@@ -282,7 +282,7 @@ fn has(words: &[String], word: &str) -> bool {
     words.iter().any(|w| w == word)
 }
 
-/// The role that one of the words says by itself.
+/// The role that one of the words gives by itself.
 fn role_of_word(word: &str, words: &[String]) -> Option<Role> {
     Some(match word {
         "lat" | "latitude" => Role::Latitude,
@@ -319,7 +319,7 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
             None if OF_PLACE.contains(&word) => of = of.or(Some(Dimension::Length)),
             None if axis_of(word).is_some() && axis.is_none() => axis = axis_of(word),
             None if word == "vertical" && (has(words, "speed") || has(words, "velocity")) => axis = Some(Axis::Up),
-            // Ground speed is a kind of speed; a ground latitude is of the ground.
+            // Ground speed is a kind of speed; a ground latitude is that of the ground.
             None if FILLERS.contains(&word) && (word != "ground" || is_speed) => {}
             None => left.push(word),
         }
@@ -337,14 +337,14 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
     if matches!(role, Role::Time | Role::Week) {
         return Some((role, String::new()));
     }
-    // Words that are left over where the axis alone says what it is make something else of it, as `mag_x`.
+    // Words left over where only the axis gives the role change its meaning, as in `mag_x`.
     let bare_axis =
         matches!(role, Role::Position(_)) && of.is_none() && !words.iter().any(|w| fused(w, OF_PLACE).is_some());
     if bare_axis && left.iter().any(|word| !SOURCES.contains(word)) {
         return None;
     }
     left.retain(|word| !TIMES.contains(word));
-    // `true_lat` is of the truth, `true_track` is no magnetic one.
+    // `true_lat` is of the truth; `true_track` is just not magnetic.
     let is_angle_or_speed = matches!(role, Role::Track | Role::Speed);
     if has(words, "true") && !is_angle_or_speed && left.is_empty() {
         left.push("truth");
@@ -385,7 +385,7 @@ fn angle_of(word: &str) -> Option<Role> {
     })
 }
 
-/// The axis about which an angle turns.
+/// The axis of rotation of an angle.
 fn axis_of_angle(role: Role) -> Axis {
     match role {
         Role::Roll => Axis::X,
@@ -394,7 +394,7 @@ fn axis_of_angle(role: Role) -> Axis {
     }
 }
 
-/// `rollrate`, `yawspeed`, `gyrox`, `wz`, `ax`, and `p`, `q`, `r` where they stand alone.
+/// `rollrate`, `yawspeed`, `gyrox`, `wz`, `ax`, and a lone `p`, `q` or `r`.
 fn fused_body(word: &str, is_alone: bool) -> Option<Role> {
     let of_angle = ["rate", "speed"].iter().find_map(|ending| angle_of(word.strip_suffix(ending)?));
     let of_axis = |fronts| fused(word, fronts).filter(|axis| matches!(axis, Axis::X | Axis::Y | Axis::Z));
@@ -427,7 +427,7 @@ fn body_role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
             None => return None,
         }
     }
-    // The heading of motion is a course, and no attitude.
+    // The heading of motion is a course, not an attitude.
     if angle == Some(Role::Yaw) && has(words, "motion") {
         return None;
     }
@@ -438,14 +438,14 @@ fn body_role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
         (Some(angle), None, None) if is_rate || states(Dimension::AngularRate) => Role::Rate(axis_of_angle(angle)),
         (Some(angle), None, None) if !is_force => angle,
         (None, None, Some(axis)) if is_force && !is_rate => Role::Force(axis),
-        // A velocity along x is none about it.
+        // A velocity along x is not a rate about it.
         (None, None, Some(axis)) if says_rate && !is_force => Role::Rate(axis),
         _ => return None,
     };
     Some((role, left.join("-")))
 }
 
-/// Words for where a position comes from.
+/// Words for the source of a position.
 pub(super) const SOURCES: &[&str] = &[
     "gps",
     "gnss",
@@ -463,7 +463,7 @@ pub(super) const SOURCES: &[&str] = &[
     "est",
 ];
 
-/// The axis where a word of the name says the frame.
+/// The axis, where a word of the name gives the frame.
 fn in_frame(axis: Axis, words: &[String]) -> Axis {
     match (axis, has(words, "ned"), has(words, "enu")) {
         (Axis::X, true, false) | (Axis::Y, false, true) => Axis::North,
@@ -490,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn names_say_roles_axes_sources_and_units() {
+    fn names_give_roles_axes_sources_and_units() {
         use Role::{Height, Latitude, Longitude, Position, Speed, Time, Track, Velocity};
         say(&[
             ("lat", Latitude, "", None),
@@ -536,7 +536,7 @@ mod tests {
     }
 
     #[test]
-    fn names_say_attitudes_rates_and_forces() {
+    fn names_give_attitudes_rates_and_forces() {
         use Role::{Force, Pitch, Rate, Roll, Yaw};
         say(&[
             ("Roll (deg)", Roll, "", Some("deg")),
@@ -555,7 +555,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_other_things_say_no_role() {
+    fn names_of_other_quantities_give_no_role() {
         for other in [
             "mag_x",
             "roll_std",

@@ -5,13 +5,13 @@ use super::times::{Timing, timings};
 use crate::reader::{Log, TableHead};
 use crate::table::{Table, numbers};
 
-/// A table with what its names say and how its time may be read.
+/// A table with the roles from its names and the ways to read its time.
 pub(super) struct Source<'l> {
     pub(super) table: &'l Table,
     pub(super) timings: Vec<Timing>,
-    /// The first column that is named like a time, and its first cell, where it cannot be read.
+    /// The first column named like a time, and its first cell, if it cannot be read.
     pub(super) unread_time: Option<(String, String)>,
-    /// The time column and the unit that the table states of it, if nobody knows that unit.
+    /// The time column and its stated unit, if that unit is unknown.
     pub(super) odd_time: Option<(String, String)>,
     pub(super) positions: Vec<Position>,
     pub(super) velocities: Vec<Velocity>,
@@ -31,7 +31,7 @@ pub(super) struct Triple {
 }
 
 impl Triple {
-    /// Their names, for people.
+    /// Their names, for the user.
     pub(super) fn names(&self) -> String {
         let [a, b, c] = &self.columns;
         format!("{}, {} and {}", a.path, b.path, c.path)
@@ -42,7 +42,7 @@ impl Triple {
 #[derive(Debug, Clone)]
 pub(super) struct Position {
     pub(super) source: String,
-    /// Latitude and longitude; else lengths along axes.
+    /// Latitude and longitude; otherwise lengths along axes.
     pub(super) is_geodetic: bool,
     pub(super) first: Named,
     pub(super) second: Named,
@@ -53,14 +53,14 @@ pub(super) struct Position {
 #[derive(Debug, Clone)]
 pub(super) struct Velocity {
     pub(super) source: String,
-    /// Speed and track; else speeds along axes.
+    /// Speed and track; otherwise speeds along axes.
     pub(super) is_polar: bool,
     pub(super) first: Named,
     pub(super) second: Named,
     pub(super) third: Option<Named>,
 }
 
-/// Whether names say which axis is north and which east.
+/// Whether names give the north and east axes.
 pub(super) fn says_axes(first: &Named) -> bool {
     matches!(first.role, Role::Position(Axis::North) | Role::Velocity(Axis::North))
 }
@@ -70,7 +70,7 @@ pub(super) fn sources(log: &Log) -> Vec<Source<'_>> {
     log.tables.iter().filter_map(|table| source(log, table)).collect()
 }
 
-/// The columns whose names say what they may be, and which hold a value.
+/// The columns whose names give a role, and which hold a value.
 fn filled(head: &TableHead, table: &Table) -> Vec<Named> {
     let named: Vec<Named> = head.names.iter().filter_map(|path| super::names::named(head, path)).collect();
     let holds = |column: &&Named| {
@@ -110,7 +110,7 @@ fn triple(named: &[Named], label: &str, roles: [Role; 3]) -> Option<Triple> {
     Some(Triple { source: label.to_owned(), columns: [a?, b?, c?] })
 }
 
-/// Whether names say that a table has an attitude, rates or forces.
+/// Whether names indicate an attitude, rates or forces in a table.
 pub(super) fn has_body(named: &[Named]) -> bool {
     let found = |label: &str| {
         [ATTITUDE, AXES.map(Role::Rate), AXES.map(Role::Force)]
@@ -120,12 +120,12 @@ pub(super) fn has_body(named: &[Named]) -> bool {
     named.iter().any(|c| c.role == Role::Time) && named.iter().any(|c| found(&c.source))
 }
 
-/// Whether names alone say that something may be found in a table of these columns.
+/// Whether names alone indicate that a table of these columns may hold something.
 pub(super) fn may_hold(named: &[Named]) -> bool {
     named.iter().any(|c| c.role == Role::Time) && (has_position(named) || has_velocity(named))
 }
 
-/// Whether names alone say that a position and a velocity may be found, and no name says the time.
+/// Whether names alone indicate a position and a velocity, but no time.
 pub(super) fn lacks_time(named: &[Named]) -> bool {
     named.iter().all(|c| c.role != Role::Time) && has_position(named) && has_velocity(named)
 }

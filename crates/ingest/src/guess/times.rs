@@ -1,4 +1,4 @@
-//! Which column of a table is the time, and what it counts.
+//! Infers which column of a table is the time, and its unit.
 
 use super::names::{Named, Role};
 use crate::bind::stamps_by;
@@ -7,32 +7,32 @@ use crate::table::{Table, numbers, texts};
 use flight::{Clock, Unit};
 use std::rc::Rc;
 
-/// Rates at which tables are written, as the steps between rows, s.
+/// Steps between rows at plausible logging rates, s.
 const STEPS_S: std::ops::RangeInclusive<f64> = 4e-4..=10.0;
-/// Seconds since 1970 are within, 2001 to 2096.
+/// The plausible range of seconds since 1970, 2001 to 2096.
 const UNIX_S: std::ops::Range<f64> = 1e9..4e9;
-/// Units that a number may count where nothing says so.
+/// Possible units of a number where no unit is stated.
 const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
 
 /// A way to read the time of a table.
 #[derive(Debug, Clone)]
 pub(super) struct Timing {
-    /// As a map writes it.
+    /// As written in a map.
     pub(super) entry: String,
     /// `measured` or `logged`.
     pub(super) kind: &'static str,
     pub(super) clock: Clock,
-    /// Of each row, s; NaN of a row without. Tables may be long: all who have it share it.
+    /// For each row, s; NaN for a row without. Tables may be long: all users share it.
     pub(super) times_s: Rc<[f64]>,
-    /// For people: `time [s], clock elapsed`.
+    /// For the user: `time [s], clock elapsed`.
     pub(super) said: String,
-    /// Why it is taken so.
+    /// The reason for this reading.
     pub(super) why: String,
-    /// The table states its unit, or its size does.
+    /// The unit is stated or follows from the size.
     pub(super) is_certain: bool,
 }
 
-/// The ways to read the time of a table, of the first column that is one; several where its unit is not known.
+/// The ways to read the time of a table, from the first column that is one; several where its unit is unknown.
 pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
     let of_role = |role: Role| columns.iter().filter(move |c| c.role == role);
     for week in of_role(Role::Week) {
@@ -60,13 +60,13 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
     let mut ways = of_role(Role::Time).map(|column| of_column(table, column)).filter(|found| !found.is_empty());
     let Some(first) = ways.next() else { return vec![] };
     if first.iter().any(|timing| repeats(timing) && columns.iter().any(|column| moves_within(table, timing, column))) {
-        // Where values change while the time stands still, only a finer time tells when each was taken.
+        // Where values change while the time does not, only a finer time gives when each was taken.
         return ways.find(|other| !other.iter().any(repeats)).map_or(first, finer);
     }
     first
 }
 
-/// Whether a column of a position or a velocity changes in most rows that have the time of the row before.
+/// Whether a position or velocity column changes in most rows that repeat the time of the row before.
 fn moves_within(table: &Table, timing: &Timing, column: &Named) -> bool {
     let is_time = matches!(column.role, Role::Time | Role::Week);
     let Some(values) = numbers(table, &column.path).filter(|_| !is_time) else { return false };
@@ -76,7 +76,7 @@ fn moves_within(table: &Table, timing: &Timing, column: &Named) -> bool {
     2 * changed > all
 }
 
-/// Whether one row in two or more has the time of the one before.
+/// Whether at least every second row repeats the time of the one before.
 fn repeats(timing: &Timing) -> bool {
     let again = timing.times_s.iter().zip(timing.times_s.iter().skip(1)).filter(|(a, b)| a == b).count();
     2 * again >= timing.times_s.len()
@@ -119,7 +119,7 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     middles(table, column).map_or(vec![], |values| of_numbers(table, column, values))
 }
 
-/// Of a column of numbers with this value and this step in the middle of all.
+/// The ways to read a column of numbers with this median value and this median step.
 fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<Timing> {
     let field = super::quoted(&column.path);
     let gps = column.words.iter().any(|word| word.contains("gps"));
@@ -148,8 +148,8 @@ fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<
     found
 }
 
-/// Whether numbers are times as `hhmmss`: no minute and no second reaches 60, and where a minute ends they jump to the next
-/// hundred.
+/// Whether numbers are times as `hhmmss`: no minute and no second reaches 60, and at the end of a minute they jump to
+/// the next hundred.
 fn is_hours_minutes_seconds(table: &Table, column: &Named) -> bool {
     const MINUTE: f64 = 100.0;
     let Some(values) = numbers(table, &column.path) else { return false };
@@ -169,22 +169,22 @@ fn of_text(table: &Table, column: &Named, texts: &[&str]) -> Option<Timing> {
     })
 }
 
-/// The value and the step in the middle of all.
+/// The median value and the median step.
 fn middles(table: &Table, column: &Named) -> Option<(f64, f64)> {
     let values = numbers(table, &column.path)?;
     let all = || (0..table.rows).filter_map(|row| values.number(row));
-    // One after the other: a copy of the column is enough in memory.
+    // One after the other: one copy of the column in memory is enough.
     let step = middle(all().zip(all().skip(1)).map(|(a, b)| b - a).filter(|step| *step > 0.0).collect())?;
     Some((middle(all().collect())?, step))
 }
 
-/// The value in the middle, the upper one of two; `None` without any.
+/// The median, the upper one of two; `None` without any value.
 fn middle(mut values: Vec<f64>) -> Option<f64> {
     let half = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
 }
 
-/// Stamps that nine rows of ten have, and that go on in as many.
+/// Timestamps that nine of ten rows have, and that increase in as many.
 fn timing(
     table: &Table,
     (entry, said): (String, String),
@@ -204,11 +204,11 @@ fn timing(
     is_time.then_some(Timing { entry, kind, clock, times_s, said, why, is_certain })
 }
 
-/// Words in brackets or in a line of units that say which clock a time counts, and no unit.
+/// Words in brackets or in a line of units that name the clock of a time and are not a unit.
 const CLOCKS: &[&str] =
     &["utc", "gps", "gpst", "gnss", "unix", "posix", "epoch", "tai", "local", "boot", "iso", "hh", "h"];
 
-/// The first column that is a time by its name, if it counts a unit that nobody knows.
+/// The first column named like a time, if its unit is unknown.
 pub(super) fn odd<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> {
     let times = columns.iter().filter(|column| column.role == Role::Time);
     let first = times.into_iter().find(|column| !of_column(table, column).is_empty())?;
@@ -217,7 +217,7 @@ pub(super) fn odd<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> 
     (!is_clock && numbers(table, &first.path).is_some()).then_some(first)
 }
 
-/// The first column that is a time by its name, and its first cell; `None` of a table of one row, in which no time goes on.
+/// The first column named like a time, and its first cell; `None` for a table of one row, where no time increases.
 pub(super) fn unread(table: &Table, columns: &[Named]) -> Option<(String, String)> {
     if table.rows < 2 {
         return None;
@@ -231,14 +231,14 @@ pub(super) fn unread(table: &Table, columns: &[Named]) -> Option<(String, String
     Some((first.path.clone(), cell))
 }
 
-/// Most columns that are tried as the time where none is named like one.
+/// The most columns that are tried as the time if none is named like one.
 const MOST_RISING: usize = 4;
-/// A time goes on in so many of a hundred rows, and most of its steps are alike.
+/// A time increases in this percentage of rows, and most of its steps are similar.
 const RISES: usize = 99;
-/// Steps within this factor of the middle one are alike.
+/// Steps within this factor of the median are similar.
 const ALIKE: f64 = 3.0;
 
-/// The ways to read the time of a table without a column that is named like one: by the columns that rise steadily.
+/// The ways to read the time of a table without a column named like one: from the columns that rise steadily.
 pub(super) fn by_rise(table: &Table, names: &[String], taken: &[Named]) -> Vec<Timing> {
     let is_free = |path: &&String| !taken.iter().any(|column| column.path == **path);
     let rising = names.iter().filter(is_free).filter(|path| numbers(table, path).is_none() || rises(table, path));
@@ -255,7 +255,7 @@ fn unnamed(timing: Timing) -> Timing {
     }
 }
 
-/// Whether a column rises in nearly all rows, by steps that are alike.
+/// Whether a column rises in nearly all rows, in similar steps.
 fn rises(table: &Table, path: &str) -> bool {
     let Some(values) = numbers(table, path) else { return false };
     let all: Vec<f64> = (0..table.rows).filter_map(|row| values.number(row)).collect();

@@ -1,4 +1,4 @@
-//! A table that holds a position or a velocity alone, as the second file of a flight: the ways in which its axes may point. The
+//! A table with only a position or a velocity, as the second file of a flight: the possible directions of its axes. The
 //! motion of the first file has to decide between them.
 
 use super::decide::{Motion, Place, Vertical, plausible_height, side, unit};
@@ -8,10 +8,10 @@ use super::write::{All, map};
 use super::{Found, Guess, odd_unit};
 use crate::reader::Log;
 
-/// Which column goes north, and whether the other one counts west.
+/// Which column is north, and whether the other one is positive to the west.
 const AXES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
 
-/// The maps by which a table may be read; none if nothing says what its time counts, or its units are unknown.
+/// The maps by which a table may be read; none if the unit of its time or of its columns is unknown.
 pub(crate) fn ways(log: &Log) -> Vec<Guess> {
     let sources = sources(log);
     if odd_unit(&sources).is_some() {
@@ -23,7 +23,7 @@ pub(crate) fn ways(log: &Log) -> Vec<Guess> {
 }
 
 fn of_source<'l>(source: &'l Source<'l>) -> Vec<All<'l>> {
-    // A time whose unit is open is read in each: only one of them moves as the log does.
+    // A time with an ambiguous unit is read in each: only one of them moves as the log does.
     source.timings.iter().flat_map(|timing| of_timing(source, timing)).collect()
 }
 

@@ -1,4 +1,4 @@
-//! A guess as the file of a channel map.
+//! Writes a guess as a channel map file.
 
 use super::body::Body;
 use super::decide::{Motion, Place, UNSHOWN, Vertical};
@@ -6,7 +6,7 @@ use super::{Found, Guess, quoted};
 use flight::Unit;
 use std::fmt::Write;
 
-/// Sources that the default pipeline looks for.
+/// Sources that the default pipeline uses.
 const USUAL: [&str; 3] = ["gps", "ins", "ekf"];
 
 /// All that was found.
@@ -16,7 +16,7 @@ pub(super) struct All<'l> {
     pub(super) bodies: Vec<Found<'l, Body>>,
 }
 
-/// Writes the map; where there are several tables each channel names its own.
+/// Writes the map; if there are several tables, each channel names its own.
 pub(super) fn map(All { places, motions, bodies }: &All<'_>, reasons: &[String], several: bool) -> Guess {
     let mut text = String::from(HEAD);
     let mut said = vec![];
@@ -41,7 +41,7 @@ pub(super) fn map(All { places, motions, bodies }: &All<'_>, reasons: &[String],
     Guess { text, said: said.join("; "), channels, both }
 }
 
-/// The times of all channels in words: once, where they are the same.
+/// The times of all channels in words: once, if they are the same.
 fn times(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<String> {
     let of_places = places.iter().map(|place| (place.timing.said.as_str(), place.timing.kind));
     let all = of_places.chain(motions.iter().map(|motion| (motion.timing.said.as_str(), motion.timing.kind)));
@@ -55,7 +55,7 @@ fn times(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<Stri
     said
 }
 
-/// Vertical columns that are not bound, or in a unit that nothing shows, with the reason.
+/// Vertical columns that are not bound, or whose unit is assumed, with the reason.
 fn left_out(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<String> {
     let is_out = |third: &Option<(Unit, Vertical)>| matches!(third, Some((_, Vertical::LeftOut)));
     let heights = places.iter().filter(|place| is_out(&place.what.third)).filter_map(|p| p.what.set.third.as_ref());
@@ -76,7 +76,7 @@ fn of_body(body: &Body) -> Channel<'_> {
     Channel { quantity: body.quantity, frame: Some(body.frame), fields, why: &body.why }
 }
 
-/// A name for each attitude, rate and force: after its source, as `attitude.ins` and `angular-rate.imu` where there is none.
+/// A name for each attitude, rate and force: after its source, or `attitude.ins` and `angular-rate.imu` without one.
 fn body_names(bodies: &[Found<'_, Body>]) -> Vec<String> {
     let mut names: Vec<String> = vec![];
     for Body { set, quantity, .. } in bodies.iter().map(|body| &body.what) {
@@ -100,7 +100,7 @@ name = \"guess\"
 title = \"Columns bound by guess\"
 ";
 
-/// Where a channel is found.
+/// The location of a channel.
 struct Where<'f> {
     topic: Option<&'f str>,
     kind: &'f str,
@@ -119,7 +119,7 @@ impl<'f> Where<'f> {
 /// Role, column and unit.
 type Field<'a> = (&'static str, &'a str, Unit);
 
-/// What a channel is, and why.
+/// The content of a channel, and the evidence.
 struct Channel<'f> {
     quantity: &'f str,
     frame: Option<&'f str>,
@@ -164,7 +164,7 @@ fn of_motion(motion: &Motion) -> Channel<'_> {
     Channel { quantity: "velocity-ned", frame: None, fields, why: &motion.why }
 }
 
-/// A name for each channel: after its source, `gps` where there is none; the first one has a name that pipelines look for.
+/// A name for each channel: after its source, or `gps` without one; the first one has a name that pipelines use.
 fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<String> {
     let plain = |source: &str, is_geodetic: bool| match source {
         "" if is_geodetic => "gps".to_owned(),
@@ -178,7 +178,7 @@ fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<
     let sources: Vec<(&str, bool)> = sources.collect();
     let says_gps = sources.iter().any(|(source, _)| matches!(*source, "gps" | "gnss"));
     let name = |(source, is_geodetic): &(&str, bool)| match *source {
-        // Beside columns that are named after the GPS, plain ones are of something else.
+        // Next to columns named after the GPS, plain ones belong to something else.
         "" if says_gps => "plain".to_owned(),
         source => plain(source, *is_geodetic),
     };
@@ -202,7 +202,7 @@ fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<
     free
 }
 
-/// Writes a channel and says it in a line.
+/// Writes a channel and returns its one-line summary.
 fn channel(text: &mut String, name: &str, channel: &Channel<'_>, at: &Where<'_>) -> String {
     let Channel { quantity, frame, fields, why } = channel;
     let _ = writeln!(text);
@@ -232,7 +232,7 @@ fn channel(text: &mut String, name: &str, channel: &Channel<'_>, at: &Where<'_>)
     format!("{name}: {}", columns.join(", "))
 }
 
-/// Names of columns may hold anything.
+/// Column names may contain anything.
 fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -1,16 +1,16 @@
-//! A date that stays the old one for some time after midnight, beside a time of day that runs on.
+//! Corrects a date that stays the old one for some time after midnight while the time of day runs on.
 
 use flight::NANOS_PER_SECOND;
 
 const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
-/// Across midnight stamps follow one another within this time, ns.
+/// Across midnight, successive timestamps are within this time, ns.
 const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
 
-/// Puts rows behind midnight whose date has not changed yet a day later, and says how many; `days` are the dates of the
-/// stamps, in days of any count, and both are in the order of the log.
+/// Moves rows after midnight whose date has not changed yet a day later, and returns how many; `days` are the dates of
+/// the timestamps, in days of any epoch, and both are in the order of the log.
 ///
-/// The log must show it: the time of day falls by nearly 24 h from one row to the next and the date stays the same. Rows in
-/// disorder, and two halves of a day of which the later comes first, are left as they are.
+/// The log must show it: the time of day falls by nearly 24 h from one row to the next and the date stays the same.
+/// Unsorted rows, and two halves of a day with the later one first, are not changed.
 pub(crate) fn redate_days(stamps: &mut [Option<i64>], days: &[Option<i64>]) -> u64 {
     let rows: Vec<(i64, i64)> = stamps.iter().zip(days).filter_map(|(stamp, day)| stamp.zip(*day)).collect();
     let behind = days_behind(&rows);
@@ -23,7 +23,7 @@ pub(crate) fn redate_days(stamps: &mut [Option<i64>], days: &[Option<i64>]) -> u
     moved
 }
 
-/// How many days the date of each row, stamp and date, is behind.
+/// How many days late the date of each row, timestamp and date, is.
 fn days_behind(rows: &[(i64, i64)]) -> Vec<i64> {
     let close = |step: i64| (0..=CLOSE_NS).contains(&step);
     let (mut behind, mut before) = (0, None);
@@ -36,7 +36,7 @@ fn days_behind(rows: &[(i64, i64)]) -> Vec<i64> {
             } else if close(step.saturating_add(DAY_NS)) {
                 behind += 1;
             } else if behind > 0 && close(DAY_NS.saturating_sub(step)) {
-                // Back again for a row that came late.
+                // Undone for a row that arrived late.
                 behind -= 1;
             }
         }
@@ -45,7 +45,7 @@ fn days_behind(rows: &[(i64, i64)]) -> Vec<i64> {
     each
 }
 
-/// Whether the rows with their new dates are in order, and did not fit as well in front of all others.
+/// Whether the rows with their new dates are in order, and would not fit as well before all others.
 fn runs_on(rows: &[(i64, i64)], behind: &[i64]) -> bool {
     let dated: Vec<i64> =
         rows.iter().zip(behind).map(|((stamp, _), days)| stamp.saturating_add(days.saturating_mul(DAY_NS))).collect();
@@ -68,7 +68,7 @@ mod tests {
         (stamps.iter().copied().map(Some).collect(), stamps.iter().map(|stamp| Some(stamp / DAY_NS)).collect())
     }
 
-    /// The same with the date behind for rows of this place.
+    /// The same with the old date in this range of rows.
     fn stale(rows: std::ops::Range<usize>, of: &(Vec<Option<i64>>, Vec<Option<i64>>)) -> [Vec<Option<i64>>; 2] {
         let (mut stamps, mut days) = of.clone();
         for row in rows {
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_behind_midnight_with_the_old_date_are_a_day_later_until_the_date_catches_up_or_to_the_end() {
+    fn rows_after_midnight_with_the_old_date_are_moved_a_day_later() {
         let truth = flight(86_390, 100);
         for until in [11, 12, 40, 100] {
             let [mut stamps, days] = stale(10..until, &truth);
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_right_date_a_row_without_one_and_a_late_row_across_midnight_change_nothing_else() {
+    fn late_undated_and_correct_rows_at_midnight_change_nothing_else() {
         let truth = flight(86_390, 30);
         let (mut same, days) = truth.clone();
         assert_eq!(redate_days(&mut same, &days), 0);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_only_unsorted_stays_as_it_is() {
+    fn unsorted_rows_are_not_redated() {
         let (stamps, days) = flight(0, 86_400);
         let check = |order: &dyn Fn(usize) -> usize| {
             let ordered = |v: &[Option<i64>]| (0..86_400).map(|i| v[order(i)]).collect::<Vec<_>>();

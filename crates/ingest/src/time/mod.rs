@@ -1,4 +1,4 @@
-//! What the clocks of a log do wrong, and what ties them to UTC.
+//! Faults of the clocks of a log, and their ties to UTC.
 
 mod midnight;
 mod suspect;

@@ -1,19 +1,19 @@
-//! Two clocks that should agree and are off by a telling amount.
+//! Recognises known mistakes in the offset of two clocks that should agree.
 
 use super::week::{counts_early, weeks_of};
 use flight::{Distribution, NANOS_PER_SECOND, Stamp, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s, gps_of_unix};
 use std::collections::BTreeMap;
 
-/// A whole number of seconds with a driver's delay on top.
+/// Tolerance of a whole number of seconds plus a driver's delay.
 const SLACK_S: f64 = 0.5;
-/// One or two seconds are told from a delay only if they are this exact.
+/// One or two seconds are distinguished from a delay only if they are this exact.
 const EXACT_S: f64 = 0.1;
 /// Time zones differ by whole quarters of an hour, and at most by this much, s.
 const QUARTER_S: f64 = 900.0;
 const FARTHEST_ZONE_S: f64 = 14.0 * 3600.0;
 const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
 
-/// What an offset between two clocks that both claim UTC looks like, if it looks like a known mistake. `at` is when.
+/// The known mistake that an offset between two clocks that both claim UTC looks like, if any. `at` is when.
 pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     let leaps = gps_ahead_of_utc_s(at);
     let size = offset.median.abs();
@@ -44,8 +44,8 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     Some(format!("the clocks differ by {:.3} s: {text}", offset.median))
 }
 
-/// What a clock was set back for, if a step back of this length looks like a known reason. Of rows that follow one another
-/// within `step_s` nothing is said where that is as long as what a leap second would be.
+/// Why a clock was set back, if a step back of this length has a known reason. Rows with steps of `step_s` give no
+/// reason where that is as long as a leap second.
 pub(crate) fn set_back_for(back_s: f64, step_s: f64) -> Option<&'static str> {
     let quarters = (back_s / QUARTER_S).round();
     let seconds = back_s.round();
@@ -58,7 +58,7 @@ pub(crate) fn set_back_for(back_s: f64, step_s: f64) -> Option<&'static str> {
     }
 }
 
-/// The first day on which a receiver can have said something, and why.
+/// The first day on which a receiver can have reported something, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Since {
     /// GPS week.
@@ -66,12 +66,12 @@ pub(crate) struct Since {
     pub(crate) why: &'static str,
 }
 
-/// The dates that a receiver says.
+/// The dates that a receiver reports.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SaidDates {
     /// The earliest, UTC.
     earliest: Option<Stamp>,
-    /// How many there are of each GPS week.
+    /// The number of dates in each GPS week.
     weeks: BTreeMap<i64, u64>,
 }
 
@@ -83,9 +83,9 @@ impl SaidDates {
         *self.weeks.entry(gps.0.div_euclid(WEEK_NS)).or_default() += 1;
     }
 
-    /// What those look like that a receiver has put into its messages before it can have, and how many they are: a counter
-    /// of GPS weeks of ten bits begins anew every 1024 weeks, and a receiver that does not know of the last time is 19.6
-    /// years behind.
+    /// What dates before `since` look like, which a receiver cannot have reported, and their number. A ten-bit counter
+    /// of GPS weeks wraps around every 1024 weeks, and a receiver that does not know of the last wrap is 19.6 years
+    /// behind.
     pub(crate) fn suspicion(&self, since: Since) -> Option<(String, u64)> {
         let early: u64 = self.weeks.range(..since.week).map(|(_, count)| count).sum();
         let all: u64 = self.weeks.values().sum();
@@ -94,7 +94,7 @@ impl SaidDates {
             return None;
         }
         let guess = counts_early(week, since.week).and_then(|counts| {
-            // The day, whatever leap seconds came between.
+            // The day, whatever leap seconds were inserted in between.
             let later = Stamp(earliest.0.checked_add(weeks_of(counts) * WEEK_NS)?);
             Some(format!("its ten-bit count of GPS weeks may have rolled over: then it is {}", date(later)?))
         });
@@ -107,7 +107,7 @@ impl SaidDates {
         Some((text, early))
     }
 
-    /// Whether there is none.
+    /// Whether there are no dates.
     pub(crate) fn is_empty(&self) -> bool {
         self.weeks.is_empty()
     }
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_date_before_a_receiver_can_have_been_is_suspected_with_the_day_that_it_may_mean() {
+    fn an_impossibly_early_receiver_date_is_reported_with_its_likely_day() {
         let since = Since { week: 1691, why: "it is younger" };
         let said = |unix_s: &[i64]| {
             let mut dates = SaidDates::default();
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn telling_offsets_are_named() {
+    fn known_offsets_are_named() {
         for (offset, word) in [
             (18.05, "GPS time"),
             (-17.9, "GPS time"),
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_is_set_back_for_a_zone_or_for_leap_seconds() {
+    fn a_step_back_by_a_zone_or_leap_seconds_is_recognised() {
         for (back, step, word) in [
             (3600.02, 0.2, Some("winter")),
             (7200.0, 1.0, Some("zone")),
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_of_a_driver_is_no_suspicion() {
+    fn a_driver_delay_is_not_suspicious() {
         for offset in [0.0, 0.2, 0.85, -0.4, 1.4, 3.0, 60.0, 500.0, 100_000.0] {
             assert_eq!(told(offset), None, "{offset}");
         }

@@ -1,16 +1,16 @@
-//! UTC of a clock since boot, from messages that say both.
+//! Ties a clock since boot to UTC, from messages that state both.
 
 use crate::stamps::distribution;
 use flight::{Clock, NANOS_PER_SECOND, UtcTie};
 
-/// Pairs this far from their median are no witnesses, ns.
+/// Pairs further than this from their median are ignored, ns.
 const OUTLIER_NS: u64 = NANOS_PER_SECOND as u64;
 
-/// Ties a clock to UTC by pairs of its stamp and UTC, both ns; `None` without a pair.
+/// Ties a clock to UTC from pairs of its timestamp and UTC, both ns; `None` without a pair.
 ///
-/// The median of the differences, and their spread; pairs more than a second off are counted and left out. A message of
-/// a receiver comes late by its own delay, so the tie is early by as much: as a rule 0.1 to 0.3 s. Good enough for a
-/// date and for a time that is shown, and used for no more.
+/// Uses the median of the differences, and their spread; pairs more than a second off are counted and skipped. A
+/// receiver's message is late by its own delay, so the tie is early by as much: usually 0.1 to 0.3 s. That is good
+/// enough for a date and a displayed time, and it is used for nothing else.
 pub(crate) fn tie(clock: Clock, source: String, pairs: &[(i64, i64)]) -> Option<UtcTie> {
     let mut offsets: Vec<i64> = pairs.iter().filter_map(|(stamp, utc)| utc.checked_sub(*stamp)).collect();
     offsets.sort_unstable();
@@ -27,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_is_tied_by_the_median_and_pairs_that_are_off_are_counted() {
+    fn a_clock_is_tied_by_the_median_and_outliers_are_counted() {
         let boot = |i: i64| i * 200_000_000;
         let utc = |i: i64| 1_700_000_000_000_000_000 + boot(i) - 1_000_000 * (100 + i % 5);
         let mut pairs: Vec<(i64, i64)> = (0..101).map(|i| (boot(i), utc(i))).collect();

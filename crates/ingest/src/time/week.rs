@@ -1,50 +1,50 @@
-//! GPS weeks: counters of ten bits, and epochs a week off.
+//! GPS weeks: ten-bit counters, and epochs a week off.
 
 use crate::values::Values;
 use flight::{NANOS_PER_SECOND, WEEK_S};
 
-/// A ten-bit counter of weeks begins anew after so many.
+/// A ten-bit week counter wraps around after this many weeks.
 const ROLLOVER: i64 = 1024;
 /// The last week that a ten-bit counter can mean: about a year after this release, which was made in week 2445
-/// (November 2026). A fixed number, so that a log means the same tomorrow.
+/// (November 2026). The number is fixed, so that a log means the same tomorrow.
 const LATEST: i64 = 2497;
-/// The last week that is one: of 2248, for nanoseconds since 1970 in 64 bits end in 2262.
+/// The last valid week: in 2248, because nanoseconds since 1970 in 64 bits end in 2262.
 const LAST: i64 = 14_000;
-/// Epochs this close to a week off are a receiver's glitch, ns.
+/// Epochs this close to a week off are a receiver glitch, ns.
 const NEAR_NS: u64 = 3600 * NANOS_PER_SECOND as u64;
 const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
 
-/// A GPS week as the log has it.
+/// A GPS week as logged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Week {
-    /// As it stands.
+    /// The true week.
     Full(i64),
-    /// Counted in ten bits, and brought to the weeks that [`WeekCount`] takes it for.
+    /// A ten-bit week, resolved by [`WeekCount`].
     TenBit(i64),
 }
 
 impl Week {
-    /// Nanoseconds of GPS time at its begin.
+    /// Nanoseconds of GPS time at its start.
     pub(crate) fn start_ns(self) -> i64 {
         let (Week::Full(week) | Week::TenBit(week)) = self;
         week * WEEK_NS
     }
 }
 
-/// How the weeks of a log are counted, as all of them together show.
+/// How the weeks of a log are counted, inferred from all of them together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct WeekCount {
-    /// None is above 1023.
+    /// No week is above 1023.
     ten_bit: bool,
-    /// One is 1023, so that 0 may follow.
+    /// A week is 1023, so that 0 may follow.
     ends: bool,
-    /// The last week that a counter of ten bits can mean.
+    /// The last week that a ten-bit counter can mean.
     latest: i64,
 }
 
 impl WeekCount {
-    /// Weeks that are all below 1024 are a counter of ten bits, for no log that we read is from before 1999. `logged` is
-    /// the week in which another clock of the log says that it was written, if one does.
+    /// Weeks that are all below 1024 come from a ten-bit counter, because no log that we read is from before 1999.
+    /// `logged` is the week in which the log was written according to another of its clocks, if there is one.
     pub(crate) fn of(weeks: impl Iterator<Item = i64>, logged: Option<i64>) -> WeekCount {
         let latest = logged.map_or(LATEST, |week| week + ROLLOVER / 2);
         let mut count = WeekCount { ten_bit: true, ends: false, latest };
@@ -55,11 +55,11 @@ impl WeekCount {
         count
     }
 
-    /// What a week means: of those that a counter of ten bits can mean, the one nearest to the log's own date; without
-    /// such a date, the one among the 1024 that end about a year after this release.
+    /// Resolves a week: of those that a ten-bit counter can mean, the one nearest to the log's own date; without such a
+    /// date, the one among the 1024 that end about a year after this release.
     ///
-    /// Week 0 is how a receiver without a fix leaves the field. It is the begin of a ten-bit count only where the log
-    /// has week 1023 as well. `None` for that and for what is no week.
+    /// Receivers without a fix leave the field at week 0. It starts a ten-bit count only where the log also has week
+    /// 1023. Otherwise, and for invalid weeks, the result is `None`.
     pub(crate) fn week(self, week: i64) -> Option<Week> {
         match week {
             0 if !(self.ten_bit && self.ends) => None,
@@ -70,21 +70,21 @@ impl WeekCount {
     }
 }
 
-/// How many counts of ten bits a week is early that cannot be before `first`; `None` if it is not before, or if no number of
-/// them brings it to a week that a counter can mean.
+/// How many ten-bit wraps a week is early if it cannot be before `first`; `None` if it is not before, or if no number
+/// of wraps makes it a week that a counter can mean.
 pub(crate) fn counts_early(week: i64, first: i64) -> Option<i64> {
     let counts = (first - week + ROLLOVER - 1).div_euclid(ROLLOVER);
     (counts > 0 && week + counts * ROLLOVER <= LATEST).then_some(counts)
 }
 
-/// Weeks in so many counts of ten bits.
+/// Weeks in this many ten-bit wraps.
 pub(crate) fn weeks_of(counts: i64) -> i64 {
     counts * ROLLOVER
 }
 
-/// Puts epochs that are a week off back to their place, and says how many. At midnight from Saturday to Sunday a
-/// receiver may give the new time of week with the old week, or the other way round, for some epochs
-/// (ArduPilot#31914). The week that most epochs agree on is the right one; of two equally frequent the later.
+/// Corrects epochs that are a week off, and returns how many. At midnight from Saturday to Sunday a receiver may give
+/// the new time of week with the old week, or vice versa, for some epochs (ArduPilot#31914). The week of most epochs is
+/// the right one; of two equally frequent ones the later.
 pub(crate) fn redate_weeks(stamps: &mut Values<i64>) -> u64 {
     // Whole weeks to add to each stamp so that none steps by a week from the one before.
     let shifts = stamps.given().scan((0_i64, None), |(shift, before), stamp| {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ten_bit_week_means_the_one_near_this_release_and_a_full_one_itself() {
+    fn a_ten_bit_week_resolves_near_this_release_and_a_full_one_is_kept() {
         let alone = |week| WeekCount::of([week].into_iter(), None).week(week);
         for (week, meant) in [(1023, 2047), (1, 2049), (395, 2443), (449, 2497), (450, 1474)] {
             assert_eq!(alone(week), Some(Week::TenBit(meant)));
@@ -146,18 +146,18 @@ mod tests {
     }
 
     #[test]
-    fn a_ten_bit_week_means_the_one_nearest_to_the_date_of_the_log() {
+    fn a_ten_bit_week_resolves_nearest_to_the_date_of_the_log() {
         let near = |logged| WeekCount::of([900].into_iter(), Some(logged)).week(900);
         for (logged, meant) in [(1924, 1924), (1500, 1924), (2400, 1924), (2437, 2948), (3000, 2948), (1411, 900)] {
             assert_eq!(near(logged), Some(Week::TenBit(meant)), "{logged}");
         }
-        // A full week is none of its business.
+        // A full week is unaffected.
         assert_eq!(WeekCount::of([1924].into_iter(), Some(2900)).week(1924), Some(Week::Full(1924)));
     }
 
     #[test]
-    fn a_week_that_cannot_be_is_early_by_whole_counts_that_bring_it_to_one_that_can() {
-        // 2002-09-15, 2022-05-01 and 2012-06-03 are the begins of weeks 1184, 2208 and 1691.
+    fn an_impossible_week_is_early_by_whole_ten_bit_wraps() {
+        // 2002-09-15, 2022-05-01 and 2012-06-03 are the starts of weeks 1184, 2208 and 1691.
         for (week, first, counts) in [
             (1184, 1691, Some(1)),
             (160, 1691, Some(2)),
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn time_runs_on_where_a_count_ends() {
+    fn time_continues_across_a_wrap_of_the_week_counter() {
         for (before, after) in [(1023, 0), (1023, 1024), (2047, 2048)] {
             let count = WeekCount::of([before, after].into_iter(), None);
             let start = |week| count.week(week).unwrap().start_ns();
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn epochs_a_week_early_or_late_are_put_back_and_counted() {
+    fn epochs_a_week_early_or_late_are_corrected_and_counted() {
         let good: Vec<Option<i64>> = (0..50).map(|i| Some(2400 * WEEK_NS + i * 200_000_000)).collect();
         for glitch in [0..5, 20..21, 20..25, 45..50] {
             for weeks in [-1, 1] {
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn other_jumps_and_missing_stamps_stay_as_they_are() {
+    fn other_jumps_and_missing_timestamps_are_not_changed() {
         let jumps = [Some(0), Some(WEEK_NS / 2), None, Some(-2 * WEEK_NS), Some(i64::MAX), Some(i64::MIN)];
         let mut stamps = jumps;
         assert_eq!(redate_weeks(&mut stamps), 0);

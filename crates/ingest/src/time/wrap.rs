@@ -1,19 +1,19 @@
-//! Counts that begin anew: 32 bits of microseconds after 71.6 minutes, of milliseconds after 49.7 days; 16 bits of
-//! milliseconds after a minute; a time of week on Sunday, a time of day at midnight.
+//! Unwraps counters: 32 bits of microseconds wrap around after 71.6 minutes, of milliseconds after 49.7 days; 16 bits
+//! of milliseconds after a minute; a time of week on Sunday, a time of day at midnight.
 
 use crate::values::Values;
 use flight::NANOS_PER_SECOND;
 
-/// Across the end of the count, stamps follow one another within this time, or a quarter of the count; a longer step is a new
-/// start of the device, which cannot be told from a wrap with a hole.
+/// Across a wrap, successive timestamps are within this time, or a quarter of the range. A longer step is a restart of
+/// the device, which cannot be distinguished from a wrap with a hole.
 const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
-/// Of so many stamps one may lie beyond the count: it is a wrong one, and left as it stands.
+/// One of this many timestamps may exceed the range: it is wrong, and not changed.
 pub(crate) const TOLERATED: usize = 100;
 
-/// Makes the stamps of a count from 0 to `range`, ns, run on where it begins anew, and says how often it did; stamps in
-/// the order of the log.
+/// Makes the timestamps of a counter from 0 to `range`, ns, continue where it wraps around, and returns how often it
+/// did; timestamps in the order of the log.
 ///
-/// The log must show the wrap: a step back by nearly the whole range. One that stays below is taken as it stands.
+/// The log must show the wrap: a step back by nearly the whole range. A smaller step is not changed.
 pub(crate) fn unwrap(stamps: &mut Values<i64>, range: i64) -> u64 {
     let counts = |s: &i64| (0..range).contains(s);
     let (all, beyond) = stamps.given().fold((0, 0), |(all, n), s| (all + 1, n + usize::from(!counts(&s))));
@@ -24,7 +24,7 @@ pub(crate) fn unwrap(stamps: &mut Values<i64>, range: i64) -> u64 {
     let (mut wraps, mut most, mut before) = (0_i64, 0, None);
     for stamp in stamps.given_mut().filter(|s| counts(s)) {
         let raw = *stamp;
-        // Forward across the end, or back again for a row that came late.
+        // Forward across the wrap, or back again for a row that arrived late.
         let step = before.map_or(0, |before: i64| raw - before);
         if step + range <= close {
             wraps += 1;
@@ -49,7 +49,7 @@ mod tests {
         wraps
     }
 
-    /// 32 bits of ticks.
+    /// A 32-bit count of ticks.
     fn unwrap(stamps: &mut [Option<i64>], tick: i64) -> u64 {
         unwrap_range(stamps, tick << 32)
     }
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn microseconds_and_milliseconds_run_on_across_the_end_of_32_bits() {
+    fn microseconds_and_milliseconds_continue_across_a_32_bit_wrap() {
         for (tick, step) in [(MICRO, 200_000), (MILLI, 200)] {
             let (truth, mut stamps) = wrapped((1 << 32) - 10 * step, step, 50, tick);
             assert_eq!(unwrap(&mut stamps, tick), 1);
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_of_week_and_a_time_of_day_run_on_across_their_end() {
+    fn a_time_of_week_and_a_time_of_day_continue_across_their_wrap() {
         for range_s in [604_800, 86_400] {
             let truth: Vec<Option<i64>> = (0..40).map(|i| Some((range_s - 4) * S + i * S / 5)).collect();
             let mut stamps: Vec<Option<i64>> = truth.iter().map(|s| s.map(|s| s % (range_s * S))).collect();
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn every_wrap_of_a_long_log_is_counted_and_a_late_row_across_one_is_in_its_place() {
+    fn every_wrap_is_counted_and_a_late_row_is_placed_before_it() {
         let (truth, mut stamps) = wrapped(0, 20_000_000, 1000, MICRO);
         assert_eq!(unwrap(&mut stamps, MICRO), 4);
         assert_eq!(stamps, truth);
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_of_16_bits_runs_on_over_many_ends_and_gaps_of_a_quarter_of_it() {
+    fn a_16_bit_counter_continues_over_many_wraps_and_quarter_range_gaps() {
         let mut now = 60_000;
         let truth: Vec<Option<i64>> = (0..2000)
             .map(|i| {
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wrong_stamp_in_a_hundred_does_not_keep_a_count_from_running_on() {
+    fn one_wrong_timestamp_in_a_hundred_does_not_prevent_unwrapping() {
         let (mut truth, mut stamps) = wrapped((1 << 32) - 100 * 200, 200, 200, MILLI);
         for (at, wrong) in [(30, -1), (150, i64::MAX)] {
             (truth[at], stamps[at]) = (Some(wrong), Some(wrong));
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_starts_anew_and_a_wider_counter_are_left_alone() {
+    fn a_restarted_device_and_a_wider_counter_are_not_unwrapped() {
         let restart = [Some(3_000_000_000 * MICRO), Some(10 * MICRO)];
         let wide = [Some((1 << 33) * MICRO), Some(0)];
         for stamps in [restart, wide] {

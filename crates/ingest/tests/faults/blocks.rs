@@ -1,4 +1,4 @@
-//! T3: stretches of bytes zeroed, set, doubled, left out and swapped.
+//! T3: stretches of bytes zeroed, set, doubled, removed and swapped.
 
 use crate::lab::{Lab, each_file, of_each_format};
 use crate::verdict::Verdict;
@@ -20,14 +20,14 @@ fn hit(seed: &Seed, damaged: usize, step: usize) {
                 let case = format!("{}, file {damaged}, {size} bytes from {at} {what}", seed.name);
                 let verdict = Verdict::of(&lab.read(&subject, &hurt, &case), &intact);
                 let silent = ![Verdict::Same, Verdict::Told].contains(&verdict);
-                assert!(!summed(seed.container) || !silent, "{case}: {verdict:?} and nothing told");
+                assert!(!summed(seed.container) || !silent, "{case}: {verdict:?} and nothing reported");
             }
         }
     }
     println!("| {} {damaged} | {} | {:?} |", seed.name, lab.cases - 1, lab.slowest);
 }
 
-/// Whether checksums find such damage. That of NMEA, an exclusive or, is blind to bytes that change places.
+/// Whether checksums detect such damage. The XOR of NMEA misses swapped bytes.
 fn summed(container: Container) -> bool {
     matches!(container, Container::Mcap(_) | Container::Ubx)
 }
@@ -45,7 +45,7 @@ fn damage(bytes: &[u8], at: usize, size: usize) -> [(&'static str, Vec<u8>); 6] 
     ]
 }
 
-/// Bytes that differ with the place.
+/// Bytes that depend on the offset.
 fn noise(at: usize, size: usize) -> Vec<u8> {
     let mut state = at as u64 + 1;
     let next = |_| {

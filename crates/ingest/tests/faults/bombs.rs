@@ -68,7 +68,7 @@ fn bag_of(compression: &str, declared: u32, data: &[u8]) -> Vec<u8> {
     [b"#ROSBAG V2.0\n", &record(&first.concat(), &[b' '; 64])[..], &record(&head.concat(), data)].concat()
 }
 
-/// Reads a bomb, which must be told and take little memory.
+/// Reads a bomb, which must be reported and take little memory.
 fn defused(lab: &mut Lab, kind: LogKind, name: &str, bytes: &[u8], case: &str) -> Result<Log, IngestError> {
     let subject = lab.single(kind, name);
     let (read, peak) = resident(|| lab.read(&subject, bytes, case));
@@ -88,7 +88,7 @@ fn reasons(read: &Result<Log, IngestError>) -> String {
 }
 
 #[test]
-fn two_gibibytes_in_a_chunk_of_an_mcap_are_refused_whatever_it_declares() {
+fn two_gibibytes_in_an_mcap_chunk_are_rejected_for_any_declared_size() {
     let mut lab = Lab::new();
     let bombs = [("zstd", zstd_bomb(16_384)), ("lz4", lz4_bomb(300))];
     for (compression, bomb) in &bombs {
@@ -101,7 +101,7 @@ fn two_gibibytes_in_a_chunk_of_an_mcap_are_refused_whatever_it_declares() {
 }
 
 #[test]
-fn a_chunk_of_a_bag_that_bursts_is_refused_whatever_it_declares() {
+fn a_bomb_in_a_bag_chunk_is_rejected_for_any_declared_size() {
     let mut lab = Lab::new();
     for (compression, bomb) in [("lz4", lz4_bomb(300)), ("bz2", bz2_bomb(40))] {
         for declared in [100, 1 << 30, u32::MAX] {
@@ -112,11 +112,11 @@ fn a_chunk_of_a_bag_that_bursts_is_refused_whatever_it_declares() {
 }
 
 #[test]
-fn a_chunk_that_declares_truthfully_what_is_within_the_limit_is_opened() {
+fn a_chunk_with_a_true_size_within_the_limit_is_read() {
     let mut lab = Lab::new();
     let bomb = zstd_bomb(64);
     let subject = lab.single(LogKind::Mcap, "chunk.mcap");
-    // 8 MiB of zeros are no records, but the chunk itself is sound.
+    // 8 MiB of zeros are not records, but the chunk itself is sound.
     let read = lab.read(&subject, &mcap_of("zstd", 8 << 20, &bomb), "8 MiB");
     assert!(!reasons(&read).contains("zstd"), "{}", reasons(&read));
     let read = lab.read(&subject, &mcap_of("zstd", 7 << 20, &bomb), "8 MiB that declare 7");
@@ -124,7 +124,7 @@ fn a_chunk_that_declares_truthfully_what_is_within_the_limit_is_opened() {
 }
 
 #[test]
-fn a_packed_log_that_bursts_ends_at_the_limit_and_names_it() {
+fn a_packed_bomb_stops_at_the_limit_and_names_it() {
     let mut lab = Lab::new();
     lab.limits.unpacked_bytes = 16 << 20;
     for (name, bomb) in [
@@ -139,7 +139,7 @@ fn a_packed_log_that_bursts_ends_at_the_limit_and_names_it() {
 }
 
 #[test]
-fn unpacking_ends_where_no_log_is_as_many_times_as_large_as_its_packed_file() {
+fn unpacking_stops_at_an_implausible_compression_ratio() {
     let mut lab = Lab::new();
     let head = b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0";
     let start = zstd::bulk::compress(head, 1).unwrap();
@@ -160,7 +160,7 @@ fn unpacking_ends_where_no_log_is_as_many_times_as_large_as_its_packed_file() {
 }
 
 #[test]
-fn a_zstandard_frame_that_asks_for_a_window_of_two_gibibytes_does_not_get_it() {
+fn a_zstandard_window_of_two_gibibytes_is_rejected() {
     let mut lab = Lab::new();
     // Window descriptor: exponent 21 above 2^10.
     let mut frame = zstd_bomb(16);
@@ -172,7 +172,7 @@ fn a_zstandard_frame_that_asks_for_a_window_of_two_gibibytes_does_not_get_it() {
 }
 
 #[test]
-fn frames_that_follow_one_another_or_are_to_be_skipped_are_read() {
+fn concatenated_and_skippable_frames_are_read() {
     let mut lab = Lab::new();
     let table = b"time_s,latitude_deg\n1,47.1\n2,47.2\n3,47.3\n4,47.4\n5,47.5\n".as_slice();
     let zstd = |bytes: &[u8]| zstd::bulk::compress(bytes, 1).unwrap();

@@ -5,7 +5,7 @@ use crate::layout::{Ends, definitions};
 use crate::verdict::{first_foreign_row, told};
 use simulate::Seed;
 
-/// A cut log gives the beginning of the whole one and says so. In the normal suite every so-manieth cut is tried, in file
+/// A truncated log yields the beginning and reports the cut. In the normal suite every `step`-th cut is tried, in file
 /// order, and all of the last hundred.
 fn cuts(family: &str, step: usize) {
     each_file(family, |seed, damaged| cut(seed, damaged, step));
@@ -22,7 +22,7 @@ fn cut(seed: &Seed, damaged: usize, step: usize) {
     for length in (0..last).step_by(step).chain(last..bytes.len()) {
         let case = format!("{}, file {damaged} cut to {length} of {} bytes", seed.name, bytes.len());
         let read = lab.read(&subject, &bytes[..length], &case);
-        // Of a table that ends in its header nothing says that what follows is not a row.
+        // In a table that ends in its header, the next line could be a row.
         if let Ok(log) = read.as_ref()
             && !definitions.iter().any(|range| seed.name.starts_with("csv") && range.contains(&length))
         {
@@ -33,7 +33,7 @@ fn cut(seed: &Seed, damaged: usize, step: usize) {
         }
     }
     println!("| {} {damaged} | {} | {} | {:?} |", seed.name, lab.cases - 1, silent.len(), lab.slowest);
-    assert!(silent.is_empty(), "{}: cuts of file {damaged} that nobody hears of: {silent:?}", seed.name);
+    assert!(silent.is_empty(), "{}: cuts of file {damaged} that are not reported: {silent:?}", seed.name);
 }
 
 of_each_format! {

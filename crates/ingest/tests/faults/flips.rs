@@ -1,8 +1,8 @@
 //! T2: every bit flipped, one at a time.
 //!
-//! Formats with checksums may not change in silence. The others cannot know of a wrong value; there a flipped bit may
-//! change the record that it hits, or, in a definition, what the definition says of its records. Nowhere may a row be
-//! missing without a word.
+//! Formats with checksums may not change silently. The others cannot detect a wrong value; there a flipped bit may
+//! change the record that it hits, or, in a definition, what the definition says of its records. No row may be
+//! missing silently.
 
 use crate::lab::{Lab, each_file, of_each_format};
 use crate::layout::definitions;
@@ -10,7 +10,7 @@ use crate::verdict::Verdict;
 use simulate::{Container, Seed};
 use std::collections::BTreeMap;
 
-/// In the normal suite every so-manieth bit is flipped.
+/// In the normal suite every `step`-th bit is flipped.
 fn flips(family: &str, step: usize) {
     each_file(family, |seed, damaged| flip(seed, damaged, step));
 }
@@ -32,7 +32,7 @@ fn flip(seed: &Seed, damaged: usize, step: usize) {
         }
     }
     println!("| {} {damaged} | {} | {counts:?} | {} | {:?} |", seed.name, lab.cases - 1, wrong.len(), lab.slowest);
-    assert!(wrong.is_empty(), "{}, file {damaged}: not told (byte.bit): {wrong:?}", seed.name);
+    assert!(wrong.is_empty(), "{}, file {damaged}: not reported (byte.bit): {wrong:?}", seed.name);
 }
 
 fn allowed(seed: &Seed, verdict: Verdict, in_definition: bool) -> bool {
@@ -44,7 +44,7 @@ fn allowed(seed: &Seed, verdict: Verdict, in_definition: bool) -> bool {
     }
 }
 
-/// Whether checksums cover the whole log. Those of tlog leave out the stamps.
+/// Whether checksums cover the whole log. Those of tlog exclude the timestamps.
 fn checked(container: Container) -> bool {
     matches!(container, Container::Mcap(_) | Container::Ubx | Container::Nmea)
 }

@@ -1,4 +1,4 @@
-//! P6: files that are made to take long. What is intact in them is read all the same, and nobody waits for it.
+//! P6: files that are made to take long. Their intact parts are still read, quickly.
 
 use crate::lab::{Lab, seeds};
 use ingest::{LogKind, Selection, TopicInfo};
@@ -8,13 +8,13 @@ const SMALL: usize = 256 << 10;
 /// Bytes for the table of times that `just faults` prints.
 const LARGE: usize = 4 << 20;
 
-/// A hostile file: `head`, then `unit` again and again, and what ends a file that is so long.
+/// A hostile file: `head`, then `unit` repeatedly, and the end for a file of that length.
 struct Hostile {
     name: &'static str,
     kind: LogKind,
     head: Vec<u8>,
     unit: Vec<u8>,
-    /// Messages in each unit that are intact, with one behind them that vouches for them, and must be found.
+    /// Intact messages in each unit that must be found, as a message after them confirms them.
     intact: u64,
     tail: fn(usize) -> Vec<u8>,
 }
@@ -146,7 +146,7 @@ fn mcap_record(opcode: u8, length: usize, body: &[u8]) -> Vec<u8> {
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
-/// A summary at `start` as long as what stands before it, of chunks that should stand within it.
+/// A summary at `start` as long as the data before it, with chunk indexes that point into the summary.
 fn summary_of_no_chunks(start: usize) -> Vec<u8> {
     let index = |at: usize| {
         let place = [(start + at) as u64, 100];
@@ -170,18 +170,18 @@ fn mcaps() -> Vec<Hostile> {
     let metadata = record(12, &[0; 8]);
     let start = [MAGIC, &header, &schema, &channel, &message].concat();
     let mcap = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Mcap, start.clone(), unit.concat(), intact);
-    // What seems to reach up to `behind` bytes behind where it stands.
+    // A record that seems to reach `behind` bytes further.
     let reaching = |opcode, body: &[u8], behind: usize| mcap_record(opcode, behind - 9, body);
     let chunk = |codec: &[u8], data: usize| {
         [&[0; 16][..], &64_u64.to_le_bytes(), &1_u32.to_le_bytes(), &text(codec), &(data as u64).to_le_bytes()].concat()
     };
-    // With what will be the checksum of one before.
+    // Ends with what will be the checksum of an earlier record.
     let attachment = |data: usize| [&[0; 24][..], &(data as u64).to_le_bytes(), &[1; 4]].concat();
     let other_log = [&[0; 20], MAGIC, &header, &[0; 8]].concat();
     let heads = 20_000;
     let over_a_log: Vec<u8> =
         (1..=heads).rev().flat_map(|left| reaching(12, &[], 9 * left + other_log.len())).collect();
-    // From the beginning of a unit up to the byte that stands behind the heads of a later one, and is none.
+    // From the start of a unit up to the byte after the heads of a later one, which is not a head.
     let far = |unit: &[u8]| (LARGE / 2 / (unit.len() + 1)) * (unit.len() + 1) + unit.len();
     let behind_each = |opcode, fixed: &dyn Fn(usize) -> Vec<u8>| {
         let unit = [metadata.clone(), reaching(opcode, &fixed(0), 0x7fff)].concat();
@@ -232,7 +232,7 @@ fn bags() -> Vec<Hostile> {
     let chunk = |codec: &[u8], length: usize| {
         record(&[op(5), field(b"compression", codec), field(b"size", &64_u32.to_le_bytes())], length, &[])
     };
-    // Headers that seem to reach over all types behind them.
+    // Headers that seem to span all later types.
     let lengths = [1200_u32.to_le_bytes(), 4_u32.to_le_bytes()].concat();
     let over_types = [lengths.repeat(64), op(2).repeat(400)].concat();
     let head = |index_at: usize| {
@@ -241,7 +241,7 @@ fn bags() -> Vec<Hostile> {
     };
     let length = head(0).len();
     let bags: Vec<u8> = (1..1000).rev().flat_map(|left| head(left * length)).collect();
-    // Records that all end where a long header begins that says no type.
+    // Records that all end at the start of a long header without a type.
     let untyped = [&65_530_u32.to_le_bytes()[..], &b"\x01\0\0\0=".repeat(13_106), &[0; 4]].concat();
     let leading = |fields: &[Vec<u8>]| -> Vec<u8> {
         let one = record(fields, 0, &[]).len();
@@ -277,7 +277,7 @@ fn bags() -> Vec<Hostile> {
 const COLUMNS: usize = 1000;
 
 fn tables() -> Vec<Hostile> {
-    // Longer than what tells how a table is laid out: the short lines are not to be taken for the table.
+    // Longer than what layout detection reads: the short lines must not be taken for the table.
     let head = |columns: usize, cell: &str| {
         let row = |cell: &dyn Fn(usize) -> String| (0..columns).map(cell).collect::<Vec<_>>().join(",") + "\n";
         let row_bytes = row(&|_| cell.to_owned());
@@ -305,7 +305,7 @@ fn all() -> Vec<Hostile> {
 }
 
 #[test]
-fn what_stands_before_a_hundred_gigabytes_of_nothing_is_read_and_nobody_waits_for_the_rest() {
+fn data_before_a_hundred_gigabytes_of_zeros_is_read_quickly() {
     let one_of_each = [
         "mcap-cdr-none",
         "bag-none",
@@ -324,7 +324,7 @@ fn what_stands_before_a_hundred_gigabytes_of_nothing_is_read_and_nobody_waits_fo
         let (bytes, all) = (&seed.files[0].bytes, |_: &TopicInfo| Selection::All);
         let intact = lab.read(&subject, bytes, seed.name).unwrap().health;
         let health = lab.stretched(&subject, bytes, 100 << 30, seed.name, &all).unwrap().health;
-        // The last record counts only if something proves it.
+        // The last record counts only if something confirms it.
         assert!(health.messages + 1 >= intact.messages, "{}: {}", seed.name, health.messages);
         assert!(health.bytes.damaged >= 99 << 30, "{}: {:?}", seed.name, health.bytes);
     }
@@ -343,7 +343,7 @@ fn files_made_to_take_long_lose_nothing_silently() {
         }
         let messages = log.as_ref().map_or(0, |log| log.health.messages);
         let reported = log.map_or(true, |log| log.notices.any_loss());
-        // The last unit may be taken for damage, for nothing proves it.
+        // The last unit may be taken for damage, as nothing confirms it.
         assert!(messages + 1 >= intact || reported, "{}: {messages} messages of {intact}", hostile.name);
     }
 }

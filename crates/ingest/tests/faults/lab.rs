@@ -1,4 +1,4 @@
-//! Where bytes are read under observation.
+//! Reads bytes while measuring time and memory.
 
 use ingest::{
     Column, ColumnData, FlightUnit, IngestError, Limits, Log, LogKind, ReadContext, Select, Selection, Table, TopicInfo,
@@ -22,16 +22,16 @@ static DOOR: Mutex<()> = Mutex::new(());
 /// As the catalogue of faults has it (T4).
 const MEMORY_BYTES: usize = 64 << 20;
 
-/// A place to read one log after the other.
+/// Reads one log after the other.
 pub struct Lab {
     folder: tempfile::TempDir,
     /// The slowest reading so far.
     pub slowest: Duration,
     /// Readings so far.
     pub cases: u64,
-    /// For all that is read.
+    /// For all reads.
     pub limits: Limits,
-    /// Memory that reading may take beside four times the file, bytes.
+    /// Memory that reading may take in addition to four times the file, bytes.
     pub memory: usize,
     _alone: MutexGuard<'static, ()>,
 }
@@ -50,7 +50,7 @@ impl Lab {
         self.subject(kind, &[(name, &[])], 0)
     }
 
-    /// The files of a log, the one that will be damaged having this number.
+    /// The files of a log, and the number of the one that will be damaged.
     pub fn subject(&self, kind: LogKind, files: &[(&str, &[u8])], damaged: usize) -> Subject {
         let mut paths = vec![];
         for (name, bytes) in files {
@@ -64,20 +64,20 @@ impl Lab {
         Subject { unit: FlightUnit { id: "lab".into(), files: paths, kind }, file, others }
     }
 
-    /// A seed, its file of this number under the knife.
+    /// A seed, whose file of this number will be damaged.
     pub fn seed(&self, seed: &Seed, damaged: usize) -> Subject {
         let files: Vec<(&str, &[u8])> = seed.files.iter().map(|f| (f.path.to_str().unwrap(), &f.bytes[..])).collect();
         self.subject(kind_of(seed.container), &files, damaged)
     }
 
-    /// As [`Lab::seed`], with what it says before it is damaged.
+    /// As [`Lab::seed`], with its content before damage.
     pub fn intact(&mut self, seed: &Seed, damaged: usize) -> (Subject, Log) {
         let subject = self.seed(seed, damaged);
         let log = self.read(&subject, &seed.files[damaged].bytes, seed.name).unwrap();
         (subject, log)
     }
 
-    /// Everything of the log with `bytes` in the damaged file.
+    /// Reads the whole log with `bytes` in the damaged file.
     ///
     /// # Panics
     /// If reading panics, loses count of the bytes, lists damage without end or takes too much memory.
@@ -85,7 +85,7 @@ impl Lab {
         self.read_some(subject, bytes, case, &|_: &TopicInfo| Selection::All)
     }
 
-    /// As [`Lab::read`], what is wanted.
+    /// As [`Lab::read`], for the wanted topics only.
     pub fn read_some(
         &mut self,
         subject: &Subject,
@@ -96,7 +96,7 @@ impl Lab {
         self.stretched(subject, bytes, bytes.len() as u64, case, want)
     }
 
-    /// As [`Lab::read_some`], of a sparse file: zeros follow the bytes up to `size`.
+    /// As [`Lab::read_some`], for a sparse file: zeros follow the bytes up to `size`.
     pub fn stretched(
         &mut self,
         subject: &Subject,
@@ -118,7 +118,7 @@ impl Lab {
         self.cases += 1;
         let Ok(read) = read else { panic!("{case}: reading panics") };
         let peak = MEMORY.peak_usage().saturating_sub(before);
-        // What comes out is not held against it, nor the room that columns had while they grew.
+        // The output does not count, nor does the spare capacity of growing columns.
         let columns = read.as_ref().map_or(0, |log| log.tables.iter().map(bytes_of).sum());
         let most = self.memory + 4 * bytes.len() + 2 * columns;
         assert!(peak <= most, "{case}: {peak} bytes of memory for {} of log", bytes.len());
@@ -127,13 +127,13 @@ impl Lab {
             assert_eq!(b.sum(), b.size, "{case}: {b:?}");
             let packed = log.health.format.contains(", in ");
             assert!(packed || b.size == size + subject.others, "{case}: {b:?}");
-            assert!(log.health.damage.len() <= self.limits.listed_damage, "{case}: damage is listed without end");
+            assert!(log.health.damage.len() <= self.limits.listed_damage, "{case}: the damage list is unbounded");
         }
         read
     }
 }
 
-/// A log on disk with one file that is written anew for each case.
+/// A log on disk with one file that is rewritten for each case.
 pub struct Subject {
     unit: FlightUnit,
     file: File,
@@ -141,7 +141,7 @@ pub struct Subject {
     others: u64,
 }
 
-/// Seeds whose names begin so.
+/// Seeds with this name prefix.
 pub fn seeds(family: &str) -> Vec<Seed> {
     let seeds: Vec<Seed> = simulate::seeds().unwrap().into_iter().filter(|s| s.name.starts_with(family)).collect();
     assert!(!seeds.is_empty(), "{family}");
@@ -155,8 +155,8 @@ pub fn each_file(family: &str, check: impl Fn(&Seed, usize)) {
     }
 }
 
-/// Two tests of each format: one that tries every so-manieth place of its seeds, in the normal suite, and one of all
-/// places, which are so far apart. What they call is given the family and the step.
+/// Two tests of each format: one that tries every n-th offset of its seeds, in the normal suite, and one of all
+/// places, which are so far apart. The called function gets the family and the step.
 macro_rules! of_each_format {
     ($check:expr, $all_step:literal, $why:literal: $($name:ident $family:literal $step:literal $all:ident,)*) => {$(
         #[test]

@@ -1,10 +1,10 @@
-//! Where the records of a seed are: walked here anew, for a test does not ask the reader.
+//! Offsets of a seed's records, found independently of the reader.
 
 use simulate::{BagCompression, BagSettings, Container, Db3Compression, Db3Settings, Seed};
 use std::iter::once;
 use std::ops::Range;
 
-/// Where a log may end without anything missing: behind a whole record, where the format has no mark of its end.
+/// Where a log may end without anything missing: after a whole record, if the format has no end marker.
 pub enum Ends {
     Nowhere,
     At(Vec<usize>),
@@ -16,7 +16,7 @@ impl Ends {
         match seed.container {
             Container::Ulog => Ends::At(ulog_ends(bytes)),
             Container::DataFlash => Ends::At(dataflash_ends(bytes)),
-            // A line is whole with its line end or without.
+            // A line is complete with or without its line end.
             Container::DataFlashText | Container::CsvWide | Container::CsvFolder | Container::Nmea => {
                 let ends = bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').map(|(at, _)| at + 1);
                 let returns = usize::from(seed.container == Container::Nmea);
@@ -24,11 +24,11 @@ impl Ends {
             }
             Container::Ubx => Ends::At(ubx_ends(bytes)),
             Container::Tlog => Ends::At(tlog_ends(bytes)),
-            // What the recorder wrote beside the log is a hint, whatever becomes of it.
+            // The recorder's sidecar is only a hint, damaged or not.
             Container::Db3(_) if seed.files[damaged].path.ends_with("metadata.yaml") => {
                 Ends::At((0..bytes.len()).collect())
             }
-            // A bag without an index has a loss to tell as it is, and no other.
+            // A bag without an index already reports a loss, and no other.
             Container::Bag(BagSettings { indexed: false, .. }) => Ends::At((0..bytes.len()).collect()),
             Container::Mcap(_) | Container::Bag(_) | Container::Db3(_) => Ends::Nowhere,
         }
@@ -42,7 +42,7 @@ impl Ends {
     }
 }
 
-/// Walks records of which each says its own length.
+/// Walks records that each state their own length.
 fn walk(bytes: &[u8], start: usize, mut length: impl FnMut(&[u8]) -> usize) -> Vec<usize> {
     let mut ends = vec![start];
     let mut at = start;
@@ -73,7 +73,7 @@ fn ubx_ends(bytes: &[u8]) -> Vec<usize> {
     walk(bytes, 0, |rest| 8 + usize::from(u16::from_le_bytes([rest[4], rest[5]])))
 }
 
-/// A stamp of eight bytes, then a frame of MAVLink 1 or 2.
+/// A timestamp of eight bytes, then a frame of MAVLink 1 or 2.
 fn tlog_ends(bytes: &[u8]) -> Vec<usize> {
     walk(bytes, 0, |rest| match rest[8] {
         0xfe => 8 + 8 + usize::from(rest[9]),
@@ -82,7 +82,7 @@ fn tlog_ends(bytes: &[u8]) -> Vec<usize> {
     })
 }
 
-/// What says how other bytes are to be read: damage there may change all of them.
+/// Ranges that define how other bytes are read: damage there may change all of those.
 pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
     let bytes = &seed.files[damaged].bytes;
     match seed.container {
@@ -103,7 +103,7 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
         Container::DataFlashText => {
             let defines = |line: &&[u8]| ["FMT", "UNIT", "MULT"].iter().any(|name| line.starts_with(name.as_bytes()));
             let length = bytes.split_inclusive(|b| *b == b'\n').take_while(defines).map(<[u8]>::len).sum();
-            // A free text that loses its line end goes on with the next line.
+            // A free text that loses its line end continues on the next line.
             let mut at = 0;
             let texts = bytes.split_inclusive(|b| *b == b'\n').filter_map(|line| {
                 at += line.len();
@@ -112,13 +112,13 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
             once(0..length).chain(texts).collect()
         }
         Container::CsvWide | Container::CsvFolder => {
-            // The first row tells columns of integers from those of floats: a stamp there that is too large for an integer
-            // makes its column one of floats.
+            // The first row decides between integer and float columns: a timestamp there that is too large for an
+            // integer makes its column a float column.
             let lines = if seed.container == Container::CsvWide { 3 } else { 2 };
             once(0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()).collect()
         }
         Container::Bag(BagSettings { compression: BagCompression::None, .. }) => bag_definitions(bytes),
-        // Recorders pack without a checksum, and a bit of a packed file means any of the bytes behind it.
+        // Recorders pack without a checksum, and one bit of a packed file can affect all later bytes.
         Container::Db3(Db3Settings { compression: Db3Compression::ZstdFile, .. }) => once(0..bytes.len()).collect(),
         Container::Db3(_) if damaged == 0 => db3_definitions(bytes),
         _ => vec![],

@@ -4,7 +4,7 @@ use crate::lab::{Lab, of_each_format, seeds};
 
 const VALUES: [u64; 8] = [0, 1, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, 1 << 62, 1 << 63, u64::MAX];
 
-/// In the normal suite every so-manieth place of a file is written to; all of them by `just faults`.
+/// In the normal suite every n-th offset of a file is overwritten; all of them by `just faults`.
 fn lengths(family: &str, step: usize) {
     for seed in seeds(family) {
         let mut lab = Lab::new();
@@ -14,7 +14,7 @@ fn lengths(family: &str, step: usize) {
         for (turn, at) in (0..bytes.len()).step_by(step).enumerate() {
             for width in [1, 2, 4, 8].into_iter().filter(|width| at + width <= size) {
                 let kept = bytes[at..at + width].to_vec();
-                // One more and one less than what stands there, and one of the large values in turn.
+                // One more and one less than the present value, and one of the large values in turn.
                 let stands = kept.iter().rev().fold(0_u64, |n, b| n << 8 | u64::from(*b));
                 let values = [stands.wrapping_add(1), stands.wrapping_sub(1), VALUES[(turn + width) % VALUES.len()]];
                 let values = values.into_iter().chain(VALUES.into_iter().filter(|_| step == 1));

@@ -1,7 +1,7 @@
 //! Damaged and hostile logs of every format: no panic, no hang, bounded memory, every byte accounted for, nothing lost
-//! or changed in silence.
+//! or changed silently.
 //!
-//! A binary of its own, for its allocator counts. What is marked as ignored is exhaustive: `just faults`.
+//! A separate binary, as its allocator counts. The ignored tests are exhaustive: `just faults`.
 
 #![allow(clippy::print_stdout, reason = "figures of the exhaustive runs")]
 

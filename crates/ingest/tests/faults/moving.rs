@@ -1,5 +1,5 @@
-//! Logs that shrink, grow, are replaced or vanish while they are read: what is read is of the length at the begin, what is
-//! missing of it is damage, and a flight is made of one content or of none.
+//! Logs that shrink, grow, are replaced or vanish while they are read: the length at the start is read, missing
+//! bytes are damage, and a flight is never made of mixed contents.
 
 use crate::lab::kind_of;
 use ingest::{FlightUnit, IngestError, Limits, Log, MapLibrary, ReadContext, Selection, TopicInfo};
@@ -18,7 +18,7 @@ fn flight() -> SimulatedFlight {
 struct Moving {
     _folder: tempfile::TempDir,
     unit: FlightUnit,
-    /// The file that something happens to, and its bytes.
+    /// The file that is changed, and its bytes.
     path: PathBuf,
     bytes: Vec<u8>,
 }
@@ -42,7 +42,7 @@ impl Moving {
         Moving { _folder: folder, unit, path, bytes }
     }
 
-    /// Does something at the first step of reading. Gives what was read, and whether there was a step.
+    /// Acts at the first step of reading. Returns what was read, and whether there was a step.
     fn while_read<T>(&self, act: fn(&Moving), read: impl FnOnce(&ReadContext<'_>) -> T) -> (T, bool) {
         let (cancel, acted) = (AtomicBool::new(false), AtomicBool::new(false));
         let on_bytes = |_| {
@@ -64,7 +64,7 @@ fn cut(path: &Path, to: u64) {
     File::options().write(true).open(path).unwrap().set_len(to).unwrap();
 }
 
-/// Puts another file of the same size and time in its place, as a copy that keeps times does.
+/// Replaces it by another file of the same size and time, like a copy that preserves times.
 fn replace(log: &Moving) {
     let other = log.path.with_extension("other");
     std::fs::write(&other, vec![b'7'; log.bytes.len()]).unwrap();
@@ -84,7 +84,7 @@ const ACTS: [Act; 5] = [
 ];
 
 #[test]
-fn a_log_that_moves_while_it_is_read_makes_no_flight_and_loses_no_byte_in_silence() {
+fn a_log_changed_while_read_makes_no_flight_and_loses_no_byte_silently() {
     let flight = flight();
     let library = MapLibrary::shipped().unwrap();
     for seed in simulate::seeds().unwrap() {
@@ -96,15 +96,15 @@ fn a_log_that_moves_while_it_is_read_makes_no_flight_and_loses_no_byte_in_silenc
             assert!(acted, "{case}: no step");
             let error = loaded.map(|_| ()).expect_err(&case).to_string();
             assert!(error.contains(log.path.file_name().unwrap().to_str().unwrap()), "{case}: {error}");
-            // Who opens a file by its name a second time reads the other one, whole: only the flight is refused.
+            // A second open by name reads the other file whole: only the flight is rejected.
             let Some(read) = (what != "is replaced").then(|| log.read(act).ok()).flatten() else { continue };
             let b = &read.health.bytes;
-            // Of a packed log the unpacked bytes are counted.
+            // For a packed log the unpacked bytes are counted.
             let is_packed = read.health.format.contains(", in ");
             assert_eq!(b.sum(), b.size, "{case}: {b:?}");
             assert!(is_packed || b.size == intact.health.bytes.size, "{case}: {b:?}");
             let lost = b.damaged + b.tail_cut > intact.health.bytes.damaged || read.notices.any_loss();
-            assert!(read.tables == intact.tables || lost, "{case}: other rows, and nothing is said to be lost");
+            assert!(read.tables == intact.tables || lost, "{case}: different rows, but no loss reported");
         }
     }
 }

@@ -17,7 +17,7 @@ const KINDS: [(LogKind, &str); 9] = [
 ];
 
 #[test]
-fn what_is_no_log_is_refused_by_every_reader_or_all_of_it_told_to_be_damage() {
+fn files_that_are_not_logs_are_rejected_or_reported_as_all_damage() {
     let mut lab = Lab::new();
     for (kind, ending) in KINDS {
         let subject = lab.single(kind, &format!("odd.{ending}"));
@@ -43,7 +43,7 @@ fn what_is_no_log_is_refused_by_every_reader_or_all_of_it_told_to_be_damage() {
 }
 
 #[test]
-fn a_log_that_ends_with_its_magic_or_its_header_is_no_reason_to_panic() {
+fn a_log_that_ends_with_its_magic_or_header_does_not_panic() {
     let mut lab = Lab::new();
     for family in
         ["mcap-cdr-none", "bag-none", "db3-bare", "ulog", "dataflash-binary", "tlog", "ubx", "nmea", "csv-wide"]
@@ -60,7 +60,7 @@ fn a_log_that_ends_with_its_magic_or_its_header_is_no_reason_to_panic() {
 }
 
 #[test]
-fn every_seed_is_told_by_its_content_under_any_name_and_read_as_another_format_is_refused() {
+fn every_seed_is_detected_by_content_under_any_name() {
     let mut lab = Lab::new();
     let library = MapLibrary::shipped().unwrap();
     for family in ["mcap-cdr-none", "bag-none", "db3-bare", "ulog", "dataflash-binary", "ubx"] {
@@ -82,7 +82,7 @@ fn every_seed_is_told_by_its_content_under_any_name_and_read_as_another_format_i
 }
 
 #[test]
-fn what_is_no_log_is_named_by_discovery() {
+fn discovery_names_files_that_are_not_logs() {
     let library = MapLibrary::shipped().unwrap();
     for (name, bytes, what) in [
         ("page.txt", b"<!DOCTYPE html>\n<html></html>".as_slice(), "HTML page"),
@@ -100,7 +100,7 @@ fn what_is_no_log_is_named_by_discovery() {
 }
 
 #[test]
-fn a_log_that_was_copied_as_text_is_told_to_be_that() {
+fn a_log_copied_as_text_is_reported_as_such() {
     let mut lab = Lab::new();
     let lines = |bytes: &[u8], from: &[u8], to: &[u8]| -> Vec<u8> {
         let mut out = vec![];

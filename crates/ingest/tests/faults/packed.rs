@@ -1,4 +1,4 @@
-//! T1, T2 and T4 through a packing: what a packed file loses or changes is told, whatever the format inside.
+//! T1, T2 and T4 through a packing: losses and changes in a packed file are reported for any format inside.
 
 use crate::lab::{Lab, kind_of, seeds};
 use crate::verdict::{Verdict, first_foreign_row};
@@ -47,7 +47,7 @@ fn each(mut check: impl FnMut(&mut Lab, &Seed, &str, &[u8])) {
 }
 
 #[test]
-fn a_packed_log_that_is_cut_is_told() {
+fn a_truncated_packed_log_is_reported() {
     each(|lab, seed, ending, whole| {
         let subject = lab.single(kind_of(seed.container), &format!("log.{ending}"));
         let intact = lab.read(&subject, whole, ending).unwrap();
@@ -63,7 +63,7 @@ fn a_packed_log_that_is_cut_is_told() {
 }
 
 #[test]
-fn a_flipped_bit_of_a_packed_log_changes_nothing_in_silence() {
+fn a_flipped_bit_in_a_packed_log_changes_nothing_silently() {
     each(|lab, seed, ending, whole| {
         let subject = lab.single(kind_of(seed.container), &format!("log.{ending}"));
         let intact = lab.read(&subject, whole, ending).unwrap();
@@ -95,7 +95,7 @@ fn hostile_numbers_in_a_packed_log_take_little_memory() {
 }
 
 #[test]
-fn two_packed_pieces_one_behind_the_other_are_one_log_and_garbage_behind_them_is_told() {
+fn concatenated_packed_pieces_are_one_log_and_garbage_is_reported() {
     each(|lab, seed, ending, whole| {
         let subject = lab.single(kind_of(seed.container), &format!("log.{ending}"));
         let intact = lab.read(&subject, whole, ending).unwrap();

@@ -1,4 +1,4 @@
-//! T7 for formats without an index: foreign bytes before, behind and between sound records, and two logs in one file.
+//! T7 for formats without an index: foreign bytes before, after and between sound records, and two logs in one file.
 
 use crate::lab::{Lab, seeds};
 use crate::layout::Ends;
@@ -12,24 +12,24 @@ fn garbage() -> [(&'static str, Vec<u8>); 3] {
 }
 
 #[test]
-fn foreign_bytes_between_records_cost_at_most_the_one_before_them_and_are_told() {
+fn foreign_bytes_cost_at_most_the_preceding_record_and_are_reported() {
     let mut lab = Lab::new();
     for family in FAMILIES {
         let seed = &seeds(family)[0];
         let (subject, intact) = lab.intact(seed, 0);
         let bytes = &seed.files[0].bytes;
         let Ends::At(ends) = Ends::of(seed, 0) else { panic!("{family} has no records") };
-        // Of text, the places behind line ends.
+        // For text, the offsets after line ends.
         let text = ["dataflash-text", "nmea"].contains(&family);
         let ends = ends.into_iter().filter(|&at| at > 0 && (!text || bytes[at - 1] == b'\n'));
         for at in ends.step_by(3) {
             for (what, foreign) in garbage() {
                 let case = format!("{family}: {what} at {at} of {}", bytes.len());
-                // Behind text without a line end the next line is hurt.
+                // After text without a line end the next line is damaged.
                 let end: &[u8] = if text { b"\n" } else { b"" };
                 let hurt = [&bytes[..at], &foreign, end, &bytes[at..]].concat();
                 let read = lab.read(&subject, &hurt, &case);
-                // Zeros behind the last record are what a preallocated file has.
+                // A preallocated file has zeros after the last record.
                 let filling = what == "zeros" && at == bytes.len() && family.starts_with("dataflash-b");
                 assert!(filling || told(&read, &intact), "{case}");
                 let found = rows(read.as_ref().unwrap());
@@ -42,7 +42,7 @@ fn foreign_bytes_between_records_cost_at_most_the_one_before_them_and_are_told()
 }
 
 #[test]
-fn two_logs_in_one_file_are_both_read_or_told() {
+fn two_logs_in_one_file_are_both_read_or_reported() {
     let mut lab = Lab::new();
     for family in FAMILIES {
         let seed = &seeds(family)[0];
@@ -56,7 +56,7 @@ fn two_logs_in_one_file_are_both_read_or_told() {
 }
 
 #[test]
-fn ulogs_of_two_boots_in_one_file_do_not_mix_wherever_the_first_was_cut() {
+fn ulogs_of_two_boots_in_one_file_do_not_mix_at_any_cut() {
     let mut lab = Lab::new();
     let seed = &seeds("ulog")[0];
     let (subject, intact) = lab.intact(seed, 0);

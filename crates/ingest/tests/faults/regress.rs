@@ -1,4 +1,4 @@
-//! What fuzzing found: kept in tests/regress, a folder for each target, read by every run.
+//! Fuzzing finds: kept in tests/regress, a folder for each target, read by every run.
 
 use crate::lab::Lab;
 use ingest::{ChannelMap, Limits, LogKind, MapLibrary, ReadContext, discover};
@@ -54,7 +54,7 @@ fn finds_in_channel_maps_stay_fixed() {
 }
 
 #[test]
-fn a_length_that_swallows_two_messages_and_two_lines_in_one_are_told() {
+fn a_length_spanning_two_messages_and_two_lines_in_one_are_reported() {
     let mut lab = Lab::new();
     for (find, kind, code) in [
         ("bag/length-that-swallows-two-messages.bag", LogKind::Bag, "damaged"),

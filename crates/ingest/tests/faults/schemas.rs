@@ -1,4 +1,4 @@
-//! T6: definitions that describe more than there is.
+//! T6: definitions that describe more than the log contains.
 
 use crate::lab::Lab;
 use crate::verdict;
@@ -50,7 +50,7 @@ fn rows(read: &Result<Log, IngestError>) -> usize {
 }
 
 #[test]
-fn ulog_formats_that_are_huge_nested_without_end_or_circular_take_little_memory() {
+fn huge_deeply_nested_or_circular_ulog_formats_take_little_memory() {
     let mut lab = Lab::new();
     let subject = lab.single(LogKind::Ulog, "schema.ulg");
     let mut nested = vec!["a0:uint64_t timestamp;uint8_t x;".to_owned()];
@@ -69,7 +69,7 @@ fn ulog_formats_that_are_huge_nested_without_end_or_circular_take_little_memory(
 }
 
 #[test]
-fn message_definitions_that_are_circular_long_or_huge_take_little_memory() {
+fn circular_long_or_huge_message_definitions_take_little_memory() {
     let mut lab = Lab::new();
     let subject = lab.single(LogKind::Mcap, "schema.mcap");
     let separator = "=".repeat(80);
@@ -112,7 +112,7 @@ fn message_definitions_that_are_circular_long_or_huge_take_little_memory() {
 }
 
 #[test]
-fn channels_and_schemas_without_end_take_little_memory() {
+fn endless_channels_and_schemas_take_little_memory() {
     let mut lab = Lab::new();
     let subject = lab.single(LogKind::Mcap, "many.mcap");
     let channels: Vec<_> = (0..=u16::MAX).map(|id| channel(id, 0, "json")).collect();
@@ -129,7 +129,7 @@ fn channels_and_schemas_without_end_take_little_memory() {
 }
 
 #[test]
-fn dataflash_formats_of_senseless_lengths_and_doubled_types_take_little_memory() {
+fn dataflash_formats_with_nonsense_lengths_take_little_memory() {
     let mut lab = Lab::new();
     let subject = lab.single(LogKind::DataFlash, "fmt.bin");
     let format = |id: u8, length: u8, name: &str, types: &str, labels: &str| {

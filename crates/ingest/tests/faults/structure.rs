@@ -1,4 +1,4 @@
-//! T7: files whose parts are sound and do not agree: an index is never trusted over the data.
+//! T7: files with sound parts that contradict each other: an index is never trusted over the data.
 
 use crate::lab::{Lab, seeds};
 use crate::verdict::{Verdict, first_foreign_row, first_unknown_row, rows, told};
@@ -29,7 +29,7 @@ fn records(bytes: &[u8]) -> Vec<Record> {
     records
 }
 
-/// The file of these records, its footer pointing at the first record behind the end of the data, without checksums of
+/// The file of these records, its footer pointing at the first record after the end of the data, without checksums of
 /// data and summary: so that what is wrong is only what a test makes wrong.
 fn file(records: &[Record]) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
@@ -66,7 +66,7 @@ fn put(record: &mut Record, at: usize, value: u64) {
     record.1[at..at + 8].copy_from_slice(&value.to_le_bytes());
 }
 
-/// Nothing of the flight is lost or changed, or it is told.
+/// No loss or change of the flight, or it is reported.
 fn same_or_told(lab: &mut Lab, bytes: &[u8], intact: &Log, case: &str) {
     let seed = &seeds("mcap-cdr-none")[0];
     let subject = lab.seed(seed, 0);
@@ -87,7 +87,7 @@ fn intact(lab: &mut Lab, records: &[Record]) -> Log {
 }
 
 #[test]
-fn an_index_that_lies_costs_no_row() {
+fn a_false_index_costs_no_row() {
     let mut lab = Lab::new();
     let sound = seed("mcap-cdr-none");
     let intact = intact(&mut lab, &sound);
@@ -119,7 +119,7 @@ fn an_index_that_lies_costs_no_row() {
 }
 
 #[test]
-fn records_out_of_place_cost_no_row_in_silence() {
+fn misplaced_records_cost_no_row_silently() {
     let mut lab = Lab::new();
     let sound = seed("mcap-cdr-none");
     let intact = intact(&mut lab, &sound);
@@ -158,7 +158,7 @@ fn records_out_of_place_cost_no_row_in_silence() {
 }
 
 #[test]
-fn a_channel_before_its_schema_and_messages_before_their_channel_cost_no_row_in_silence() {
+fn channels_and_messages_before_their_definitions_cost_no_row_silently() {
     let mut lab = Lab::new();
     let sound = seed("mcap-cdr-unchunked");
     let intact = intact(&mut lab, &sound);
@@ -172,7 +172,7 @@ fn a_channel_before_its_schema_and_messages_before_their_channel_cost_no_row_in_
 }
 
 #[test]
-fn the_index_of_a_bag_that_lies_costs_no_row() {
+fn a_false_bag_index_costs_no_row() {
     let mut lab = Lab::new();
     for name in ["bag-none", "bag-lz4-linked"] {
         let seed = &seeds(name)[0];
@@ -200,7 +200,7 @@ fn the_index_of_a_bag_that_lies_costs_no_row() {
     }
 }
 
-/// Rows of one log and of another behind it, and nothing wrong with either.
+/// Rows of one log and of another after it, both intact.
 fn assert_both_read(lab: &mut Lab, kind: &str, bytes: &[u8], expected: usize, case: &str) {
     let subject = lab.seed(&seeds(kind)[0], 0);
     let log = lab.read(&subject, bytes, case).unwrap();
@@ -210,7 +210,7 @@ fn assert_both_read(lab: &mut Lab, kind: &str, bytes: &[u8], expected: usize, ca
 }
 
 #[test]
-fn two_mcaps_one_behind_the_other_are_both_read_and_every_checksum_of_both_holds() {
+fn concatenated_mcaps_are_both_read_with_all_checksums_valid() {
     let mut lab = Lab::new();
     let all = ["mcap-cdr-none", "mcap-cdr-zstd", "mcap-cdr-unchunked", "mcap-cdr-unindexed", "mcap-ros1-none"];
     let bytes = all.map(|name| seeds(name)[0].files[0].bytes.clone());
@@ -220,7 +220,7 @@ fn two_mcaps_one_behind_the_other_are_both_read_and_every_checksum_of_both_holds
             assert_both_read(&mut lab, a, &both, 48, &format!("{a} before {b}"));
         }
     }
-    // The summary of the first is looked at too, though another one ends the file.
+    // The summary of the first is examined too, although another one ends the file.
     let mut hurt = [bytes[1].as_slice(), &bytes[0]].concat();
     let footer = bytes[1].len() - 8 - 20;
     hurt[footer - 20] ^= 1;
@@ -231,7 +231,7 @@ fn two_mcaps_one_behind_the_other_are_both_read_and_every_checksum_of_both_holds
 }
 
 #[test]
-fn a_log_that_was_written_behind_one_that_was_cut_is_read_whole_and_the_cut_is_told() {
+fn a_log_after_a_truncated_one_is_read_whole_and_the_cut_reported() {
     let mut lab = Lab::new();
     for name in ["mcap-cdr-zstd", "mcap-cdr-unchunked", "bag-none", "bag-lz4-linked"] {
         let seed = &seeds(name)[0];
@@ -250,7 +250,7 @@ fn a_log_that_was_written_behind_one_that_was_cut_is_read_whole_and_the_cut_is_t
 }
 
 #[test]
-fn a_log_behind_foreign_bytes_is_read_whole() {
+fn a_log_after_foreign_bytes_is_read_whole() {
     let mut lab = Lab::new();
     let noise: Vec<u8> = (0..5000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     for name in ["mcap-cdr-none", "mcap-cdr-unchunked", "mcap-cdr-unindexed", "bag-none", "bag-unindexed", "ulog"] {
@@ -265,7 +265,7 @@ fn a_log_behind_foreign_bytes_is_read_whole() {
 }
 
 #[test]
-fn an_unchunked_mcap_without_its_beginning_is_read_by_the_channels_of_its_summary() {
+fn an_unchunked_mcap_without_its_start_uses_its_summarys_channels() {
     let mut lab = Lab::new();
     let seed = &seeds("mcap-cdr-unchunked")[0];
     let (subject, intact) = lab.intact(seed, 0);
@@ -286,7 +286,7 @@ fn an_unchunked_mcap_without_its_beginning_is_read_by_the_channels_of_its_summar
 }
 
 #[test]
-fn two_bags_one_behind_the_other_are_both_read_by_their_own_connections_and_indexes() {
+fn concatenated_bags_are_read_by_their_own_connections_and_indexes() {
     let mut lab = Lab::new();
     let all = ["bag-none", "bag-lz4-linked", "bag-bz2"];
     let bytes = all.map(|name| seeds(name)[0].files[0].bytes.clone());
@@ -299,7 +299,7 @@ fn two_bags_one_behind_the_other_are_both_read_by_their_own_connections_and_inde
 }
 
 #[test]
-fn a_file_that_lost_its_first_blocks_is_read_from_there_on() {
+fn a_file_without_its_first_blocks_is_read_from_there_on() {
     let mut lab = Lab::new();
     for (name, fewest) in [("mcap-cdr-none", 0), ("mcap-cdr-unchunked", 20), ("bag-none", 20), ("db3-bare", 20)] {
         let seed = &seeds(name)[0];
@@ -313,7 +313,7 @@ fn a_file_that_lost_its_first_blocks_is_read_from_there_on() {
 }
 
 #[test]
-fn a_part_of_a_recording_that_is_empty_or_no_log_at_all_costs_only_itself() {
+fn an_empty_or_foreign_part_of_a_recording_costs_only_itself() {
     let mut lab = Lab::new();
     for (name, ending) in [("db3-bare", "db3"), ("mcap-cdr-zstd", "mcap")] {
         let seed = &seeds(name)[0];

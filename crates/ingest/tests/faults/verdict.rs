@@ -1,4 +1,4 @@
-//! What a damaged log gave, beside what the intact one gives.
+//! Compares the result of a damaged log with that of the intact one.
 
 use flight::Severity;
 use ingest::{Column, ColumnData, IngestError, Log, Table};
@@ -9,20 +9,20 @@ use std::collections::{BTreeMap, BTreeSet};
 pub enum Verdict {
     /// Same rows, bit for bit.
     Same,
-    /// A loss is told, or the log refused.
+    /// A loss is reported, or the log rejected.
     Told,
-    /// Nothing told; one row holds other values, or stands in another table.
+    /// Nothing reported; one row has other values, or is in another table.
     OneRow,
-    /// Nothing told, and more rows than one are others; none is missing.
+    /// Nothing reported, and several rows differ; no row is missing.
     ManyRows,
-    /// Nothing told, and there are fewer rows.
+    /// Nothing reported, and there are fewer rows.
     Fewer,
-    /// Nothing told, and there are more rows.
+    /// Nothing reported, and there are more rows.
     More,
 }
 
-/// Notices that are no losses and still tell of the damage: a last record that was cut, a topic that was wanted and has no usable definition, a last
-/// cell that may have lost digits, a file among several that is no table any more or has no rows.
+/// Notices that are not losses but still report the damage: a truncated last record, a wanted topic without
+/// a usable definition, a last cell that may have lost digits, a file among several that is not a table or has no rows.
 const TELLING: [&str; 4] = ["tail-cut", "not-decoded", "rejected-cell", "no-rows"];
 
 /// Rows of all tables.
@@ -30,12 +30,12 @@ pub fn rows(log: &Log) -> usize {
     log.tables.iter().map(|table| table.rows).sum()
 }
 
-/// Whether damage is told that the intact log does not have.
+/// Whether damage is reported that the intact log does not have.
 pub fn told(read: &Result<Log, IngestError>, intact: &Log) -> bool {
     read.as_ref().map_or(true, |log| losses(log) != losses(intact))
 }
 
-/// Kinds of losses and how many there are.
+/// Kinds of losses and their counts.
 fn losses(log: &Log) -> BTreeMap<&str, u64> {
     let mut losses = BTreeMap::new();
     for notice in log.notices.iter().filter(|n| n.severity == Severity::Loss || TELLING.contains(&n.code.as_str())) {
@@ -50,7 +50,7 @@ impl Verdict {
         if told(read, intact) {
             return Verdict::Told;
         }
-        // Rows as the intact log has them count up, others down.
+        // Rows that the intact log has count up, others down.
         let mut rows: BTreeMap<String, i64> = BTreeMap::new();
         rows_of(intact).for_each(|row| *rows.entry(row).or_default() += 1);
         rows_of(log).for_each(|row| *rows.entry(row).or_default() -= 1);
@@ -70,7 +70,7 @@ fn rows_of(log: &Log) -> impl Iterator<Item = String> {
     log.tables.iter().flat_map(|table| (0..table.rows).map(|row| as_text(table, row)))
 }
 
-/// All that a row says. A number is written as the number that it is, whatever the type of its column: what a text
+/// The content of a row. A number is written by its value, whatever the type of its column: what a text
 /// table takes a column for depends on all of its cells.
 fn as_text(table: &Table, row: usize) -> String {
     let stamp = |stamps: &Option<Vec<i64>>| stamps.as_ref().map(|s| s[row]);
@@ -99,13 +99,13 @@ fn cell(column: &Column, row: usize) -> Option<String> {
     })
 }
 
-/// A row of `log` that no row of `intact` is.
+/// A row of `log` that is not in `intact`.
 pub fn first_unknown_row(log: &Log, intact: &Log) -> Option<String> {
     let known: BTreeSet<String> = rows_of(intact).collect();
     rows_of(log).find(|row| !known.contains(row))
 }
 
-/// The first row of `log` that is not the row of the same place in `intact`.
+/// The first row of `log` that differs from the same row of `intact`.
 pub fn first_foreign_row(log: &Log, intact: &Log) -> Option<String> {
     log.tables.iter().filter(|t| t.rows > 0).find_map(|table| {
         let topic = &table.topic.name;
@@ -115,7 +115,7 @@ pub fn first_foreign_row(log: &Log, intact: &Log) -> Option<String> {
         if table.rows > whole.rows {
             return Some(format!("{topic} has {} rows of {}", table.rows, whole.rows));
         }
-        // The last cell of a text that ends inside it is left out, for it may have lost digits.
+        // The last cell of a text that ends inside it is skipped, as it may have lost digits.
         let cut_short = |row: usize| {
             let (cut, whole) = (cells(table, row), cells(whole, row));
             row + 1 == table.rows && cut.len() + 1 == whole.len() && cut.iter().all(|cell| whole.contains(cell))

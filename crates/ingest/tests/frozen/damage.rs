@@ -1,4 +1,4 @@
-//! Of a damaged log the ledger adds up, the damage is reported, and 99 % of what lies outside of it is kept.
+//! For a damaged log the ledger adds up, the damage is reported, and 99 % of the rest is kept.
 
 use crate::fingerprint::read;
 use crate::{flight, written};
@@ -48,7 +48,7 @@ fn damaged(bytes: &[u8], at: usize) -> [(&'static str, usize, Vec<u8>); 4] {
 }
 
 #[test]
-fn damage_is_reported_and_what_lies_outside_of_it_is_kept() {
+fn damage_is_reported_and_the_rest_is_kept() {
     let simulated = flight();
     for container in containers() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! What was read from a log in one line of text.
+//! The content read from a log, as one line of text.
 
 use flight::{ByteLedger, Severity, Stamp};
 use ingest::{
@@ -13,7 +13,7 @@ pub fn in_context<T>(body: impl FnOnce(&ReadContext<'_>) -> T) -> T {
     body(&ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () })
 }
 
-/// Everything that the log holds.
+/// The whole content of the log.
 pub fn read(unit: &FlightUnit) -> Result<Log, IngestError> {
     in_context(|context| ingest::open(unit).read(&|_: &TopicInfo| Selection::All, context))
 }
@@ -28,7 +28,7 @@ pub fn fingerprint(unit: &FlightUnit) -> String {
         assert_eq!(bytes.sum(), bytes.size, "{}: {bytes:?}", unit.id);
     }
     if is_damaged(&log.health.bytes, log.health.damage_count) {
-        assert!(log.notices.iter().any(|n| n.severity == Severity::Loss), "{}: damage and no loss reported", unit.id);
+        assert!(log.notices.iter().any(|n| n.severity == Severity::Loss), "{}: damage but no loss reported", unit.id);
         let rows: usize = log.tables.iter().map(|table| table.rows).sum();
         return format!("damaged {rows} {}", loaded.flight.channels.len());
     }

@@ -1,6 +1,6 @@
-//! The truth, frozen: a hash of everything that is read from intact logs, and what damaged ones must keep.
+//! Frozen results: a hash of everything that is read from intact logs, and what damaged ones must keep.
 //!
-//! A change of a reader that is meant to change nothing keeps every hash. `FLIGHTLAG_BLESS=1` accepts new ones: read the
+//! A refactoring of a reader keeps every hash. `FLIGHTLAG_BLESS=1` accepts new ones: read the
 //! diff first, and raise the analysis version if numbers changed.
 
 mod damage;
@@ -48,11 +48,11 @@ fn compare(name: &str, found: &BTreeMap<String, String>) {
         .filter(|(id, print)| frozen.get(id.as_str()).is_none_or(|frozen| !fingerprint::keeps(frozen, print)))
         .map(|(id, print)| format!("{id}: {print}, frozen as {:?}", frozen.get(id.as_str())))
         .collect();
-    assert!(changed.is_empty(), "{} logs read otherwise than frozen in {name}:\n{}", changed.len(), changed.join("\n"));
+    assert!(changed.is_empty(), "{} logs differ from those frozen in {name}:\n{}", changed.len(), changed.join("\n"));
 }
 
 #[test]
-fn every_simulated_container_reads_as_it_was_frozen() {
+fn every_simulated_container_matches_its_frozen_result() {
     let simulated = flight();
     let seeds = seeds().unwrap();
     let of = |seed: &simulate::Seed| {
@@ -67,7 +67,7 @@ fn every_simulated_container_reads_as_it_was_frozen() {
 fn real(is_wanted: impl Fn(u64) -> bool) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/logs");
     if !root.exists() {
-        // Straight to standard error: the test runner hides what a test that passes prints.
+        // Straight to standard error: the test runner hides what a passing test prints.
         let _ = std::io::Write::write_all(&mut std::io::stderr(), b"skipped: the folder of real logs is absent\n");
         return;
     }
@@ -83,12 +83,12 @@ fn real(is_wanted: impl Fn(u64) -> bool) {
 const SMALL: u64 = 50_000;
 
 #[test]
-fn every_small_real_log_reads_as_it_was_frozen() {
+fn every_small_real_log_matches_its_frozen_result() {
     real(|size| size <= SMALL);
 }
 
 #[test]
 #[ignore = "about 100 MB of logs, minutes in a debug build: cargo test -p flightlag-ingest --test frozen -- --ignored"]
-fn every_large_real_log_reads_as_it_was_frozen() {
+fn every_large_real_log_matches_its_frozen_result() {
     real(|size| size > SMALL);
 }

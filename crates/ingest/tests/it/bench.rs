@@ -1,4 +1,4 @@
-//! Bench logs: a simulated bench in every format, and what tables and messages of sensors become.
+//! Bench logs: a simulated bench in every format, and how tables and messages of sensors are bound.
 
 use crate::support::*;
 use flight::{Channel, Clock, Flight, Quantity, Stamp, StampKind};
@@ -84,7 +84,7 @@ fn map_of(loaded: &Loaded) -> &str {
 fn one_bench_in_every_container_gives_the_same_channels_bit_for_bit() {
     let bench = simulate_bench(&settings()).unwrap();
     let mut truth = bench.to_flight().unwrap();
-    // Logged stamps of a pulse are its edges: one kind, and no other.
+    // The logged timestamps of a pulse are its edges: one kind only.
     assert_eq!(truth.channels["pps.sensor"].other_stamps, []);
     truth.notices = flight::Notices::default();
     assert_eq!(truth.channels.len(), 12);
@@ -97,7 +97,7 @@ fn one_bench_in_every_container_gives_the_same_channels_bit_for_bit() {
 }
 
 #[test]
-fn two_logs_with_two_clocks_keep_each_its_stamps() {
+fn two_logs_with_two_clocks_each_keep_their_timestamps() {
     let mut settings = settings();
     settings.clocks.device = Some(ClockError { offset_s: 512.5, skew: 40e-6 });
     settings.clocks.logger = ClockError { offset_s: -0.75, skew: 0.0 };
@@ -116,7 +116,7 @@ fn two_logs_with_two_clocks_keep_each_its_stamps() {
 }
 
 #[test]
-fn a_wide_table_of_a_bench_gives_its_values_bit_for_bit_and_marks_what_is_held() {
+fn a_wide_bench_table_is_exact_and_marks_held_values() {
     let bench = simulate_bench(&settings()).unwrap();
     let loaded = read(&bench.files(Container::CsvWide, "bench").unwrap());
     assert_eq!(map_of(&loaded), "bench-wide-csv");
@@ -127,7 +127,7 @@ fn a_wide_table_of_a_bench_gives_its_values_bit_for_bit_and_marks_what_is_held()
 }
 
 #[test]
-fn an_encoder_alone_is_a_log_that_a_map_fits_as_counts_and_as_an_angle() {
+fn an_encoder_alone_is_bound_as_counts_and_as_an_angle() {
     for (output, name, quantity) in [
         (EncoderOutput::Count, "encoder.bar", Quantity::EncoderCount),
         (EncoderOutput::Angle, "encoder.angle", Quantity::EncoderAngle),
@@ -140,14 +140,14 @@ fn an_encoder_alone_is_a_log_that_a_map_fits_as_counts_and_as_an_angle() {
             let channel = &loaded.flight.channels[name];
             assert_eq!(channel.quantity, quantity, "{container:?}");
             assert_eq!(channel.series.component(0), bench.encoder_values(), "{container:?}");
-            // Two seconds of rest in ten: a bar that stands still is measured all the same.
+            // Two seconds of rest in ten: a bar at rest is still measured.
             assert!(!channel.is_held(), "{container:?}");
         }
     }
 }
 
 #[test]
-fn a_sensor_without_position_and_velocity_is_a_log_that_a_map_fits() {
+fn a_sensor_without_position_and_velocity_is_bound() {
     let imu = [BenchChannel::AngularRate, BenchChannel::SpecificForce];
     let bench = simulate_bench(&settings().only(&imu)).unwrap();
     for container in containers().into_iter().chain([Container::CsvWide]) {
@@ -219,7 +219,7 @@ fn fields(roles: [&str; 3], unit: &str) -> String {
 }
 
 #[test]
-fn vectors_become_forward_right_down_whatever_the_source_calls_its_axes() {
+fn vectors_become_forward_right_down_from_any_axis_names() {
     let rows = "0,1,2,3,0\n1,4,5,6,0\n";
     for (frame, roles, expected) in [
         ("frame = \"frd\"\n", ["x", "y", "z"], [1.0, 2.0, 3.0]),
@@ -242,7 +242,7 @@ fn vectors_become_forward_right_down_whatever_the_source_calls_its_axes() {
 #[test]
 fn euler_angles_and_a_long_quaternion_of_one_attitude_give_one_quaternion() {
     let angles = format!("quantity = \"attitude\"\nframe = \"frd-ned\"\n{}", fields(["roll", "pitch", "yaw"], "deg"));
-    // Half a turn about down, and nose up by a right angle after a quarter turn.
+    // Yaw 180°, and nose up 90° after yaw 90°.
     let flight = bound_by(&angles, "0,0,0,180,0\n1,0,90,90,0\n");
     let quaternion = "quantity = \"attitude\"\nframe = \"frd-ned\"\n[channel.fields]\n\
         orientation_w = { field = \"a\", unit = \"1\" }\norientation_x = { field = \"b\", unit = \"1\" }\n\
@@ -252,7 +252,7 @@ fn euler_angles_and_a_long_quaternion_of_one_attitude_give_one_quaternion() {
         let (a, b) = (row_of(&flight, row), row_of(&same, row));
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-15), "{a:?} {b:?}");
     }
-    // All zero is how a driver without orientation leaves it: those rows are counted, none is made up.
+    // A driver without orientation leaves all zeros: those rows are counted, and no attitude is invented.
     let none = bound_by(quaternion, "0,0,0,0,0\n1,0,0,0,0\n2,0,0,0,1\n");
     assert_eq!(none.channels["mine"].series.len(), 1);
     assert!(none.notices.iter().any(|n| n.code == "rejected-row" && n.count == 2));
@@ -267,7 +267,7 @@ fn a_held_vector_repeats_all_its_components_and_a_resting_encoder_is_measured() 
     let said = bound_by(&vector, &held).notices;
     let said: Vec<_> = said.iter().filter(|n| n.code == "held-rows").map(|n| n.count).collect();
     assert_eq!(said, [30]);
-    // The third axis alone moves: of a vector that is a new value.
+    // Only the third axis moves: for a vector that is a new value.
     let moving: String = (0..40).map(|i| format!("{i},1,2,{i},0\n")).collect();
     assert!(!bound_by(&vector, &moving).channels["mine"].is_held());
     let count = "quantity = \"encoder-count\"\n[channel.fields]\ncount = { field = \"c\", unit = \"1\" }\n";
@@ -277,7 +277,7 @@ fn a_held_vector_repeats_all_its_components_and_a_resting_encoder_is_measured() 
 }
 
 #[test]
-fn a_map_of_a_sensor_that_leaves_its_frame_open_is_refused() {
+fn a_sensor_map_without_a_frame_is_rejected() {
     let of = |entry: String| {
         let text = format!(
             "schema = 1\nname = \"n\"\ntitle = \"t\"\n[time]\nlogged = [{{ container = \"logged\" }}]\n\
@@ -309,7 +309,7 @@ fn a_map_of_a_sensor_that_leaves_its_frame_open_is_refused() {
 }
 
 #[test]
-fn an_encoder_among_the_topics_of_a_flight_does_not_change_the_map_that_the_flight_gets() {
+fn an_encoder_in_a_flight_does_not_change_the_flights_map() {
     let rows = "2024-05-10T17:27:01Z,47.1,8.5,400,1,2,3,3,7\n2024-05-10T17:27:02Z,47.2,8.5,400,1,2,3,3,8\n";
     let loaded = table(&format!("time,lat,lon,hMSL,velN,velE,velD,gpsFix,counts\n{rows}"));
     assert_eq!(map_of(&loaded), "flysight-1");
@@ -354,9 +354,9 @@ fn the_attitude_and_the_accelerometer_of_alfa_agree_with_gravity_and_with_the_tr
     assert!((sum[2] + 9.8).abs() < 0.7 && sum[0].abs() < 0.7 && sum[1].abs() < 0.7, "{sum:?}");
 }
 
-/// At rest and level, and the axes are the device's own.
+/// At rest and level, in the device's own axes.
 #[test]
-fn the_old_mti_g_lies_still_and_feels_gravity_along_its_up_axis() {
+fn the_old_mti_g_at_rest_measures_gravity_along_its_up_axis() {
     let Some(path) = real_logs("PlotJuggler/datasamples/tilt_laser.bag") else { return };
     let loaded = load(&ingest::discover(&path, &MapLibrary::shipped().unwrap()).unwrap().units[0]).unwrap();
     let force = &loaded.flight.channels["specific-force.imu"].series;

@@ -1,5 +1,5 @@
-//! GPS time as receivers get it wrong, in every format that has it: weeks that begin anew, weeks that come late, epochs
-//! without a fix, leap seconds, jumps in flight. Of tables alone there are more in `time`.
+//! GPS time faults of receivers, in every format that has it: weeks that wrap around, weeks that come late, epochs
+//! without a fix, leap seconds, jumps in flight. More tests of tables are in `time`.
 
 use crate::support::*;
 use crate::wire::*;
@@ -18,7 +18,7 @@ const ROWS: usize = 60;
 /// When the first epoch comes, since boot.
 const BOOT_MS: i64 = 60_000;
 
-/// What a receiver says of one epoch.
+/// One epoch as the receiver reports it.
 #[derive(Debug, Clone, Copy)]
 struct Epoch {
     week: i64,
@@ -26,15 +26,15 @@ struct Epoch {
     fix: u8,
 }
 
-/// What it comes to.
+/// The expected result.
 struct Case {
     name: &'static str,
     epochs: Vec<Epoch>,
     /// The true week, and the true time in it, ms, of the first epoch.
     truth: (i64, i64),
-    /// How many epochs are of no use.
+    /// Number of unusable epochs.
     unused: u64,
-    /// Codes of notices and what they count.
+    /// Codes of notices and their counts.
     told: &'static [(&'static str, u64)],
 }
 
@@ -64,7 +64,7 @@ fn cases() -> Vec<Case> {
     // Week 2445 is that of November 2026.
     let ten_bits = epochs(2445, 500_000_000, |_, w| w & 0x3ff);
     case("ten bits in a field of sixteen", ten_bits, (2445, 500_000_000), 0, &[("date-inferred", ROWS as u64)]);
-    // ArduPilot#31914: the time of week begins anew, the week follows later.
+    // ArduPilot#31914: the time of week wraps around, the week follows later.
     for late in 1..=5 {
         let written = move |row: usize, week: i64| if (MIDDLE..MIDDLE + late).contains(&row) { week - 1 } else { week };
         let glitch = epochs(2313, LATE_SATURDAY, written);
@@ -143,7 +143,7 @@ fn dataflash_from(from_ms: i64, epochs: &[Epoch]) -> Vec<u8> {
 }
 
 #[test]
-fn dataflash_is_dated_by_weeks_whatever_happens_to_them_and_no_epoch_is_used_in_silence() {
+fn dataflash_is_dated_by_weeks_despite_all_their_faults() {
     let library = MapLibrary::shipped().unwrap();
     for case in cases() {
         let loaded = load_as(LogKind::DataFlash, &dataflash(&case.epochs), &library, None);
@@ -156,7 +156,7 @@ fn dataflash_is_dated_by_weeks_whatever_happens_to_them_and_no_epoch_is_used_in_
         assert_eq!(tie.offset_ns, unix_ns(case.truth, ROWS - 1) - boot_ms(ROWS - 1) * MS, "{}", case.name);
         assert_eq!((tie.pairs, tie.outliers), (ROWS as u64 - case.unused, 0), "{}", case.name);
         assert_told(&loaded, case.name, case.told, 1);
-        // The samples keep their stamps.
+        // The samples keep their timestamps.
         let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
         assert_eq!(stamps.len() as u64, ROWS as u64 - case.unused, "{}", case.name);
         assert_eq!(stamps.last().unwrap().0, boot_ms(ROWS - 1) * MS);
@@ -164,7 +164,7 @@ fn dataflash_is_dated_by_weeks_whatever_happens_to_them_and_no_epoch_is_used_in_
 }
 
 #[test]
-fn a_jump_of_the_receivers_time_in_flight_does_not_move_the_date() {
+fn a_jump_of_receiver_time_in_flight_does_not_move_the_date() {
     let library = MapLibrary::shipped().unwrap();
     for jump_ms in [-3000, 3000, 3_600_000, 86_400_000] {
         // For four seconds, and for the rest of the flight.
@@ -180,7 +180,7 @@ fn a_jump_of_the_receivers_time_in_flight_does_not_move_the_date() {
     }
 }
 
-/// A map of a table with weeks, and with the logger's UTC beside them.
+/// A map of a table with weeks, and with the logger's UTC next to them.
 fn table_map() -> MapLibrary {
     let text = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{ week = \"GWk\", field = \"GMS\", unit = \"ms\" }]\n\
                 logged = [{ field = \"utc\", unit = \"ms\", clock = \"unix\" }]\n[[channel]]\nname = \"position.gps\"\n\
@@ -191,7 +191,7 @@ fn table_map() -> MapLibrary {
     library
 }
 
-/// A table; with `utc` it says when each epoch was logged, ms.
+/// A table; with `utc` it has the log time of each epoch, ms.
 fn table(epochs: &[Epoch], utc: Option<&dyn Fn(usize) -> i64>) -> Vec<u8> {
     let mut text = format!("GWk,GMS,fix,lat,lon{}\n", if utc.is_some() { ",utc" } else { "" });
     for (row, e) in epochs.iter().enumerate() {
@@ -204,7 +204,7 @@ fn table(epochs: &[Epoch], utc: Option<&dyn Fn(usize) -> i64>) -> Vec<u8> {
 }
 
 #[test]
-fn tables_are_stamped_by_weeks_whatever_happens_to_them() {
+fn tables_are_dated_by_weeks_despite_all_their_faults() {
     let library = table_map();
     for case in cases() {
         let loaded = load_as(LogKind::Csv, &table(&case.epochs, None), &library, Some("t"));
@@ -217,7 +217,7 @@ fn tables_are_stamped_by_weeks_whatever_happens_to_them() {
 }
 
 #[test]
-fn a_week_of_ten_bits_is_the_one_nearest_to_the_date_of_the_log_and_the_rule_is_told() {
+fn a_ten_bit_week_is_the_nearest_to_the_log_date_and_is_reported() {
     let library = table_map();
     // The same ten bits in 2007, 2026 and 2046.
     for week in [1421, 2445, 3469] {
@@ -250,7 +250,7 @@ fn ulog(epochs: &[(i64, u8)]) -> Vec<u8> {
 }
 
 #[test]
-fn a_ulog_is_dated_by_the_receivers_utc_and_not_by_its_glitches() {
+fn a_ulog_is_dated_by_receiver_utc_despite_its_glitches() {
     let library = MapLibrary::shipped().unwrap();
     let begin = (2313, LATE_SATURDAY);
     let good: Vec<(i64, u8)> = (0..ROWS).map(|row| (unix_ns(begin, row) / 1000, 3)).collect();
@@ -295,7 +295,7 @@ fn frames(epochs: &[Epoch]) -> Vec<u8> {
 }
 
 #[test]
-fn ubx_is_stamped_by_weeks_whatever_happens_to_them() {
+fn ubx_is_dated_by_weeks_despite_all_their_faults() {
     let library = MapLibrary::shipped().unwrap();
     for case in cases() {
         let loaded = load_as(LogKind::Ubx, &frames(&case.epochs), &library, None);
@@ -311,7 +311,7 @@ fn ubx_is_stamped_by_weeks_whatever_happens_to_them() {
 }
 
 #[test]
-fn ubx_that_never_says_its_week_runs_on_over_sunday() {
+fn ubx_without_any_week_continues_over_sunday() {
     let unknown: Vec<Epoch> =
         epochs(2313, LATE_SATURDAY, |_, _| 0).into_iter().map(|e| Epoch { fix: 0, ..e }).collect();
     let loaded = load_as(LogKind::Ubx, &frames(&unknown), &MapLibrary::shipped().unwrap(), None);
@@ -340,7 +340,7 @@ fn sentences(begin: i64, said: impl Fn(i64) -> (i64, bool)) -> Vec<u8> {
 }
 
 #[test]
-fn sentences_are_dated_over_midnight_and_a_date_of_another_age_is_suspected() {
+fn sentences_are_dated_over_midnight_and_rollover_dates_are_suspect() {
     let library = MapLibrary::shipped().unwrap();
     // Half a minute before the midnight to Sunday, 2024-05-12; and before a new year with a leap second.
     for begin in [1_715_471_970, 1_483_228_770] {
@@ -352,7 +352,7 @@ fn sentences_are_dated_over_midnight_and_a_date_of_another_age_is_suspected() {
         assert_eq!(count_of(&loaded, "clock-suspect"), 0, "{:?}", loaded.flight.notices);
     }
     let begin = 1_715_471_970;
-    // Without a fix: place and date of the firmware.
+    // Without a fix: position and date of the firmware.
     let no_fix = |utc: i64| if utc < begin + 9 { (315_964_800 + utc - begin, false) } else { (utc, true) };
     let loaded = load_as(LogKind::Nmea, &sentences(begin, no_fix), &library, None);
     let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
@@ -381,7 +381,7 @@ fn sentences_are_dated_over_midnight_and_a_date_of_another_age_is_suspected() {
 }
 
 #[test]
-fn a_date_before_a_receiver_can_have_been_is_suspected_aloud_and_left_as_it_is() {
+fn an_impossibly_early_date_gets_a_warning_and_is_kept() {
     let library = MapLibrary::shipped().unwrap();
     let sealed = |body: String| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, byte| sum ^ byte));
     let nmea = |talker: &str, date: &str, end: &str| {
@@ -395,7 +395,7 @@ fn a_date_before_a_receiver_can_have_been_is_suspected_aloud_and_left_as_it_is()
         // The navigational status of NMEA 4.10, talkers of Galileo and BeiDou.
         (nmea("GN", "070903", ",A,V"), Some("2023-04-23"), 1_062_936_000),
         (nmea("GA", "070903", ""), Some("2023-04-23"), 1_062_936_000),
-        // Of an older receiver nobody can know, unless the log is older than any that is read.
+        // An older receiver cannot be excluded, unless the log is older than any that is read.
         (nmea("GP", "070903", ",A"), None, 1_062_936_000),
         (nmea("GP", "070903", ",,V"), None, 1_062_936_000),
         (nmea("GP", "070990", ",A"), Some("2010-04-23"), 652_708_800),
@@ -465,7 +465,7 @@ fn each_boot_in_a_dataflash_log_is_dated_by_its_own_epochs() {
 }
 
 #[test]
-fn a_boot_in_a_dataflash_log_whose_begin_is_lost_is_reported_as_a_clock_that_steps_back() {
+fn a_dataflash_boot_without_its_start_is_a_clock_that_steps_back() {
     let library = MapLibrary::shipped().unwrap();
     const FIRST_MS: i64 = 300_000_000;
     let headless = boot(3000, FIRST_MS + 240_000, 3)[dataflash_from(0, &[]).len()..].to_vec();
@@ -490,7 +490,7 @@ fn old_dataflash(from_ms: i64, epochs: &[Epoch]) -> Vec<u8> {
 }
 
 #[test]
-fn of_autopilots_of_two_generations_in_one_log_the_boots_of_one_are_dated_and_the_others_are_a_loss() {
+fn only_one_autopilot_generation_in_a_log_is_dated() {
     let library = MapLibrary::shipped().unwrap();
     let [first, later] = [300_000_000, 300_240_000].map(|ms| epochs(2313, ms, |_, w| w));
     let (old, new) = (old_dataflash, dataflash_from);
@@ -507,7 +507,7 @@ fn of_autopilots_of_two_generations_in_one_log_the_boots_of_one_are_dated_and_th
 }
 
 #[test]
-fn the_times_of_rows_for_a_table_are_those_of_their_boot() {
+fn row_times_for_a_table_are_those_of_their_boot() {
     let bytes = [boot(BOOT_MS, 300_000_000, 3), boot(3000, 300_240_000, 3)].concat();
     let (_folder, path) = file("log", &bytes);
     let unit = FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::DataFlash };
@@ -526,7 +526,7 @@ fn the_times_of_rows_for_a_table_are_those_of_their_boot() {
 }
 
 #[test]
-fn a_boot_that_nothing_dates_is_lost_beside_one_that_is_dated() {
+fn an_undated_boot_is_lost_next_to_a_dated_one() {
     let mut library = MapLibrary::shipped().unwrap();
     let map = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\n\
                measured = [{ field = \"TimeUS\", unit = \"us\", clock = \"boot\" }]\n[[utc]]\ntopic = [\"GPS\"]\n\

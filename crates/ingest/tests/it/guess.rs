@@ -18,8 +18,8 @@ fn truth(t: f64) -> ([f64; 3], [f64; 3]) {
     (place, [r * w * (w * t).cos() + 3.0, r * w * (w * t).sin(), 1.5 + 2.4 * (0.3 * t).cos()])
 }
 
-/// A table of 90 s at 10 Hz. Each row is built from the time, the angles of a late position near the equator, its height,
-/// and the velocity.
+/// A table of 90 s at 10 Hz. Each row is built from the time, the angles of a late position near the equator,
+/// its height, and the velocity.
 fn table(header: &str, row: impl Fn(f64, [f64; 3], [f64; 3]) -> String) -> String {
     let rows = (0..900).map(|i| {
         let t = 0.1 * f64::from(i);

@@ -1,4 +1,4 @@
-//! A small flight whose every value is known, in every encoding and container.
+//! A small flight with all values known, in every encoding and container.
 
 use crate::support::in_context;
 use flight::Severity;
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use std::path::PathBuf;
 
-/// The topic that is wanted, and the one that is not.
+/// The wanted topic, and the unwanted one.
 pub const FIX: &str = "/gps/fix";
 pub const CAMERA: &str = "/camera";
 
@@ -151,7 +151,7 @@ impl Layout {
     }
 }
 
-/// Writes the messages as MCAP; `more` may add what it likes before the file is closed.
+/// Writes the messages as MCAP; `more` may add records before the file is closed.
 pub fn mcap_with(
     sent: &[Sent],
     encoding: Encoding,
@@ -277,7 +277,7 @@ pub fn bag(sent: &[Sent], codec: BagCodec, per_chunk: usize, in_chunks: bool, cl
         let mut counts = vec![];
         for (id, topic) in [FIX, CAMERA].iter().enumerate() {
             let count = messages.iter().filter(|m| m.topic == *topic).count();
-            // Times and offsets, which no reader of a whole log needs.
+            // Times and offsets, which reading a whole log does not need.
             let entries = vec![0; 12 * count];
             let (id, count) = ((id as u32).to_le_bytes(), (count as u32).to_le_bytes());
             counts.extend([id, count].concat());
@@ -324,7 +324,7 @@ impl OnDisk {
         self.file.as_file().set_len(length).unwrap();
     }
 
-    /// Reads the fixes; the camera is not wanted. Every byte must have a fate.
+    /// Reads the fixes; the camera is not wanted. Every byte must be accounted for.
     pub fn read(&self) -> Result<Log, IngestError> {
         self.read_where(|topic| if topic.name == FIX { Selection::All } else { Selection::Skip })
     }
@@ -345,7 +345,7 @@ pub fn reader(path: PathBuf, is_bag: bool) -> Box<dyn LogReader> {
 }
 
 /// Calls `body` with `cases` copies of `content`, each with one stretch zeroed, filled, scrambled, cut
-/// out, doubled or swapped with another. Always the same ones.
+/// out, doubled or swapped with another. The sequence is fixed.
 pub fn each_damage(content: &[u8], cases: u64, mut body: impl FnMut(&[u8])) {
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut next = |below: usize| {
@@ -375,7 +375,7 @@ pub fn each_damage(content: &[u8], cases: u64, mut body: impl FnMut(&[u8])) {
     }
 }
 
-/// Every byte has one fate, and damage is never without a notice.
+/// Every byte is accounted for once, and damage always has a notice.
 pub fn assert_balanced(log: &Log) {
     let b = &log.health.bytes;
     assert_eq!(b.sum(), b.size, "{b:?}");
@@ -398,7 +398,7 @@ pub fn notice<'l>(log: &'l Log, code: &str) -> &'l flight::Notice {
     log.notices.iter().find(|n| n.code == code).unwrap_or_else(|| panic!("no {code} in {:?}", log.notices))
 }
 
-/// The rows of a table of fixes, as what was sent. Checks that no value is absent.
+/// The rows of a table of fixes, as sent. Checks that no value is absent.
 pub fn received(table: &Table, published: bool) -> Vec<Sent> {
     let integer = |path: &str, row| table.column(path).unwrap().integer(row).unwrap();
     (0..table.rows)
@@ -455,7 +455,7 @@ pub fn check_cuts(content: &[u8], is_bag: bool, lengths: impl Iterator<Item = us
     assert_eq!(most, sent.iter().filter(|s| s.topic == FIX).count(), "{case}");
 }
 
-/// Sum of all values of a column that are there, and how many.
+/// Sum and number of all present values of a column.
 pub fn sum(table: &Table, path: &str) -> (usize, f64) {
     let column = table.column(path).unwrap_or_else(|| panic!("no column {path}"));
     let values: Vec<f64> = (0..table.rows).filter_map(|row| column.number(row)).collect();

@@ -1,4 +1,4 @@
-//! MCAP: conformance, agreement with what was written, and what is made of damage.
+//! MCAP: conformance, agreement with what was written, and handling of damage.
 
 use crate::made::{
     CAMERA, Encoding, FIX, Layout, OnDisk, Sent, assert_balanced, assert_received, assert_subset, check_cuts,
@@ -30,7 +30,7 @@ fn numbers(data: &[u8]) -> Value {
     data.iter().map(|b| b.to_string()).collect()
 }
 
-/// A record as the conformance suite writes it; numbers are text there. `None` for those it leaves out.
+/// A record as the conformance suite writes it; numbers are text there. `None` for those it omits.
 fn as_in_suite(record: &Record<'_>) -> Option<Value> {
     let n = |x: u64| Value::String(x.to_string());
     let (name, fields) = match record {
@@ -155,7 +155,7 @@ fn expected(mcap: &Path) -> Vec<Value> {
 }
 
 #[test]
-fn all_416_files_of_the_conformance_suite_read_as_it_says() {
+fn all_416_files_of_the_conformance_suite_read_as_specified() {
     let Some(folder) = real_logs("mcap-conformance") else { return };
     let files = with_extension(&folder, "mcap");
     assert_eq!(files.len(), 416);
@@ -188,7 +188,7 @@ const LAYOUTS: [Layout; 6] = [
 ];
 
 #[test]
-fn what_was_written_comes_back_bit_for_bit_from_every_encoding_and_layout() {
+fn written_data_is_read_back_bit_for_bit_from_every_encoding_and_layout() {
     let sent = flight(40);
     for encoding in Encoding::ALL {
         for layout in LAYOUTS {
@@ -221,7 +221,7 @@ fn only_wanted_fields_become_columns() {
 }
 
 #[test]
-fn health_tells_counts_bytes_and_times_of_every_topic() {
+fn health_reports_counts_bytes_and_times_of_every_topic() {
     let sent = flight(30);
     let log = OnDisk::new(&mcap(&sent, Encoding::Ros1, Layout::ZSTD), false).read().unwrap();
     let names: Vec<&str> = log.health.topics.iter().map(|t| t.name.as_str()).collect();
@@ -268,7 +268,7 @@ fn with_separate_chunks(sent: &[Sent], layout: Layout) -> Vec<u8> {
 }
 
 #[test]
-fn damage_in_what_nobody_wants_is_found_where_no_chunk_may_stay_closed() {
+fn damage_in_unwanted_topics_is_found_if_no_chunk_may_be_skipped() {
     let sent = flight(60);
     let mut content = with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD });
     // The camera's chunks come first.
@@ -288,7 +288,7 @@ fn damage_in_what_nobody_wants_is_found_where_no_chunk_may_stay_closed() {
 }
 
 #[test]
-fn chunks_without_a_wanted_topic_stay_closed_and_their_messages_are_counted_all_the_same() {
+fn chunks_without_a_wanted_topic_are_skipped_and_still_counted() {
     let sent = flight(60);
     let closed = OnDisk::new(&with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD }), false);
     let log = closed.read().unwrap();
@@ -305,11 +305,11 @@ fn chunks_without_a_wanted_topic_stay_closed_and_their_messages_are_counted_all_
 }
 
 #[test]
-fn a_summary_that_lies_is_not_believed() {
+fn a_false_summary_is_not_trusted() {
     let sent = flight(60);
     let content = with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD });
     let disk = OnDisk::new(&content, false);
-    // The channel in the first entry of each chunk index: said to be another one.
+    // The channel in the first entry of each chunk index is replaced by another one.
     let footer = content.len() - 37;
     let start = u64::from_le_bytes(content[footer + 9..footer + 17].try_into().unwrap()) as usize;
     let mut at = start;
@@ -349,7 +349,7 @@ fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
     assert_eq!(bare.stamps[0].first_ns, i64::MAX);
     assert_eq!(notice(&log, "unreliable-stamps").count, 3);
     assert!(!lost(&log));
-    // The channel record made unreadable takes its messages along.
+    // An unreadable channel record also costs its messages.
     let unchunked = Layout { summary: false, data_crc: false, ..Layout::UNCHUNKED };
     let content = mcap(&flight(4), Encoding::Ros1, unchunked);
     let topic = content.windows(FIX.len()).position(|w| w == FIX.as_bytes()).unwrap();
@@ -360,7 +360,7 @@ fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
 }
 
 #[test]
-fn messages_that_do_not_decode_leave_no_row_and_are_a_loss_with_their_number() {
+fn undecodable_messages_leave_no_row_and_are_a_counted_loss() {
     let sent = flight(6);
     let content = mcap_with(&sent, Encoding::Ros1, Layout::ZSTD, |writer| {
         let header = MessageHeader { channel_id: 1, sequence: 0, log_time: 5, publish_time: 7 };
@@ -379,7 +379,7 @@ fn messages_that_do_not_decode_leave_no_row_and_are_a_loss_with_their_number() {
 }
 
 #[test]
-fn two_definitions_of_one_topic_are_each_read_by_their_own() {
+fn two_definitions_of_one_topic_each_decode_their_own_messages() {
     let content = mcap_with(&[], Encoding::Ros1, Layout::ZSTD, |writer| {
         for (time, text, payload) in [
             (1, "float32 a", 1.5_f32.to_le_bytes().to_vec()),
@@ -400,7 +400,7 @@ fn two_definitions_of_one_topic_are_each_read_by_their_own() {
 }
 
 #[test]
-fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
+fn a_damaged_chunk_costs_only_its_messages_with_and_without_summary() {
     let sent = flight(100);
     for layout in [Layout::ZSTD, Layout::LZ4, Layout::PLAIN, Layout { summary: false, data_crc: false, ..Layout::ZSTD }]
     {
@@ -418,7 +418,7 @@ fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
             let rows = assert_subset(&log, &sent, true);
             assert!(lost(&log));
             assert!(fixes_in(rows) > 0 && fixes_in(rows) <= worst.min(10), "{layout:?} at {place}: {rows} rows");
-            // The message index before it goes with it, for nothing shows that it is whole, unless its length is intact.
+            // The message index before it is lost too, as nothing shows that it is whole, unless its length is intact.
             let more = if place > start + 9 { 0 } else { 200 };
             let (chunk, start) = ((end - start) as u64, start as u64);
             assert!((chunk..=chunk + more).contains(&log.health.bytes.damaged), "{:?}", log.health.damage);
@@ -431,7 +431,7 @@ fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
 }
 
 #[test]
-fn lengths_that_are_wrong_cost_no_other_chunk_even_in_front_of_other_damage() {
+fn wrong_lengths_cost_no_other_chunk_even_before_other_damage() {
     let sent = flight(200);
     let content = mcap(&sent, Encoding::Cdr, Layout { summary: false, data_crc: false, ..Layout::ZSTD });
     let chunks = chunk_places(&content);
@@ -440,7 +440,7 @@ fn lengths_that_are_wrong_cost_no_other_chunk_even_in_front_of_other_damage() {
     let with = |flipped: usize, blackened: usize| {
         let mut damaged = content.clone();
         for &(start, _) in chunks.iter().skip(1).step_by(2).take(flipped) {
-            // The highest bit with which the end still lies in the file.
+            // The highest bit with which the end is still inside the file.
             let length = u64::from_le_bytes(content[start + 1..start + 9].try_into().unwrap());
             let fits =
                 |bit: &u32| length >> bit & 1 == 0 && start as u64 + 9 + (length | 1 << bit) < content.len() as u64;
@@ -459,7 +459,7 @@ fn lengths_that_are_wrong_cost_no_other_chunk_even_in_front_of_other_damage() {
 }
 
 #[test]
-fn a_length_that_leads_to_the_end_of_a_later_record_costs_no_other_record_and_is_told() {
+fn a_length_reaching_a_later_records_end_costs_no_other_record() {
     let sent = flight(60);
     let open = Layout { summary: false, data_crc: false, chunk_bytes: 3000, ..Layout::ZSTD };
     let mut lies = 0;
@@ -468,20 +468,20 @@ fn a_length_that_leads_to_the_end_of_a_later_record_costs_no_other_record_and_is
         let records = records_of(&content);
         let data = records.iter().position(|record| record.0 == op::DATA_END).unwrap();
         for (index, &(opcode, start, length)) in records.iter().enumerate().take(data) {
-            // How long a message is, nothing but its length tells.
+            // Only its length field states how long a message is.
             for later in records[index + 1..data].iter().take(if opcode == op::MESSAGE { 0 } else { 4 }) {
                 let mut lying = content.clone();
                 lying[start - 8..start].copy_from_slice(&((later.1 + later.2 - start) as u64).to_le_bytes());
                 let Ok(log) = OnDisk::new(&lying, false).read() else { continue };
                 let rows = assert_subset(&log, &sent, true);
-                // With a chunk or a definition go its messages.
+                // A lost chunk or definition costs its messages.
                 let kept = if [op::SCHEMA, op::CHANNEL].contains(&opcode) { 0 } else { 50 };
                 assert!(lost(&log) && rows >= kept, "{opcode} at {start}: {:?}", log.notices);
                 let most = (later.1 + later.2 - start + 9) as u64;
                 assert!(log.health.bytes.damaged <= most, "{opcode} at {start}: {:?}", log.notices);
                 lies += 1;
             }
-            // So many bytes of it are missing.
+            // This many bytes of it are missing.
             for missing in [1, 3, 8].into_iter().filter(|&missing| opcode == op::MESSAGE_INDEX && missing < length) {
                 let mut cut = content.clone();
                 cut.drain(start + length - missing..start + length);
@@ -496,14 +496,14 @@ fn a_length_that_leads_to_the_end_of_a_later_record_costs_no_other_record_and_is
 }
 
 #[test]
-fn a_log_in_an_attachment_without_checksum_is_not_read_where_the_record_behind_is_damaged() {
+fn an_attached_log_is_not_read_when_the_next_record_is_damaged() {
     let sent = flight(60);
     let layout = Layout { summary: false, data_crc: false, chunk_bytes: 3000, ..Layout::ZSTD };
     let (log, inner) = (mcap(&sent, Encoding::Cdr, layout), mcap(&flight(9), Encoding::Cdr, layout));
     let (_, attached) = chunk_places(&log)[2];
     let name = [&4_u32.to_le_bytes()[..], b"a.mc", &0_u32.to_le_bytes(), &(inner.len() as u64).to_le_bytes()].concat();
     let attachment = bare_record(op::ATTACHMENT, &[&[0; 16][..], &name, &inner, &[0; 4]].concat());
-    // Behind the message indexes of the chunk.
+    // After the message indexes of the chunk.
     let behind =
         records_of(&log).into_iter().find(|record| record.1 > attached && record.0 == op::CHUNK).unwrap().1 - 9;
     let whole = [&log[..behind], &attachment, &log[behind..]].concat();
@@ -542,12 +542,12 @@ fn a_chunk_index_that_hides_a_channel_is_not_followed() {
 }
 
 #[test]
-fn what_is_said_of_a_chunk_does_not_depend_on_those_before_it() {
+fn the_report_on_a_chunk_does_not_depend_on_earlier_chunks() {
     let sent = flight(100);
     let content = mcap(&sent, Encoding::Cdr, Layout { chunk_crc: false, data_crc: false, ..Layout::ZSTD });
     let chunks = chunk_places(&content);
     let mut lying = content.clone();
-    // It declares ten bytes, behind a chunk that has made room for more.
+    // It declares ten bytes, after a chunk that allocated more.
     for &(start, _) in chunks.iter().skip(1).step_by(2) {
         lying[start + 25..start + 33].copy_from_slice(&10_u64.to_le_bytes());
     }
@@ -557,7 +557,7 @@ fn what_is_said_of_a_chunk_does_not_depend_on_those_before_it() {
     assert!(log.health.damage.iter().all(|damage| damage.reason == reason), "{:?}", log.health.damage);
 }
 
-/// The rows before and behind the longest pause, ns after the first row.
+/// The rows before and after the longest pause, ns after the first row.
 fn around_the_gap(logged: &[i64]) -> [i64; 2] {
     let pair = logged.windows(2).max_by_key(|pair| pair[1] - pair[0]).unwrap();
     [pair[0] - logged[0], pair[1] - logged[0]]
@@ -578,7 +578,7 @@ fn chunk_places(content: &[u8]) -> Vec<(usize, usize)> {
 }
 
 #[test]
-fn messages_inside_a_broken_uncompressed_chunk_are_not_taken_for_good_ones() {
+fn messages_inside_a_corrupt_uncompressed_chunk_are_not_trusted() {
     let sent = flight(30);
     let content = mcap(&sent, Encoding::Ros1, Layout { summary: false, data_crc: false, ..Layout::PLAIN });
     let (start, _) = chunk_places(&content)[3];
@@ -595,7 +595,7 @@ fn messages_inside_a_broken_uncompressed_chunk_are_not_taken_for_good_ones() {
 }
 
 #[test]
-fn a_file_without_chunks_goes_on_at_the_next_message() {
+fn an_unchunked_file_resyncs_at_the_next_message() {
     let sent = flight(100);
     let content = mcap(&sent, Encoding::Ros1, Layout { data_crc: false, ..Layout::UNCHUNKED });
     let disk = OnDisk::new(&content, false);
@@ -608,7 +608,7 @@ fn a_file_without_chunks_goes_on_at_the_next_message() {
 }
 
 #[test]
-fn what_is_wrong_with_the_ends_of_a_file_is_said() {
+fn faults_at_the_ends_of_a_file_are_reported() {
     let sent = flight(20);
     let content = mcap(&sent, Encoding::Ros1, Layout::ZSTD);
     let read = |bytes: &[u8]| OnDisk::new(bytes, false).read();
@@ -645,14 +645,14 @@ fn any_cut_gives_a_prefix_of_the_flight_and_is_reported() {
 }
 
 #[test]
-fn no_flipped_bit_changes_a_value_without_a_word() {
+fn no_flipped_bit_changes_a_value_silently() {
     let sent = flight(6);
     for (layout, stride) in [
         (Layout::ZSTD, 3),
         (Layout::LZ4, 5),
         (Layout::PLAIN, 5),
         (Layout::UNCHUNKED, 3),
-        // Without these checksums some flips cannot be told from data, but none may go wrong silently here:
+        // Without these checksums some flips look like data, but none may go wrong silently here:
         // the chunks still have theirs.
         (Layout { data_crc: false, ..Layout::ZSTD }, 3),
         (Layout { data_crc: false, summary: false, ..Layout::PLAIN }, 5),
@@ -696,7 +696,7 @@ fn hostile_lengths_neither_abort_nor_hang() {
 }
 
 #[test]
-fn a_chunk_beyond_the_limit_is_refused_and_names_it() {
+fn a_chunk_beyond_the_limit_is_rejected_and_the_limit_named() {
     let sent = flight(40);
     let content = mcap(&sent, Encoding::Ros1, Layout { chunk_bytes: 1 << 20, ..Layout::ZSTD });
     let disk = OnDisk::new(&content, false);
@@ -708,7 +708,7 @@ fn a_chunk_beyond_the_limit_is_refused_and_names_it() {
 }
 
 #[test]
-fn topics_beyond_the_limit_are_refused_and_their_messages_counted() {
+fn topics_beyond_the_limit_are_rejected_and_their_messages_counted() {
     let disk = OnDisk::new(&mcap(&flight(5), Encoding::Ros1, Layout::UNCHUNKED), false);
     let limits = Limits { topics: 1, ..Limits::default() };
     let log = with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
@@ -719,7 +719,7 @@ fn topics_beyond_the_limit_are_refused_and_their_messages_counted() {
 }
 
 #[test]
-fn text_that_is_called_mcap_is_told_from_a_damaged_log() {
+fn text_named_mcap_is_distinguished_from_a_damaged_log() {
     for (text, what) in [
         (&b"time,lat\n1.5,47.25\n2.5,47.5\n"[..], "a table by its look"),
         ("Z\u{fc}rich, 5 May\nWe flew well.\n".as_bytes(), "its first line \"Z\u{fc}rich, 5 May\""),
@@ -745,7 +745,7 @@ fn bare_channel(id: u16, topic: &str, metadata: &str) -> Vec<u8> {
 }
 
 #[test]
-fn channels_that_are_announced_without_end_take_bounded_memory() {
+fn endless_channel_records_take_bounded_memory() {
     // Names of 4 kB each: together more than the 64 MB that are held.
     let channels = (0..17_000).flat_map(|id| bare_channel(id, &format!("/{id:04095}"), "any"));
     let content: Vec<u8> = b"\x89MCAP0\r\n".iter().copied().chain(channels).collect();
@@ -754,7 +754,7 @@ fn channels_that_are_announced_without_end_take_bounded_memory() {
 }
 
 #[test]
-fn a_message_of_a_channel_that_could_not_be_redefined_is_not_taken_for_the_old_ones() {
+fn a_message_of_a_channel_with_a_failed_redefinition_is_not_read() {
     let content = |redefinitions: usize| {
         let channels = (0..=redefinitions).flat_map(|i| bare_channel(7, &format!("/{i}"), ""));
         let message = bare_record(5, &[&[7, 0][..], &[0; 20], b"{\"x\":1}"].concat());
@@ -786,7 +786,7 @@ fn damage_of_any_kind_is_reported_without_a_panic() {
 }
 
 #[test]
-fn progress_adds_up_to_the_file_and_a_wish_to_stop_is_heard() {
+fn progress_adds_up_to_the_file_and_a_stop_request_is_honoured() {
     let sent: Vec<Sent> = flight(10_000);
     let content = mcap(&sent, Encoding::Ros1, Layout { chunk_bytes: 100_000, ..Layout::PLAIN });
     let disk = OnDisk::new(&content, false);
@@ -808,7 +808,7 @@ fn progress_adds_up_to_the_file_and_a_wish_to_stop_is_heard() {
 }
 
 #[test]
-fn a_sparse_file_of_a_terabyte_gets_its_verdict_soon() {
+fn a_sparse_file_of_a_terabyte_is_handled_quickly() {
     let sent = flight(5);
     let content = mcap(&sent, Encoding::Ros1, Layout::ZSTD);
     let disk = OnDisk::new(&content, false);
@@ -816,7 +816,7 @@ fn a_sparse_file_of_a_terabyte_gets_its_verdict_soon() {
     let log = disk.read().unwrap();
     assert_received(&log, &sent, true);
     assert_eq!(log.health.bytes.damaged, (1 << 40) - content.len() as u64);
-    // Cut in the midst and then zero: the search for a record must end.
+    // Cut in the middle and then zero: the search for a record must end.
     let disk = OnDisk::new(&content[..content.len() / 2], false);
     disk.set_len(1 << 40);
     let log = disk.read().unwrap();
@@ -868,7 +868,7 @@ fn of_channel(
 
 /// As `ros2 bag record -s mcap --compression-mode message --compression-format zstd` writes it.
 #[test]
-fn messages_that_rosbag2_compressed_one_by_one_are_read_as_they_were() {
+fn messages_that_rosbag2_compressed_one_by_one_are_read() {
     let fixes: Vec<Sent> = flight(20).into_iter().filter(|s| s.topic == FIX).collect();
     let packed = |s: &Sent| zstd::bulk::compress(&Encoding::Cdr.payload(s), 3).unwrap();
     let definition = "std_msgs/Header header\nint32 status\nfloat64 latitude\nfloat64[3] variance\nuint8[] raw\n===\n\
@@ -886,7 +886,7 @@ fn messages_that_rosbag2_compressed_one_by_one_are_read_as_they_were() {
 }
 
 #[test]
-fn a_message_that_happens_to_begin_as_a_compressed_one_is_none() {
+fn a_message_that_begins_like_a_compressed_one_is_read_uncompressed() {
     let number = 0xfd2f_b528_u32;
     let sent = [(flight(1)[0].clone(), number.to_le_bytes().to_vec())];
     let log = OnDisk::new(&of_channel(("p/A", "ros1msg", b"uint32 x"), "ros1", &sent), false).read().unwrap();
@@ -894,7 +894,7 @@ fn a_message_that_happens_to_begin_as_a_compressed_one_is_none() {
 }
 
 #[test]
-fn a_type_that_the_recorder_did_not_find_is_read_by_the_common_definition_of_its_name() {
+fn a_type_the_recorder_did_not_find_uses_the_common_definition() {
     let one = flight(1)[0].clone();
     let vector = [&[0, 1, 0, 0][..], &[1.5_f64, -2.0, 3.25].map(f64::to_le_bytes).concat()].concat();
     for (encoding, text) in [("", ""), ("unknown", ""), ("unknown", "no such package"), ("ros2msg", "")] {
@@ -936,7 +936,7 @@ impl ingest::Select for Languages {
 }
 
 #[test]
-fn a_definition_that_a_folder_of_maps_holds_is_read_with_all_that_it_refers_to() {
+fn a_definition_in_a_map_folder_is_read_with_its_dependencies() {
     let folder = tempfile::tempdir().unwrap();
     let write = |path: &str, text: &str| {
         let path = folder.path().join(path);
@@ -985,7 +985,7 @@ fn a_definition_that_a_folder_of_maps_holds_is_read_with_all_that_it_refers_to()
 }
 
 #[test]
-fn a_definition_in_another_encoding_is_read_and_one_without_end_is_refused_with_its_path() {
+fn other_text_encodings_are_read_and_endless_definitions_rejected() {
     let library = |bytes: &[u8]| {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(folder.path().join("p/msg")).unwrap();
@@ -999,7 +999,7 @@ fn a_definition_in_another_encoding_is_read_and_one_without_end_is_refused_with_
 }
 
 #[test]
-fn who_copies_messages_gets_a_common_definition_in_a_language_that_others_read() {
+fn copied_messages_get_a_common_definition_in_a_portable_language() {
     let one = flight(1)[0].clone();
     let content = of_channel(("geometry_msgs/msg/Vector3", "", b""), "cdr", &[(one, vec![0, 1, 0, 0])]);
     let (disk, languages) = (OnDisk::new(&content, false), Languages::default());
@@ -1009,7 +1009,7 @@ fn who_copies_messages_gets_a_common_definition_in_a_language_that_others_read()
 }
 
 #[test]
-fn the_last_message_before_nothing_a_cut_record_or_a_private_one_is_kept() {
+fn the_last_message_before_the_end_a_cut_or_a_private_record_is_kept() {
     let message = |body: &[u8]| bare_record(5, &[&[7, 0][..], &[0; 20], body].concat());
     let start = [&b"\x89MCAP0\r\n"[..], &bare_record(1, &[0; 8]), &bare_channel(7, "/t", "")].concat();
     let ten = message(b"{\"x\":1}").repeat(10);
@@ -1037,7 +1037,7 @@ fn the_last_message_before_nothing_a_cut_record_or_a_private_one_is_kept() {
 }
 
 #[test]
-fn a_wrong_length_that_leads_into_a_black_image_costs_its_own_message_only() {
+fn a_wrong_length_into_a_black_image_costs_only_its_own_message() {
     let message = |channel: u8, body: &[u8]| bare_record(5, &[&[channel, 0][..], &[0; 20], body].concat());
     let mut bytes = [&b"\x89MCAP0\r\n"[..], &bare_record(1, &[0; 8])].concat();
     bytes.extend([bare_channel(7, "/t", ""), bare_channel(8, "/depth", "")].concat());

@@ -1,4 +1,4 @@
-//! What the tests of formats without an index share: reading bytes, every cut and every flip.
+//! Shared by the tests of formats without an index: reading bytes, every cut and every flip.
 
 use crate::support::*;
 use ingest::{Column, IngestError, Limits, Log, LogKind, LogReader, Selection, Table, TopicInfo};
@@ -49,7 +49,7 @@ pub fn values(log: &Log, topic: &str, field: &str) -> Vec<Option<f64>> {
     (0..table.rows).map(|row| column.number(row)).collect()
 }
 
-/// As [`values`], of a field that is absent nowhere.
+/// As [`values`], for a field that is never absent.
 pub fn numbers(log: &Log, topic: &str, field: &str) -> Vec<f64> {
     values(log, topic, field).into_iter().map(Option::unwrap).collect()
 }
@@ -94,8 +94,8 @@ pub fn missing(a: &BTreeMap<String, Vec<String>>, b: &BTreeMap<String, Vec<Strin
     a.iter().map(lacks).sum()
 }
 
-/// Cuts the bytes to each of these lengths. What is then read are the messages whose `ends` lie before the cut, with
-/// their values; a cut is damage, or a cut tail, unless it is `between` them.
+/// Cuts the bytes to each of these lengths. The messages with `ends` before the cut must then be read, with
+/// their values; a cut is damage, or a cut tail, unless it is `between` messages.
 pub fn check_cuts(
     reader: Reader,
     bytes: &[u8],
@@ -123,12 +123,12 @@ pub fn check_cuts(
     }
 }
 
-/// So many bits of each byte: their places and numbers.
+/// This many bits of each byte: byte offsets and bit numbers.
 pub fn bits(places: impl IntoIterator<Item = usize>, of_each: usize) -> impl Iterator<Item = (usize, usize)> {
     places.into_iter().flat_map(move |place| (0..of_each).map(move |i| (place, (place + 5 * i) % 8)))
 }
 
-/// Flips bits one after the other and hands what is then read to `check`, with byte and bit.
+/// Flips bits one at a time and passes the result of reading to `check`, with byte and bit.
 pub fn each_flip(
     reader: Reader,
     bytes: &[u8],
@@ -159,7 +159,7 @@ pub fn check_refusals(reader: Reader, of_a_letter: &str) {
     }
 }
 
-/// The bytes of hexadecimal digits; anything else among them is left out.
+/// The bytes of hexadecimal digits; other characters are skipped.
 pub fn bytes_of(text: &str) -> Vec<u8> {
     let digits: Vec<u32> = text.chars().filter_map(|c| c.to_digit(16)).collect();
     digits.chunks(2).map(|pair| (pair[0] << 4 | pair[1]) as u8).collect()
@@ -184,7 +184,7 @@ pub fn load_written(
     loaded
 }
 
-/// The largest error of each component of a channel, and of its stamps, ns; what is added to `ours` makes it UTC.
+/// The largest error of each component of a channel and of its timestamps, ns; the amount added to `ours` makes it UTC.
 pub fn worst(ours: &flight::Channel, theirs: &flight::Channel, to_utc: impl Fn(i64) -> i64) -> (Vec<f64>, u64) {
     let (ours, theirs) = (&ours.series, &theirs.series);
     assert_eq!(ours.len(), theirs.len());

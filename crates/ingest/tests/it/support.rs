@@ -54,7 +54,7 @@ pub fn load_real(below: &str) -> Option<Loaded> {
     Some(loaded)
 }
 
-/// Every byte has one fate.
+/// Every byte is accounted for once.
 pub fn assert_ledger(loaded: &Loaded) {
     let b = &loaded.health.bytes;
     assert_eq!(b.sum(), b.size, "{b:?}");

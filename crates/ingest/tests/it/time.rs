@@ -1,4 +1,4 @@
-//! What clocks do wrong in real logs, and that no number is wrong for it.
+//! Clock faults in real logs, which must not make any number wrong.
 
 use crate::support::*;
 use flight::{Clock, Stamp};
@@ -10,7 +10,7 @@ const WEEK: i64 = 604_800;
 /// 1980-01-06, s.
 const GPS_EPOCH: i64 = 315_964_800;
 
-/// A map of a wide table with `lat`, `lon` and these stamps.
+/// A map of a wide table with `lat`, `lon` and these timestamps.
 fn library(time: &str, more: &str) -> MapLibrary {
     let text = format!(
         "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\n{time}\n{more}\n[[channel]]\nname = \"position.gps\"\n\
@@ -56,7 +56,7 @@ fn gps_weeks_and_milliseconds_are_gps_time_to_the_millisecond() {
 }
 
 #[test]
-fn the_end_of_a_week_of_ten_bits_and_of_eleven_is_no_step() {
+fn a_ten_or_eleven_bit_week_wraps_around_without_a_step() {
     for (before, after, start) in [(1023, 0, 2047), (1023, 1024, 1023), (2047, 2048, 2047), (3071, 3072, 3071)] {
         let rows: Vec<_> = (0..20)
             .map(|i| if i < 10 { (before, 604_798_000 + 200 * i, 3) } else { (after, 200 * (i - 10), 3) })
@@ -70,8 +70,8 @@ fn the_end_of_a_week_of_ten_bits_and_of_eleven_is_no_step() {
 }
 
 #[test]
-fn epochs_of_the_old_week_after_sunday_midnight_are_put_back_and_counted() {
-    // ArduPilot#31914: the time of week begins anew, the week comes late by some epochs.
+fn epochs_with_the_old_week_after_sunday_midnight_are_corrected() {
+    // ArduPilot#31914: the time of week wraps around, the week follows some epochs late.
     for late in 1..=5 {
         let rows: Vec<_> = (0..40)
             .map(|i| match i {
@@ -97,7 +97,7 @@ fn rows_without_a_fix_or_a_week_are_never_used() {
 }
 
 #[test]
-fn counters_of_32_bits_run_on_where_they_begin_anew() {
+fn counters_of_32_bits_continue_when_they_wrap_around() {
     for (unit, tick) in [("us", 1000), ("ms", 1_000_000), ("100us", 100_000)] {
         let time = format!("measured = [{{ field = \"t\", unit = \"{unit}\", clock = \"boot\" }}]");
         let step = 100_000_000 / tick;
@@ -113,7 +113,7 @@ fn counters_of_32_bits_run_on_where_they_begin_anew() {
 }
 
 #[test]
-fn what_is_put_right_in_the_stamps_of_a_topic_is_told_once_for_all_its_channels() {
+fn timestamp_corrections_of_a_topic_are_reported_once() {
     let time = "measured = [{ field = \"t\", unit = \"us\", clock = \"boot\" }]";
     let velocity = "[[channel]]\nname = \"velocity.gps\"\nquantity = \"velocity-ned\"\ntimeline = \"measured\"\n[channel.fields]\n\
                     north = { field = \"lat\", unit = \"m/s\" }\neast = { field = \"lon\", unit = \"m/s\" }\n";
@@ -127,7 +127,7 @@ fn what_is_put_right_in_the_stamps_of_a_topic_is_told_once_for_all_its_channels(
 }
 
 #[test]
-fn a_channel_without_a_usable_row_is_told_once_with_its_reasons() {
+fn a_channel_without_a_usable_row_is_reported_once_with_reasons() {
     let loaded = read(&library(WEEKS, ""), &weeks(&[(2313, 1000, 1), (2313, 1200, 2), (0, 1400, 3)])).unwrap();
     let of_channel = |n: &&flight::Notice| n.severity == flight::Severity::Warning && n.text.contains("position.gps");
     let told: Vec<_> = loaded.flight.notices.iter().filter(of_channel).collect();
@@ -168,7 +168,7 @@ fn the_day_of_a_date_with_slashes_is_not_guessed() {
 }
 
 #[test]
-fn a_date_that_stays_the_old_one_after_midnight_moves_no_row_a_day_back() {
+fn a_stale_date_after_midnight_moves_no_row_a_day_back() {
     let civil = "measured = [{ date = \"date\", time = \"time\" }]";
     // 23:59:50 to 00:00:29; from row 10 on it is the 6th, which the date says from row `known` on.
     let text = |known: usize| {
@@ -219,7 +219,7 @@ fn the_receivers_time_dates_the_clock_since_boot_and_moves_no_sample() {
 }
 
 #[test]
-fn clocks_that_differ_by_leap_seconds_or_a_time_zone_are_suspected_aloud() {
+fn clocks_that_differ_by_leap_seconds_or_a_zone_get_a_warning() {
     let time = "measured = [{ field = \"gps\", unit = \"s\", clock = \"gps\" }]\n\
                 logged = [{ field = \"utc\", unit = \"s\", clock = \"unix\" }]";
     for (off, word) in
@@ -238,7 +238,7 @@ fn clocks_that_differ_by_leap_seconds_or_a_time_zone_are_suspected_aloud() {
 }
 
 #[test]
-fn a_delay_between_gps_time_and_utc_is_a_delay_and_no_suspicion() {
+fn a_delay_between_gps_time_and_utc_is_not_suspect() {
     let time = "measured = [{ field = \"gps\", unit = \"s\", clock = \"gps\" }]\n\
                 logged = [{ field = \"utc\", unit = \"s\", clock = \"unix\" }]";
     let mut text = "gps,utc,fix,lat,lon\n".to_owned();
@@ -253,11 +253,11 @@ fn a_delay_between_gps_time_and_utc_is_a_delay_and_no_suspicion() {
 }
 
 #[test]
-fn a_flight_after_the_known_leap_seconds_is_told() {
+fn a_flight_after_the_known_leap_seconds_is_reported() {
     let rows = |week| weeks(&(0..10).map(|i| (week, 1000 * i, 3)).collect::<Vec<_>>());
     let told = |week| count_of(&read(&library(WEEKS, ""), &rows(week)).unwrap(), "leap-seconds");
     assert_eq!((told(2313), told(2600)), (0, 1));
-    // Of a clock since boot that GPS time dates, too.
+    // Also for a clock since boot dated by GPS time.
     let tied = |week: i64| {
         let row = |i: i64| format!("{},{week},{},3,47.{i:04},8.5\n", 5_000_000 + 200_000 * i, 500_000_000 + 200 * i);
         let text = format!("t,GWk,GMS,fix,lat,lon\n{}", (0..10).map(row).collect::<String>());
@@ -313,7 +313,7 @@ fn two_tables(apart: f64, logged: bool) -> Loaded {
 }
 
 #[test]
-fn clocks_of_two_topics_that_differ_by_leap_seconds_or_a_time_zone_are_suspected_aloud() {
+fn topic_clocks_that_differ_by_leap_seconds_or_a_zone_get_a_warning() {
     for logged in [false, true] {
         for (apart, word) in [
             (18.0, "leap seconds"),
@@ -340,7 +340,7 @@ fn clocks_of_two_topics_that_differ_by_leap_seconds_or_a_time_zone_are_suspected
 }
 
 #[test]
-fn the_time_of_the_log_is_compared_with_a_clock_since_boot_by_what_dates_it() {
+fn log_time_is_compared_with_a_dated_clock_since_boot() {
     let time = format!("{BOOT}\nlogged = [{{ field = \"utc\", unit = \"ms\", clock = \"unix\" }}]");
     for (off, word) in [(0, None), (800, None), (18_000, Some("leap seconds")), (-7_200_000, Some("local time, 2 h"))] {
         let mut text = "t,GWk,GMS,utc,fix,lat,lon\n".to_owned();
@@ -364,9 +364,9 @@ fn the_time_of_the_log_is_compared_with_a_clock_since_boot_by_what_dates_it() {
 }
 
 #[test]
-fn a_position_and_a_velocity_that_never_were_at_the_same_time_are_told() {
+fn a_position_and_velocity_without_common_time_are_reported() {
     let of = |apart| count_saying(&two_tables(apart, false), "clock-suspect", "no time in common");
-    // These count GPS time and UTC: not comparable without reckoning, and told by their offset.
+    // These count GPS time and UTC: not directly comparable, and reported by their offset.
     assert_eq!(of(3600.0), 0);
     let map = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{ field = \"t\", unit = \"s\", clock = \"boot\" }]\n\
                [[channel]]\nname = \"position.a\"\nquantity = \"position-ned\"\ntopic = [\"the_position\"]\n\
@@ -389,7 +389,7 @@ fn a_position_and_a_velocity_that_never_were_at_the_same_time_are_told() {
     }
 }
 
-/// A map of a position and a velocity that have their time in this way.
+/// A map of a position and a velocity with this time source.
 fn turn_library([position, velocity]: [&str; 2]) -> MapLibrary {
     let channel = |name: &str, quantity: &str, topic: &str, time: &str, fields: &str| {
         format!(
@@ -407,7 +407,7 @@ fn turn_library([position, velocity]: [&str; 2]) -> MapLibrary {
     library
 }
 
-/// A table with a row in each of these seconds, which are counted to `range`; one cell may be another, if so wished.
+/// A table with a row in each of these seconds, which wrap around at `range`; one cell may be replaced.
 fn turn_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: Option<(i64, i64)>) -> PathBuf {
     let begin = seconds.start;
     let cell = |s: i64| wrong.filter(|(at, _)| begin + at == s).map_or(s % range, |(_, cell)| cell);
@@ -416,8 +416,8 @@ fn turn_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: O
     path
 }
 
-/// When the first row of each of these tables was, s, where they are read whole; with it what is said of the stamps of the
-/// first two, by code and count.
+/// The time of the first row of each of these tables, s, if they are read whole; and the notices about the timestamps
+/// of the first two, by code and count.
 fn first_rows(files: &[PathBuf], library: &MapLibrary) -> (Vec<i64>, Vec<(String, u64)>) {
     let all = |_: &ingest::TopicInfo| ingest::Selection::All;
     let log = in_context(|context| ingest::open(&tables(files)).read(&all, context)).unwrap();
@@ -433,7 +433,7 @@ fn first_rows(files: &[PathBuf], library: &MapLibrary) -> (Vec<i64>, Vec<(String
     )
 }
 
-/// What is said of the stamps of these topics, by code and count.
+/// The notices about the timestamps of these topics, by code and count.
 fn said_of_stamps(notices: &flight::Notices, topics: &[String]) -> Vec<(String, u64)> {
     let of_stamps = |n: &&flight::Notice| n.text.contains("stamps in ") && topics.contains(&n.place);
     let mut said: Vec<(String, u64)> = notices.iter().filter(of_stamps).map(|n| (n.code.clone(), n.count)).collect();
@@ -468,19 +468,19 @@ const TIME_OF_DAY: &str = "unit = \"s\", clock = \"elapsed\"";
 const TWELVE_BITS: &str = "unit = \"s\", clock = \"boot\", bits = 12";
 
 #[test]
-fn a_topic_that_begins_behind_the_end_of_a_count_is_in_the_turn_of_the_others_or_told() {
+fn a_topic_starting_after_a_wrap_follows_the_others_or_is_reported() {
     for (time, range) in [(TIME_OF_DAY, 86_400), (TWELVE_BITS, 4096)] {
         let load = |begins| turned([time; 2], range, begins, [None; 2]);
         for begins in [[-200, -100], [100, -100], [-100, 100], [100, 100 - range / 2]] {
             assert_eq!(load(begins), (begins, 0), "{time}: {begins:?}");
         }
-        // It fits before and behind.
+        // It fits before and after.
         assert_eq!(load([100, 50 - range]), ([100 - range, 50 - range], 200), "{time}");
     }
 }
 
 #[test]
-fn rows_of_a_table_that_is_no_channel_are_in_the_turn_of_the_others() {
+fn rows_of_a_table_without_channels_wrap_like_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let table = |name: &str, begin| turn_table(folder.path().join(name), 86_400, begin..86_700, None);
     let library = turn_library([TIME_OF_DAY; 2]);
@@ -493,7 +493,7 @@ fn rows_of_a_table_that_is_no_channel_are_in_the_turn_of_the_others() {
 }
 
 #[test]
-fn one_wrong_cell_in_either_topic_does_not_keep_it_from_the_turn_of_the_other() {
+fn one_wrong_cell_does_not_prevent_wrapping_like_the_other_topic() {
     let begins = [100, -2000];
     for wrong in [9_000_000_000, 5_000_000] {
         for cells in [[None, Some((150, wrong))], [Some((150, wrong)), None]] {
@@ -503,7 +503,7 @@ fn one_wrong_cell_in_either_topic_does_not_keep_it_from_the_turn_of_the_other() 
 }
 
 #[test]
-fn only_a_topic_that_counts_the_same_to_the_same_end_is_put_into_the_turn_of_another() {
+fn only_a_topic_with_the_same_counter_and_range_wraps_like_another() {
     for other in [
         "unit = \"s\", clock = \"boot\"",
         "unit = \"s\", clock = \"boot\", bits = 13",
@@ -515,7 +515,7 @@ fn only_a_topic_that_counts_the_same_to_the_same_end_is_put_into_the_turn_of_ano
 }
 
 #[test]
-fn a_clock_that_gives_several_rows_one_stamp_is_told_with_how_coarse_it_is() {
+fn a_coarse_clock_is_reported_with_its_resolution() {
     let time = "measured = [{ field = \"t\", unit = \"ms\", clock = \"boot\" }]";
     let told = |stamp: &dyn Fn(i64) -> i64, value: &dyn Fn(i64) -> i64| {
         let row = |i: i64| format!("{},3,47.{:04},8.5\n", 10_000 + stamp(i), value(i));
@@ -523,7 +523,7 @@ fn a_clock_that_gives_several_rows_one_stamp_is_told_with_how_coarse_it_is() {
         let loaded = read(&library(time, ""), &text).unwrap();
         let notice =
             loaded.flight.notices.iter().find(|n| n.code == "duplicate-stamp" && n.text.contains("no finer")).cloned();
-        // Whoever measures by the stamps knows it from them.
+        // It is visible in the timestamps themselves.
         let step_s = loaded.flight.channels.values().map(|c| c.series.timeline().shared_step_s()).fold(0.0, f64::max);
         assert_eq!(step_s > 0.0, notice.is_some());
         notice.map(|n| (n.count, n.text))
@@ -540,7 +540,7 @@ fn a_clock_that_gives_several_rows_one_stamp_is_told_with_how_coarse_it_is() {
 }
 
 #[test]
-fn a_clock_that_is_set_back_is_told_with_how_far_and_what_it_looks_like() {
+fn a_clock_set_back_is_reported_with_amount_and_likely_cause() {
     let time = "measured = [{ field = \"t\", unit = \"ms\", clock = \"unix\" }]";
     for (back_ms, told) in [
         (
@@ -562,7 +562,7 @@ fn a_clock_that_is_set_back_is_told_with_how_far_and_what_it_looks_like() {
 }
 
 #[test]
-fn a_tenth_of_the_rows_lost_by_a_clock_that_was_set_is_a_loss_and_a_few_are_none() {
+fn losing_a_tenth_of_the_rows_to_a_set_clock_is_a_loss_but_a_few_is_not() {
     let time = "measured = [{ field = \"t\", unit = \"s\", clock = \"unix\" }]";
     let day_off = |until: i64| {
         let row = |i: i64| format!("{},3,47.{i:04},8.5\n", 1_700_000_000 + i - if i < until { 432_000 } else { 0 });
@@ -574,7 +574,7 @@ fn a_tenth_of_the_rows_lost_by_a_clock_that_was_set_is_a_loss_and_a_few_are_none
 }
 
 #[test]
-fn a_wrong_source_of_time_in_a_map_is_refused_with_the_reason() {
+fn a_wrong_time_source_in_a_map_is_rejected_with_a_reason() {
     for (time, more, word) in [
         ("measured = [{ week = \"w\", field = \"s\" }]", "", "a week with a"),
         ("measured = [{ calendar = [\"y\"] }]", "", "a calendar is"),
@@ -594,7 +594,7 @@ fn a_wrong_source_of_time_in_a_map_is_refused_with_the_reason() {
 }
 
 #[test]
-fn decimal_seconds_are_exact_to_the_nanosecond_also_where_every_field_is_wanted() {
+fn decimal_seconds_are_exact_even_if_every_field_is_wanted() {
     let time = "measured = [{ field = \"t\", unit = \"s\", clock = \"unix\" }]";
     let nanos = |i: i64| 1_700_000_000_123_456_789 + 100_000_001 * i;
     let row = |i: i64| format!("{}.{:09},3,47.{i:04},8.5\n", nanos(i) / S, nanos(i) % S);

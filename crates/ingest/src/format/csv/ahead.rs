@@ -1,4 +1,4 @@
-//! The bytes of a table, and plain rows among those to come, which idle threads cut and read before the walk comes to them.
+//! The bytes of a table, and its next plain rows, which idle threads split and parse before the walk reaches them.
 
 use super::columns::{Part, Topic};
 use super::fields::Row;
@@ -10,36 +10,36 @@ use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
 
-/// How much is read at once.
+/// Bytes read at once.
 const STEP: usize = 256 << 10;
 
-/// A file that is read from one end to the other, with what was read early.
+/// A file that is read from start to end, with what was read ahead.
 pub(super) struct Source<R> {
     input: R,
-    /// Where the input is in the file.
+    /// Position of the input in the file.
     pub(super) at: u64,
     ended: bool,
     /// Whole lines, in the order of the file.
     pieces: VecDeque<Arc<Order<Piece>>>,
-    /// What lies behind them: a line without its end.
+    /// The bytes after them: a line without its end.
     tail: Vec<u8>,
     spare: Vec<Piece>,
 }
 
-/// Whole lines, and the rows that they begin with.
+/// Whole lines, and the rows at their start.
 #[derive(Default)]
 pub(super) struct Piece {
     pub(super) bytes: Vec<u8>,
     pub(super) part: Part,
-    /// Of the rows; nothing if nobody has read them.
+    /// Columns of the rows; empty if no thread has parsed them.
     pub(super) extent: Extent,
     pub(super) rules: Rules,
 }
 
-/// How rows are cut.
+/// How rows are split.
 #[derive(Clone, Default)]
 pub(super) struct Rules {
-    /// Other rules of the file have another, from 1.
+    /// Number of these rules within the file, from 1.
     pub(super) number: u64,
     pub(super) cutter: Cutter,
     pub(super) header: Arc<Header>,
@@ -47,7 +47,7 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// The rows that a block of whole lines begins with, without quotes and zero bytes.
+    /// The rows at the start of a block of whole lines, without quotes and zero bytes.
     pub(super) fn rows(&mut self, block: &[u8], take: impl FnMut(Row<'_>, Extent)) -> Extent {
         self.cutter.rows(block, &self.header, self.longest, take)
     }
@@ -70,12 +70,12 @@ impl<R: Read> Source<R> {
         Source { input, at: 0, ended: false, pieces: VecDeque::new(), tail: vec![], spare: vec![] }
     }
 
-    /// Whether everything that was read has been given away.
+    /// Whether everything that was read has been handed out.
     pub(super) fn is_empty(&self) -> bool {
         self.pieces.is_empty() && self.tail.is_empty()
     }
 
-    /// Puts the next bytes behind those of `buffer`. Says how many of them were read now.
+    /// Appends the next bytes to `buffer`. Returns how many of them were read now.
     pub(super) fn more(&mut self, buffer: &mut Vec<u8>) -> std::io::Result<u64> {
         if let Some(mut piece) = self.take()? {
             if buffer.is_empty() {
@@ -97,13 +97,14 @@ impl<R: Read> Source<R> {
         Ok(got)
     }
 
-    /// What `buffer` holds from `end` on, the beginning of a line, will come with what is read next.
+    /// The content of `buffer` from `end` on, the start of a line, is returned with the next read.
     pub(super) fn put_back(&mut self, buffer: &mut Vec<u8>, end: usize) {
         self.tail.extend_from_slice(buffer.get(end..).unwrap_or_default());
         buffer.truncate(end);
     }
 
-    /// Reads on for as long as the crew has time, and leaves the rows of `topic` to it. Says how many bytes were read.
+    /// Reads ahead as long as the crew has time, and leaves the rows of `topic` to it. Returns the number of bytes
+    /// read.
     pub(super) fn read_ahead(&mut self, crew: &Crew, topic: &Topic, rules: &Rules) -> std::io::Result<u64> {
         let mut all = 0;
         while !self.ended && crew.has_time(self.pieces.len()) && self.tail.len() < STEP {
@@ -130,9 +131,9 @@ impl<R: Read> Source<R> {
         Ok(all)
     }
 
-    /// The next whole lines that were read early, with their rows.
+    /// The next whole lines that were read ahead, with their rows.
     pub(super) fn next_piece(&mut self) -> std::io::Result<Option<Piece>> {
-        // While a thread is at them, there may be others to be read.
+        // While a thread parses them, more lines can be read.
         while self.pieces.front().is_some_and(|order| order.is_under_way())
             && self.pieces.iter().skip(1).any(|order| order.carry_out(Piece::read))
         {}
@@ -152,7 +153,7 @@ impl<R: Read> Source<R> {
         }
     }
 
-    /// As if the others were so quick.
+    /// Acts as if the other threads were that fast.
     #[cfg(test)]
     pub(super) fn finish(&self) {
         for order in &self.pieces {
@@ -204,7 +205,8 @@ mod tests {
         Rules { number, cutter: Cutter::new(b',', 3, &topic.places(), &header), header, longest: 1 << 20 }
     }
 
-    /// What is read by one, or by two of whom the other is so quick that all is ready; and how many rows came from the other.
+    /// The table read by one thread, or by two of which the other is so fast that all is ready; and how many rows it
+    /// parsed.
     fn read(text: &str, crew: Option<&Crew>, change: u64) -> (Table, u64, u64) {
         let cancel = AtomicBool::new(false);
         let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
@@ -233,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_others_have_read_are_the_rows_of_the_file() {
+    fn rows_parsed_by_other_threads_are_the_rows_of_the_file() {
         let all = 200_000;
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
             let crew = Crew::at_hand().unwrap();
@@ -244,7 +246,7 @@ mod tests {
                 let (two, lines_of_two, taken) = read(&text, Some(&crew), 0);
                 assert_eq!((lines, lines_of_two), (all as u64 + 1, lines));
                 assert!(one == two, "{first_float}, {first_long}");
-                // All but the first block, and a few where a column turned into another.
+                // All but the first block, and a few where a column changed its type.
                 assert!(taken > all as u64 / 2, "{first_float}, {first_long}: {taken}");
                 let (other, _, taken) = read(&text, Some(&crew), 1);
                 assert!(other == one && taken == 0, "{taken}");

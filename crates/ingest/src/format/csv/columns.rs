@@ -7,34 +7,34 @@ use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use crate::texts::Texts;
 use flight::{Code, Notices, Severity, TopicHealth};
 
-/// A column of numbers with more cells that are none, one in so many, is a loss.
+/// If more than one in this many cells of a numeric column are not numbers, it is reported as a loss.
 const TOLERATED: u64 = 100;
 
-/// Lines of cells that are no numbers that are remembered of a column.
+/// Lines of non-numeric cells that are remembered per column.
 const LISTED_BAD: usize = 100;
 
-/// Seconds since 1970 or 1980 are beyond this, and a float of them is not exact to the nanosecond.
+/// Seconds since 1970 or 1980 are larger than this, and a float of them is not exact to the nanosecond.
 const LARGE: f64 = 1e8;
 
-/// One topic while its rows come in.
+/// One topic while its rows are read.
 #[derive(Debug, Default)]
 pub(super) struct Topic {
     pub(super) info: TopicInfo,
     /// Columns of the header.
     pub(super) names: Vec<String>,
-    /// The cells of its line of units.
+    /// The cells of its units line.
     pub(super) units: Vec<String>,
-    /// How many fields a row has.
+    /// Number of fields per row.
     pub(super) width: usize,
-    /// What stands before decimals.
+    /// Decimal separator.
     pub(super) decimal: Decimal,
-    /// The rows are below another header: nobody knows what their fields are.
+    /// The rows are below another header: the meaning of their fields is unknown.
     pub(super) is_lost: bool,
     /// Whether a wanted field exists.
     pub(super) decoded: bool,
     /// Intact rows.
     pub(super) rows: u64,
-    /// Those of which a checksum was right.
+    /// Rows with a right checksum.
     pub(super) vouched: u64,
     payload_bytes: u64,
     /// Why nothing is decoded although something was wanted.
@@ -44,11 +44,11 @@ pub(super) struct Topic {
     unended: Option<u64>,
 }
 
-/// One column while its cells come in.
+/// One column while its cells are read.
 #[derive(Debug)]
 struct Building {
     path: String,
-    /// Among the columns of the header.
+    /// Index among the columns of the header.
     index: usize,
     cells: Cells,
     rows: usize,
@@ -61,20 +61,20 @@ struct Building {
     bad_example: String,
 }
 
-/// Rows of a topic that are read apart from it, until those before them have come in.
+/// Rows of a topic that are parsed separately, until the rows before them have been added.
 #[derive(Debug, Default)]
 pub(super) struct Part {
     rows: Topic,
-    /// What each column of the topic was when they were begun with.
+    /// Type of each column of the topic when these rows were begun.
     began: Vec<Kind>,
 }
 
-/// Where every column is wanted, one of numbers may hold one broken cell, and one more for so many numbers.
+/// Where every column is wanted, a numeric one may hold one broken cell, and one more per this many numbers.
 const NUMBERS_PER_BROKEN: u64 = 1000;
-/// At its end it holds so many numbers for each broken cell, or is one of words.
+/// At its end it must hold this many numbers per broken cell, otherwise it is a text column.
 const LEAST_NUMBERS: u64 = 10;
 
-/// What the next cell of a column is taken for.
+/// How the next cell of a column is interpreted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Integer { long: bool },
@@ -82,20 +82,20 @@ enum Kind {
     Text,
 }
 
-/// Integers until the first cell that is none: stamps of 19 digits stay exact.
+/// Integers until the first cell that is not one: timestamps of 19 digits stay exact.
 #[derive(Debug)]
 enum Cells {
     Integers(Integers),
     Floats(Vec<f64>),
     Text(Texts),
-    /// As [`Selection::All`] wants it: a number until the first cell that is none.
+    /// For [`Selection::All`]: numbers until the first cell that is not one.
     Undecided(Box<Cells>, Written),
 }
 
 #[derive(Debug, Default)]
 struct Integers {
     values: Vec<i64>,
-    /// Whether one of them is more than a double can hold.
+    /// Whether one of them exceeds what a double can hold.
     long: bool,
 }
 
@@ -105,14 +105,14 @@ impl Integers {
         self.values.push(value);
     }
 
-    /// In the place of the integers: a column is not held twice.
+    /// In place of the integers: a column is not held twice.
     fn into_floats(self) -> Vec<f64> {
         self.values.into_iter().map(|i| i as f64).collect()
     }
 }
 
-/// Cells as they stand in the log: first those that are integers as everybody writes them ([`plain_integer`]), of which it is enough to know
-/// how many, then the others.
+/// Cells as they stand in the log: first those that are integers as everybody writes them ([`plain_integer`]), of which
+/// it is enough to know how many, then the others.
 #[derive(Debug, Default)]
 struct Written {
     integers: usize,
@@ -167,13 +167,13 @@ impl Topic {
         Topic { info, decoded: !columns.is_empty(), width: names.len(), names, columns, reason, ..Topic::default() }
     }
 
-    /// Keeps a column as it is written although numbers are looked for.
+    /// Keeps a column as text even if numbers are requested.
     pub(super) fn keep_text(&mut self, path: &str) {
         let undecided = |column: &&mut Building| column.path == path && matches!(column.cells, Cells::Undecided(..));
         self.columns.iter_mut().filter(undecided).for_each(|column| column.cells = Cells::Text(Texts::default()));
     }
 
-    /// Whether a row with so many fields belongs to this header; a delimiter at its end is one more.
+    /// Whether a row with this many fields fits this header; a trailing delimiter adds one.
     pub(super) fn fits(&self, fields: usize, last_is_empty: impl FnOnce() -> bool) -> bool {
         fields == self.width || (fields == self.width + 1 && last_is_empty())
     }
@@ -183,13 +183,13 @@ impl Topic {
         self.columns.iter().map(|column| column.index).collect()
     }
 
-    /// A row that nobody wants.
+    /// A row that is not wanted.
     pub(super) fn count(&mut self, extent: Extent) {
         self.rows += 1;
         self.payload_bytes += extent.text as u64;
     }
 
-    /// A row with its fields, of which the first `skip` are no columns.
+    /// A row with its fields, of which the first `skip` are not columns.
     pub(super) fn push(&mut self, row: Row<'_>, skip: usize, line: u64, extent: Extent) {
         self.lines.push(self.rows as usize, line);
         self.count(extent);
@@ -206,13 +206,13 @@ impl Topic {
         }
     }
 
-    /// Whether its rows may come in in parts.
+    /// Whether its rows may be added in parts.
     pub(super) fn may_be_parted(&self) -> bool {
         self.decoded && self.columns.iter().all(|column| column.cells.kind().is_some())
     }
 
-    /// Takes the rows of a part; the first one is at line `first`. Says whether it has: not if the cells before have
-    /// made another column of one.
+    /// Adds the rows of a part; the first one is at line `first`. Returns whether it did: not if the previous cells
+    /// have changed the type of a column.
     pub(super) fn append(&mut self, part: &mut Part, first: u64) -> bool {
         if !self.columns.iter().map(|column| column.cells.kind()).eq(part.began.iter().copied().map(Some)) {
             return false;
@@ -228,7 +228,7 @@ impl Topic {
         true
     }
 
-    /// Raises what happened to the cells.
+    /// Reports problems with the cells.
     pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
         self.columns.iter_mut().for_each(Building::settle);
         self.drop_numbers_that_are_text();
@@ -241,7 +241,7 @@ impl Topic {
         }
     }
 
-    /// A path asked for both ways, as two maps may, is a number only if some cell is one.
+    /// A path requested both ways, as two channel maps may, is numeric only if some cell is a number.
     fn drop_numbers_that_are_text(&mut self) {
         let texts: Vec<String> =
             self.columns.iter().filter(|c| matches!(c.cells, Cells::Text(_))).map(|c| c.path.clone()).collect();
@@ -273,7 +273,7 @@ impl Topic {
         TableHead { topic: self.info.name.clone(), names: self.names.clone(), units: self.units.clone() }
     }
 
-    /// The table, if anything was wanted of it.
+    /// The table, if any of it was wanted.
     pub(super) fn into_table(self) -> Option<Table> {
         if !self.decoded {
             return None;
@@ -292,7 +292,7 @@ impl Topic {
 }
 
 impl Part {
-    /// Begins anew with rows of `topic`, whose columns are as they are now.
+    /// Restarts with rows of `topic`, whose columns are as they are now.
     pub(super) fn renew(&mut self, topic: &Topic) {
         let columns = std::mem::take(&mut self.rows.columns);
         let mut used = columns.into_iter();
@@ -302,7 +302,7 @@ impl Part {
         self.began.extend(topic.columns.iter().filter_map(|column| column.cells.kind()));
     }
 
-    /// As [`Topic::push`], at a line counted from 1.
+    /// Like [`Topic::push`], at a line counted from 1.
     #[inline]
     pub(super) fn push(&mut self, row: Row<'_>, line: u64, extent: Extent) {
         self.rows.push(row, 0, line, extent);
@@ -315,14 +315,14 @@ fn first_of(names: &[String]) -> String {
     format!("{}{more}", names.iter().take(10).map(String::as_str).collect::<Vec<_>>().join(", "))
 }
 
-/// Whether a cell that is no number has digits, and commas among them.
+/// Whether a non-numeric cell has digits, and commas among them.
 fn has_separators(cell: &str) -> bool {
     let digits = cell.strip_prefix(['+', '-']).unwrap_or(cell);
     let plain = |c: char| c.is_ascii_digit() || c == ',' || c == '.';
     digits.contains(',') && digits.starts_with(|c: char| c.is_ascii_digit()) && digits.chars().all(plain)
 }
 
-/// Which texts there are.
+/// The distinct texts.
 fn filled(texts: &Texts) -> Vec<bool> {
     texts.iter().map(|text| !text.is_empty()).collect()
 }
@@ -372,7 +372,7 @@ impl Building {
         Building { valid: next.valid, ..Building::new("", self.index, cells) }
     }
 
-    /// Takes the cells of a part, which began as this column is now.
+    /// Adds the cells of a part, which began with this column's current type.
     fn append(&mut self, part: &mut Building, first: u64) {
         if !part.valid.is_empty() && self.valid.is_empty() {
             self.valid.resize(self.rows, true);
@@ -430,8 +430,8 @@ impl Building {
         }
     }
 
-    /// A cell that is no number, in a column that is one of numbers so far. A few such cells are broken numbers; with more, the
-    /// column is one of words.
+    /// A non-numeric cell in a column that is numeric so far. A few such cells are broken numbers; with more, it is
+    /// a text column.
     #[cold]
     fn push_word(&mut self, cell: &[u8], line: u64) -> bool {
         self.note(Cell::Bad, cell, line);
@@ -439,30 +439,30 @@ impl Building {
             return false;
         }
         self.take_as_text();
-        // The caller adds what it knows of this cell.
+        // The caller adds its details of this cell.
         self.valid.pop();
         true
     }
 
-    /// Takes all cells as they are written.
+    /// Converts all cells to text as written.
     fn take_as_text(&mut self) {
         let Cells::Undecided(numbers, written) = &self.cells else { return };
         let texts = written.texts(numbers);
-        // What seemed to say nothing was a word among others.
+        // What looked like a word for a missing value was a word among others.
         self.valid = Some(filled(&texts)).filter(|valid| valid.contains(&false)).unwrap_or_default();
         self.cells = Cells::Text(texts);
         (self.bad, self.bad_example) = (0, String::new());
         self.bad_lines.clear();
     }
 
-    /// A short column with few numbers is one of words.
+    /// A short column with few numbers is a text column.
     fn settle(&mut self) {
         if self.bad * LEAST_NUMBERS > self.filled {
             self.take_as_text();
         }
     }
 
-    /// A cell that is no number of the column's kind.
+    /// A cell that is not a number of the column's kind.
     #[cold]
     fn push_odd(&mut self, value: Cell, cell: &[u8], line: u64) -> bool {
         let value = self.cells.fitting(value);
@@ -545,7 +545,7 @@ impl Cells {
         Cells::Undecided(Box::new(Cells::Integers(Integers::default())), Written::default())
     }
 
-    /// `None` of what depends on the cells before in other ways.
+    /// `None` if it depends on the previous cells in other ways.
     fn kind(&self) -> Option<Kind> {
         match self {
             Cells::Integers(held) => Some(Kind::Integer { long: held.long }),
@@ -586,7 +586,7 @@ impl Cells {
         }
     }
 
-    /// Appends a number if it is one as those before it, which nearly all are.
+    /// Appends a number if it has the same kind as the previous ones, as nearly all have.
     #[inline]
     fn push_fitting(&mut self, value: Cell) -> bool {
         match (self, value) {
@@ -598,7 +598,7 @@ impl Cells {
         true
     }
 
-    /// Appends a number, or a placeholder. Says whether it is a value.
+    /// Appends a number, or a placeholder. Returns whether it is a value.
     fn push_number(&mut self, value: Cell) -> bool {
         if let (Cells::Integers(integers), Cell::Float(_)) = (&mut *self, value) {
             *self = Cells::Floats(std::mem::take(integers).into_floats());
@@ -614,7 +614,7 @@ impl Cells {
         false
     }
 
-    /// Appends a cell as it is written, and as a number or a placeholder. Returns what it was taken for.
+    /// Appends a cell as written, and as a number or a placeholder. Returns how it was interpreted.
     fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> Cell {
         let Cells::Undecided(numbers, written) = self else { return Cell::Empty };
         if let (Cells::Integers(held), true, Some(integer)) =
@@ -654,7 +654,7 @@ mod tests {
 
     #[test]
     fn a_long_integer_is_not_searched_for_again_at_every_cell() {
-        // Searched for each time, these would be 1e11 steps.
+        // If searched for each time, these would be 1e11 steps.
         const CELLS: usize = 300_000;
         let mut column = Building::new("t", 0, Cells::Integers(Integers::default()));
         let cells = std::iter::repeat_n(&b"1"[..], CELLS).chain([&b"1700000000123456789"[..]]);
@@ -668,7 +668,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_that_proved_text_are_those_that_were_written() {
+    fn cells_of_a_text_column_are_kept_as_written() {
         let long = "9".repeat(40_000);
         let odd = ["1,5", "", "007", "+4", "-0", "00", "-05", &long, &"8".repeat(128)];
         let plain = ["0", "-1", "12", "9007199254740993", "-9223372036854775808"];
@@ -685,7 +685,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_broken_cells_among_numbers_are_counted_and_more_make_a_column_of_words() {
+    fn a_few_broken_cells_are_counted_and_more_make_a_text_column() {
         let column = |cells: &[&str]| {
             let mut column = Building::new("t", 0, Cells::undecided());
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Point, line));

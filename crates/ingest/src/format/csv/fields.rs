@@ -1,4 +1,4 @@
-//! Splits a record into fields and reads numbers from them.
+//! Splits a record into fields and parses numbers.
 
 use super::formula::restored;
 use std::borrow::Cow;
@@ -6,7 +6,7 @@ use std::borrow::Cow;
 /// Beyond this a double cannot hold every integer.
 pub(super) const EXACT: u64 = 1 << 53;
 
-/// Stands for a delimiter that is any run of spaces and TABs.
+/// Represents a delimiter that is any run of spaces and TABs.
 pub(super) const BLANKS: u8 = b' ';
 
 /// The fields of one record, unquoted and without padding.
@@ -17,18 +17,18 @@ pub(super) struct Row<'t> {
 }
 
 impl<'t> Row<'t> {
-    /// Of fields that lie at `spans` of a text.
+    /// From fields at the `spans` of a text.
     pub(super) fn new(text: &'t [u8], spans: &'t [(usize, usize)]) -> Row<'t> {
         Row { text, spans }
     }
 
-    /// How many fields.
+    /// Number of fields.
     #[inline]
     pub(super) fn len(self) -> usize {
         self.spans.len()
     }
 
-    /// One field without padding; empty if there are not so many.
+    /// One field without padding; empty if it does not exist.
     #[inline]
     pub(super) fn get(self, index: usize) -> &'t [u8] {
         let span = self.spans.get(index).copied().unwrap_or_default();
@@ -44,7 +44,7 @@ pub(super) struct Fields {
     quoted: Option<Quoted>,
 }
 
-/// Takes records with quotes apart, of which the `csv` crate's core knows the rules. It takes longer to make than a record to
+/// Splits records with quotes by the rules of the `csv` crate's core. It takes longer to create than a record to
 /// read.
 #[derive(Debug)]
 struct Quoted {
@@ -60,10 +60,10 @@ impl Quoted {
         Quoted { delimiter, core: Box::new(core), ends: vec![] }
     }
 
-    /// Writes the fields of a record one behind the other into `text`, and where they lie into `spans`.
+    /// Writes the fields of a record one after the other into `text`, and their positions into `spans`.
     fn split(&mut self, mut record: &[u8], text: &mut Vec<u8>, spans: &mut Vec<(usize, usize)>) {
         self.core.reset();
-        // No field is longer than what stands for it, and behind each but the last stands a delimiter.
+        // No field is longer than its encoded form, and each but the last is followed by a delimiter.
         text.resize(record.len(), 0);
         self.ends.resize(record.len() + 1, 0);
         let (mut written, mut count) = (0, 0);
@@ -94,7 +94,7 @@ impl Fields {
         self.split_with(record, delimiter, true);
     }
 
-    /// As [`Fields::split`], of a record that holds quotes only if it `may`.
+    /// Like [`Fields::split`], for a record that contains quotes only if it `may`.
     pub(super) fn split_with(&mut self, record: &[u8], delimiter: u8, may: bool) {
         self.text.clear();
         self.spans.clear();
@@ -114,7 +114,7 @@ impl Fields {
             self.spans.push((from, at));
             from = at + 1;
         };
-        // A search in a row of a few numbers takes longer than a look at each byte.
+        // In a row of a few numbers a search takes longer than checking each byte.
         if record.len() < 32 {
             record.iter().enumerate().filter(|(_, byte)| **byte == delimiter).for_each(|(at, _)| end(at));
         } else {
@@ -152,7 +152,7 @@ impl Fields {
         self.spans.len()
     }
 
-    /// As [`Row::get`].
+    /// Like [`Row::get`].
     pub(super) fn get(&self, index: usize) -> &[u8] {
         self.row().get(index)
     }
@@ -168,7 +168,7 @@ impl Fields {
     }
 }
 
-/// UTF-8, or where it is none Latin-1, in which every byte is a character.
+/// UTF-8, or if invalid Latin-1, in which every byte is a character.
 pub(super) fn text_of(cell: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(cell) {
         Ok(text) => text.into(),
@@ -176,12 +176,12 @@ pub(super) fn text_of(cell: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// What stands before the decimals of a number.
+/// Decimal separator of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Decimal {
     #[default]
     Point,
-    /// Then a point is no part of a number: it would separate thousands.
+    /// A point is then not part of a number: it would separate thousands.
     Comma,
 }
 
@@ -202,8 +202,8 @@ impl Decimal {
         }
     }
 
-    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`, where numbers have a point too. An apostrophe that kept it from being
-    /// a formula is taken away.
+    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`, where numbers have a point too. An
+    /// apostrophe that kept it from being a formula is taken away.
     pub(super) fn text(self, cell: &[u8]) -> Cow<'_, str> {
         let text = text_of(cell);
         if cell.first() == Some(&b'\'') {
@@ -219,7 +219,7 @@ impl Decimal {
     }
 }
 
-/// Whether the comma is that of ISO 8601 in seconds, as Python's logging writes them: `2024-05-10 17:27:44,300`.
+/// Whether the comma is the ISO 8601 decimal sign in seconds, as Python's logging writes it: `2024-05-10 17:27:44,300`.
 fn is_time_with_comma(text: &str) -> bool {
     let Some((time, fraction)) = text.split_once(',') else { return false };
     let mut parts = time.rsplit(':');
@@ -230,7 +230,7 @@ fn is_time_with_comma(text: &str) -> bool {
     seconds && zone.len() < fraction.len() && (zone.is_empty() || zone.starts_with(['Z', '+', '-', ' ']))
 }
 
-/// A number whose decimals stand behind a comma at `at`.
+/// A number with a decimal comma at `at`.
 fn number_with_point(cell: &[u8], at: usize) -> Cell {
     const LONGEST: usize = 64;
     let mut plain = [0; LONGEST];
@@ -242,16 +242,16 @@ fn number_with_point(cell: &[u8], at: usize) -> Cell {
     number(space)
 }
 
-/// How a cell of digits and commas may be meant.
+/// Possible meanings of a cell of digits and commas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CommaCell {
-    /// `1,25`: nothing but decimals.
+    /// `1,25`: only decimals.
     Decimals,
     /// `1,250` or `1,250,000`: decimals or thousands.
     Either,
 }
 
-/// What a comma in a cell means; `None` if the cell is no number with a comma.
+/// The meaning of a comma in a cell; `None` if the cell is not a number with a comma.
 pub(super) fn comma_cell(cell: &str) -> Option<CommaCell> {
     let digits = cell.trim_start_matches(['+', '-']);
     let digits = digits.split(['e', 'E']).next().unwrap_or_default();
@@ -266,10 +266,10 @@ pub(super) fn comma_cell(cell: &str) -> Option<CommaCell> {
     if thousands { Some(CommaCell::Either) } else { (rest.len() == 1).then_some(CommaCell::Decimals) }
 }
 
-/// A cell that was asked for as a number.
+/// A cell that was requested as a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cell {
-    /// Nothing there.
+    /// Empty.
     Empty,
     /// An integer that fits.
     Integer(i64),
@@ -277,9 +277,9 @@ pub(super) enum Cell {
     Float(f64),
     /// `nan`, `inf` or beyond the range of a double.
     NotFinite,
-    /// A word for nothing, as `N/A`.
+    /// A word for a missing value, such as `N/A`.
     Missing,
-    /// No number.
+    /// Not a number.
     Bad,
 }
 
@@ -299,7 +299,7 @@ fn decimal(cell: &[u8]) -> Option<Cell> {
     fast_float2::parse(cell).ok().filter(|value: &f64| value.is_finite()).map(Cell::Float)
 }
 
-/// What databases, spreadsheets and programs write where there is no value, in small letters.
+/// What databases, spreadsheets and programs write for a missing value, in lower case.
 const NOTHING: &[&str] = &[
     "-",
     "--",
@@ -331,7 +331,7 @@ fn any_number(cell: &[u8]) -> Cell {
         return Cell::Empty;
     }
     let Ok(text) = std::str::from_utf8(cell) else { return Cell::Bad };
-    // "-0" must keep its sign, so it is no integer here.
+    // "-0" must keep its sign, so it is not an integer here.
     if let Ok(integer) = text.parse::<i64>()
         && (integer != 0 || !text.starts_with('-'))
     {
@@ -384,8 +384,8 @@ fn digits(mut number: u64, mut text: &[u8]) -> (u64, &[u8]) {
     (number, text)
 }
 
-/// The number that eight digits are, the first one in the lowest byte: first the bytes are joined two by two, then the pairs,
-/// then the fours (D. Lemire, "Quickly parsing eight digits", 2018).
+/// The number that eight digits are, the first one in the lowest byte: first the bytes are joined two by two, then the
+/// pairs, then the fours (D. Lemire, "Quickly parsing eight digits", 2018).
 #[inline]
 fn eight_digits(text: u64) -> Option<u64> {
     const ZEROS: u64 = 0x3030_3030_3030_3030;
@@ -402,8 +402,9 @@ fn eight_digits(text: u64) -> Option<u64> {
     Some(low.wrapping_add(high) >> 32)
 }
 
-/// The double nearest to `number` / 10^`tens`. Where both are doubles it is that of their division (Clinger, PLDI 1990); else
-/// the integer quotient has at least eleven bits more than a double, of which the lowest stands for whatever remains.
+/// The double nearest to `number` / 10^`tens`. Where both are doubles it is that of their division (Clinger, PLDI
+/// 1990); else the integer quotient has at least eleven bits more than a double, of which the lowest stands for
+/// whatever remains.
 #[inline]
 fn quotient(number: u64, tens: usize) -> Option<f64> {
     #[rustfmt::skip]
@@ -452,7 +453,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comma_before_decimals_is_read_and_a_point_beside_it_refused() {
+    fn a_decimal_comma_is_read_and_a_point_next_to_it_rejected() {
         let comma = |cell: &str| Decimal::Comma.number(cell.as_bytes());
         assert_eq!(comma("-1,5e-3"), Cell::Float(-1.5e-3));
         assert_eq!((comma("7"), comma(""), comma("nan")), (Cell::Integer(7), Cell::Empty, Cell::NotFinite));
@@ -475,7 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn commas_of_thousands_are_told_from_those_of_decimals_where_that_is_possible() {
+    fn thousands_commas_are_distinguished_from_decimal_commas_if_possible() {
         for cell in ["1,5", "0,125", "-12,25e3", "1234,567", ",5"] {
             assert_eq!(comma_cell(cell), Some(CommaCell::Decimals), "{cell}");
         }
@@ -488,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_is_read_as_the_nearest_double_and_an_integer_exactly() {
+    fn a_number_is_the_nearest_double_and_an_integer_is_exact() {
         assert_eq!(number(b"1531943812200143162"), Cell::Integer(1_531_943_812_200_143_162));
         assert_eq!(number(b"1e5"), Cell::Float(1e5));
         assert_eq!(number(b"1E+05"), Cell::Float(1e5));
@@ -498,7 +499,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_number_is_the_one_that_the_standard_library_reads() {
+    fn a_short_number_equals_that_of_the_standard_library() {
         let mut seed = 1_u64;
         for _ in 0..20_000 {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -540,7 +541,7 @@ mod tests {
     }
 
     #[test]
-    fn a_decimal_is_the_one_that_the_standard_library_reads() {
+    fn a_decimal_equals_that_of_the_standard_library() {
         let mut seed = 7_u64;
         for _ in 0..20_000 {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -560,7 +561,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_finite_number_is_told_apart() {
+    fn cells_that_are_not_finite_numbers_are_distinguished() {
         assert_eq!(number(b""), Cell::Empty);
         for text in ["nan", "NaN", "inf", "-inf", "1e999"] {
             assert_eq!(number(text.as_bytes()), Cell::NotFinite, "{text}");

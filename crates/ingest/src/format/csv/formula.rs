@@ -1,17 +1,17 @@
-//! Texts that a spreadsheet would take for a formula: what is written instead, and back.
+//! Texts that a spreadsheet would interpret as a formula: how they are written, and read back.
 
 use std::borrow::Cow;
 
-/// What a formula may begin with, in the wide forms too, and the apostrophe that keeps a text from being one.
+/// Characters that may start a formula, full-width forms included, and the apostrophe that prevents it.
 const BEGINS: [char; 13] = ['=', '+', '-', '@', '\t', '\r', '\n', '\0', '\'', '＝', '＋', '－', '＠'];
 
 fn begins_formula(text: &str) -> bool {
-    // A spreadsheet that trims spaces would see the formula behind them.
+    // A spreadsheet that trims spaces would see the formula after them.
     text.trim_start_matches([' ', '\u{a0}', '\u{feff}']).starts_with(BEGINS)
 }
 
-/// A text that no spreadsheet takes for a formula: one that could begin a formula gets a leading apostrophe, and so does
-/// one that begins with an apostrophe. The reader of text tables takes it away again.
+/// A text that no spreadsheet interprets as a formula: one that could start a formula gets a leading apostrophe, and so
+/// does one that begins with an apostrophe. The reader of text tables removes it.
 #[must_use]
 pub fn inert(text: &str) -> Cow<'_, str> {
     if begins_formula(text) { Cow::Owned(format!("'{text}")) } else { Cow::Borrowed(text) }

@@ -1,11 +1,11 @@
-//! A header that stands between the rows, as it does where a logger was started anew or logs were put together: the same
+//! Headers between the rows, as found where a logger restarted or logs were concatenated: the same one
 //! again, or another one, whose rows are not read.
 
 use super::fields::{BLANKS, Cell, Fields, number};
 use flight::{Code, Notices, Severity};
 use std::collections::HashSet;
 
-/// The header of a table as it is written.
+/// The header of a table as written.
 #[derive(Debug, Default)]
 pub(super) struct Header {
     /// Its line.
@@ -20,7 +20,7 @@ pub(super) struct Header {
     numbers: Vec<bool>,
     /// The first of these: a word in it makes a header of a row, or a row that is out of the common.
     telling: Option<usize>,
-    /// What the line of units begins with, if there is one.
+    /// Start of the units line, if there is one.
     units: Vec<u8>,
 }
 
@@ -33,7 +33,7 @@ impl Default for Begins {
     }
 }
 
-/// What other headers of a file there were.
+/// Other headers found in a file.
 #[derive(Debug, Default)]
 pub(super) struct Changes {
     /// Other headers, and the line of the first.
@@ -50,7 +50,7 @@ impl Changes {
         count_from(&mut self.like_headers, line);
     }
 
-    /// A remark that is like a row.
+    /// A remark that resembles a row.
     pub(super) fn remark(&mut self, line: u64) {
         count_from(&mut self.remarks, line);
     }
@@ -79,7 +79,7 @@ impl Changes {
     }
 }
 
-/// Counts what first was in this line.
+/// Counts what was first found in this line.
 fn count_from((count, first): &mut (u64, u64), line: u64) {
     if *count == 0 {
         *first = line;
@@ -91,7 +91,7 @@ fn is_number(cell: &[u8]) -> bool {
     matches!(number(cell), Cell::Integer(_) | Cell::Float(_) | Cell::NotFinite)
 }
 
-/// A word as names are: none that begins with a digit.
+/// A word that can be a name: it does not begin with a digit.
 fn is_word(cell: &[u8]) -> bool {
     let begins_so = cell.first().is_some_and(|byte| !byte.is_ascii_digit());
     begins_so && number(cell) == Cell::Bad && cell.iter().any(u8::is_ascii_alphabetic)
@@ -122,7 +122,8 @@ impl Header {
         !line.is_empty() && line == self.line
     }
 
-    /// Whether a line may be something else than a row: as [`Header::may_be`], unless there are quotes, which hide what it is.
+    /// Whether a line may be something else than a row: as [`Header::may_be`], unless there are quotes, which hide what
+    /// it is.
     pub(super) fn may_begin(&self, line: &[u8]) -> bool {
         let blanks = self.delimiter == BLANKS;
         let between = |byte: &u8| if blanks { byte.is_ascii_whitespace() } else { *byte == self.delimiter };
@@ -138,13 +139,13 @@ impl Header {
         self.units = begin.to_vec();
     }
 
-    /// A column that is looked at in every row.
+    /// A column that is examined in every row.
     pub(super) fn telling(&self) -> Option<usize> {
         self.telling
     }
 
-    /// Whether a row with these fields, the first, the last and the [telling](Header::telling) one, may be a header, or the
-    /// units below one.
+    /// Whether a row with these fields, the first, the last and the [telling](Header::telling) one, may be a header, or
+    /// the units below one.
     #[inline]
     pub(super) fn may_be(&self, first: &[u8], last: &[u8], telling: &[u8]) -> bool {
         const BOM: u8 = 0xef;
@@ -165,8 +166,8 @@ impl Header {
             || (!first.is_empty() && first == self.units)
     }
 
-    /// Whether a row is another header: of its fields half are names of this one, two at least, or all are different words
-    /// and one is such a name in its place; and words stand where the first rows have numbers.
+    /// Whether a row is another header: of its fields half are names of this one, two at least, or all are different
+    /// words and one is such a name in its place; and words stand where the first rows have numbers.
     pub(super) fn is_other(&self, fields: &Fields) -> bool {
         let filled: Vec<(usize, &[u8])> =
             (0..fields.len()).map(|i| (i, fields.get(i))).filter(|f| !f.1.is_empty()).collect();
@@ -186,7 +187,8 @@ impl Header {
         half || has_words && known > 0 && is_as_wide && filled.iter().any(is_at_home) && all_words() && distinct()
     }
 
-    /// Whether a row of the table may be the header of another one: different words in all columns, two of numbers at least.
+    /// Whether a row of the table may be the header of another one: different words in all columns, two of numbers at
+    /// least.
     pub(super) fn is_of_another(&self, fields: &Fields) -> bool {
         let words = || (0..fields.len()).map(|index| fields.get(index));
         let of_numbers = self.numbers.iter().filter(|of_numbers| **of_numbers).count();
@@ -202,21 +204,22 @@ impl Header {
         fields.len() == self.names.len() && others().next().is_some() && others().all(is_number)
     }
 
-    /// How many columns a header has. A delimiter at the end of the line makes none, unless there are as many as in the first.
+    /// Number of columns of a header. A delimiter at the end of the line adds none, unless the first header has as
+    /// many.
     fn width_of(&self, fields: &Fields) -> usize {
         let last = fields.len().saturating_sub(1);
         let trails = last > 0 && fields.len() != self.numbers.len() && fields.get(last).is_empty();
         fields.len() - usize::from(trails)
     }
 
-    /// Whether a comment that may be a header is none of the remarks that hold some of its words: it begins as this one does,
-    /// or has nothing but its names.
+    /// Whether a comment that may be a header is none of the remarks that hold some of its words: it begins as this one
+    /// does, or has nothing but its names.
     pub(super) fn is_no_remark(&self, fields: &Fields) -> bool {
         let mut filled = (0..fields.len()).map(|i| fields.get(i)).filter(|cell| !cell.is_empty());
         self.names.first().is_some_and(|name| name == fields.get(0)) || filled.all(|cell| self.known.contains(cell))
     }
 
-    /// How many columns there are.
+    /// Number of columns.
     pub(super) fn width(&self) -> usize {
         self.names.len()
     }

@@ -8,13 +8,13 @@ use crate::error::IngestError;
 use crate::reader::ReadContext;
 use std::sync::atomic::AtomicBool;
 
-/// Records that are looked at.
+/// Records that are examined.
 const SAMPLE: usize = 64;
-/// In order of preference where two fit equally.
+/// In order of preference if two fit equally well.
 const DELIMITERS: [u8; 5] = [b',', b';', b'\t', b'|', BLANKS];
 /// Words that name tables in the first lines of a tagged file; with more they are values.
 const MOST_TAGS: usize = 16;
-/// As few rows of bare numbers say nothing.
+/// This few rows of bare numbers prove nothing.
 const FEWEST_BARE: usize = 4;
 
 /// Ends the preamble of a LabVIEW measurement file, which has one of the file and one of each segment.
@@ -35,12 +35,12 @@ pub(super) enum Layout {
     Tagged,
 }
 
-/// Where things stand in a table.
+/// Positions of the parts of a table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct TableLayout {
-    /// Between fields.
+    /// Field delimiter.
     pub(super) delimiter: u8,
-    /// What stands before decimals.
+    /// Decimal separator.
     pub(super) decimal: Decimal,
     /// Column names, unique.
     pub(super) names: Vec<String>,
@@ -92,7 +92,7 @@ impl Sampled {
         self.fields.iter().all(|f| decimal.number(f.as_bytes()) != Cell::Bad) && self.has_number(decimal)
     }
 
-    /// Whether a cell is a date or a time: digits, and what stands between them.
+    /// Whether a cell is a date or a time: digits and their separators.
     fn has_moment(&self) -> bool {
         let is_moment = |f: &String| {
             f.starts_with(|c: char| c.is_ascii_digit())
@@ -115,8 +115,8 @@ impl Sampled {
 }
 
 impl Sampled {
-    /// Whether a row below the header says in words what the columns are, as `sec` and `degrees`: where all rows behind it
-    /// have numbers it has text. No such text begins as dates and times do.
+    /// Whether a row below the header says in words what the columns are, as `sec` and `degrees`: where all rows behind
+    /// it have numbers it has text. No such text begins as dates and times do.
     fn describes(&self, data: &[&Sampled], width: usize, decimal: Decimal) -> bool {
         let whole: Vec<&&Sampled> = data.iter().filter(|r| r.fields.len() == width).collect();
         let number = |cell: &String| decimal.number(cell.as_bytes());
@@ -218,7 +218,7 @@ fn is_tagged(sample: &[Sampled]) -> bool {
             None => widths.push((word, row.fields.len())),
         }
     }
-    // A damaged row here and there changes nothing.
+    // A corrupt row here and there changes nothing.
     8 * odd <= sample.len() && widths.len() <= MOST_TAGS && sample.len() >= FEWEST_BARE
 }
 
@@ -231,7 +231,7 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
     {
         let text = lines.text(extent).trim_ascii();
         let comment = comment_mark(text);
-        // A record without its line end may be cut anywhere, so it says nothing of the layout.
+        // A record without its line end may be truncated anywhere, so it shows nothing of the layout.
         if text.starts_with(END_OF_PREAMBLE) {
             sampled.clear();
         } else if !text.is_empty() && extent.ended && !(lines.number == 1 && is_hint(text)) {
@@ -321,7 +321,7 @@ impl<'s> Rows<'s> {
     /// The names of the columns, empty where there are none.
     fn names(&self, header: Option<&Sampled>) -> Vec<String> {
         let mut named = header.map_or_else(|| vec![String::new(); self.width], |h| h.fields.clone());
-        // A delimiter at the end of the lines makes no column.
+        // A delimiter at the end of the lines does not make a column.
         let unnamed_last = named.last().is_some_and(String::is_empty);
         if named.len() == self.width + 1 || (header.is_some() && unnamed_last && self.trail()) {
             named.pop();
@@ -389,8 +389,8 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     Some((agree, layout))
 }
 
-/// First line and number of the rows that stand there before a header and are no mere remarks: at least three cells, most of
-/// them numbers.
+/// First line and number of the rows that stand there before a header and are no mere remarks: at least three cells,
+/// most of them numbers.
 fn other_rows<'s>(rows: impl Iterator<Item = &'s &'s Sampled>, decimal: Decimal) -> Option<(u64, u64)> {
     let numbers = |row: &Sampled| {
         row.fields.iter().filter(|f| matches!(decimal.number(f.as_bytes()), Cell::Integer(_) | Cell::Float(_))).count()

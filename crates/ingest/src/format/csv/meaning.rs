@@ -1,5 +1,5 @@
-//! What tables of known devices say outside of their numbers: the zone or the device in the names of columns, and words
-//! of status. It becomes names that maps know, and columns of the reader's own.
+//! Non-numeric information in tables of known devices: the zone or the device in column names, and status
+//! words. It becomes names that channel maps know, and columns of the reader's own.
 
 use crate::reader::{FieldRequest, Selection, ValueKind};
 use crate::table::{Column, ColumnData, Table, texts};
@@ -12,15 +12,16 @@ const OFFSET: &str = "utc_offset";
 /// `UTC_Year` where `UTC_Valid` says that UTC is known.
 const YEAR: &str = "utc_year";
 
-/// Modes of an OxTS receiver without a position: none, searching, Doppler alone (at once, from two kinds of its raw data,
-/// or afterwards), no data, blanked, not known (OxTS' ROS 2 driver, `GNSS_POS_MODE` and `nav_sat_status`).
+/// Modes of an OxTS receiver without a position: none, searching, Doppler alone (at once, from two kinds of its raw
+/// data, or afterwards), no data, blanked, not known (OxTS' ROS 2 driver, `GNSS_POS_MODE` and `nav_sat_status`).
 const OXTS_WITHOUT_FIX: [i64; 10] = [0, 1, 2, 10, 11, 12, 19, 20, 25, 36];
 /// Its column, as NAVsuite's versions call it.
 const OXTS_MODES: [&str; 3] = ["GpsPosMode", "GPS position mode", "GNSS position mode"];
 /// Bit of Xsens' status word: the receiver has a fix (MT Low Level Communication Protocol, `StatusWord`).
 const XSENS_FIX: i64 = 1 << 2;
-/// What MT Manager exports in several columns at once. Where it is told to write a zero for what a sample does not have, all
-/// of them are zero: the column's name says whether they are not. A velocity of zero is one where there is a position.
+/// What MT Manager exports in several columns at once. Where it is told to write a zero for what a sample does not
+/// have, all of them are zero: the column's name says whether they are not. A velocity of zero is one where there is a
+/// position.
 const XSENS_GIVEN: [(&str, [&str; 3]); 7] = [
     ("position_given", ["Latitude", "Longitude", "Altitude"]),
     ("velocity_given", ["Vel_X", "Vel_Y", "Vel_Z"]),
@@ -46,7 +47,7 @@ pub(super) struct Meaning {
     own: Vec<Own>,
 }
 
-/// A column of the reader's own, and what it is worked out of.
+/// A column of the reader's own, and its source.
 #[derive(Debug)]
 enum Own {
     /// The same text in every row.
@@ -77,7 +78,7 @@ impl Meaning {
         Meaning { names, told, own }
     }
 
-    /// A column that is to be kept as it is written, whatever else is wanted.
+    /// A column that is to be kept as written, whatever else is wanted.
     pub(super) fn kept_as_text(&self) -> Option<&'static str> {
         self.own.iter().any(|own| matches!(own, Own::Status)).then_some(XSENS_WORD)
     }
@@ -178,7 +179,7 @@ impl Own {
     }
 }
 
-/// Whether a row has what Xsens exports in these columns.
+/// Whether a row has the values that Xsens exports in these columns.
 fn given(path: &str, columns: &[&str; 3], table: &Table) -> Option<Column> {
     let columns: Vec<&Column> = columns.iter().map(|column| table.column(column)).collect::<Option<_>>()?;
     let values = |row| columns.iter().map(|column| column.number(row)).collect::<Option<Vec<f64>>>();
@@ -190,13 +191,13 @@ fn given(path: &str, columns: &[&str; 3], table: &Table) -> Option<Column> {
     Some(of_integers(path, &(0..table.rows).map(given).collect::<Vec<_>>()))
 }
 
-/// What stands in a row.
+/// Content of a row.
 fn said(column: &Column, row: usize) -> Option<String> {
     let number = || column.integer(row).map(|number| number.to_string());
     column.text(row).map(|text| text.trim().to_owned()).or_else(number).filter(|text| !text.is_empty())
 }
 
-/// Whether there is a fix, row by row; words that nobody understands are told.
+/// Whether there is a fix, row by row; unknown words are reported.
 fn fixes(
     column: &Column,
     words: &[Option<String>],
@@ -233,14 +234,14 @@ fn of_integers(path: &str, values: &[Option<i64>]) -> Column {
     Column { path: path.into(), data, valid }
 }
 
-/// The mode of an OxTS receiver: `6`, or in words with the number behind, `Integer (6)`.
+/// The mode of an OxTS receiver: `6`, or in words followed by the number, `Integer (6)`.
 fn mode_of(text: &str) -> Option<i64> {
     let number = text.rsplit_once('(').and_then(|(_, number)| number.strip_suffix(')')).unwrap_or(text);
     let number: f64 = number.trim().parse().ok()?;
     (number.fract() == 0.0).then_some(number as i64)
 }
 
-/// How the words of a column are written: in binary, decimal or hexadecimal digits; `None` if nobody can know.
+/// Number base of the words in a column: binary, decimal or hexadecimal; `None` if it is ambiguous.
 fn radix_of<'t>(words: impl Iterator<Item = &'t str>) -> Option<u32> {
     let words: Vec<&str> = words.collect();
     let any = |is: fn(&&str) -> bool| words.iter().any(is);
@@ -304,7 +305,8 @@ fn without_zone(names: Vec<String>) -> (Vec<String>, Option<String>) {
     (names.into_iter().map(plain).collect(), Some(offset))
 }
 
-/// `+1,00` or `-9.50` as `+01:00` and `-09:30`. Zones are whole quarters of an hour, which tells hundredths from minutes.
+/// `+1,00` or `-9.50` as `+01:00` and `-09:30`. Zones are whole quarters of an hour, which tells hundredths from
+/// minutes.
 fn offset_of(zone: &str) -> Option<String> {
     let sign = zone.chars().next().filter(|sign| matches!(sign, '+' | '-'))?;
     let (hours, rest) = zone.get(1..)?.split_once(['.', ',', ':'])?;
@@ -325,7 +327,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_zone_is_read_in_hundredths_of_hours_and_in_minutes_and_nonsense_is_none() {
+    fn a_zone_is_read_in_hundredths_of_hours_or_minutes_and_nonsense_rejected() {
         for (zone, offset) in [
             ("+1,00", Some("+01:00")),
             ("+0.00", Some("+00:00")),
@@ -360,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mode_is_a_number_or_has_one_behind_its_words() {
+    fn a_mode_is_a_number_or_words_followed_by_one() {
         let modes = ["6", "6.000", "Integer (6)", "Integer", "6.5"].map(mode_of);
         assert_eq!(modes, [Some(6), Some(6), Some(6), None, None]);
     }

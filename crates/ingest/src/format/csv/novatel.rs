@@ -25,13 +25,14 @@ const FIELDS: &[(&str, &[&str])] = &[
 const STATUS: &[&str] = &["sol_status", "ins_status", "status"];
 /// Column of the reader's own behind those of messages that say their status: 1 where it is that of a solution, else 0.
 const SOLVED: &str = "solution_ok";
-/// What messages say with a solution: their solution status, or that of the inertial one. Others tell of an alignment that
-/// goes on, of too few satellites, of a filter that has not converged.
+/// What messages say with a solution: their solution status, or that of the inertial one. Others tell of an alignment
+/// that goes on, of too few satellites, of a filter that has not converged.
 const SOLUTIONS: &[&str] = &[
     "SOL_COMPUTED",
     "INS_SOLUTION_GOOD",
     "INS_ALIGNMENT_COMPLETE",
-    // Good, but the azimuth is not sure, or the satellites were not believed; the last is the former name of the second.
+    // Good, but the azimuth is not sure, or the satellites were not believed; the last is the former name of the
+    // second.
     "INS_HIGH_VARIANCE",
     "INS_SOLUTION_FREE",
     "INS_BAD_GPS_AGREEMENT",
@@ -97,11 +98,11 @@ pub(super) struct Message<'l> {
     pub(super) name: &'l str,
     /// Week, seconds of the week, then the fields, then whether they are a solution if they say so.
     pub(super) row: String,
-    /// Fields behind the header.
+    /// Fields after the header.
     width: usize,
 }
 
-/// Takes a line apart and checks its CRC-32.
+/// Parses a line and checks its CRC-32.
 pub(super) fn parse(line: &[u8]) -> Result<Message<'_>, &'static str> {
     const NONE: &str = "no NovAtel message";
     let line = std::str::from_utf8(line).map_err(|_| NONE)?.trim();
@@ -162,7 +163,7 @@ mod tests {
     const SHORT: &str = "%INSPVASA,1264,144059.000;1264,144059.002135700,51.116680071,-114.037929194,515.286704183,277.896368884,84.915188605,-8.488207941,0.759619515,-2.892414901,6.179554750,INS_ALIGNMENT_COMPLETE*855d6f76";
 
     #[test]
-    fn the_examples_of_the_manual_are_read_with_their_checksums() {
+    fn the_examples_of_the_manual_are_read_with_valid_checksums() {
         for (line, name, week, seconds) in
             [(LONG, "INSPVA", "1264", "144088.000"), (SHORT, "INSPVAS", "1264", "144059.000")]
         {
@@ -177,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn every_changed_byte_of_a_message_is_noticed() {
+    fn every_changed_byte_of_a_message_is_detected() {
         for at in 1..LONG.len() {
             let mut line = LONG.as_bytes().to_vec();
             line[at] ^= 1;

@@ -1,4 +1,4 @@
-//! One table in a file: a header, perhaps a line of units, and rows below. The header may stand again between the rows.
+//! One table in a file: a header, perhaps a units line, and rows below. The header may be repeated between the rows.
 
 use super::ahead::Rules;
 use super::columns::Topic;
@@ -12,12 +12,12 @@ use crate::format::crew::Crew;
 use flight::{Code, Notices, Severity};
 use std::sync::Arc;
 
-/// A table while its rows are taken in.
+/// A table while its rows are read.
 pub(super) struct OneTable<'t> {
     layout: &'t TableLayout,
     pub(super) topic: Topic,
     header: Arc<Header>,
-    /// How plain rows are read; `None` while rows are looked at one by one.
+    /// How plain rows are read; `None` while rows are examined one by one.
     rules: Option<Rules>,
     /// Rules made so far.
     made: u64,
@@ -28,11 +28,11 @@ pub(super) struct OneTable<'t> {
     is_marked: bool,
     /// The line of units.
     units: Vec<u8>,
-    /// Whether a header stands again in the line before.
+    /// Whether the previous line repeats a header.
     behind_header: bool,
     /// Lines before the header.
     preamble: u64,
-    /// Headers that stand again.
+    /// Repeated headers.
     repeated: u64,
 }
 
@@ -56,7 +56,7 @@ impl<'t> OneTable<'t> {
         table
     }
 
-    /// Takes all lines of the file in.
+    /// Reads all lines of the file.
     pub(super) fn read(
         &mut self,
         books: &mut Books,
@@ -96,7 +96,7 @@ impl<'t> OneTable<'t> {
     }
 
     fn renew_rules(&mut self) {
-        // Rows below another header are passed one by one.
+        // Rows below another header are skipped one by one.
         let topic = &self.topic;
         let plain = topic.decoded && self.layout.delimiter != fields::BLANKS && !topic.is_lost;
         self.made += 1;
@@ -140,7 +140,7 @@ impl<'t> OneTable<'t> {
         }
     }
 
-    /// Decides what a line is: a row, another header, the header again, or none of these.
+    /// Decides what a line is: a row, another header, the header repeated, or something else.
     fn line(&mut self, books: &mut Books, open: &mut Open<'_>, extent: Extent, line: u64) {
         let text = trimmed(open, extent);
         let is_comment = comment_mark(text) > 0;
@@ -173,7 +173,7 @@ impl<'t> OneTable<'t> {
         }
     }
 
-    /// Looks whether the line is another header.
+    /// Checks whether the line is another header.
     fn other_header(&mut self, books: &mut Books, open: &mut Open<'_>, extent: Extent) -> Between {
         let between = books.other_header(open, extent, &mut self.topic, &self.header, &mut self.changes);
         if matches!(between, Between::Header) {

@@ -1,4 +1,4 @@
-//! Rows of plain text, block by block: where there are neither quotes nor zero bytes, one search finds the ends of fields
+//! Rows of plain text, block by block: without quotes and zero bytes, one search finds the ends of fields
 //! and lines alike.
 
 use super::fields::Row;
@@ -6,16 +6,17 @@ use super::header::Header;
 use super::lines::{Extent, comment_mark};
 use wide::u8x16;
 
-/// What a search looks at in one step: a bit for each byte.
+/// Bytes searched in one step: a bit for each byte.
 const STEP: usize = u64::BITS as usize;
 
-/// How the rows of a table are cut, with room for it. Made once for a header: lines may be many and short, and columns many.
+/// How the rows of a table are cut, with room for it. Made once for a header: lines may be many and short, and columns
+/// many.
 #[derive(Clone, Default)]
 pub(super) struct Cutter {
     delimiter: u8,
     /// Fields of a row.
     width: usize,
-    /// Those that are looked at: the wanted ones, and those that tell whether it is a row.
+    /// Fields that are examined: the wanted ones, and those that show whether it is a row.
     looked_at: Vec<usize>,
     /// The delimiters that these lie between, by number.
     needed: Vec<usize>,
@@ -37,8 +38,9 @@ impl Cutter {
         Cutter { delimiter, width, looked_at, needed, delimiters: vec![0; width], spans: vec![(0, 0); width] }
     }
 
-    /// Takes the rows that a block of whole lines begins with, up to the first line that may be something else: a longer one
-    /// than `longest`, or the header again. All of them as one extent. Of a row only the wanted fields are there.
+    /// Takes the rows that a block of whole lines begins with, up to the first line that may be something else: a
+    /// longer one than `longest`, or the header again. All of them as one extent. Of a row only the wanted fields are
+    /// there.
     pub(super) fn rows(
         &mut self,
         block: &[u8],
@@ -72,7 +74,7 @@ impl Cutter {
         Extent { text: line, whole: line, lines, ended: true, broken: false }
     }
 
-    /// Where the fields of a row are that begins and ends there.
+    /// Positions of the fields in the row with this start and end.
     fn place(&mut self, line: usize, end: usize) {
         let delimiter = |number: usize| self.delimiters.get(number).copied();
         for &field in &self.looked_at {
@@ -255,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_may_be_no_rows_end_the_block() {
+    fn lines_that_may_not_be_rows_end_the_block() {
         let long = format!("{},2,3", "1".repeat(200));
         for odd in [
             "1,2",

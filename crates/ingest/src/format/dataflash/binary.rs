@@ -1,5 +1,5 @@
-//! The frames of a binary log: its records. Only what follows a record proves it, except for definitions that agree with
-//! themselves.
+//! The frames of a binary log: its records. Only the next record proves a record, except for definitions that are
+//! self-consistent.
 
 use super::book::Book;
 use super::record::{FMT_ID, FMT_LENGTH, Format, HEADER, LONGEST_RECORD, SYNC};
@@ -7,10 +7,10 @@ use logscan::{Fate, Framing, Parsed, Trust};
 use memchr::memmem;
 use std::borrow::Cow;
 
-/// Said where no record begins.
+/// Reported where no record starts.
 pub(super) const NO_RECORD: &str = "bytes that are not a record";
 
-/// The records of a log, on their way to its book.
+/// The records of a log, passed to its book.
 pub(super) struct Records<'b, 't, 's> {
     book: &'b mut Book<'t, 's>,
     sync: memmem::Finder<'static>,
@@ -62,7 +62,7 @@ impl Framing for Records<'_, '_, '_> {
         self.book.format(*bytes.get(HEADER - 1)?)?.length()
     }
 
-    /// Numbers may look like the head of a record (-0.0211 as a double does), but hardly with a time near the last one.
+    /// Numbers may look like a record header (-0.0211 as a double does), but hardly with a time near the last one.
     fn is_likely(&self, record: &[u8]) -> bool {
         self.book.is_near(record, HEADER)
     }

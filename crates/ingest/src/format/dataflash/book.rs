@@ -1,4 +1,4 @@
-//! What a log says of its own records, and the way of each record to its topic.
+//! What a log states about its own records, and the route of each record to its topic.
 
 use super::record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField};
 use super::units::Units;
@@ -12,22 +12,22 @@ use logscan::Fate;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// Bytes of a type's name.
+/// Length of a type's name, bytes.
 const LONGEST_NAME: usize = 4;
-/// Definitions in one log, those that take the place of others among them.
+/// Maximum definitions in one log, including replacements.
 const MOST_TYPES: usize = 4096;
-/// Instances of one type.
+/// Maximum instances of one type.
 const MOST_INSTANCES: usize = 4096;
-/// What lies between two logs in one file once the second is moved behind the first, ns.
+/// Gap between two logs in one file when the second is moved after the first, ns.
 const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
-/// A step back of the clock that is longer than this is no mere disorder, ns.
+/// A backward clock step longer than this is more than mere disorder, ns.
 const STEP_BACK_NS: i64 = NANOS_PER_SECOND;
-/// Begins of logs that are remembered.
+/// Maximum log starts that are remembered.
 const MOST_RESTARTS: usize = 10_000;
-/// Records that stand beside one another differ by less, whatever a log leaves out, ns.
+/// Consecutive records differ by less than this, whatever a log omits, ns.
 const FAR_NS: u64 = 3600 * NANOS_PER_SECOND as u64;
 
-/// The types of a log; gives its records to the topics.
+/// The types of a log; routes its records to the topics.
 pub(super) struct Book<'t, 'w> {
     topics: &'t mut Topics<'w>,
     types: Vec<Type>,
@@ -38,12 +38,12 @@ pub(super) struct Book<'t, 'w> {
     vehicle: Vehicle,
     clock: BootClock,
     moved: Vec<u8>,
-    /// Types that took the place of others: the old and the new one.
+    /// Replaced types: the old and the new one.
     redefined: Vec<[usize; 2]>,
     unplaced: Tally,
     misfits: Tally,
     late_instances: Tally,
-    /// Units that were stated twice and otherwise.
+    /// Units that were stated again with another value.
     other_units: Tally,
 }
 
@@ -51,13 +51,13 @@ pub(super) struct Book<'t, 'w> {
 struct Type {
     format: Format,
     role: Role,
-    /// The field of the instance.
+    /// The field with the instance.
     instance: Option<usize>,
-    /// Units and multipliers of its fields, as its `FMTU` has them.
+    /// Units and multipliers of its fields, from its `FMTU`.
     unit_ids: Option<[String; 2]>,
-    /// Of a type without instances the first alone.
+    /// For a type without instances only the first.
     ways: Vec<Option<Route>>,
-    /// Of instances whose number is not small.
+    /// For instances without a small number.
     more_ways: HashMap<Instance, Option<Route>>,
 }
 
@@ -67,7 +67,7 @@ enum Instance {
     Text(String),
 }
 
-/// What a record tells of the log itself.
+/// What a record says about the log itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
     Samples,
@@ -112,7 +112,7 @@ impl Type {
         !self.ways.is_empty() || !self.more_ways.is_empty()
     }
 
-    /// Where this record goes; `None` if there are too many topics.
+    /// The route of this record; `None` if there are too many topics.
     fn way(&mut self, body: Body<'_>, topics: &mut Topics<'_>) -> Option<Route> {
         let number = match self.instance {
             None => Some(0),
@@ -132,7 +132,7 @@ impl Type {
         way
     }
 
-    /// As [`Type::way`], where the instance is no byte.
+    /// As [`Type::way`], for an instance that is not a byte.
     fn distant_way(&mut self, body: Body<'_>, topics: &mut Topics<'_>) -> Option<Route> {
         let field = self.instance?;
         let instance = match (body.integer(&self.format, field), body.text(&self.format, field)) {
@@ -190,7 +190,7 @@ impl<'t, 'w> Book<'t, 'w> {
         }
     }
 
-    /// Definitions hold for one file.
+    /// Definitions apply to one file.
     pub(super) fn begin_file(&mut self, name: &str) {
         self.file = name.to_owned();
         self.by_id.fill(None);
@@ -227,7 +227,7 @@ impl<'t, 'w> Book<'t, 'w> {
         }
     }
 
-    /// A binary record of a known type; `bytes` with its header. Fails if it is damaged.
+    /// A binary record of a known type; `bytes` with its header. Fails if it is corrupt.
     pub(super) fn packed(&mut self, bytes: &[u8], header: usize) -> Result<Fate, String> {
         let id = bytes.get(header - 1).copied().unwrap_or_default();
         let Some(index) = self.known(id) else {
@@ -242,7 +242,7 @@ impl<'t, 'w> Book<'t, 'w> {
         self.record(index, Body::Packed(bytes.get(header..).unwrap_or_default()))
     }
 
-    /// A line of text: name and what follows its comma. Fails if it is damaged.
+    /// A line of text: name and what follows its comma. Fails if it is corrupt.
     pub(super) fn line(&mut self, name: &str, values: &str) -> Result<Fate, String> {
         let Some(&index) = self.by_name.get(name) else {
             return Err("a line of a type that is not defined".to_owned());
@@ -265,8 +265,8 @@ impl<'t, 'w> Book<'t, 'w> {
         self.record(index, Body::Line(values))
     }
 
-    /// The type of the record that a text holds: its own line end, in front of that one, is damaged. A name that is
-    /// defined, a comma and a whole number with a comma are more than a text says by chance.
+    /// The type of a record found within a text, if the line end before it is corrupt. A defined name, a comma and
+    /// a whole number with a comma do not occur in a text by chance.
     fn record_within<'v>(&self, text: &'v str) -> Option<&'v str> {
         memchr::memchr_iter(b',', text.as_bytes()).find_map(|at| {
             let (before, behind) = (text.get(..at)?, text.get(at + 1..)?.trim_start_matches(' '));
@@ -278,7 +278,7 @@ impl<'t, 'w> Book<'t, 'w> {
         })
     }
 
-    /// Whether these are as many values as a type has, one of them a number at least, and where it has numbers numbers.
+    /// Whether the number of values matches the type, at least one is a number, and numeric fields have numbers.
     fn is_line_of(&self, index: usize, values: &str) -> bool {
         let Some(format) = self.types.get(index).map(|t| &t.format).filter(|format| format.fault.is_none()) else {
             return false;
@@ -313,7 +313,7 @@ impl<'t, 'w> Book<'t, 'w> {
         }
     }
 
-    /// Takes in what a record tells of the log.
+    /// Records what a record says about the log.
     fn tell(&mut self, role: Role, index: usize, body: Body<'_>, at_ns: i64) -> Result<(), String> {
         let Some(format) = self.types.get(index).map(|t| &t.format) else { return Ok(()) };
         let integer = |name: &str| format.field(name).and_then(|field| body.integer(format, field));
@@ -368,7 +368,7 @@ impl<'t, 'w> Book<'t, 'w> {
         if id == FMT_ID {
             let usual = usize::from(length) == FMT_LENGTH && name == "FMT";
             return if usual {
-                // The first record of every log. It says nothing new, but that a log begins.
+                // The first record of every log. It adds nothing new, except that a log starts.
                 self.clock.restarts();
                 Ok(())
             } else {
@@ -410,7 +410,7 @@ impl<'t, 'w> Book<'t, 'w> {
         kind.unit_ids = Some(ids);
     }
 
-    /// Types that took the place of others: those of which there are records, before or behind, and the others.
+    /// Replaced types: those that have records, before or after, and the others.
     fn redefinitions(&self) -> [Tally; 2] {
         let mut tallies = [Tally::default(), Tally::default()];
         for places in &self.redefined {
@@ -423,7 +423,7 @@ impl<'t, 'w> Book<'t, 'w> {
         tallies
     }
 
-    /// Writes what the log says of itself, and what was wrong with it.
+    /// Writes what the log states about itself, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let file = self.file.as_str();
         let [used, unused] = self.redefinitions();
@@ -453,7 +453,7 @@ impl<'t, 'w> Book<'t, 'w> {
 }
 
 impl TimeField {
-    /// Nanoseconds; `None` beyond what fits.
+    /// Nanoseconds; `None` on overflow.
     fn read(self, format: &Format, body: Body<'_>) -> Option<i64> {
         let ticks = match body {
             Body::Packed(bytes) => {
@@ -469,7 +469,7 @@ impl TimeField {
         ticks.checked_mul(self.tick_ns)
     }
 
-    /// The record with its time moved. One that does not fit stays as it is.
+    /// The record with its time moved. A time that does not fit is unchanged.
     fn moved<'m>(self, body: Body<'m>, offset_ns: i64, space: &'m mut Vec<u8>) -> &'m [u8] {
         let ticks = offset_ns / self.tick_ns;
         space.clear();
@@ -503,7 +503,7 @@ impl TimeField {
 #[derive(Debug, Default)]
 struct BootClock {
     last_ns: Option<i64>,
-    /// Added to what the log says since the clock restarted: a multiple of a second.
+    /// Added to logged times since the clock restarted: a multiple of a second.
     offset_ns: i64,
     begins: bool,
     moved: Tally,
@@ -512,23 +512,23 @@ struct BootClock {
 }
 
 impl BootClock {
-    /// The next stamp may be of another boot.
+    /// The next timestamp may be of another boot.
     fn restarts(&mut self) {
         self.begins = true;
     }
 
-    /// The time of the last record as the log says it.
+    /// The time of the last record as logged.
     fn last_raw_ns(&self) -> Option<i64> {
         self.last_ns.map(|last_ns| last_ns.saturating_sub(self.offset_ns))
     }
 
-    /// The stamp of a record. One without a time of its own has that of the record before.
+    /// The timestamp of a record. A record without a time of its own gets that of the previous record.
     fn stamp(&mut self, raw_ns: Option<i64>, file: &str) -> i64 {
         let Some(raw_ns) = raw_ns else { return self.last_ns.unwrap_or_default() };
         let last_ns = self.last_ns.unwrap_or(i64::MIN);
         let seconds = |ns: i64| ns as f64 / NANOS_PER_SECOND as f64;
         let begins = std::mem::take(&mut self.begins) && self.last_ns.is_some();
-        // No autopilot is so soon where the one before it was.
+        // No autopilot reaches the time of the previous boot this soon.
         let certain = begins && raw_ns.saturating_add(self.offset_ns).saturating_add(STEP_BACK_NS) < last_ns;
         if certain {
             let second = NANOS_PER_SECOND;

@@ -1,6 +1,6 @@
-//! Names of ArduPilot's flight modes, as its parameters (`FLTMODE1`, `MODE1`) and ground stations have them.
+//! Names of ArduPilot's flight modes, as used in its parameters (`FLTMODE1`, `MODE1`) and in ground stations.
 
-/// Of the vehicle that `system` is; `mode 7` where neither is known.
+/// The mode of vehicle `system`; `mode 7` if either is unknown.
 pub(in crate::format) fn name(system: Option<&str>, number: i64) -> String {
     let names: &[(i64, &str)] = match system {
         Some("ArduCopter") => COPTER,

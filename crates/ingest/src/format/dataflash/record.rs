@@ -1,4 +1,4 @@
-//! What a record looks like: its header, its definition by `FMT`, and single values out of it.
+//! The layout of a record: its header, its definition by `FMT`, and single values from it.
 
 use crate::decode::cells::{CellField, CellKind, CellLayout};
 use crate::decode::packed::{self, Layout, PackedField, PackedKind, Scale};
@@ -11,12 +11,12 @@ use std::borrow::Cow;
 pub(super) const SYNC: [u8; 2] = [0xa3, 0x95];
 /// Sync bytes and the type.
 pub(super) const HEADER: usize = 3;
-/// The type of `FMT` records, and their length: the only ones that are known from the start.
+/// The type of `FMT` records, and their length: the only type known from the start.
 pub(super) const FMT_ID: u8 = 128;
 pub(super) const FMT_LENGTH: usize = 89;
 /// A length is one byte.
 pub(super) const LONGEST_RECORD: usize = 255;
-/// Characters of a text of type `Z`: names in `Columns` may be cut there.
+/// Characters of a text of type `Z`: names in `Columns` may be truncated there.
 const LONGEST_TEXT: usize = 64;
 /// Numbers in an array of type `a`.
 const ARRAY: u32 = 32;
@@ -25,11 +25,11 @@ const ARRAY: u32 = 32;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Format {
     pub(super) name: String,
-    /// As written: format characters, a line feed, names of the fields.
+    /// As written: format characters, a line feed, field names.
     pub(super) definition: String,
-    /// Length that the `FMT` states, header included.
+    /// Length stated by the `FMT`, header included.
     stated: usize,
-    /// What the format characters add up to, header included; `None` if one of them is not known.
+    /// Total length of the format characters, header included; `None` if one of them is unknown.
     described: Option<usize>,
     pub(super) fields: Vec<Field>,
     /// Why its records cannot be decoded.
@@ -43,24 +43,24 @@ pub(super) struct Field {
     pub(super) name: String,
     /// Its format character.
     pub(super) code: u8,
-    /// Bytes before it, behind the header.
+    /// Offset after the header, bytes.
     offset: usize,
 }
 
-/// Where a record says when it was.
+/// The field with the time of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct TimeField {
     pub(super) field: usize,
-    /// Bytes before it, behind the header.
+    /// Offset after the header, bytes.
     pub(super) offset: usize,
-    /// Of 64 bits; else of 32.
+    /// 64 bits wide; otherwise 32.
     pub(super) wide: bool,
     /// Nanoseconds in its unit.
     pub(super) tick_ns: i64,
 }
 
 impl Format {
-    /// From the contents of an `FMT`. Fails if they make no sense.
+    /// From the contents of an `FMT`. Fails if they are invalid.
     pub(super) fn new(length: u8, name: &str, codes: &str, columns: &str) -> Result<Format, String> {
         if name.is_empty() || !name.bytes().all(|b| b.is_ascii_graphic()) {
             return Err("a definition of a type without a proper name".to_owned());
@@ -95,11 +95,11 @@ impl Format {
         Ok(Format { name: name.to_owned(), definition, stated: length.into(), described, fields, fault, time })
     }
 
-    /// Whether an `FMT` agrees with itself: it describes records of the length that it states. Then it needs nothing
-    /// behind it to vouch for it.
+    /// Whether an `FMT` is self-consistent: it describes records of the length that it states. Then nothing
+    /// after it needs to vouch for it.
     pub(super) fn agrees(record: &[u8]) -> bool {
         let Some(&length) = record.get(HEADER + 1) else { return false };
-        // Name and format characters, looked at first: where sync bytes follow one another, much seems to be an `FMT`.
+        // Name and format characters first: where sync bytes are consecutive, much looks like an `FMT`.
         let plain = |b: &u8| *b == 0 || b.is_ascii_graphic();
         if !record.get(HEADER + 2..HEADER + 22).is_some_and(|texts| texts.iter().all(plain)) {
             return false;
@@ -126,22 +126,22 @@ impl Format {
         }
     }
 
-    /// Bytes of a record, header included: what the format characters add up to, or else what the `FMT` states.
+    /// Length of a record, header included: the total of the format characters, or else the length stated by the `FMT`.
     pub(super) fn length(&self) -> Option<usize> {
         self.described.or(Some(self.stated).filter(|stated| *stated >= HEADER))
     }
 
-    /// Whether records of this length are what the format characters describe.
+    /// Whether records of this length match the format characters.
     fn describes(&self, length: usize) -> bool {
         self.described == Some(length)
     }
 
-    /// Whether a record of this length is to be read, or cannot be in any case.
+    /// Whether a record of this length is to be read, or is unreadable in any case.
     pub(super) fn fits(&self, length: usize) -> bool {
         self.fault.is_some() || self.describes(length)
     }
 
-    /// How many format characters there are.
+    /// Number of format characters.
     pub(super) fn codes(&self) -> usize {
         self.definition.find('\n').unwrap_or_default()
     }
@@ -150,7 +150,7 @@ impl Format {
         self.fields.iter().position(|f| f.name == name)
     }
 
-    /// The field of the instance where no `FMTU` tells: as ArduPilot calls it.
+    /// The field with the instance if no `FMTU` names it: by ArduPilot's naming.
     pub(super) fn usual_instance(&self) -> Option<usize> {
         let estimator = ["XK", "NK"].iter().any(|start| self.name.starts_with(start));
         self.fields.iter().position(|f| match f.name.as_str() {
@@ -162,7 +162,7 @@ impl Format {
         })
     }
 
-    /// Where the values lie in a binary record.
+    /// Positions of the values in a binary record.
     pub(super) fn packed_layout(&self, wanted: &Wanted) -> Result<Layout, String> {
         self.decodable()?;
         let size = self.described.unwrap_or(HEADER) - HEADER;
@@ -170,7 +170,7 @@ impl Format {
         Ok(Layout { fields, shortest: size, longest: size })
     }
 
-    /// Which cells of a line are the values.
+    /// The cells of a line that hold the values.
     pub(super) fn cell_layout(&self) -> Result<CellLayout, String> {
         self.decodable()?;
         let field = |(cell, f): (usize, &Field)| CellField { path: f.name.clone(), cell, kind: f.cell_kind() };
@@ -182,12 +182,12 @@ impl Format {
         self.fault.as_ref().map_or(Ok(()), |fault| Err(fault.clone()))
     }
 
-    /// Whether the last value of a line is text, which may hold commas.
+    /// Whether the last value of a line is text, which may contain commas.
     pub(super) fn ends_in_text(&self) -> bool {
         self.fields.last().is_some_and(|f| f.cell_kind() == CellKind::Text)
     }
 
-    /// Whether the text that ends a line is longer than its field: a lost line end makes one line of two.
+    /// Whether the text that ends a line is longer than its field: a lost line end merges two lines.
     pub(super) fn text_is_too_long(&self, values: &str) -> bool {
         let last = values.splitn(self.fields.len(), ',').last().unwrap_or_default();
         match self.fields.last().and_then(|f| kind_of(f.code)) {
@@ -223,13 +223,13 @@ impl Field {
         self.cell_kind() == CellKind::Text
     }
 
-    /// Whether its format character has a scale of its own, which is applied.
+    /// Whether its format character has its own scale, which is applied.
     pub(super) fn is_scaled(&self) -> bool {
         kind_of(self.code).is_some_and(|(_, divisor)| divisor.is_some())
     }
 }
 
-/// What lies in a record for a format character, and what the number is divided by.
+/// The stored type of a format character, and the divisor of the number.
 fn kind_of(code: u8) -> Option<(PackedKind, Option<f64>)> {
     let number = |number, divisor| Some((PackedKind::Number(number), divisor));
     match code {
@@ -263,9 +263,9 @@ fn size_of(code: u8) -> Option<usize> {
     }
 }
 
-/// `TimeUS` since 2014, milliseconds before. The `TimeMS` of an old GPS record is the receiver's time of week; when the
-/// autopilot had it is its `T`. PX4's sdlog2 says the time in a record of its own, for those behind it; one type of
-/// ArduPilot has another name for it.
+/// `TimeUS` since 2014, milliseconds before. The `TimeMS` of an old GPS record is the receiver's time of week; its
+/// `T` is when the autopilot received it. PX4's sdlog2 logs the time in a separate record before the others; one
+/// type of ArduPilot has another name for it.
 fn time_field(name: &str, fields: &[Field]) -> Option<TimeField> {
     let new = match name {
         "TIME" => "StartTime",
@@ -283,7 +283,7 @@ fn time_field(name: &str, fields: &[Field]) -> Option<TimeField> {
 /// The values of one record.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Body<'r> {
-    /// Bytes behind the header.
+    /// Bytes after the header.
     Packed(&'r [u8]),
     /// What follows the name and its comma on the line.
     Line(&'r str),
@@ -316,7 +316,7 @@ impl<'r> Body<'r> {
         }
     }
 
-    /// A number as it stands in the record, not scaled.
+    /// A number as stored in the record, not scaled.
     pub(super) fn number(self, format: &Format, field: usize) -> Option<f64> {
         match self.value(format, field)? {
             Cell::Number(Value::Integer(x)) => Some(x as f64),
@@ -355,7 +355,7 @@ impl<'r> Body<'r> {
     }
 }
 
-/// Characters that a text had in its field: Mission Planner writes those that cannot be printed as `\n` or `\x1B`.
+/// Length of a text in its field, in characters: Mission Planner writes unprintable ones as `\n` or `\x1B`.
 fn characters(text: &str) -> usize {
     let mut rest = text.chars();
     let mut count = 0;

@@ -8,7 +8,7 @@ use flight::{Code, Notices};
 use logscan::LogFile;
 use logscan::{Fate, Ledger};
 
-/// Bytes looked through for lines in one go.
+/// Bytes searched for lines in one go.
 const BLOCK: usize = 1 << 20;
 
 /// A walk in progress.
@@ -20,10 +20,10 @@ pub(super) struct Walk<'w, 'c, 't, 's> {
     notices: &'w mut Notices,
     book: &'w mut Book<'t, 's>,
     at: u64,
-    /// Bytes of lines in front of the first record: what the console of old autopilots prints.
+    /// Bytes of lines before the first record: console output of old autopilots.
     preamble: u64,
     begun: bool,
-    /// The first record is not the one with which every log begins.
+    /// The first record is not the usual first record of a log.
     headless: bool,
 }
 
@@ -62,7 +62,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         Ok(())
     }
 
-    /// The whole lines of the next block; `false` if it holds none.
+    /// The whole lines of the next block; `false` if it has none.
     fn lines(&mut self) -> Result<bool, IngestError> {
         let longest = self.context.limits.line_bytes.max(1);
         let mut block = self.file.up_to(self.at, BLOCK.min(longest))?;
@@ -91,7 +91,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         Ok(taken > 0)
     }
 
-    /// A line that is longer than the limit, or the last one without its end: its last value may be cut.
+    /// A line longer than the limit, or the last one without its line end: its last value may be truncated.
     fn long_line(&mut self) -> Result<(), IngestError> {
         let start = self.at;
         let (end, ended) = self.file.line_end(start, self.context)?;
@@ -105,7 +105,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     }
 }
 
-/// What becomes of a line; `None` for an empty one.
+/// The fate of a line; `None` for an empty one.
 fn fate_of(line: &[u8], book: &mut Book<'_, '_>) -> Result<Option<Fate>, String> {
     let text = std::str::from_utf8(line).map_err(|_| "a line that is not text".to_owned())?.trim_end();
     if text.bytes().any(|b| b < b' ' && b != b'\t') {

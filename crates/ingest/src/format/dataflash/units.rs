@@ -1,4 +1,4 @@
-//! Units as a log states them, by `UNIT`, `MULT` and `FMTU`: to be held against those of the channel map.
+//! Units as stated by a log in `UNIT`, `MULT` and `FMTU`: compared with those of the channel map.
 
 use super::record::Format;
 use crate::reader::StatedUnit;
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// Names of units by their letter, and multipliers by theirs.
+/// Names of units and multipliers by their letters.
 #[derive(Debug, Default)]
 pub(super) struct Units {
     names: BTreeMap<u8, String>,
@@ -30,8 +30,8 @@ impl Units {
         }
     }
 
-    /// Units of the fields of a type, as far as they are known. The scale of a format character is in the values
-    /// already, and a multiplier of zero means that there is none.
+    /// Known units of the fields of a type. The scale of a format character is already applied to the values,
+    /// and a multiplier of zero means no multiplier.
     pub(super) fn of(&self, format: &Format, units: &[u8], multipliers: &[u8]) -> Vec<StatedUnit> {
         let stated = |(index, field): (usize, &super::record::Field)| {
             let name = self.names.get(units.get(index)?).filter(|name| !name.trim().is_empty())?;
@@ -48,7 +48,7 @@ impl Units {
     }
 }
 
-/// What a unit of ArduPilot measures, and one of it in SI units.
+/// The quantity of an ArduPilot unit, and one such unit in SI units.
 fn meaning(name: &str) -> Option<(Dimension, f64)> {
     Some(match name {
         "deg" | "deglatitude" | "deglongitude" | "degheading" => (Dimension::Angle, DEG),

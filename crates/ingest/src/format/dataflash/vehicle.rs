@@ -1,4 +1,4 @@
-//! What a log says of its vehicle: firmware, board, receivers, parameters, modes, texts.
+//! What a log states about its vehicle: firmware, board, receivers, parameters, modes, texts.
 
 use super::modes;
 use crate::format::identity::{lever_arms, of_ardupilot, of_px4};
@@ -6,20 +6,20 @@ use crate::format::ulog::about::configured;
 use flight::{About, Clock, ConfiguredDelay, ModeStart, NANOS_PER_SECOND, ReceiverIdentity};
 use std::collections::BTreeMap;
 
-/// Parameters that are remembered.
+/// Maximum parameters that are remembered.
 const MOST_PARAMETERS: usize = 20_000;
-/// Changes of parameters that are listed.
+/// Maximum changes of parameters that are listed.
 const MOST_CHANGES: usize = 100;
-/// Parameters in which the autopilot keeps its own statistics: flights, seconds in the air.
+/// Parameters with the autopilot's own statistics: flights, seconds in the air.
 const COUNTER: &str = "STAT_";
-/// Modes that are listed.
+/// Maximum modes that are listed.
 const MOST_MODES: usize = 1000;
-/// Texts that are listed.
+/// Maximum texts that are listed.
 const MOST_TEXTS: usize = 100;
-/// Receivers that are listed.
+/// Maximum receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
 
-/// What the records have told so far.
+/// What the records have stated so far.
 #[derive(Debug, Default)]
 pub(in crate::format) struct Vehicle {
     /// First and latest value.
@@ -47,14 +47,14 @@ impl Vehicle {
         self.parameter_at(|| seconds(at_ns), name, value);
     }
 
-    /// What a parameter is, and since when.
+    /// The value of a parameter, and since when.
     pub(in crate::format) fn parameter_at(&mut self, when: impl FnOnce() -> String, name: &str, value: f64) {
         let value = as_set(value);
         let full = self.parameters.len() >= MOST_PARAMETERS;
         match self.parameters.get_mut(name) {
             Some([_, latest]) if latest.to_bits() != value.to_bits() => {
                 if name.starts_with(COUNTER) {
-                    // Counts up all the time, and nobody set it.
+                    // Counts up all the time; no user set it.
                 } else if self.changes.len() < MOST_CHANGES {
                     self.changes.push(format!("{name} at {}: {latest} to {value}", when()));
                 } else {
@@ -72,7 +72,7 @@ impl Vehicle {
         self.message_at(&seconds(at_ns), text);
     }
 
-    /// A text, and when it was said.
+    /// A text and its time.
     pub(in crate::format) fn message_at(&mut self, when: &str, text: &str) {
         let text = text.trim();
         if self.texts.len() < MOST_TEXTS {
@@ -102,7 +102,7 @@ impl Vehicle {
         }
     }
 
-    /// A `VER` record, from ArduPilot 4.3 on. A firmware that somebody gave a name of his own is known by what it was built of.
+    /// A `VER` record, from ArduPilot 4.3 on. Firmware with a custom name is identified by its build type.
     pub(super) fn version(&mut self, firmware_text: Option<&str>, build: Option<i64>, board_id: Option<i64>) {
         let text = firmware_text.map(str::trim).filter(|text| !text.is_empty());
         let built_of = BUILDS.iter().find(|(number, _)| Some(*number) == build).map(|(_, system)| *system);
@@ -185,13 +185,13 @@ fn seconds(ns: i64) -> String {
     format!("{:.3} s", ns as f64 / NANOS_PER_SECOND as f64)
 }
 
-/// A parameter is a 32-bit float: it is what its shortest decimal says, 0.1, and not the double next to it.
+/// A parameter is a 32-bit float: its shortest decimal is its value, 0.1, and not the double next to it.
 fn as_set(value: f64) -> f64 {
     let narrow = value as f32;
     if f64::from(narrow) == value { narrow.to_string().parse().unwrap_or(value) } else { value }
 }
 
-/// What a parameter of a delay counts.
+/// The unit of a delay parameter.
 #[derive(Debug, Clone, Copy)]
 enum DelayUnit {
     Milliseconds,
@@ -234,7 +234,7 @@ const DELAYS: &[(&str, DelayUnit, &str)] = &[
     ("SIM_GPS2_LAG_MS", DelayUnit::Milliseconds, SIMULATED),
 ];
 
-/// Names under which a firmware presents itself, and the name of today.
+/// Firmware names as logged, and their present names.
 const SYSTEMS: &[(&str, &str)] = &[
     ("ArduCopter", "ArduCopter"),
     ("APM:Copter", "ArduCopter"),
@@ -248,7 +248,7 @@ const SYSTEMS: &[(&str, &str)] = &[
     ("Blimp", "Blimp"),
 ];
 
-/// What a firmware was built of (ArduPilot, `AP_Vehicle_Type.h`).
+/// The build type of a firmware (ArduPilot, `AP_Vehicle_Type.h`).
 const BUILDS: &[(i64, &str)] = &[
     (1, "ArduRover"),
     (2, "ArduCopter"),
@@ -267,7 +267,7 @@ fn firmware(text: &str) -> Option<(&'static str, &str)> {
     numbered.then_some((*system, version))
 }
 
-/// `fmuv3 003A0025 3136510A 31353532`: board, and the number of its processor.
+/// `fmuv3 003A0025 3136510A 31353532`: board, and serial number of its processor.
 fn board(text: &str) -> Option<(&str, &str)> {
     let (board, serial) = text.split_once(' ')?;
     let words: Vec<&str> = serial.split(' ').collect();
@@ -275,8 +275,8 @@ fn board(text: &str) -> Option<(&str, &str)> {
     (words.len() == 3 && words.iter().all(hexadecimal)).then_some((board, serial))
 }
 
-/// `GPS 1: detected as u-blox at 115200 baud`; since 4.5 `GPS 1: detected u-blox` when it is, and in each log that begins
-/// afterwards `GPS 1: probing for u-blox at 230400 baud`; one that is not searched for is `specified as`.
+/// `GPS 1: detected as u-blox at 115200 baud`; since 4.5 `GPS 1: detected u-blox` on detection, and in each log that
+/// starts afterwards `GPS 1: probing for u-blox at 230400 baud`; without a search `specified as`.
 fn is_receiver(text: &str) -> bool {
     const FOUND: [&str; 3] = [" detected ", " specified as ", " probing for "];
     (text.starts_with("GPS") && FOUND.iter().any(|found| text.contains(found)))
@@ -288,7 +288,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_tell_firmware_board_and_receiver() {
+    fn firmware_board_and_receiver_are_parsed_from_texts() {
         let mut vehicle = Vehicle::default();
         for text in [
             "ArduPlane V3.8.2-dev (8178ab40)",
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn a_firmware_with_a_name_of_its_own_is_known_by_what_it_was_built_of() {
+    fn firmware_with_a_custom_name_is_identified_by_its_build_type() {
         let told = |text, build| -> [String; 3] {
             let mut vehicle = Vehicle::default();
             vehicle.version(text, build, Some(1063));
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn receivers_are_told_in_the_words_of_every_version() {
+    fn receivers_are_parsed_from_the_texts_of_every_version() {
         let mut vehicle = Vehicle::default();
         let told = [
             "GPS 1: detected as u-blox at 115200 baud",
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_that_changes_is_told_and_its_first_value_is_the_configured_delay() {
+    fn a_parameter_change_is_reported_and_its_first_value_is_the_delay() {
         let mut vehicle = Vehicle::default();
         for (name, value) in [("SIM_GPS_HZ", 5.0), ("SIM_GPS_DELAY", 1.0), ("GPS_DELAY_MS", 110.0)] {
             vehicle.parameter(0, name, value);

@@ -1,4 +1,4 @@
-//! What the tables of a ROS 2 bag hold: topics, definitions, messages. Of any other database nothing is read.
+//! The tables of a ROS 2 bag: topics, definitions, messages. Nothing is read from any other database.
 
 use super::tree::{Cell, Row, Value};
 use super::walk::{Look, Sink};
@@ -7,10 +7,10 @@ use crate::format::inflate::{Inflater, is_packed};
 use logscan::Fate;
 use std::collections::BTreeMap;
 
-/// Memory that topics and definitions of one file may take, bytes.
+/// Maximum memory for topics and definitions of one file, bytes.
 const MOST_TEXT: u64 = 64 << 20;
 
-/// A value that was copied.
+/// A copied value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Owned {
     Integer(i64),
@@ -19,7 +19,7 @@ pub(super) enum Owned {
     Other,
 }
 
-/// A row that was copied.
+/// A copied row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct OwnedRow {
     pub(super) rowid: i64,
@@ -27,7 +27,7 @@ pub(super) struct OwnedRow {
 }
 
 impl OwnedRow {
-    /// The text in a column, empty if there is none. It is UTF-16 if `utf16` is there, big-endian if that is true.
+    /// The text in a column, empty if absent. It is UTF-16 if `utf16` is set, big-endian if that is true.
     pub(super) fn text(&self, column: usize, utf16: Option<bool>) -> String {
         let Some(Owned::Text(bytes)) = self.values.get(column) else { return String::new() };
         let Some(big_endian) = utf16 else { return String::from_utf8_lossy(bytes).into_owned() };
@@ -47,7 +47,7 @@ impl OwnedRow {
 /// Copies the rows of a small table.
 pub(super) struct Gather {
     pub(super) rows: Vec<OwnedRow>,
-    /// The columns that hold text in every row.
+    /// The columns with text in every row.
     texts: [usize; 2],
     bytes: u64,
     pub(super) turned_away: u64,
@@ -90,7 +90,7 @@ impl Sink for Gather {
     }
 }
 
-/// Rows of a table that is not ours.
+/// Rows of a table that is not part of a bag.
 pub(super) struct PassOver;
 
 impl Sink for PassOver {
@@ -125,14 +125,14 @@ pub(super) fn column_names(sql: &str) -> Vec<String> {
             part.to_lowercase().replace('(', " ( ").split_whitespace().map(str::to_owned).collect();
         let first = words.first()?;
         let is_constraint = ["primary", "unique", "check", "foreign", "constraint"].contains(&first.as_str());
-        // Computed when it is read: there is nothing of it in a row.
+        // A computed column: rows do not store it.
         let is_virtual = words.windows(2).any(|pair| pair == ["as", "("]) && !words.iter().any(|word| word == "stored");
         (!is_constraint && !is_virtual).then(|| bare(first))
     };
     parts.filter_map(column).collect()
 }
 
-/// SQL without what stands behind `--` or between `/*` and `*/`, but for quoted text.
+/// SQL without comments (after `--` or between `/*` and `*/`), except in quoted text.
 fn without_remarks(sql: &str) -> String {
     let (mut plain, mut rest, mut quote) = (String::new(), sql, None);
     while let Some(next) = rest.chars().next() {
@@ -157,13 +157,13 @@ fn without_remarks(sql: &str) -> String {
     plain
 }
 
-/// Where the columns are that tell of topics or definitions, by the text that made the table.
+/// Positions of the columns of topics or definitions, from the SQL that created the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Places<const N: usize>([Option<usize>; N]);
 
 impl<const N: usize> Places<N> {
-    /// In the order of `names`. One that the table does not name is where it usually is, `first` being the place of the
-    /// first. Where another stands there, the text that made the table is damaged: all are where they usually are.
+    /// In the order of `names`. A column that the table does not name is at its usual position, counted from `first`.
+    /// If another column is there, the SQL that created the table is corrupt: all are at their usual positions.
     pub(super) fn of(sql: &str, names: [&str; N], first: usize) -> Places<N> {
         let there = column_names(sql);
         let found = names.map(|name| there.iter().position(|n| n == name));
@@ -180,18 +180,18 @@ impl<const N: usize> Places<N> {
         self.0.get(index).copied().flatten()
     }
 
-    /// Where the first two are that are needed.
+    /// Positions of the first two, which are required.
     pub(super) fn texts(&self) -> [usize; 2] {
         [0, 1].map(|index| self.get(index).unwrap_or_default())
     }
 
-    /// The text of each in a row, empty where there is none.
+    /// The text of each in a row, empty where absent.
     pub(super) fn read(&self, row: &OwnedRow, utf16: Option<bool>) -> [String; N] {
         self.0.map(|column| column.map_or(String::new(), |column| row.text(column, utf16)))
     }
 }
 
-/// Where the columns of the messages' table are.
+/// Positions of the columns in the messages table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct MessageColumns {
     topic: usize,
@@ -201,10 +201,10 @@ pub(super) struct MessageColumns {
 }
 
 impl MessageColumns {
-    /// As all versions of rosbag2 so far have it.
+    /// As in all versions of rosbag2 so far.
     pub(super) const USUAL: MessageColumns = MessageColumns { topic: 1, logged: 2, published: None, data: 3 };
 
-    /// From the text that made the table.
+    /// From the SQL that created the table.
     pub(super) fn of(sql: &str) -> Option<MessageColumns> {
         let names = column_names(sql);
         let place = |name: &str| names.iter().position(|n| n == name);
@@ -228,12 +228,12 @@ impl MessageColumns {
     }
 }
 
-/// Whether a row begins with its number: that of the page, or one of its own.
+/// Whether a row starts with its number: that of the page, or one of its own.
 fn is_number(row: &Row, cell: &Cell<'_>) -> bool {
     matches!(row.value(0, cell.local), Some(Value::Null | Value::Integer(_)))
 }
 
-/// Whether a row looks like a topic, or else like a definition.
+/// Whether a row looks like a topic, or otherwise like a definition.
 pub(super) fn looks_like_text(cell: &Cell<'_>, third: fn(&[u8]) -> bool) -> bool {
     let text = |row: &Row, column| match row.value(column, cell.local) {
         Some(Value::Text(text)) => Some(text.to_vec()),
@@ -247,34 +247,34 @@ pub(super) fn looks_like_text(cell: &Cell<'_>, third: fn(&[u8]) -> bool) -> bool
     })
 }
 
-/// What stands in the third column of a topic.
+/// The third column of a topic.
 pub(super) fn is_type(text: &[u8]) -> bool {
     text.windows(5).any(|w| w == b"/msg/")
 }
 
-/// What stands in the third column of a definition.
+/// The third column of a definition.
 pub(super) fn is_encoding(text: &[u8]) -> bool {
     text == b"ros2msg" || text == b"ros2idl"
 }
 
-/// A message as far as its page tells.
+/// The part of a message on its page.
 struct Found {
     topic: i64,
     times: Times,
     data: std::ops::Range<u64>,
 }
 
-/// Gives messages to the topics.
+/// Routes messages to the topics.
 pub(super) struct Messages<'t, 'w> {
     pub(super) topics: &'t mut Topics<'w>,
     columns: MessageColumns,
     routes: BTreeMap<i64, Route>,
-    /// The route of a row that was looked at, `None` if nobody announces its topic.
+    /// The route of a row that was examined, `None` if its topic is not announced.
     current: Option<(Found, Option<Route>)>,
     inflater: Inflater,
     most: u64,
     pub(super) unplaced: Tally,
-    /// Messages whose own compression is broken.
+    /// Messages whose own compression is corrupt.
     pub(super) packed: Tally,
     pub(super) found: u64,
 }
@@ -338,7 +338,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_found_by_name_whatever_stands_around_them() {
+    fn columns_are_found_by_name_in_any_surrounding_sql() {
         let sql = "CREATE TABLE messages(\n id INTEGER PRIMARY KEY,\n \"topic_id\" INTEGER NOT NULL CHECK (topic_id > 0),\
                    \n timestamp INTEGER NOT NULL,\n data BLOB NOT NULL, UNIQUE (id, topic_id))";
         assert_eq!(column_names(sql), ["id", "topic_id", "timestamp", "data"]);

@@ -1,8 +1,8 @@
 //! The pages of a SQLite database, those in its write-ahead log first
 //! (<https://www.sqlite.org/fileformat2.html>, sections 1.2, 1.3 and 4).
 //!
-//! Nothing is opened but for reading, and nothing is executed: a database on read-only media, one
-//! whose log was never copied back, and a hostile one are all the same to us.
+//! Files are opened only for reading, and nothing is executed: a database on read-only media, one
+//! whose log was never copied back, and a hostile one make no difference.
 
 use super::wal::Wal;
 use crate::error::IngestError;
@@ -11,14 +11,14 @@ use std::fs::File;
 
 /// Pages read in one go when they are read in order, bytes.
 const READ_AHEAD: u32 = 256 << 10;
-/// What a database begins with.
+/// The magic of a database.
 pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Bytes of the header on the first page.
 pub(super) const HEADER_BYTES: usize = 100;
 /// Page size of recorders that do not choose one.
 const USUAL_PAGE_BYTES: u32 = 4096;
 
-/// What the first hundred bytes say.
+/// The content of the first hundred bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
     /// Bytes of a page, a power of two from 512 to 65536.
@@ -27,18 +27,18 @@ pub(super) struct Header {
     pub(super) usable: u32,
     /// Pages of the database, `None` where the header is older than the file.
     pub(super) pages: Option<u32>,
-    /// First page of the list of unused ones, and how many there are.
+    /// First page of the list of unused pages, and their number.
     pub(super) free: (u32, u32),
-    /// Whether there are pages that say who points where.
+    /// Whether there are pointer map pages.
     pub(super) pointer_maps: bool,
     /// Text is UTF-16, big-endian if the inner value is true.
     pub(super) utf16: Option<bool>,
-    /// The database was kept with a write-ahead log, which a recorder that is closed takes away.
+    /// The database was kept with a write-ahead log, which a recorder removes when it is closed.
     pub(super) write_ahead: bool,
 }
 
 impl Header {
-    /// `None` if this is no database, or its header is damaged.
+    /// `None` if this is not a database, or its header is corrupt.
     pub(super) fn parse(head: &[u8]) -> Option<Header> {
         let page_bytes = stated_page_bytes(head).filter(|_| head.starts_with(MAGIC))?;
         let u32_at = |at: usize| head.get(at..)?.first_chunk().map(|b| u32::from_be_bytes(*b));
@@ -63,25 +63,25 @@ impl Header {
         })
     }
 
-    /// What is assumed where the header is damaged.
+    /// Assumptions where the header is corrupt.
     fn assumed(page_bytes: u32) -> Header {
         let (free, pointer_maps, write_ahead) = ((0, 0), false, false);
         Header { page_bytes, usable: page_bytes, pages: None, free, pointer_maps, utf16: None, write_ahead }
     }
 
-    /// The page with the byte that is locked, which holds no content.
+    /// The page with the lock byte, which holds no content.
     pub(super) fn lock_page(&self) -> u32 {
         (1 << 30) / self.page_bytes + 1
     }
 
-    /// The pages up to `last` that say who points where.
+    /// The pointer map pages up to `last`.
     pub(super) fn pointer_maps(&self, last: u32) -> impl Iterator<Item = u32> + use<> {
         let last = if self.pointer_maps { last } else { 0 };
         (2..=last).step_by(self.usable as usize / 5 + 1)
     }
 }
 
-/// The size of a page by the header; `None` if it cannot be.
+/// The page size stated by the header; `None` if invalid.
 fn stated_page_bytes(head: &[u8]) -> Option<u32> {
     let bytes = match u16::from_be_bytes(*head.get(16..)?.first_chunk()?) {
         1 => 65_536,
@@ -99,14 +99,14 @@ pub(super) struct Pages {
     size: u64,
     pub(super) header: Header,
     wal: Option<Wal>,
-    /// Pages behind those of the file that the write-ahead log holds, in order.
+    /// Pages in the write-ahead log after those of the file, in order.
     beyond: Vec<u32>,
     window: Vec<u8>,
     window_at: u64,
 }
 
 impl Pages {
-    /// The pages of a file of `size` bytes, whose header is read from the newest first page. False if that is damaged.
+    /// The pages of a file of `size` bytes. The header is read from the newest first page. False if that is corrupt.
     pub(super) fn open(file: File, name: String, size: u64, wal: Option<Wal>) -> Result<(Pages, bool), IngestError> {
         let page_bytes = wal.as_ref().map_or(USUAL_PAGE_BYTES, |wal| wal.page_bytes);
         let header = Header::assumed(page_bytes);
@@ -127,29 +127,29 @@ impl Pages {
         Ok((pages, sound))
     }
 
-    /// Pages that the database has by its own account, or by its length where it does not say.
+    /// Pages stated by the database, or by its length if it states none.
     pub(super) fn stated(&self) -> u32 {
         self.wal.as_ref().map(|wal| wal.pages).or(self.header.pages).unwrap_or(self.in_file())
     }
 
-    /// Pages that are in the file whole.
+    /// Complete pages in the file.
     fn in_file(&self) -> u32 {
         u32::try_from(self.size / u64::from(self.header.page_bytes)).unwrap_or(u32::MAX - 1)
     }
 
-    /// The last page of the file that is part of the database: a transaction in a sound write-ahead log may have made it
+    /// The last page of the file that is part of the database: a transaction in an intact write-ahead log may have made it
     /// shorter.
     fn last_in_file(&self) -> u32 {
         let sound = self.wal.as_ref().filter(|wal| wal.unfinished == 0);
         self.in_file().min(sound.map_or(u32::MAX, |wal| wal.pages))
     }
 
-    /// How many pages there are, in the file and in its write-ahead log.
+    /// Number of pages in the file and in its write-ahead log.
     pub(super) fn count(&self) -> usize {
         self.last_in_file() as usize + self.beyond.len()
     }
 
-    /// The place of a page among those that there are.
+    /// The index of a page among the existing ones.
     pub(super) fn index(&self, page: u32) -> Option<usize> {
         let in_file = self.last_in_file();
         match page.checked_sub(1)? {
@@ -158,7 +158,7 @@ impl Pages {
         }
     }
 
-    /// The page at a place among those that there are.
+    /// The page at an index among the existing ones.
     pub(super) fn at(&self, index: usize) -> u32 {
         let beyond = index.checked_sub(self.last_in_file() as usize);
         match beyond {
@@ -167,18 +167,18 @@ impl Pages {
         }
     }
 
-    /// Where a page begins in the file of the database.
+    /// Start of a page in the database file.
     fn offset(&self, page: u32) -> u64 {
         u64::from(page.saturating_sub(1)) * u64::from(self.header.page_bytes)
     }
 
-    /// The bytes behind the last whole page: where they begin, and how many.
+    /// The bytes after the last whole page: their start and their number.
     pub(super) fn tail(&self) -> (u64, u64) {
         let whole = u64::from(self.in_file()) * u64::from(self.header.page_bytes);
         (whole, self.size - whole)
     }
 
-    /// The file that holds the content of a page, and where in it.
+    /// The file that holds the content of a page, and the position there.
     pub(super) fn place(&self, page: u32) -> (&str, u64) {
         let newer = self.wal.as_ref().and_then(|wal| Some((wal.name.as_str(), wal.place(page)?)));
         newer.unwrap_or((&self.name, self.offset(page)))
@@ -189,7 +189,7 @@ impl Pages {
         self.wal.as_ref().is_some_and(|wal| wal.place(page).is_some())
     }
 
-    /// Reads the pages from `first` to `last` in one go, unless the first is held already.
+    /// Reads the pages from `first` to `last` in one go, unless the first is already held.
     pub(super) fn ahead(&mut self, first: u32, last: u32) -> Result<(), IngestError> {
         let most = (READ_AHEAD / self.header.page_bytes).max(1);
         let last = last.min(first.saturating_add(most - 1)).min(self.in_file());
@@ -201,7 +201,7 @@ impl Pages {
         Ok(read_exactly(&self.file, &self.name, &mut self.window, self.window_at)?)
     }
 
-    /// Where the window holds a page.
+    /// Position of a page in the window.
     fn held(&self, page: u32) -> Option<std::ops::Range<usize>> {
         let at = usize::try_from(self.offset(page).checked_sub(self.window_at)?).ok()?;
         let end = at.checked_add(self.header.page_bytes as usize)?;
@@ -236,7 +236,7 @@ impl Pages {
         Ok(true)
     }
 
-    /// The four bytes with which an overflow page names the next one.
+    /// The four bytes of an overflow page that name the next one.
     pub(super) fn link(&self, page: u32) -> Result<Option<u32>, IngestError> {
         let mut bytes = [0; 4];
         Ok(self.start(page, &mut bytes)?.then(|| u32::from_be_bytes(bytes)))
@@ -260,12 +260,12 @@ mod tests {
     }
 
     #[test]
-    fn a_page_of_65536_bytes_is_written_as_one() {
+    fn a_page_size_of_65536_is_stored_as_one() {
         assert_eq!(Header::parse(&head(&[(16, &[0, 1])])).unwrap().page_bytes, 65_536);
     }
 
     #[test]
-    fn a_header_that_cannot_be_is_none() {
+    fn an_impossible_header_is_rejected() {
         for change in [(16, &[0, 0][..]), (16, &[0, 3]), (16, &[1, 0]), (0, b"X"), (16, &[2, 0, 0, 0, 200]), (21, &[0])]
         {
             assert_eq!(Header::parse(&head(&[change])), None, "{change:?}");

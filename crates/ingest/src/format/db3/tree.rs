@@ -2,12 +2,12 @@
 
 use super::pages::HEADER_BYTES;
 
-/// Columns of a row that are looked at.
+/// Columns of a row that are examined.
 const MOST_COLUMNS: usize = 24;
-/// Bytes that the smallest cell takes.
+/// Minimum size of a cell, bytes.
 const LEAST_CELL: usize = 4;
 
-/// What a b-tree page is.
+/// The type of a b-tree page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Rows.
@@ -18,35 +18,35 @@ pub(super) enum Kind {
     IndexInterior,
 }
 
-/// A b-tree page, its own header read.
+/// A b-tree page with its parsed header.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node<'p> {
     pub(super) kind: Kind,
     bytes: &'p [u8],
     usable: usize,
     cells: usize,
-    /// Where the pointers to the cells begin.
+    /// Start of the cell pointers.
     pointers: usize,
     /// The last child of an interior page.
     right: u32,
 }
 
-/// A row as far as it is on its page.
+/// The part of a row on its page.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell<'p> {
     pub(super) rowid: i64,
-    /// Bytes of the whole row.
+    /// Length of the whole row, bytes.
     pub(super) length: u64,
-    /// Its beginning.
+    /// Its start.
     pub(super) local: &'p [u8],
-    /// The page with the next bytes; 0 if there are none.
+    /// The page with the next bytes; 0 if there is none.
     pub(super) overflow: u32,
-    /// Bytes that it takes of its page.
+    /// Bytes used on its page.
     pub(super) extent: usize,
 }
 
 impl<'p> Node<'p> {
-    /// `None` if the page is no b-tree page.
+    /// `None` if the page is not a b-tree page.
     pub(super) fn parse(page: u32, bytes: &'p [u8], usable: u32) -> Option<Node<'p>> {
         let start = if page == 1 { HEADER_BYTES } else { 0 };
         let head = bytes.get(start..start + 12)?;
@@ -70,19 +70,19 @@ impl<'p> Node<'p> {
         self.cells
     }
 
-    /// Whether it is one of an index: tables without row numbers are stored so, too.
+    /// Whether it is a page of an index: tables without row numbers are also stored so.
     pub(super) fn is_index(&self) -> bool {
         matches!(self.kind, Kind::IndexLeaf | Kind::IndexInterior)
     }
 
-    /// Where a cell begins.
+    /// Start of a cell.
     fn at(&self, cell: usize) -> Option<usize> {
         let at = usize::from(u16_at(self.bytes, self.pointers + 2 * cell)?);
         (at >= self.pointers + 2 * self.cells && at < self.usable).then_some(at)
     }
 
-    /// The pages below an interior page, in order, each with the greatest number of a row below it (of a table; the last
-    /// has none); `None` for a pointer that cannot be.
+    /// The pages below an interior page, in order, each with the greatest row number below it (for a table; the last
+    /// has no number); `None` for an impossible pointer.
     pub(super) fn children(&self) -> impl Iterator<Item = Option<(u32, Option<i64>)>> + use<'p> {
         let node = *self;
         let left = (0..node.cells).map(move |cell| {
@@ -92,7 +92,7 @@ impl<'p> Node<'p> {
         left.chain(std::iter::once(Some((node.right, None))))
     }
 
-    /// A row; `None` if it cannot be one.
+    /// A row; `None` if it is invalid.
     pub(super) fn row(&self, cell: usize) -> Option<Cell<'p>> {
         let at = self.at(cell)?;
         let mut rest = self.bytes.get(at..self.usable)?;
@@ -104,7 +104,7 @@ impl<'p> Node<'p> {
         Some(Cell { extent: (head + cell.extent).max(LEAST_CELL), ..cell })
     }
 
-    /// Bytes of the page's content that are neither in `cells` bytes of cells nor said to be free: where a cell lies
+    /// Bytes of the page's content that are neither in `cells` bytes of cells nor marked free: room for a cell
     /// that the page does not list (section 1.6).
     pub(super) fn unlisted(&self, cells: usize) -> usize {
         let head = self.pointers - 8;
@@ -114,13 +114,13 @@ impl<'p> Node<'p> {
         let mut block = u16_at(self.bytes, head + 1).map_or(0, usize::from);
         while block != 0 {
             free += u16_at(self.bytes, block + 2).map_or(0, usize::from);
-            // Free blocks stand in the order of the page.
+            // Free blocks are in page order.
             block = u16_at(self.bytes, block).map(usize::from).filter(|next| *next > block).unwrap_or(0);
         }
         self.usable.saturating_sub(start).saturating_sub(cells + fragments + free)
     }
 
-    /// What an index holds.
+    /// The content of an index.
     pub(super) fn entry(&self, cell: usize) -> Option<Cell<'p>> {
         let at = self.at(cell)? + if self.kind == Kind::IndexInterior { 4 } else { 0 };
         let mut rest = self.bytes.get(at..self.usable)?;
@@ -128,7 +128,7 @@ impl<'p> Node<'p> {
         self.cell(0, length, rest, (self.usable - 12) * 64 / 255 - 23)
     }
 
-    /// `most` bytes stay on a page; of longer ones so many that the last overflow page is filled well.
+    /// Up to `most` bytes stay on a page; of longer cells, a number that fills the last overflow page well.
     fn cell(&self, rowid: i64, length: u64, rest: &'p [u8], most: usize) -> Option<Cell<'p>> {
         if length <= most as u64 {
             let local = rest.get(..length as usize)?;
@@ -181,7 +181,7 @@ pub(super) enum Value<'p> {
     Blob(&'p [u8]),
 }
 
-/// What stands where in a row.
+/// The layout of a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
     columns: [(u64, u64); MOST_COLUMNS],
@@ -189,7 +189,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// From the beginning of a row; `None` if that is none.
+    /// From the start of a row; `None` if it is not a row.
     pub(super) fn parse(cell: &Cell<'_>) -> Option<Row> {
         let mut rest = cell.local;
         let header = usize::try_from(varint(&mut rest)?).ok()?;
@@ -211,7 +211,7 @@ impl Row {
         self.count
     }
 
-    /// Where the bytes of a blob or text stand in the row.
+    /// Position of the bytes of a blob or text in the row.
     pub(super) fn place(&self, column: usize) -> Option<std::ops::Range<u64>> {
         let (kind, at) = *self.columns.get(..self.count)?.get(column)?;
         (kind >= 12).then(|| at..at + size(kind).unwrap_or_default())
@@ -224,7 +224,7 @@ impl Row {
             .is_some_and(|(kind, _)| *kind >= 13 && kind % 2 == 1)
     }
 
-    /// The value, from as much of the row as there is. `None` if there is no such column, or too little.
+    /// The value, from the available part of the row. `None` if the column is absent, or too little is available.
     pub(super) fn value<'p>(&self, column: usize, row: &'p [u8]) -> Option<Value<'p>> {
         let (kind, at) = *self.columns.get(..self.count)?.get(column)?;
         let bytes = row.get(usize::try_from(at).ok()?..)?.get(..usize::try_from(size(kind)?).ok()?)?;
@@ -238,7 +238,7 @@ impl Row {
         })
     }
 
-    /// A whole number; `None` if it is none.
+    /// A whole number; `None` for any other value.
     pub(super) fn integer(&self, column: usize, row: &[u8]) -> Option<i64> {
         match self.value(column, row)? {
             Value::Integer(number) => Some(number),
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_whose_types_do_not_add_up_to_its_length_is_none() {
+    fn a_row_whose_types_do_not_match_its_length_is_rejected() {
         // Header of three bytes: NULL, one byte; then the byte.
         let cell = |local: &'static [u8], length| Cell { rowid: 1, length, local, overflow: 0, extent: local.len() };
         let row = Row::parse(&cell(&[3, 0, 1, 42], 4)).unwrap();

@@ -1,4 +1,4 @@
-//! The write-ahead log beside a database: pages that were committed and not yet copied back
+//! The write-ahead log next to a database: pages that were committed and not yet copied back
 //! (<https://www.sqlite.org/fileformat2.html#the_write_ahead_log>).
 
 use crate::error::{IngestError, file_name};
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 const HEADER_BYTES: usize = 32;
 const FRAME_HEAD_BYTES: usize = 24;
-/// The last bit says in which byte order the checksums are taken.
+/// The last bit gives the byte order of the checksums.
 const MAGIC: u32 = 0x377f_0682;
 
 /// The committed pages of a log.
@@ -22,23 +22,23 @@ pub(super) struct Wal {
     pub(super) page_bytes: u32,
     /// Pages of the database after the last commit.
     pub(super) pages: u32,
-    /// Where the newest content of each page begins.
+    /// Position of the newest content of each page.
     places: HashMap<u32, u64>,
-    /// Frames whose transaction has no end, or whose checksum is wrong where the log is still the same one.
+    /// Frames of unfinished transactions, or with a wrong checksum in the same round of the log.
     pub(super) unfinished: u64,
 }
 
-/// What stands beside a database.
+/// The log next to a database.
 pub(super) enum Beside {
     Nothing,
     Wal(Wal),
-    /// A log that was begun anew and to which nothing was committed since; its bytes.
+    /// A log that was restarted, with no commit since; its size in bytes.
     Idle(u64),
-    /// A log of which nothing can be used; its bytes and why.
+    /// An unusable log; its size in bytes and the reason.
     Useless(u64, String),
 }
 
-/// The path of the log that belongs to a database.
+/// The path of the log of a database.
 pub(crate) fn path_of(database: &Path) -> PathBuf {
     let mut path = database.as_os_str().to_owned();
     path.push("-wal");
@@ -71,7 +71,7 @@ fn u32_at(bytes: &[u8], at: usize) -> u32 {
     bytes.get(at..).and_then(|b| b.first_chunk()).map_or(0, |b| u32::from_be_bytes(*b))
 }
 
-/// The sum of a frame on top of that of the one before, and the one that it states.
+/// The checksum of a frame, continued from the previous one, and the one that it states.
 fn sum_of(frame: &[u8], mut sum: Sum) -> (u32, u32) {
     sum.add(frame.get(..8).unwrap_or_default());
     sum.add(frame.get(FRAME_HEAD_BYTES..).unwrap_or_default());
@@ -82,7 +82,7 @@ fn stated_in(frame: &[u8]) -> (u32, u32) {
     (u32_at(frame, 16), u32_at(frame, 20))
 }
 
-/// The size of the pages, which are those of a database if its own size is known, and the sum that frames go on with.
+/// The page size, which must match that of the database if known, and the checksum that the frames continue.
 fn parse_header(head: &[u8], page_bytes: Option<u32>) -> Result<(u32, Sum), &'static str> {
     let magic = u32_at(head, 0);
     let mut sum = Sum { big_endian: magic & 1 == 1, value: (0, 0) };
@@ -99,11 +99,11 @@ fn parse_header(head: &[u8], page_bytes: Option<u32>) -> Result<(u32, Sum), &'st
 }
 
 impl Wal {
-    /// The log beside `database`, whose pages have `page_bytes` bytes if its header can be read.
+    /// The log next to `database`, whose pages have `page_bytes` bytes if its header is readable.
     pub(super) fn beside(database: &Path, page_bytes: Option<u32>) -> Result<Beside, IngestError> {
         let path = path_of(database);
         let name = file_name(&path);
-        // Looked at before it is opened: opening a pipe would wait for its writer.
+        // Examined before it is opened: opening a pipe would wait for its writer.
         let size = match std::fs::metadata(&path) {
             Ok(about) if about.is_file() && about.len() > 0 => about.len(),
             _ => return Ok(Beside::Nothing),
@@ -132,16 +132,16 @@ impl Wal {
         FRAME_HEAD_BYTES as u64 + u64::from(self.page_bytes)
     }
 
-    /// Takes the frames up to the first that is damaged, as SQLite does. Each is summed up on top of the one before.
+    /// Takes the frames up to the first corrupt one, as SQLite does. Each checksum continues the previous one.
     ///
-    /// A log is written again from its start: behind the last frame of a round stand those of an earlier one, with another
-    /// salt. Those with the salt of this round, behind one that is damaged, are lost.
+    /// A log is rewritten from its start: after the last frame of a round there are frames of an earlier one, with another
+    /// salt. Frames with the salt of this round, after a corrupt one, are lost.
     fn walk(&mut self, salt: &[u8], mut sum: Sum) -> Result<(), IngestError> {
         let frame_bytes = self.frame_bytes();
         let mut frame = vec![0; frame_bytes as usize];
         let mut open: Vec<(u32, u64)> = vec![];
         let (mut at, mut is_sound) = (HEADER_BYTES as u64, true);
-        // Frames that were not taken, and how many of them are known to be of this round.
+        // Rejected frames, and how many of them are known to be of this round.
         let (mut passed, mut lost) = (0, 0);
         while at + frame_bytes <= self.size {
             read_exactly(&self.file, &self.name, &mut frame, at)?;
@@ -161,18 +161,18 @@ impl Wal {
             }
             at += frame_bytes;
         }
-        // A frame that the file ends inside of.
+        // A frame that is truncated by the end of the file.
         let cut = u64::from(at < self.size);
         self.unfinished = lost + open.len() as u64 + cut;
         Ok(())
     }
 
-    /// Where the newest content of a page begins in the log.
+    /// Position of the newest content of a page in the log.
     pub(super) fn place(&self, page: u32) -> Option<u64> {
         if page > self.pages { None } else { self.places.get(&page).copied() }
     }
 
-    /// The pages behind `last` that the log holds, in order.
+    /// The pages after `last` in the log, in order.
     pub(super) fn pages_behind(&self, last: u32) -> Vec<u32> {
         let mut pages: Vec<u32> =
             self.places.keys().copied().filter(|page| (last + 1..=self.pages).contains(page)).collect();

@@ -1,9 +1,9 @@
-//! The walk over all pages of a database: which page belongs to what, the rows of its tables, and
-//! those of pages that nothing leads to any more.
+//! The walk over all pages of a database: the owner of each page, the rows of its tables, and
+//! the rows of pages that are no longer referenced.
 //!
-//! A table is a tree; its leaves are listed first, from the pages above them, and then read in
-//! order. Leaves below a page that is damaged are found by their look. In the end every page belongs
-//! to something or is damaged.
+//! A table is a tree. Its leaves are listed first, from the pages above them, and then read in
+//! order. Leaves below a corrupt page are recognized by their shape. In the end every page has
+//! an owner or is damaged.
 
 use super::pages::Pages;
 use super::tree::{Cell, Kind, Node};
@@ -15,21 +15,21 @@ use logscan::MOST_ZEROS;
 use logscan::{Fate, Ledger};
 use std::collections::BTreeMap;
 
-/// SQLite's own trees are never deeper.
+/// SQLite's own trees are never deeper than this.
 const DEEPEST: usize = 20;
-/// Pages between two leaves that are read along with them, and leaves that are looked ahead at.
+/// Pages between two leaves that are read along with them, and maximum leaves read ahead.
 const MOST_BETWEEN: u32 = 4;
 const MOST_AHEAD: usize = 64;
 
 const UNLISTED: &str = "a page of rows holds more than it lists";
 
-/// A page that should hold rows, and the numbers that they can have there.
+/// A page that should hold rows, and the possible range of row numbers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Leaf {
     page: u32,
     from: i64,
     up_to: i64,
-    /// Nothing led to it: rows that other pages hold are copies.
+    /// Unreferenced: rows that other pages hold too are copies.
     found: bool,
 }
 
@@ -38,7 +38,7 @@ impl Leaf {
         Leaf { page, from: i64::MIN, up_to: i64::MAX, found: false }
     }
 
-    /// First and last number of the rows that can stand here.
+    /// First and last row number that is valid here.
     fn span(&self, node: &Node<'_>) -> Option<(i64, i64)> {
         let numbers = (0..node.len()).filter_map(|index| node.row(index)).map(|cell| cell.rowid);
         let here = numbers.filter(|rowid| (self.from..=self.up_to).contains(rowid));
@@ -48,27 +48,27 @@ impl Leaf {
     }
 }
 
-/// What is to be done with a row.
+/// What to do with a row.
 pub(super) enum Look {
-    /// It is wanted whole.
+    /// The whole row is wanted.
     Wanted,
-    /// It is one of this table and not wanted.
+    /// It belongs to this table and is not wanted.
     Unwanted,
-    /// It cannot be one of this table.
+    /// It cannot belong to this table.
     Bad(&'static str),
 }
 
-/// Who is shown the rows of a table.
+/// A receiver of the rows of a table.
 pub(super) trait Sink {
-    /// A row as far as it is on its page.
+    /// The part of a row on its page.
     fn look(&mut self, cell: &Cell<'_>) -> Look;
 
-    /// A whole row that was wanted.
+    /// A whole wanted row.
     fn whole(&mut self, cell: &Cell<'_>, row: &[u8]) -> Fate;
 
-    /// One that was not wanted and is there.
+    /// An unwanted row that is present.
     fn unwanted(&mut self, _: &Cell<'_>) {
-        // Only messages are counted all the same.
+        // Only messages are counted.
     }
 }
 
@@ -77,20 +77,20 @@ pub(super) struct Walk<'w, 'c> {
     pub(super) pages: Pages,
     ledger: &'w mut Ledger,
     context: &'w ReadContext<'c>,
-    /// Which pages belong to something, by their place among those that there are; and how many they are.
+    /// Which pages have an owner, by their index among the existing ones; and how many do.
     claims: Vec<bool>,
     claimed: u64,
-    /// The rest of rows that were not wanted: where it begins, and its bytes. It is walked only if
-    /// the number of pages says that something is amiss.
+    /// The rest of unwanted rows: its start and its length in bytes. It is walked only if
+    /// the number of pages shows that something is wrong.
     put_off: Vec<(u32, u64)>,
     pages_put_off: u64,
     index_pages: Vec<u32>,
-    /// Numbers of the rows that pages hold to which something leads: first and last of each. Known once something is
-    /// amiss.
+    /// Row numbers on referenced pages: first and last of each page. Known once something is
+    /// wrong.
     spans: BTreeMap<i64, i64>,
-    /// Something leads nowhere: what is left is to be searched.
+    /// A reference is broken: the remaining pages must be searched.
     pub(super) astray: bool,
-    /// What became of rows and pages.
+    /// The fate of rows and pages.
     pub(super) lost: Lost,
     page: Vec<u8>,
     link: Vec<u8>,
@@ -98,20 +98,20 @@ pub(super) struct Walk<'w, 'c> {
     told: u64,
 }
 
-/// What could not be read, and what was found without being led to it.
+/// What could not be read, and what was found unreferenced.
 #[derive(Debug, Default)]
 pub(super) struct Lost {
-    /// Pages that the database should have and that are nowhere.
+    /// Pages that the database should have but that are missing.
     pub(super) missing_pages: u64,
-    /// Places of trees that lead to pages that are nowhere, or belong to something else.
+    /// Positions of trees that refer to missing pages, or to pages of another owner.
     pub(super) dead_ends: u64,
-    /// Rows on pages that can be read.
+    /// Rows on readable pages.
     pub(super) bad_rows: u64,
-    /// Rows on pages that nothing leads to which are copies of rows that were read.
+    /// Rows on unreferenced pages that are copies of rows that were read.
     pub(super) copies: u64,
-    /// Pages of rows to which nothing led.
+    /// Unreferenced pages of rows.
     pub(super) found_pages: u64,
-    /// The list of unused pages is not what it says.
+    /// The list of unused pages is wrong.
     pub(super) spare_pages: bool,
 }
 
@@ -143,7 +143,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         self.pages.header.usable
     }
 
-    /// False if there is no such page, or if it belongs to something already.
+    /// False if the page does not exist, or already has an owner.
     fn claim(&mut self, page: u32) -> bool {
         let is_open = self.is_open(page);
         if let Some(claim) = self.pages.index(page).and_then(|index| self.claims.get_mut(index)) {
@@ -160,18 +160,18 @@ impl<'w, 'c> Walk<'w, 'c> {
         }
     }
 
-    /// Whether there is such a page that belongs to nothing.
+    /// Whether the page exists and has no owner.
     fn is_open(&self, page: u32) -> bool {
         self.pages.index(page).and_then(|index| self.claims.get(index)) == Some(&false)
     }
 
-    /// The numbers of rows begin anew with every table.
+    /// Row numbers restart with every table.
     pub(super) fn forget_numbers(&mut self) {
         self.spans.clear();
     }
 
-    /// The pages that say who points where, and the unused ones: what stands on them is of no interest. What the trees lead to
-    /// is claimed before. A list of unused pages that does not agree with that is not believed.
+    /// The pointer map pages and the unused ones: their content does not matter. Pages of the trees
+    /// are claimed before. A list of unused pages that contradicts them is not trusted.
     pub(super) fn unused(&mut self) -> Result<(), IngestError> {
         let last = self.pages.at(self.pages.count().saturating_sub(1));
         for page in self.pages.header.pointer_maps(last) {
@@ -199,7 +199,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         self.beyond_the_end()
     }
 
-    /// Zeros behind the pages that the database has by its own account: room that was made for more.
+    /// Zeros after the pages that the database claims: preallocated room.
     fn beyond_the_end(&mut self) -> Result<(), IngestError> {
         let stated = self.pages.stated() as usize;
         let beyond = self.pages.count().saturating_sub(stated);
@@ -245,7 +245,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(leaves)
     }
 
-    /// How many pages are above a leaf: along the first way down that is intact.
+    /// Number of pages above a leaf: along the first intact way down.
     fn depth(&mut self, root: u32, table: bool) -> Result<usize, IngestError> {
         let mut page = root;
         for depth in 0..DEEPEST {
@@ -268,7 +268,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(None)
     }
 
-    /// The pages below one of a tree; `None` if that is a leaf, or none of such a tree.
+    /// The child pages of a tree page; `None` if it is a leaf, or not a page of such a tree.
     fn below(&mut self, at: Leaf, table: bool) -> Result<Option<Vec<Leaf>>, IngestError> {
         let there = self.pages.look(at.page, &mut self.page)?;
         let kind = if table { Kind::TableInterior } else { Kind::IndexInterior };
@@ -279,13 +279,13 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(Some(children))
     }
 
-    /// Shows the rows of leaves, one after the other.
+    /// Passes on the rows of leaves, one after the other.
     pub(super) fn read(&mut self, leaves: &[Leaf], sink: &mut dyn Sink) -> Result<(), IngestError> {
         (0..leaves.len()).try_for_each(|index| self.rows(leaves, index, sink))
     }
 
-    /// Shows the rows of a table: those to which something leads, and, if something is amiss, among them those of pages that
-    /// hold rows of this `look`.
+    /// Passes on the rows of a table: those on referenced pages, and, if something is wrong, in order with them those of
+    /// unreferenced pages with rows of this `look`.
     pub(super) fn read_table(
         &mut self,
         listed: &[Leaf],
@@ -308,11 +308,11 @@ impl<'w, 'c> Walk<'w, 'c> {
         self.read(&all, sink)
     }
 
-    /// Shows the rows of the leaf at `index`.
+    /// Passes on the rows of the leaf at `index`.
     fn rows(&mut self, leaves: &[Leaf], index: usize, sink: &mut dyn Sink) -> Result<(), IngestError> {
         let rest = leaves.get(index..).unwrap_or_default();
         let Some(&leaf) = rest.first() else { return Ok(()) };
-        // Neighbours are read in one go; what lies between far ones is not wanted.
+        // Neighbours are read in one go; pages between distant ones are not wanted.
         let near = |pair: &&[Leaf]| matches!(pair, [a, b] if b.page > a.page && b.page - a.page <= MOST_BETWEEN);
         let run = rest.windows(2).take(MOST_AHEAD).take_while(near).count();
         self.pages.ahead(leaf.page, rest.get(run).copied().unwrap_or(leaf).page)?;
@@ -350,10 +350,10 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(())
     }
 
-    /// Takes the rows of a page, one by one: their numbers are those of the page, and rise.
+    /// Takes the rows of a page, one by one: their numbers are in the range of the page, and increase.
     fn take_all(&mut self, leaf: Leaf, node: &Node<'_>, sink: &mut dyn Sink) -> Result<OnPage, IngestError> {
         let mut page = OnPage::default();
-        // Rows that lie over each other would be a way to make much of little.
+        // Overlapping rows could inflate a small file.
         let mut room = self.usable() as usize;
         let mut next = leaf.from;
         for index in 0..node.len() {
@@ -380,16 +380,16 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(page)
     }
 
-    /// Whether a page to which something leads holds this row.
+    /// Whether a referenced page holds this row.
     fn is_held(&self, rowid: i64) -> bool {
         self.spans.range(..=rowid).next_back().is_some_and(|(_, &last)| rowid <= last)
     }
 
-    /// Notes what numbers the rows of leaves have. Gives back the leaves with the number of their first row; `None` if all
-    /// rows of one belong elsewhere.
+    /// Records the row numbers on the leaves. Returns the leaves with the number of their first row; `None` if all
+    /// rows of a leaf belong elsewhere.
     fn spans_of(&mut self, leaves: &[Leaf]) -> Result<Vec<(Option<i64>, Leaf)>, IngestError> {
         let mut all = vec![];
-        // One that cannot be read keeps its place behind the one before.
+        // An unreadable leaf keeps its place after the previous one.
         let mut before = i64::MIN;
         for &leaf in leaves {
             let there = self.pages.look(leaf.page, &mut self.page)?;
@@ -430,7 +430,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(Ok(()))
     }
 
-    /// Puts a row together from its pages.
+    /// Assembles a row from its pages.
     fn gather(&mut self, cell: &Cell<'_>) -> Result<Result<(), String>, IngestError> {
         if cell.length > self.context.limits.record_bytes {
             let limit = self.context.limits.record_bytes;
@@ -456,11 +456,11 @@ impl<'w, 'c> Walk<'w, 'c> {
             self.row.extend_from_slice(content.get(..here).unwrap_or_default());
             page = u32::from_be_bytes(*next);
         }
-        // The last page of a row leads nowhere; one that leads on is of a longer row.
+        // The last page of a row has no successor; if it has one, it belongs to a longer row.
         Ok(if page == 0 || walked.is_empty() { Ok(()) } else { Err(self.broken(&walked)) })
     }
 
-    /// A row that is not wanted. The rest of it on other pages is walked only where something is astray.
+    /// An unwanted row. The rest of it on other pages is walked only if something is wrong.
     fn pass_over(&mut self, cell: &Cell<'_>) -> Result<Result<(), String>, IngestError> {
         let (local, pages) = (cell.local.len() as u64, cell.overflow_pages(self.usable()));
         if pages == 0 {
@@ -482,7 +482,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(Ok(()))
     }
 
-    /// Claims a chain of overflow pages of so many bytes; its pages, and whether it is whole.
+    /// Claims a chain of overflow pages of this many bytes. Returns its pages, and whether it is complete.
     fn chain(&mut self, first: u32, bytes: u64) -> Result<(Vec<u32>, bool), IngestError> {
         let count = bytes.div_ceil(u64::from(self.usable()) - 4);
         let (mut page, mut walked) = (first, vec![]);
@@ -496,7 +496,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok((walked, whole))
     }
 
-    /// A row whose rest is not what its pages hold.
+    /// A row whose remaining pages do not hold its rest.
     fn broken(&mut self, walked: &[u32]) -> String {
         for &page in walked {
             self.damaged(page, "a part of a row whose other parts are not there");
@@ -504,19 +504,19 @@ impl<'w, 'c> Walk<'w, 'c> {
         "its rest on other pages is not there".to_owned()
     }
 
-    /// Nothing on the page is of use.
+    /// Nothing on the page is usable.
     fn damaged(&mut self, page: u32, reason: &str) {
         self.damaged_but(page, 0, reason);
     }
 
-    /// All of the page but so many bytes is of no use.
+    /// All but this many bytes of the page are unusable.
     fn damaged_but(&mut self, page: u32, good: u64, reason: &str) {
         let (file, at) = self.pages.place(page);
         let bytes = u64::from(self.pages.header.page_bytes) - good;
         self.ledger.damaged(file, at, bytes, reason);
     }
 
-    /// Neighbours at once, where the write-ahead log does not hold them: there may be millions.
+    /// Neighbours at once, unless the write-ahead log holds them: there may be millions.
     fn damaged_run(&mut self, pages: std::ops::Range<usize>) {
         let reason = "pages that belong to nothing that can be reached";
         let mut index = pages.start;
@@ -544,12 +544,12 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(())
     }
 
-    /// Bytes that have been told to be read.
+    /// Bytes that have been reported as read.
     pub(super) fn told(&self) -> u64 {
         self.told
     }
 
-    /// Pages to which nothing leads that `look` as if they held rows of a table, by the number of their
+    /// Unreferenced pages that, by `look`, seem to hold rows of a table, by the number of their
     /// first row. They are claimed.
     pub(super) fn found(&mut self, look: &dyn Fn(&Cell<'_>) -> bool) -> Result<Vec<(i64, Leaf)>, IngestError> {
         let mut found = vec![];
@@ -567,7 +567,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(found)
     }
 
-    /// Calls `each` for the pages that belong to nothing, which are then in `self.page`.
+    /// Calls `each` for the pages without an owner, with the page in `self.page`.
     fn unclaimed(&mut self, mut each: impl FnMut(&mut Self, u32)) -> Result<(), IngestError> {
         let mut zeros = 0;
         for index in 0..self.pages.count() {
@@ -595,8 +595,8 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(())
     }
 
-    /// Accounts for all pages that are left, and shows rows of this `look` that are among them; `listed` are the leaves
-    /// of their table that something led to.
+    /// Accounts for all remaining pages, and passes on rows of this `look` among them; `listed` are the referenced
+    /// leaves of their table.
     pub(super) fn account(
         &mut self,
         listed: &[Leaf],
@@ -644,7 +644,7 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(())
     }
 
-    /// What still belongs to nothing is damage.
+    /// Pages that still have no owner are damage.
     pub(super) fn conclude(&mut self) {
         if !self.astray {
             return;
@@ -658,7 +658,7 @@ impl<'w, 'c> Walk<'w, 'c> {
     }
 }
 
-/// What became of the rows of a page.
+/// The fate of the rows of a page.
 #[derive(Default)]
 struct OnPage {
     bad: Tally,
@@ -669,7 +669,7 @@ struct OnPage {
     listed: usize,
 }
 
-/// The pages below one, each with the numbers that rows can have there.
+/// The child pages of a page, each with its possible range of row numbers.
 fn children(node: &Node<'_>, at: Leaf, table: bool) -> Vec<Leaf> {
     let mut from = at.from;
     let child = |(page, key): (u32, Option<i64>)| {
@@ -684,7 +684,7 @@ fn children(node: &Node<'_>, at: Leaf, table: bool) -> Vec<Leaf> {
     node.children().flatten().map(child).collect()
 }
 
-/// Whether more than half of a page's rows `look` so.
+/// Whether more than half of a page's rows match `look`.
 fn most_are(node: &Node<'_>, look: &dyn Fn(&Cell<'_>) -> bool) -> bool {
     2 * (0..node.len()).filter_map(|i| node.row(i)).filter(look).count() > node.len()
 }

@@ -1,10 +1,10 @@
-//! What an MCAP that `flightlag recover` wrote says of the log that it comes from.
+//! What an MCAP written by `flightlag recover` states about its source log.
 //!
-//! Messages of ULog, DataFlash, MAVLink, UBX, NMEA and tables of text mean nothing outside of their files: a recovered MCAP
-//! has their values as messages of ROS 2, with names that ROS allows. Each channel says in its metadata what its topic was,
-//! the definition what its fields were called, the time of publishing is the stamp as it was logged, the sequence number the
-//! line or message number, and one metadata record in front of these messages says what the log stated beside them. Read by
-//! that, the MCAP is the log that it comes from.
+//! Messages of ULog, DataFlash, MAVLink, UBX, NMEA and text tables mean nothing outside their files. A recovered MCAP
+//! has their values as ROS 2 messages, with names that ROS allows. The channel metadata name the original topic;
+//! the definition names the original fields. The publish time is the timestamp as logged, the sequence number the line
+//! or message number. One metadata record before these messages holds what the log stated besides its messages. With
+//! these, the MCAP reads the same as its source log.
 
 use crate::decode::leave_out_placeholders;
 use crate::reader::{Log, Restart, Select, Selection, StatedUnit, ValueKind};
@@ -17,23 +17,23 @@ use std::collections::BTreeMap;
 const ORIGINAL: &str = "flightlag-original";
 /// Key in the metadata record.
 const LOG: &str = "log";
-/// What a file may say in all of the logs that it was recovered from, bytes.
+/// Maximum text in a file about all its source logs, bytes.
 const LONGEST: usize = 4 << 20;
-/// Logs that one file may come from: one, and one more for each time that something of it was lost.
+/// Maximum source logs of one file: one, and one more for each time that part of it was lost.
 const MOST_LOGS: usize = 16;
-/// What is believed of each list of one log. What a log that was read says of itself is shorter.
+/// Maximum entries accepted for each list of one log. A log's own lists are shorter.
 const MOST_LISTED: usize = 1000;
-/// Begins of a clock that are believed.
+/// Maximum clock restarts accepted.
 const MOST_RESTARTS: usize = 10_000;
 
-/// What a topic was in the log that it comes from.
+/// What a topic was in its source log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OriginalTopic {
     /// Its type.
     pub type_name: String,
-    /// Encoding of its messages there.
+    /// Encoding of its messages in the source log.
     pub encoding: String,
-    /// Clock of the stamps that the log has of them; `None` if nobody logged them.
+    /// Clock of their log timestamps; `None` if nothing logged them.
     pub clock: Option<Clock>,
 }
 
@@ -50,7 +50,7 @@ impl OriginalTopic {
     }
 }
 
-/// What a log stated beside its messages.
+/// What a log stated besides its messages.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct OriginalLog {
     /// Its format.
@@ -61,14 +61,14 @@ pub struct OriginalLog {
     pub about: About,
     /// Units of its fields.
     pub units: Vec<StatedUnit>,
-    /// Where its clock since boot began anew.
+    /// Where its clock since boot restarted.
     pub restarts: Vec<Restart>,
-    /// What was found when it was read.
+    /// Notices from when it was read.
     pub notices: Notices,
 }
 
 impl OriginalLog {
-    /// What a log states that was read. Numbers that are none say nothing, and JSON does not know them: they are left out.
+    /// What a log that was read states. NaN and infinity carry no information and are not valid JSON: they are omitted.
     #[must_use]
     pub fn of(log: &Log) -> OriginalLog {
         let mut about = log.health.about.clone();
@@ -88,7 +88,7 @@ impl OriginalLog {
         }
     }
 
-    /// What was lost of a log whose messages were copied as they stand: everything else is found in them again.
+    /// What was lost of a log whose messages were copied unchanged: everything else is found in them again.
     #[must_use]
     pub fn lost(log: &Log) -> Option<OriginalLog> {
         let mut notices = Notices::new();
@@ -106,12 +106,12 @@ impl OriginalLog {
     }
 }
 
-/// What the files of an MCAP say of the log that they come from.
+/// What the files of an MCAP state about their source log.
 #[derive(Debug, Default)]
 pub(super) struct Originals {
-    /// The number of each, and its clock; `None` for those that are read as they stand.
+    /// The number and clock of each topic; `None` for topics read unconverted.
     topics: BTreeMap<TopicInfo, Option<(usize, Option<Clock>)>>,
-    /// For each: line or message number of its rows in the original.
+    /// For each: line or message number of its rows in the source log.
     rows: Vec<Vec<u32>>,
     logs: Vec<OriginalLog>,
     log_bytes: usize,
@@ -119,9 +119,9 @@ pub(super) struct Originals {
 }
 
 impl Originals {
-    /// The number of a topic that is read as the one that it was; `None` for one that is read as it stands.
+    /// The number of a topic that is read as its original; `None` for one that is read unconverted.
     ///
-    /// Fails if another channel of the same topic says something else of it: their stamps are of two clocks.
+    /// Fails if another channel of the same topic disagrees about the original: their timestamps are of two clocks.
     pub(super) fn topic(&mut self, info: TopicInfo, original: Option<&OriginalTopic>) -> Result<Option<usize>, String> {
         let clock = original.map(|original| original.clock);
         let next = self.rows.len();
@@ -135,14 +135,14 @@ impl Originals {
         Ok(known.map(|(number, _)| number))
     }
 
-    /// A row was read of a topic: the message's sequence number says where it stood.
+    /// A row of a topic was read: the message's sequence number is its position in the source log.
     pub(super) fn row(&mut self, topic: usize, sequence: u32) {
         if let Some(rows) = self.rows.get_mut(topic) {
             rows.push(sequence);
         }
     }
 
-    /// Looks at a metadata record. A log that was recovered again has several.
+    /// Reads a metadata record. A log that was recovered repeatedly has several.
     pub(super) fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) {
         let Some(text) = entries.get(LOG).filter(|_| name == ORIGINAL) else { return };
         self.log_bytes = self.log_bytes.saturating_add(text.len());
@@ -153,7 +153,7 @@ impl Originals {
         }
     }
 
-    /// Makes the log what it was.
+    /// Restores the source log.
     pub(super) fn restore(self, want: &dyn Select, log: &mut Log) {
         let clock_of = |name: &str, type_name: &str, encoding: &str| {
             let text = str::to_owned;
@@ -171,7 +171,7 @@ impl Originals {
             let Some(Some((number, clock))) = self.topics.get(&table.topic) else { continue };
             let written = leave_out_placeholders(table);
             if let Selection::Fields(requests) = want.select(&table.topic) {
-                // As tables of text have a column that is wanted as text and as a number.
+                // For example, text tables with a column that is wanted as text and as a number.
                 let as_text = |c: &Column| requests.iter().any(|r| r.path == c.path && r.kind == ValueKind::Text);
                 table.columns.extend(written.into_iter().filter(as_text));
                 table.columns.sort_by(|a, b| a.path.cmp(&b.path));
@@ -193,7 +193,7 @@ impl Originals {
 }
 
 impl OriginalLog {
-    /// Shortens what is longer than any log says, for all of it goes onto the page. Says by how many entries.
+    /// Shortens lists longer than those of any log, because all of it goes onto the page. Reports by how many entries.
     fn shorten(&mut self) -> u64 {
         let About {
             receivers,
@@ -215,7 +215,7 @@ impl OriginalLog {
             + self.notices.len().saturating_sub(MOST_LISTED) as u64
     }
 
-    /// What was lost of the log then is not lost of this one: it is no loss here, but it is told.
+    /// What the source log had lost is not a loss of this one, but it is reported.
     fn put(mut self, log: &mut Log) {
         let more = self.shorten();
         let OriginalLog { format, extras, about, units, restarts, notices } = self;
@@ -240,7 +240,7 @@ impl OriginalLog {
     }
 }
 
-/// How many entries of a list were too many.
+/// The number of entries beyond the limit of a list.
 fn cut<T>(list: &mut Vec<T>, most: usize) -> u64 {
     let more = list.len().saturating_sub(most);
     list.truncate(most);

@@ -1,4 +1,4 @@
-//! The records of a file one by one, by the same scan as the reader's. For conformance tests.
+//! The records of a file one by one, with the reader's own scan. For conformance tests.
 
 use super::record;
 use super::records::Records;
@@ -12,7 +12,7 @@ use mcap::records::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// All records in the order of the file, those of chunks in their place.
+/// All records in file order; records in chunks come at the position of the chunk.
 ///
 /// # Errors
 /// If the file cannot be read, or if anything in it is damaged.

@@ -1,4 +1,4 @@
-//! The frames of MCAP records, as far as they must be understood before a record is taken.
+//! The frames of MCAP records, as far as needed before a record is taken.
 
 use crate::bytes::Bytes;
 use crate::format::inflate::Codec;
@@ -7,36 +7,36 @@ use logscan::{LogFile, ScanError};
 use mcap::records::{Record, op};
 use std::ops::Range;
 
-/// At both ends of a file.
+/// The magic bytes at both ends of a file.
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
-/// Said of a file that does not begin with it.
+/// Reported for a file that does not start with it.
 pub(super) const WRONG_START: &str = "the eight bytes that begin the file are wrong";
 /// Opcode and length.
 pub(super) const HEAD_BYTES: u64 = 9;
 /// Largest head of a chunk record: the frame, the fixed fields and the name of the compression.
 const CHUNK_HEAD_BYTES: usize = 128;
-/// Records up to this length are taken as they lie in memory, and attachments have their own header within it, bytes.
+/// Records up to this length are read in place; attachments have their own header within it, bytes.
 pub(super) const LONGEST: usize = 4 << 10;
-/// Bytes read together with a chunk, for a look at what follows.
+/// Bytes read together with a chunk, to examine what follows.
 const AHEAD: u64 = LONGEST as u64 + 64;
-/// No record is as long as this, bytes.
+/// No record is this long, bytes.
 const LONGEST_RECORD: u64 = 1 << 40;
-/// Writers may add fields that we do not know to a record; more than this is taken for damage.
+/// Writers may add fields that we do not know to a record; more than this is treated as damage.
 const MOST_ADDED: u64 = 256;
 
-/// Opcode, place and length of a record.
+/// Opcode, offset and length of a record.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Head {
     pub(super) opcode: u8,
     pub(super) start: u64,
     /// Length of the content.
     pub(super) length: u64,
-    /// First byte behind the record.
+    /// First byte after the record.
     pub(super) end: u64,
 }
 
 impl Head {
-    /// Of the record that the bytes at `start` begin with; `None` if they end before the head does. The record may reach past
+    /// Parses the record at `start` in the bytes; `None` if they end before the head does. The record may extend past
     /// them.
     #[inline]
     pub(super) fn of(bytes: &[u8], start: u64) -> Option<Head> {
@@ -46,7 +46,7 @@ impl Head {
         Some(Head { opcode, start, length, end })
     }
 
-    /// `None` if the file ends before the head does. The record may still reach past the end.
+    /// `None` if the file ends before the head does. The record may still extend past the end.
     pub(super) fn read(file: &mut LogFile, start: u64) -> Result<Option<Head>, ScanError> {
         Ok(file.peek::<{ HEAD_BYTES as usize }>(start)?.and_then(|bytes| Head::of(&bytes, start)))
     }
@@ -57,7 +57,7 @@ impl Head {
         self.opcode != 0 && self.length < LONGEST_RECORD
     }
 
-    /// Whether the length is that of what the record holds, as far as `body` has the first bytes of it. A writer may have added
+    /// Whether the length matches the content, as far as `body` has its first bytes. A writer may have added
     /// a few.
     pub(super) fn fits_its_content(&self, body: &[u8]) -> bool {
         let mut own = 0_u64;
@@ -75,7 +75,7 @@ impl Head {
         own <= self.length && !Head::is_too_long(self.length - own) && !added.is_some_and(Head::are_records)
     }
 
-    /// Whether bytes behind what a record holds are whole records, which a wrong length of it leads over.
+    /// Whether the bytes after the content are whole records, which a wrong length would skip.
     pub(super) fn are_records(mut bytes: &[u8]) -> bool {
         let is_empty = bytes.is_empty();
         while let Some(head) = Head::of(bytes, 0).filter(|head| is_defined(head.opcode) && head.fits_its_type()) {
@@ -85,12 +85,12 @@ impl Head {
         !is_empty && bytes.is_empty()
     }
 
-    /// Whether so many bytes behind what a record holds are more than a writer may have added to it.
+    /// Whether this many bytes after the content are more than a writer may have added.
     pub(super) fn is_too_long(added: u64) -> bool {
         added > MOST_ADDED
     }
 
-    /// Whether the length is one that the record type can have.
+    /// Whether the length is possible for the record type.
     pub(super) fn fits_its_type(&self) -> bool {
         let fixed = match self.opcode {
             op::FOOTER => 20,
@@ -106,12 +106,12 @@ pub(super) fn is_defined(opcode: u8) -> bool {
     (op::HEADER..=op::DATA_END).contains(&opcode)
 }
 
-/// Whether the type is one that applications give a meaning of their own.
+/// Whether the type is one of those reserved for applications.
 pub(super) fn is_private(opcode: u8) -> bool {
     opcode >= 0x80
 }
 
-/// Name of a record type for people.
+/// Readable name of a record type.
 pub(super) fn name(opcode: u8) -> String {
     let name = match opcode {
         op::HEADER => "header",
@@ -134,25 +134,25 @@ pub(super) fn name(opcode: u8) -> String {
     name.to_owned()
 }
 
-/// What a record holds, one behind the other.
+/// The fields of a record, in order.
 enum Part {
     Bytes(usize),
-    /// Bytes behind their length.
+    /// Bytes, preceded by their length.
     Text,
-    /// Texts, two by two, behind their length together.
+    /// Pairs of texts, preceded by their total length.
     TextMap,
-    /// Ids and offsets or counts of ten bytes, behind their length together.
+    /// Ids and offsets or counts of ten bytes, preceded by their total length.
     Offsets,
 }
 
-/// Parses a record whose texts have been seen to lie within it: `mcap` makes room for a text of up to 4 GiB before it
-/// looks whether it is there.
+/// Parses a record whose texts are known to lie within it: `mcap` allocates for a text of up to 4 GiB before it
+/// checks whether the text is present.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
     parts_fit(parts_of(opcode), body).ok_or("what it holds reaches beyond its end")?;
     mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())
 }
 
-/// What a record holds; nothing for those with content of any length.
+/// The fields of a record; empty for types with content of any length.
 fn parts_of(opcode: u8) -> &'static [Part] {
     match opcode {
         op::HEADER => &[Part::Text, Part::Text],
@@ -190,7 +190,7 @@ fn parts_fit(parts: &[Part], body: &[u8]) -> Option<()> {
     Some(())
 }
 
-/// What a chunk says of itself.
+/// The header of a chunk.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ChunkHead {
     pub(super) codec: Codec,
@@ -202,7 +202,7 @@ pub(super) struct ChunkHead {
 }
 
 impl ChunkHead {
-    /// Of a chunk record that the bytes begin with, if it fits; what is wrong is for people.
+    /// The header of the chunk record at the start of the bytes, if it fits. The error text is for users.
     pub(super) fn of(bytes: &[u8], head: &Head) -> Result<ChunkHead, String> {
         let most = head.length.saturating_add(HEAD_BYTES).min(CHUNK_HEAD_BYTES as u64) as usize;
         let parsed = ChunkHead::parse(bytes.get(..most).unwrap_or(bytes));
@@ -212,7 +212,7 @@ impl ChunkHead {
     fn parse(bytes: &[u8]) -> Option<Result<ChunkHead, String>> {
         let mut rest = Bytes(bytes);
         rest.take(HEAD_BYTES as usize)?;
-        // First and last log time of its messages: the messages tell.
+        // First and last log time of its messages: the messages have them too.
         rest.take(16)?;
         let uncompressed = rest.u64()?;
         let crc = rest.u32()?;
@@ -228,7 +228,7 @@ impl ChunkHead {
         Some(Ok(ChunkHead { codec, uncompressed, crc, data_at, compressed }))
     }
 
-    /// As a file of `size` bytes has it.
+    /// As found in a file of `size` bytes.
     pub(super) fn packed(&self, head: &Head, size: u64) -> Packed {
         let data_at = head.start + self.data_at;
         Packed {
@@ -261,19 +261,19 @@ impl ChunkHead {
     }
 }
 
-/// What an attachment says of itself, and where its checksum lies.
+/// The header of an attachment, and the position of its checksum.
 #[derive(Debug)]
 pub(super) struct AttachmentHead {
     pub(super) logged_ns: u64,
     pub(super) created_ns: u64,
     pub(super) name: String,
     pub(super) media_type: String,
-    /// Where the attached bytes lie in the content of the record.
+    /// Where the attached bytes are in the content of the record.
     pub(super) data: Range<u64>,
 }
 
 impl AttachmentHead {
-    /// `start` is the beginning of the content of the record, as much as was read of its `length`.
+    /// `start` is the beginning of the record's content: the part that was read of its `length`.
     pub(super) fn parse(start: &[u8], length: u64) -> Option<AttachmentHead> {
         let mut rest = Bytes(start);
         let (logged_ns, created_ns) = (rest.u64()?, rest.u64()?);

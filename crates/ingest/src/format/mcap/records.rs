@@ -1,7 +1,7 @@
 //! The frames of an MCAP file, which are its records, and where their content goes.
 //!
-//! Every checksum is looked at before what it covers is used. After damage, in a file with chunks only whole chunks are
-//! found, never the messages inside a broken one: nothing has vouched for them.
+//! Every checksum is checked before the data under it are used. After damage in a chunked file, only whole chunks are
+//! accepted, never the messages inside a broken one: nothing vouches for them.
 
 use super::record::{
     AttachmentHead, ChunkHead, HEAD_BYTES, Head, LONGEST, MAGIC, WRONG_START, is_defined, is_private, name,
@@ -18,18 +18,18 @@ use logscan::{Fate, Fetched, Framing, LogFile, Parsed, ScanError, Source, Trust}
 use mcap::records::op;
 use std::borrow::Cow;
 
-/// How much of an attachment is shown where nobody takes it; its content is summed but not held.
+/// How much of an attachment is passed on when it is not wanted; the content is checksummed but not kept.
 const ATTACHMENT_SHOWN: u64 = 1 << 20;
-/// Bytes summed in one go.
+/// Bytes checksummed in one go.
 const BLOCK: usize = 256 << 10;
-/// A definition found by searching is believed up to this length.
+/// Maximum length of a definition found by searching.
 const LONGEST_FOUND: u64 = 1 << 20;
-/// Logs one behind another in one file.
+/// Maximum logs one after another in one file.
 const MOST_LOGS: u64 = 1000;
-/// Said of a chunk that the file does not have whole.
+/// Reported for a chunk that is not complete in the file.
 const CUT: &str = "a chunk that is cut";
 
-/// The records of one file, which may be several logs one behind another.
+/// The records of one file, which may be several logs one after another.
 pub(super) struct Records<'b, 'c, V> {
     name: String,
     size: u64,
@@ -37,41 +37,41 @@ pub(super) struct Records<'b, 'c, V> {
     notices: &'b mut Notices,
     visit: &'b mut V,
     unpacker: Unpacker,
-    /// Something of the file was looked at.
+    /// Some of the file was examined.
     has_begun: bool,
     logs: u64,
     log: State,
 }
 
-/// What is known of the log that is being read.
+/// State of the log that is being read.
 #[derive(Default)]
 struct State {
-    /// Where it begins in the file.
+    /// Its start in the file.
     start: u64,
     summary: Summary,
-    /// Over the data section; `None` where that is known to have no checksum.
+    /// Over the data section; `None` if that is known to have no checksum.
     data_crc: Option<crc32fast::Hasher>,
     chunks_seen: bool,
     /// Outside of chunks.
     channels_seen: bool,
     data_ended: bool,
     footer_seen: bool,
-    /// Where it ends, if it does.
+    /// Its end in the file, if it has one.
     end: Option<u64>,
-    /// Something of it was there, and not only damage.
+    /// Some of it was present, and not only damage.
     found_any: bool,
     damaged: bool,
     unknown: Tally,
-    /// Of types that applications give a meaning of their own.
+    /// Of types reserved for applications.
     private: Tally,
     without_crc: u64,
     not_opened: u64,
-    /// The chunk that came last was left closed.
+    /// The last chunk was skipped.
     is_closed: bool,
 }
 
 impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
-    /// Of a file whose first log has this summary, which stands at the end of the file.
+    /// For a file whose first log has this summary, found at the end of the file.
     pub(super) fn new(
         file: &mut LogFile,
         context: &'b ReadContext<'c>,
@@ -82,7 +82,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         let mut unpacker = Unpacker::new(file, context.limits.chunk_bytes);
         let opened = summary.chunks.iter().filter(|chunk| chunk.wanted).map(|chunk| chunk.offset).collect();
         unpacker.expect(opened, ChunkHead::look);
-        // Where the data section is known to have no checksum, chunks need not even be read.
+        // If the data section is known to have no checksum, skipped chunks need not even be read.
         if summary.data_crc == Some(0) && summary.chunks.iter().any(|chunk| !chunk.wanted) {
             file.expect_jumps();
         }
@@ -107,12 +107,12 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         self.visit.vouch(self.outer());
     }
 
-    /// What vouches for messages outside of chunks, and in those without a checksum.
+    /// What vouches for messages outside chunks, and in chunks without a checksum.
     fn outer(&self) -> Vouch {
         if self.log.data_crc.is_some() { Vouch::Later } else { Vouch::Nothing }
     }
 
-    /// Says what is odd about the log that ends, unless nothing of it was there: what stands before the first one is damage.
+    /// Reports oddities of the log that ends, unless nothing of it was present: bytes before the first log are damage.
     fn end_log(&mut self, file: &mut LogFile, is_only: bool) -> Result<(), ScanError> {
         let mut log = std::mem::take(&mut self.log);
         if !log.found_any && !is_only {
@@ -120,7 +120,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         }
         self.logs += 1;
         if let Some(end) = log.end.filter(|end| log.start > 0 || *end < self.size) {
-            // What was looked at before, if anything, is at the end of the file.
+            // Anything examined before is at the end of the file.
             log.summary = Summary::read(file, log.start..end, self.context.limits.record_bytes, self.visit)?;
         }
         log.conclude(&self.name, self.notices);
@@ -143,11 +143,11 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         }
     }
 
-    /// How far a record of a type proves itself; `None` if it is none.
+    /// How strongly a record of a type proves itself; `None` for an invalid type.
     fn trust(&self, head: &Head, bytes: &[u8]) -> Option<Trust> {
         let body = bytes.get(HEAD_BYTES as usize..).unwrap_or_default();
         let agrees = match head.opcode {
-            // Eight bytes of length, twice.
+            // Two lengths of eight bytes.
             op::CHUNK => return ChunkHead::of(bytes, head).is_ok().then_some(Trust::Proven),
             op::ATTACHMENT => {
                 let attachment = AttachmentHead::parse(body, head.length)?;
@@ -169,12 +169,12 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
             opcode if is_defined(opcode) => head.fits_its_type() && head.fits_its_content(body),
             _ => ChunkHead::of(bytes, head).is_err(),
         };
-        // A recorder that was stopped leaves one chunk behind it, whose length it did not come to write.
+        // After the header, a stopped recorder leaves a single chunk whose length it never wrote.
         let trust = if head.opcode == op::HEADER { Trust::Proven } else { Trust::Agrees };
         agrees.then_some(trust)
     }
 
-    /// Whether a record of this type may be gone on with after damage: what is in no chunk, in a log without any.
+    /// Whether to resync after damage at a record of this type: data outside chunks, in a log without chunks.
     fn is_searched(&self, opcode: u8) -> bool {
         let log = &self.log;
         let has_chunks = log.chunks_seen || log.summary.has_chunks;
@@ -206,7 +206,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         self.visit.record(opcode, body)
     }
 
-    /// A record that this version does not know is the next version's, or an application's.
+    /// A record of unknown type comes from a later version or an application.
     fn undefined(&mut self, opcode: u8, at: u64) -> Fate {
         let place = format!("{} at byte {at}", name(opcode));
         let tally = if is_private(opcode) { &mut self.log.private } else { &mut self.log.unknown };
@@ -241,7 +241,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         }
         let follows = self.begins(file.look(head.end, &mut [0; MAGIC.len() + HEAD_BYTES as usize])?);
         let wrong = |reason| if follows { Fetched::Damaged(reason) } else { Fetched::Refuted(reason) };
-        // The checksum of the data section is of the packed bytes, and so of the messages too.
+        // The checksum of the data section covers the packed bytes, and so the messages too.
         let outer = self.outer();
         self.unpacker.come_to(head.start, file);
         file.bytes(head.start, (head.end - head.start) as usize)?;
@@ -264,8 +264,8 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         Ok(verdict.map_or_else(|reason| Fetched::Damaged(reason.into()), Fetched::Taken))
     }
 
-    /// The summary, whose checksum is right, says that this very chunk holds nothing that is wanted, and so do the message
-    /// indexes behind it.
+    /// Whether the summary, with a valid checksum, says that this chunk holds nothing wanted, and the message indexes
+    /// after it agree.
     fn can_leave_closed(&mut self, file: &mut LogFile, head: &Head) -> Result<bool, ScanError> {
         let length = head.end - head.start;
         let known = self.log.summary.chunk_at(head.start).is_some_and(|c| !c.wanted && c.length == length);
@@ -323,7 +323,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         Ok(())
     }
 
-    /// As [`Framing::fetch`], of what is no magic, without the checksum of the data section.
+    /// As [`Framing::fetch`], for anything but the magic, without the checksum of the data section.
     fn record<S: Source>(&mut self, source: &mut S, head: &Head, start: &[u8]) -> Result<Fetched, ScanError> {
         let limit = self.context.limits.record_bytes;
         match head.opcode {
@@ -333,7 +333,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
             },
             op::ATTACHMENT => self.attachment(source, head),
             opcode if !is_defined(opcode) => Ok(Fetched::Taken(self.undefined(opcode, head.start))),
-            // Of a chunk that was opened its entries tell nothing new.
+            // For an opened chunk, its entries add nothing.
             op::MESSAGE_INDEX if !self.log.is_closed => Ok(Fetched::Taken(Fate::Structure)),
             opcode if head.length > limit => {
                 let reason = format!("a {} of {} bytes is larger than the limit of {limit}", name(opcode), head.length);
@@ -347,10 +347,10 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
     }
 }
 
-/// Said of an attachment that does not fit its record.
+/// Reported for an attachment that does not fit its record.
 const BAD_ATTACHMENT: &str = "the attachment's own header is damaged";
 
-/// Whether what a record holds ends at `end`, and others follow up to where its length leads.
+/// Whether the content of a record ends at `end`, and other records follow up to its stated length.
 fn leads_over_records<S: Source>(source: &mut S, end: u64, head: &Head) -> Result<bool, ScanError> {
     let added = source.up_to(end, head.end.saturating_sub(end) as usize)?;
     Ok(Head::are_records(added))
@@ -503,7 +503,7 @@ impl<V: Visit> Framing for Records<'_, '_, V> {
     }
 }
 
-/// Said where no record begins.
+/// Reported where no record starts.
 const NO_RECORD: &str = "the bytes here are not a record";
 
 impl State {
@@ -536,7 +536,7 @@ impl State {
     }
 }
 
-/// Shows the records inside a chunk. The fate is that of the whole chunk.
+/// Passes on the records inside a chunk. The fate is that of the whole chunk.
 fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Result<Fate, String> {
     let mut rest = Bytes(data);
     let mut fate = Fate::Structure;
@@ -563,7 +563,7 @@ fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Result
     Err(format!("{} records of the chunk are unusable, the rest was kept; the first: {}", bad.count, bad.first))
 }
 
-/// A chunk with one wanted message is decoded, one with any message is more than structure.
+/// A chunk with a wanted message counts as decoded, one with any message as more than structure.
 fn weightier(one: Fate, other: Fate) -> Fate {
     match (one, other) {
         (Fate::Decoded, _) | (_, Fate::Decoded) => Fate::Decoded,

@@ -1,4 +1,4 @@
-//! The summary at the end of a file: hints for the walk, believed as far as its checksum goes.
+//! The summary at the end of a file: hints for the walk, trusted as far as its checksum allows.
 
 use super::record::{self, HEAD_BYTES, Head, MAGIC};
 use super::visit::Visit;
@@ -9,56 +9,56 @@ use std::ops::Range;
 
 /// Content of the footer.
 const FOOTER_BYTES: u64 = 20;
-/// Content of the record that ends the data.
+/// Content of the record that ends the data section.
 const DATA_END_BYTES: u64 = 4;
-/// Chunk indexes that are held; with more of them nothing is skipped.
+/// Maximum chunk indexes held; with more of them nothing is skipped.
 const MOST_CHUNKS: usize = 1 << 20;
-/// Chunks are left closed if they make up at least one in so many bytes.
+/// Chunks are skipped only if they make up at least this fraction (one in N) of the bytes.
 const WORTH_CLOSING: u128 = 10;
-/// Bytes of the summary that are summed in one go.
+/// Bytes of the summary checksummed in one go.
 const BLOCK: usize = 256 << 10;
 
-/// How far the summary can be believed.
+/// How far the summary can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Trust {
-    /// There is none, or the file's end is missing.
+    /// There is no summary, or the end of the file is missing.
     #[default]
     Absent,
-    /// It carries no checksum.
+    /// It has no checksum.
     Unchecked,
-    /// It has the right checksum.
+    /// Its checksum is valid.
     Good,
-    /// It has a wrong checksum or cannot be read.
+    /// Its checksum is wrong, or it cannot be read.
     Bad,
 }
 
-/// A chunk as the summary announces it.
+/// A chunk as listed in the summary.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct IndexedChunk {
     pub(super) offset: u64,
     pub(super) length: u64,
-    /// Whether it holds, or may hold, messages that are wanted.
+    /// Whether it holds, or may hold, wanted messages.
     pub(super) wanted: bool,
 }
 
-/// What the end of a log says about the rest of it.
+/// What the end of a log states about the rest of it.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
-    /// Where the log begins in the file: its places count from there.
+    /// Start of the log in the file: its offsets count from there.
     start: u64,
     pub(super) trust: Trust,
-    /// Checksum of the data section: 0 means that there is none to check.
+    /// Checksum of the data section: 0 means that there is nothing to check.
     pub(super) data_crc: Option<u32>,
     /// Chunks, by offset.
     pub(super) chunks: Vec<IndexedChunk>,
-    /// There are some, whether or not their places are known.
+    /// There are some, whether or not their offsets are known.
     pub(super) has_chunks: bool,
-    /// Messages in the file, from the statistics.
+    /// Message count of the file, from the statistics.
     pub(super) messages: Option<u64>,
 }
 
 impl Summary {
-    /// Reads the summary of a log that begins and ends so in the file; channels of one that can be believed are shown to
+    /// Reads the summary of a log with this start and end in the file; channels of a trusted summary are passed to
     /// `visit`. No record may be longer than `most`.
     pub(super) fn read<V: Visit>(
         file: &mut LogFile,
@@ -82,7 +82,7 @@ impl Summary {
         Ok(summary)
     }
 
-    /// Twice over the records, for an index may stand before the channels that it speaks of.
+    /// Two passes over the records, because an index may come before the channels that it refers to.
     fn read_records<V: Visit>(
         &mut self,
         file: &mut LogFile,
@@ -93,7 +93,7 @@ impl Summary {
         let good = self.trust == Trust::Good;
         let channels = each_record(file, place.clone(), most, |opcode, body| {
             if good && matches!(opcode, op::SCHEMA | op::CHANNEL) {
-                // What cannot be read here is said when the walk comes by.
+                // The walk reports unreadable records when it reaches them.
                 let _ = visit.record(opcode, body);
             }
             Some(())
@@ -111,7 +111,7 @@ impl Summary {
         Ok(indexes)
     }
 
-    /// A closed chunk leaves the sizes of its messages unknown: not worth it for little.
+    /// The message sizes in a skipped chunk remain unknown, so skipping little is not worth it.
     fn open_all_unless_it_pays(&mut self) {
         let bytes = |chunk: &IndexedChunk| u128::from(chunk.length);
         let all: u128 = self.chunks.iter().map(bytes).sum();
@@ -129,7 +129,7 @@ impl Summary {
             }
             op::CHUNK_INDEX if self.chunks.len() < MOST_CHUNKS => {
                 let Ok(Record::ChunkIndex(index)) = record::parse(opcode, body) else { return None };
-                // Without message indexes nothing is known of what the chunk holds.
+                // Without message indexes the content of the chunk is unknown.
                 let channels = &index.message_index_offsets;
                 let wanted = self.trust != Trust::Good
                     || channels.is_empty()
@@ -142,14 +142,14 @@ impl Summary {
         Some(())
     }
 
-    /// The chunk that should begin at `offset`.
+    /// The chunk that should start at `offset`.
     pub(super) fn chunk_at(&self, offset: u64) -> Option<IndexedChunk> {
         let found = self.chunks.binary_search_by_key(&offset, |c| c.offset).ok()?;
         self.chunks.get(found).copied()
     }
 }
 
-/// Calls `visit` for all records in `place`; `None` as soon as one is broken or longer than `most`.
+/// Calls `visit` for all records in `place`; `None` as soon as one is corrupt or longer than `most`.
 fn each_record(
     file: &mut LogFile,
     place: Range<u64>,
@@ -178,7 +178,7 @@ fn data_crc(file: &mut LogFile, at: u64) -> Result<Option<u32>, ScanError> {
     Ok(file.bytes(at + HEAD_BYTES, DATA_END_BYTES as usize)?.and_then(|b| Bytes(b).u32()))
 }
 
-/// Where the footer and the summary are.
+/// Positions of the footer and the summary.
 struct Place {
     footer: u64,
     start: Option<u64>,
@@ -186,7 +186,7 @@ struct Place {
 }
 
 impl Place {
-    /// `None` if the log does not end as one should.
+    /// `None` if the log does not end properly.
     fn find(file: &mut LogFile, log: &Range<u64>) -> Result<Option<Place>, ScanError> {
         let tail = HEAD_BYTES + FOOTER_BYTES + MAGIC.len() as u64;
         let Some(footer) = log.end.checked_sub(tail).filter(|&at| at >= log.start) else { return Ok(None) };
@@ -199,7 +199,7 @@ impl Place {
         let head = (rest.u8()?, rest.u64()?);
         let (start, _offsets, crc) = (rest.u64()?, rest.u64()?, rest.u32()?);
         let whole = head == (op::FOOTER, FOOTER_BYTES) && rest.0 == MAGIC;
-        // A place beyond all files is none.
+        // An offset past the largest possible file is invalid.
         let start = (start != 0).then(|| log_start.saturating_add(start));
         whole.then_some(Place { footer, start, crc })
     }

@@ -1,14 +1,14 @@
-//! Who looks at the records while a file, or its summary, is walked through.
+//! Receivers of records during the walk through a file or its summary.
 
 use super::summary::Summary;
 use crate::decode::Vouch;
 use flight::Notices;
 use logscan::Fate;
 
-/// Who is shown the records.
+/// A receiver of records.
 pub(super) trait Visit {
-    /// A record, from the top level or from within a chunk that is intact. Of an attachment that is not taken, or is
-    /// longer than a record may be, the first megabyte. What is wrong with it is returned for people.
+    /// A record, from the top level or from within an intact chunk. For an attachment that is not wanted or
+    /// exceeds the maximum record length, the first megabyte. The error returned is for users.
     fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String>;
 
     /// Whether messages of this channel are wanted; true if the channel is not known.
@@ -17,7 +17,7 @@ pub(super) trait Visit {
     /// Whether a message of this channel can be placed.
     fn knows(&self, channel: u16) -> bool;
 
-    /// Whether attachments are shown whole.
+    /// Whether attachments are passed on whole.
     fn takes_attachments(&self) -> bool {
         false
     }
@@ -25,15 +25,15 @@ pub(super) trait Visit {
     /// What vouches for the messages that follow.
     fn vouch(&mut self, _by: Vouch) {}
 
-    /// Whether the checksum behind the messages is right.
+    /// Whether the checksum after the messages is valid.
     fn settle(&mut self, _is_right: bool) {}
 
-    /// A message index of a chunk that was left closed: what it lists is shown by nothing else.
+    /// A message index of a skipped chunk: nothing else reports what it lists.
     fn index(&mut self, body: &[u8]) -> Result<Fate, String>;
 
-    /// A log has ended, and this is what it said of itself. What is odd is said.
+    /// A log has ended, and this is what it stated about itself. Oddities are reported.
     fn end_log(&mut self, _file: &str, _summary: &Summary, _notices: &mut Notices) {}
 
-    /// Another log begins, with definitions of its own.
+    /// Another log starts, with definitions of its own.
     fn forget(&mut self) {}
 }

@@ -1,4 +1,4 @@
-//! A frame of UBX, one of RTCM 3 between them, and their checksums.
+//! UBX frames, RTCM 3 frames between them, and their checksums.
 
 /// First bytes of a UBX frame.
 pub(crate) const SYNC: [u8; 2] = [0xb5, 0x62];
@@ -21,7 +21,7 @@ pub(super) struct Frame<'b> {
 }
 
 impl<'b> Frame<'b> {
-    /// The frame that the bytes begin with. Fails with what is wrong.
+    /// The frame at the start of the bytes. Fails with what is wrong.
     pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, &'static str> {
         let length = length_at(bytes).ok_or(CUT)?;
         let (head, rest) = bytes.split_at_checked(HEADER).ok_or(CUT)?;
@@ -34,7 +34,7 @@ impl<'b> Frame<'b> {
         }
     }
 
-    /// The frame that these bytes are, which was found to be intact.
+    /// Parses bytes that are known to be an intact frame.
     pub(super) fn of(bytes: &'b [u8]) -> Frame<'b> {
         let at = |place: usize| bytes.get(place).copied().unwrap_or_default();
         let payload = bytes.get(HEADER..bytes.len().saturating_sub(CHECKSUM)).unwrap_or_default();
@@ -42,17 +42,17 @@ impl<'b> Frame<'b> {
     }
 }
 
-/// Whether these last bytes of a file are the begin of a frame.
+/// Whether these last bytes of a file are the start of a frame.
 pub(super) fn may_be_cut(bytes: &[u8]) -> bool {
     SYNC.starts_with(bytes) || bytes.starts_with(&SYNC)
 }
 
-/// Said of a frame that is all there.
+/// Fault of a complete frame.
 pub(super) const WRONG: &str = "the checksum of a frame is wrong";
-/// Said of a frame that is not all there.
+/// Fault of a truncated frame.
 pub(super) const CUT: &str = "a frame whose length is wrong";
 
-/// Bytes of the frame that begins here, as it says; `None` if not even that is there.
+/// Length of the frame that begins here, by its header; `None` if the header is truncated.
 pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {
     let length = bytes.get(4..).and_then(<[u8]>::first_chunk).map(|two| u16::from_le_bytes(*two))?;
     bytes.starts_with(&SYNC).then_some(HEADER + usize::from(length) + CHECKSUM)
@@ -67,14 +67,14 @@ fn fletcher(bytes: &[u8]) -> [u8; 2] {
     bytes.iter().fold([0, 0], sum)
 }
 
-/// Bytes of the RTCM 3 frame that the bytes begin with, as it says: preamble, ten bits of length, payload, CRC-24Q (RTCM
-/// 10403).
+/// Length of the RTCM 3 frame at the start of the bytes, by its header: preamble, ten bits of length, payload, CRC-24Q
+/// (RTCM 10403).
 pub(super) fn stated_rtcm_length(bytes: &[u8]) -> Option<usize> {
     let &[preamble, high, low] = bytes.first_chunk()?;
     (preamble == RTCM && high & 0xfc == 0).then_some(3 + usize::from(u16::from_be_bytes([high, low])) + 3)
 }
 
-/// Bytes of the intact RTCM 3 frame that the bytes begin with.
+/// Length of the intact RTCM 3 frame at the start of the bytes.
 pub(super) fn rtcm_length(bytes: &[u8]) -> Option<usize> {
     let length = stated_rtcm_length(bytes)?;
     let (checked, told) = bytes.get(..length)?.split_last_chunk::<3>()?;
@@ -88,7 +88,7 @@ fn crc24(bytes: &[u8]) -> u32 {
     })
 }
 
-/// What each byte contributes.
+/// Contribution of each byte.
 #[allow(clippy::indexing_slicing, reason = "worked out by the compiler, which checks it")]
 const CRC24: [u32; 256] = {
     const POLYNOMIAL: u32 = 0x186_4cfb;
@@ -120,8 +120,8 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_of_the_interface_description_is_intact_and_one_changed_bit_is_not() {
-        // The poll of CFG-RATE, as manuals print it.
+    fn a_published_frame_is_intact_and_one_flipped_bit_makes_it_corrupt() {
+        // The poll of CFG-RATE, as printed in manuals.
         let poll = [0xb5, 0x62, 0x06, 0x08, 0x00, 0x00, 0x0e, 0x30];
         assert_eq!(Frame::at(&poll), Ok(Frame { class: 6, number: 8, payload: &[], length: 8 }));
         let whole = frame(1, 7, &[5; 20]);
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_of_corrections_is_told_by_its_checksum() {
+    fn a_frame_of_corrections_is_detected_by_its_checksum() {
         // RTCM 10403.1, example of message 1005.
         let text = "D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98";
         let bytes: Vec<u8> =

@@ -1,10 +1,10 @@
-//! Who the receiver is, and how it is set: UBX-MON-VER, SEC-UNIQID, CFG-RATE, CFG-PRT.
+//! Identity and configuration of the receiver: UBX-MON-VER, SEC-UNIQID, CFG-RATE, CFG-PRT.
 
 use crate::decode::packed::text_of;
 use crate::format::identity::of_version;
 use flight::ReceiverIdentity;
 
-/// What the messages have told so far; of each the first counts.
+/// Information from the messages so far; the first message of each type counts.
 #[derive(Debug, Default)]
 pub(super) struct Identity {
     lines: Vec<String>,
@@ -14,7 +14,7 @@ pub(super) struct Identity {
 }
 
 impl Identity {
-    /// Takes in a message of this class and number.
+    /// Takes a message of this class and number.
     pub(super) fn tell(&mut self, key: (u8, u8), payload: &[u8]) {
         match key {
             (0x0a, 0x04) if self.lines.is_empty() => self.lines = version_lines(payload),
@@ -40,7 +40,7 @@ impl Identity {
     }
 }
 
-/// Software, 30 bytes; hardware, 10; and 30 for each line more.
+/// Software, 30 bytes; hardware, 10; and 30 for each further line.
 fn version_lines(payload: &[u8]) -> Vec<String> {
     let (software, rest) = payload.split_at_checked(30).unwrap_or((payload, &[]));
     let (hardware, more) = rest.split_at_checked(10).unwrap_or((rest, &[]));
@@ -55,14 +55,14 @@ fn unique_number(payload: &[u8]) -> Option<String> {
     number.iter().any(|byte| *byte != 0).then(|| number.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Fixes per second: period of a measurement, ms, times measurements for a fix.
+/// Fixes per second, from the measurement period, ms, times the measurements per fix.
 fn fix_rate(payload: &[u8]) -> Option<f64> {
     let number = |at: usize| Some(f64::from(u16::from_le_bytes(*payload.get(at..)?.first_chunk()?)));
     let period_ms = number(0)? * number(2)?;
     (payload.len() == 6 && period_ms > 0.0).then(|| 1e3 / period_ms)
 }
 
-/// Of the first serial line.
+/// Baud rate of the first serial port.
 fn line_speed(payload: &[u8]) -> Option<u32> {
     const UART_1: u8 = 1;
     let baud = u32::from_le_bytes(*payload.get(8..)?.first_chunk()?);
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_says_who_it_is_and_how_it_is_set() {
+    fn identity_and_configuration_are_read_from_the_messages() {
         let mut identity = Identity::default();
         let version = [field("EXT CORE 3.01 (107900)", 30), field("00080000", 10), field("MOD=NEO-M8N-0", 30)].concat();
         identity.tell((0x0a, 0x04), &version);
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_or_says_nothing_tells_nothing() {
+    fn truncated_and_empty_messages_give_no_identity() {
         let mut identity = Identity::default();
         for key in [(0x0a, 0x04), (0x27, 0x03), (0x06, 0x08), (0x06, 0x00)] {
             for length in 0..40 {

@@ -1,4 +1,4 @@
-//! The messages that are read, in the words of u-blox (interface description of protocol 15 to 34).
+//! The messages that are read, in u-blox terms (interface descriptions of protocol 15 to 34).
 
 use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;
@@ -107,7 +107,7 @@ const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
     (0x29, 0x07, "NAV2-PVT", 92, PVT),
 ];
 
-/// Of NAV-PVT and of NAV2-PVT, which is the same of a second solution: without dead reckoning.
+/// Fields of NAV-PVT and of NAV2-PVT, which is the same for a second solution, without dead reckoning.
 const PVT: &str = "U4 iTOW, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U1 valid, U4 tAcc, I4 nano, U1 fixType, U1 flags, \
          U1 flags2, U1 numSV, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc, I4 velN, I4 velE, I4 velD, \
          I4 gSpeed, I4 headMot, U4 sAcc, U4 headAcc, U2 pDOP";
@@ -135,41 +135,41 @@ const CLASSES: &[(u8, &str)] = &[
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Message {
     pub(super) name: &'static str,
-    /// Bytes of the shortest payload.
+    /// Length of the shortest payload.
     pub(super) shortest: usize,
     fields: &'static str,
 }
 
-/// What the reader puts in front of a payload, little-endian.
+/// Derived fields that the reader prepends to a payload, little-endian.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Derived {
-    /// GPS week of `iTOW`, or of a pulse; 0 if nothing has told it yet.
+    /// GPS week of `iTOW`, or of a pulse; 0 if it is not known yet.
     pub(super) week: u16,
-    /// Of a pulse: GPS time of week, ms; 0 if it is not known.
+    /// GPS time of week of a pulse, ms; 0 if unknown.
     pub(super) tow_ms: u32,
-    /// Whether the receiver trusts its fix; 1 where it does not say.
+    /// Whether the receiver trusts its fix; 1 if it does not say.
     pub(super) fix_ok: bool,
-    /// Whether the phases of the carriers are solved: 0 not, 1 as numbers with fractions, 2 as whole ones.
+    /// Carrier phase ambiguities: 0 unresolved, 1 float, 2 fixed.
     pub(super) carrier: u8,
-    /// Of all digits: latitude and longitude, deg, and height, m, or the place in the earth's own axes, m. Of a velocity in
-    /// these axes: where it is, or the centre of the earth if that is not known.
+    /// Position with all digits: latitude and longitude, deg, and height, m; or ECEF, m. For an ECEF velocity
+    /// the position at which it was measured, or the centre of the earth if that is unknown.
     pub(super) place: [f64; 3],
 }
 
-/// Bytes of [`Derived`] in front of a payload.
+/// Length of [`Derived`] before a payload.
 const FRONT: usize = 3;
 const FRONT_PLACE: usize = FRONT + 24;
 const FRONT_PULSE: usize = FRONT + 4;
 const FRONT_CARRIER: usize = FRONT + 1;
 
 impl Message {
-    /// `None` for a message that is counted and not read.
+    /// `None` for a message that is only counted.
     pub(super) fn of(class: u8, number: u8) -> Option<Message> {
         let found = MESSAGES.iter().find(|m| (m.0, m.1) == (class, number));
         found.map(|&(_, _, name, shortest, fields)| Message { name, shortest, fields })
     }
 
-    /// What [`Derived::place`] is called, if it stands in front.
+    /// Field names of [`Derived::place`], if it is prepended.
     fn place(self) -> Option<&'static str> {
         Some(match self.name {
             "NAV-HPPOSLLH" => "R8 latitude, R8 longitude, R8 ellipsoid_height",
@@ -179,17 +179,17 @@ impl Message {
         })
     }
 
-    /// Whether it is of a pulse: it may count UTC, or the time of another system than GPS.
+    /// Whether it describes a pulse: it may count UTC, or the time of a system other than GPS.
     pub(super) fn is_pulse(self) -> bool {
         matches!(self.name, "TIM-TP" | "TIM-TM2")
     }
 
-    /// Whether it says how the phases of the carriers are solved.
+    /// Whether it has the state of the carrier phase solution.
     fn has_carrier(self) -> bool {
         matches!(self.name, "NAV-PVT" | "NAV2-PVT" | "NAV-PVAT")
     }
 
-    /// What the reader derives, and where everything lies behind it.
+    /// The derived fields, and the positions of all fields after them.
     pub(super) fn layout(self) -> Layout {
         let mut fields = vec![];
         let mut offset = 0;
@@ -226,7 +226,7 @@ impl Message {
         Layout { fields, shortest: front + self.shortest, longest: usize::MAX }
     }
 
-    /// Writes what is derived and the payload.
+    /// Writes the derived fields and the payload.
     pub(super) fn assemble(self, derived: Derived, payload: &[u8], bytes: &mut Vec<u8>) {
         bytes.clear();
         bytes.extend(derived.week.to_le_bytes());
@@ -260,11 +260,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn layouts_are_as_long_as_the_interface_description_says() {
+    fn layouts_have_the_lengths_of_the_interface_description() {
         for &(class, number, name, shortest, _) in MESSAGES {
             let layout = Message::of(class, number).unwrap().layout();
             let end = layout.fields.iter().map(|f| f.offset + f.kind.size()).max().unwrap();
-            // Of NAV-PVT the protocols 14 and 15 have 84 bytes, and these end in reserved ones, or fields that are not read.
+            // NAV-PVT has 84 bytes in protocols 14 and 15, and these end in reserved fields, or fields that are not
+            // read.
             let reserved = match name {
                 "NAV-PVT" => 6,
                 "NAV2-PVT" => 14,
@@ -278,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_lie_where_the_interface_description_says() {
+    fn field_offsets_match_the_interface_description() {
         let offset = |class, number, path: &str| {
             let layout = Message::of(class, number).unwrap().layout();
             layout.fields.iter().find(|f| f.path == path).unwrap().offset
@@ -298,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_that_are_not_read_have_a_name_all_the_same() {
+    fn messages_that_are_not_read_still_have_a_name() {
         assert_eq!([name(1, 7), name(2, 0x15), name(0x77, 1)], ["NAV-PVT", "RXM-0x15", "0x77-0x01"]);
     }
 }

@@ -1,24 +1,25 @@
-//! The time of a pulse: which the receiver gives, `TIM-TP`, or which it is given, `TIM-TM2`.
+//! The time of a pulse that the receiver emits, `TIM-TP`, or receives, `TIM-TM2`.
 //!
-//! Bits and numbers are those of u-blox's interface descriptions (M8, F9, F10), as pyubx2 and the crate `ublox` have them.
+//! Bits and numbers are those of u-blox's interface descriptions (M8, F9, F10), as pyubx2 and the crate `ublox` have
+//! them.
 
 use crate::decode::Tally;
 use crate::reader::Log;
 use crate::table::ColumnData;
 use flight::{GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Stamp, WEEK_S, gps_ahead_of_utc_s};
 
-/// Weeks that are told are before this one, of the year 2117.
+/// Weeks in messages are before this one, of the year 2117.
 pub(super) const LAST_WEEK: i64 = 0x1c00;
 const WEEK_MS: i64 = WEEK_S * 1000;
-/// BeiDou time begins on 2006-01-01, and had no leap seconds since.
+/// BeiDou time begins on 2006-01-01, and has had no leap seconds since.
 const BEIDOU_MS: i64 = 1356 * WEEK_MS + 14_000;
 /// Galileo counts seconds as GPS does, and weeks from 1999-08-22 on.
 const GALILEO_WEEKS: i64 = 1024;
 
-/// Whose time it is.
+/// Time system of a pulse.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum System {
-    /// GPS, or what does not say.
+    /// GPS, or unspecified.
     #[default]
     Gps,
     Glonass,
@@ -28,7 +29,7 @@ pub(super) enum System {
 }
 
 impl System {
-    /// `timeRefGnss`. Receivers of the generations 4 to 6 have something else in its place.
+    /// `timeRefGnss`. Receivers of the generations 4 to 6 have another field in its place.
     fn of(reference: u8) -> System {
         match reference & 0xf {
             1 => System::Glonass,
@@ -40,18 +41,18 @@ impl System {
     }
 }
 
-/// How a receiver counts the time of a pulse.
+/// Time base of a pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Base {
     Of(System),
-    /// Weeks and times of week as of GPS, but with leap seconds: as it does unless it is told otherwise.
+    /// Weeks and times of week like those of GPS, but with leap seconds: the default configuration.
     Utc,
-    /// Its own clock.
+    /// The receiver's own clock.
     Receiver,
     NotValid,
 }
 
-/// A pulse as the receiver says its time.
+/// A pulse with the time in its message.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pulse {
     week: u16,
@@ -60,13 +61,13 @@ pub(super) struct Pulse {
 }
 
 impl Pulse {
-    /// By `TIM-TP`.
+    /// From `TIM-TP`.
     pub(super) fn predicted(week: u16, tow_ms: u32, flags: u8, reference: u8) -> Pulse {
         let base = if flags & 1 == 1 { Base::Utc } else { Base::Of(System::of(reference)) };
         Pulse { week, tow_ms, base }
     }
 
-    /// By `TIM-TM2`, the rising edge; `system` is the one that is set for the receiver's own pulses.
+    /// From `TIM-TM2`, the rising edge; `system` is the one that is configured for the receiver's own pulses.
     pub(super) fn marked(week: u16, tow_ms: u32, flags: u8, system: System) -> Pulse {
         let is_valid = flags >> 6 & 1 == 1;
         let base = match flags >> 3 & 3 {
@@ -78,7 +79,7 @@ impl Pulse {
         Pulse { week, tow_ms, base }
     }
 
-    /// Whose time it is in, if it is in that of a system.
+    /// The time system, if the time is in that of a system.
     pub(super) fn system(self) -> Option<System> {
         match self.base {
             Base::Of(system) => Some(system),
@@ -86,7 +87,8 @@ impl Pulse {
         }
     }
 
-    /// GPS week and time of week, ms; else why they are not known. `told` is the week by the receiver's other messages.
+    /// GPS week and time of week, ms; otherwise why they are unknown. `told` is the week from the receiver's other
+    /// messages.
     pub(super) fn gps(self, told: Option<i64>) -> Result<(i64, i64), &'static str> {
         let count_ms = i64::from(self.week) * WEEK_MS + i64::from(self.tow_ms);
         let is_told = |week: i64| told.is_some_and(|told| (week - told).abs() <= 1);
@@ -111,25 +113,26 @@ impl Pulse {
 /// The pulses of a log.
 #[derive(Debug, Default)]
 pub(super) struct Pulses {
-    /// In whose time pulses are, as TIM-TP said last; TIM-TM2 does not say it itself.
+    /// Time base of pulses by the last TIM-TP; TIM-TM2 does not state it itself.
     system: Option<System>,
-    /// What TIM-TP said first.
+    /// Time base by the first TIM-TP.
     first: Option<System>,
-    /// Those of TIM-TM2 before that; taken to be in GPS time.
+    /// TIM-TM2 pulses before that; assumed to be in GPS time.
     early: Vec<Pulse>,
-    /// Pulses of which no GPS time is known, and why the first has none.
+    /// Pulses without a known GPS time, and why the first has none.
     pub(super) untimed: Tally,
 }
 
 impl Pulses {
-    /// One that the receiver gives; GPS week and time of week, ms, or 0 for both. `told` is the week by other messages.
+    /// A pulse that the receiver emits; GPS week and time of week, ms, or 0 for both. `told` is the week from other
+    /// messages.
     pub(super) fn given(&mut self, pulse: Pulse, told: Option<i64>) -> (i64, i64) {
         self.system = pulse.system().or(self.system);
         self.first = self.first.or(self.system);
         self.time(pulse, told, "TIM-TP")
     }
 
-    /// One that the receiver is given, by the fields of `TIM-TM2`.
+    /// A pulse that the receiver receives, from the fields of `TIM-TM2`.
     pub(super) fn taken(&mut self, week: u16, tow_ms: u32, flags: u8, told: Option<i64>) -> (i64, i64) {
         let pulse = Pulse::marked(week, tow_ms, flags, self.system.unwrap_or_default());
         if self.first.is_none() {
@@ -145,7 +148,7 @@ impl Pulses {
         })
     }
 
-    /// The times of the first rows of TIM-TM2, by what TIM-TP said behind them; `None` for one that stays.
+    /// The times of the first rows of TIM-TM2, by the TIM-TP after them; `None` for one that is kept.
     pub(super) fn early(&mut self, told: Option<i64>) -> EarlyMarks {
         let Some(system) = self.first.filter(|system| *system != System::Gps) else { return EarlyMarks::default() };
         let early = std::mem::take(&mut self.early).into_iter();
@@ -194,11 +197,11 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_that_counts_utc_is_as_many_leap_seconds_later_in_gps_time() {
-        // A receiver of 2021: the pulse of 237888 s of GPS time is told of at 237887 s, in UTC.
+    fn a_pulse_in_utc_is_later_in_gps_time_by_the_leap_seconds() {
+        // A receiver of 2021: the pulse at 237888 s of GPS time is reported at 237887 s, in UTC.
         assert_eq!(tp(237_870_000, 2146, 0xb, 15), Ok((2146, 237_888_000)));
         assert_eq!(tp(237_888_000, 2146, 0xa, 15), Ok((2146, 237_888_000)));
-        // Whose time it would be is not valid then.
+        // The time system is not valid then.
         assert_eq!(tp(237_870_000, 2146, 0xb, 2), Ok((2146, 237_888_000)));
         // The last seconds of a week are the first of the next; in 2012 there were 15 and 16 leap seconds.
         assert_eq!(tp(604_790_000, 2146, 1, 15), Ok((2147, 8000)));
@@ -206,8 +209,9 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_in_the_time_of_another_system_is_in_gps_time_or_has_none() {
-        // 2022-11-30 12:52:37 UTC is second 305575 of GPS week 2238, 305561 of BeiDou week 882 and 305575 of Galileo week 1214.
+    fn a_pulse_in_another_systems_time_is_converted_or_has_no_time() {
+        // 2022-11-30 12:52:37 UTC is second 305575 of GPS week 2238, 305561 of BeiDou week 882 and 305575 of Galileo
+        // week 1214.
         assert_eq!(tp(305_561_000, 882, 0, 0x72), Ok((2238, 305_575_000)));
         // The first seconds of a GPS week are the last of BeiDou's.
         assert_eq!(tp(604_790_000, 1089, 0, 2), Ok((2446, 4000)));
@@ -218,12 +222,12 @@ mod tests {
         );
         assert_eq!([tp(0, 2445, 0, 1), tp(0, 2445, 0, 4)], [Err("in GLONASS time"), Err("in NavIC time")]);
         assert_eq!(tp(0, 0xffff, 0, 0), Err("in an invalid week"));
-        // What does not say, and the reserved byte of old receivers.
+        // Unspecified, and the reserved byte of old receivers.
         assert!([0, 3, 5, 15, 0xf0].iter().all(|&reference| tp(7, 2445, 0, reference) == Ok((2445, 7))));
     }
 
     #[test]
-    fn a_time_mark_has_a_time_if_it_is_valid_and_not_of_the_receivers_clock() {
+    fn a_time_mark_has_a_time_if_valid_and_not_in_the_receivers_clock() {
         let at = |flags: u8| Pulse::marked(2146, 1000, flags, System::Gps).gps(None);
         let valid = 1 << 6;
         assert_eq!([at(valid | 1 << 3), at(valid | 2 << 3)], [Ok((2146, 1000)), Ok((2146, 19_000))]);

@@ -1,4 +1,4 @@
-//! What the receiver's messages tell of its time and of itself.
+//! Time and identity of the receiver from its messages.
 
 use super::identity::Identity;
 use super::message::{Derived, Message};
@@ -10,41 +10,41 @@ use crate::table::ColumnData;
 use crate::time::{SaidDates, Since};
 use flight::{Geodetic, Stamp, WEEK_S, gps_of_unix};
 
-/// Receivers that are listed.
+/// Most receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
-/// Stands for the week of the first message until a week is told; no week that is told is near it.
+/// Placeholder for the week of the first message until a week is known; no real week is near it.
 const UNTOLD: i64 = 0x8000;
-/// Weeks that stand for those of one run of a receiver's clock before a week is told. A clock that does not know the time is
-/// begun anywhere, and leaps when the time is known: then a new run begins.
+/// Placeholder weeks of one run of a receiver's clock before a week is known. A clock that does not know the time
+/// starts anywhere, and jumps when the time becomes known: then a new run begins.
 const OF_RUN: i64 = 64;
 const MOST_RUNS: i64 = 500;
-/// What is no leap: messages of one epoch come in any order, and some are missing, ms.
+/// Smaller steps are not jumps: messages of one epoch come in any order, and some are missing, ms.
 const LATE_MS: i64 = 1000;
 const GAP_MS: i64 = 10_000;
-/// What the messages have told so far.
+/// Information from the messages so far.
 #[derive(Debug, Default)]
 pub(super) struct Receiver {
-    /// The latest week that was told, or [`UNTOLD`], and the time of week then, ms.
+    /// The latest known week, or [`UNTOLD`], and the time of week then, ms.
     week: Option<(i64, i64)>,
-    /// The time of week of the last message before any week was told, ms.
+    /// The time of week of the last message before any week was known, ms.
     last_ms: Option<i64>,
-    /// The receiver said in this run of its clock that it does not know the time, and said so last.
+    /// The receiver reported in this run of its clock that it does not know the time, and that is its last report.
     is_untimed_run: bool,
     is_untimed: bool,
-    /// What the first week that was told is ahead of the weeks counted until then.
+    /// Difference between the first known week and the weeks counted until then.
     pub(super) weeks: Weeks,
     /// Of fixes.
     dates: SaidDates,
-    /// The latest place, m in the earth's own axes, and the time of week then, ms.
+    /// The latest position, ECEF, m, and the time of week then, ms.
     place: Option<([f64; 3], i64)>,
-    /// Velocities in the earth's own axes of which no place is known.
+    /// ECEF velocities without a known position.
     pub(super) nowhere: u64,
     pub(super) pulses: Pulses,
     pub(super) names: Vec<String>,
     pub(super) identity: Identity,
 }
 
-/// A velocity is turned by the place at most so far from it in time, ms: what has flown on for ten seconds sees north
+/// A velocity is rotated with a position at most this far from it in time, ms: after ten seconds of flight north has
 /// turned by some 1e-4 rad.
 const NEAR_MS: i64 = 10_000;
 
@@ -52,7 +52,7 @@ const NEAR_MS: i64 = 10_000;
 const PVT: Since = Since { week: 1669, why: "its messages are those of receivers since 2012" };
 
 impl Receiver {
-    /// Takes in a message; gives what is to be put in front of its payload.
+    /// Takes a message; returns what is to be prepended to its payload.
     pub(super) fn tell(&mut self, message: Message, payload: &[u8]) -> Derived {
         let read = Read(payload);
         let itow_at = match message.name {
@@ -100,7 +100,7 @@ impl Receiver {
         }
     }
 
-    /// Where the receiver is, m in the earth's own axes; their origin, and counted, if no place was told within seconds.
+    /// Position of the receiver, ECEF, m; the origin, and counted, if no position was received within seconds.
     fn place_at(&mut self, itow_ms: i64) -> [f64; 3] {
         let near = self.place.filter(|(_, told_ms)| (itow_ms - told_ms).abs() <= NEAR_MS);
         self.nowhere += u64::from(near.is_none());
@@ -120,12 +120,12 @@ impl Receiver {
         }
     }
 
-    /// What is suspected of the dates, and of how many.
+    /// What is suspect about the dates, and how many are affected.
     pub(super) fn suspicion(&self) -> Option<(String, u64)> {
         self.dates.suspicion(PVT)
     }
 
-    /// GPS week and time of week, ms, of a pulse; week 0 if they are not known.
+    /// GPS week and time of week, ms, of a pulse; week 0 if they are unknown.
     fn pulse(&mut self, message: Message, read: Read<'_>) -> (i64, i64) {
         let told = self.week.map(|(week, _)| week);
         match message.name {
@@ -137,7 +137,8 @@ impl Receiver {
         }
     }
 
-    /// The week that the date says whose fields begin at `at`; at its ends the time of week decides. Gives the date, UTC.
+    /// The week of the date whose fields begin at `at`; near week boundaries the time of week decides. Returns the
+    /// date, UTC.
     fn learn_date(&mut self, read: Read<'_>, at: usize, itow_ms: i64) -> Option<i64> {
         let [month, day, hour, minute, second] = [2, 3, 4, 5, 6].map(|field| i64::from(read.u8(at + field)));
         let unix = calendar_to_unix_ns([read.u16(at).into(), month, day, hour, minute, second], 0);
@@ -148,7 +149,7 @@ impl Receiver {
         unix
     }
 
-    /// The week of a time of week: it begins anew on Sunday, and messages of one epoch come in any order.
+    /// The week of a time of week: it restarts on Sunday, and messages of one epoch come in any order.
     fn week_at(&mut self, itow_ms: i64) -> i64 {
         const HALF_MS: i64 = WEEK_S * 500;
         let (week, told_ms) = *self.week.get_or_insert((UNTOLD + OF_RUN * self.weeks.run, itow_ms));
@@ -158,14 +159,14 @@ impl Receiver {
             step if step < 0 => return week,
             _ => week,
         };
-        // A log may go on for more than half a week behind the last that says it.
+        // A log may continue for more than half a week after the last message with a week.
         if !(self.is_untimed && self.weeks.are_told()) {
             self.week = Some((week, itow_ms));
         }
         week
     }
 
-    /// The clock has come to this time of week; before any week was told it may have leapt.
+    /// Advances the clock to this time of week; before any week is known it may have jumped.
     fn runs_to(&mut self, itow_ms: i64) {
         const HALF_MS: i64 = WEEK_S * 500;
         if self.weeks.are_told() {
@@ -180,18 +181,18 @@ impl Receiver {
         self.last_ms = Some(itow_ms);
     }
 
-    /// The times of marks that stand before what says whose time they are in.
+    /// The times of marks before the message that states their time base.
     pub(super) fn early_marks(&mut self) -> EarlyMarks {
         let told = self.week.map(|(week, _)| week);
         self.pulses.early(told)
     }
 
-    /// The week and the time of week, ms, that were told last.
+    /// The last known week and time of week, ms.
     pub(super) fn told(&self) -> Option<(i64, i64)> {
         self.week
     }
 
-    /// `MON-VER`: software, hardware, and thirty characters each of more.
+    /// `MON-VER`: software, hardware, and thirty characters for each further line.
     pub(super) fn version(&mut self, payload: &[u8]) {
         let (software, rest) = payload.split_at_checked(30).unwrap_or((payload, &[]));
         let (hardware, more) = rest.split_at_checked(10).unwrap_or((rest, &[]));
@@ -204,36 +205,37 @@ impl Receiver {
     }
 }
 
-/// The weeks of messages that came before the first one that told its week.
+/// The weeks of messages before the first known week.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Weeks {
     ahead: Option<i64>,
-    /// The run of the clock in which it was told.
+    /// The run of the clock in which it became known.
     run: i64,
 }
 
 impl Weeks {
-    /// Whether a week was ever told.
+    /// Whether any week was known.
     pub(super) fn are_told(self) -> bool {
         self.ahead.is_some()
     }
 
-    /// Whether a week was told in this run of the clock.
+    /// Whether a week was known in this run of the clock.
     pub(super) fn are_of(self, run: i64) -> bool {
         self.are_told() && self.run == run
     }
 
-    /// Whether nothing had told this week of a message when it came.
+    /// Whether this week of a message was a placeholder when it came.
     pub(super) fn is_untold(week: u16) -> bool {
         i64::from(week) >= LAST_WEEK
     }
 
-    /// The run of the clock that a week stands for which nothing had told.
+    /// The run of the clock that a placeholder week belongs to.
     pub(super) fn run_of(week: u16) -> i64 {
         (i64::from(week) - UNTOLD + OF_RUN / 2).div_euclid(OF_RUN)
     }
 
-    /// Puts the weeks into the tables, none for runs of a clock that did not know the time; 0 if none was ever told.
+    /// Puts the weeks into the tables, except for runs of a clock that did not know the time; 0 if no week became
+    /// known.
     pub(crate) fn put(self, log: &mut Log) {
         let tables = log.tables.iter_mut().filter(|table| table.topic.encoding == "ubx");
         for column in tables.flat_map(|table| &mut table.columns).filter(|column| column.path == "gps_week") {
@@ -252,18 +254,18 @@ impl Weeks {
     }
 }
 
-/// A place is good enough to say where north is if its accuracy is better than this, m: that far off, north is turned by
+/// A position is good enough to define north if its accuracy is better than this, m: that far off, north is rotated by
 /// some 1e-3 rad.
 const WORST_PLACE_M: f64 = 10_000.0;
 
-/// Where the receiver is, m in the earth's own axes, by messages that say so, and how accurately.
+/// Position of the receiver, ECEF, m, from messages that have it, and its accuracy.
 fn place_of(name: &str, read: Read<'_>) -> Option<[f64; 3]> {
     let ecef = |at: usize| [at, at + 4, at + 8].map(|at| f64::from(read.i32(at)) / 100.0);
     let accuracy = |at: usize, per_m: f64| f64::from(read.u32(at)) / per_m;
     let (place, accuracy_m) = match name {
         "NAV-POSECEF" => (ecef(4), accuracy(16, 100.0)),
         "NAV-SOL" => (ecef(12), accuracy(24, 100.0)),
-        // Bit 0 of its flags says that the place is invalid.
+        // Bit 0 of its flags says that the position is invalid.
         "NAV-HPPOSECEF" if read.u8(23) & 1 == 0 => (precise_ecef(read), accuracy(24, 1e4)),
         "NAV-POSLLH" => {
             let [longitude, latitude] = [4, 8].map(|at| f64::from(read.i32(at)) / 1e7);
@@ -275,7 +277,7 @@ fn place_of(name: &str, read: Read<'_>) -> Option<[f64; 3]> {
     (accuracy_m < WORST_PLACE_M).then_some(place)
 }
 
-/// The place of `NAV-HPPOSECEF`, m: cm, and tenths of mm.
+/// The position of `NAV-HPPOSECEF`, m: cm, and tenths of mm.
 fn precise_ecef(read: Read<'_>) -> [f64; 3] {
     [(8, 20), (12, 21), (16, 22)].map(|(at, fine_at)| {
         let tenths_mm = i64::from(read.i32(at)) * 100 + i64::from(read.u8(fine_at) as i8);
@@ -315,7 +317,7 @@ impl Read<'_> {
     }
 }
 
-/// Whether the receiver says that its fix can be used; true for a message that does not say.
+/// Whether the receiver says that its fix is usable; true for a message that does not say.
 fn is_fix_ok(name: &str, read: Read<'_>) -> bool {
     match name {
         "NAV-PVT" | "NAV2-PVT" => read.u8(21) & 1 != 0,
@@ -369,9 +371,9 @@ mod tests {
     }
 
     #[test]
-    fn the_week_comes_from_the_date_and_runs_on_over_sunday() {
+    fn the_week_comes_from_the_date_and_increments_on_sunday() {
         let mut receiver = Receiver::default();
-        // Nothing known yet, and a date that is not valid.
+        // No week known yet, and a date that is not valid.
         assert!(Weeks::is_untold(tell(&mut receiver, 1, 2, &[0; 28]).week));
         assert!(Weeks::is_untold(tell(&mut receiver, 1, 7, &pvt(5, 2026, [11, 21, 23, 59, 42], 1)).week));
         assert!(!receiver.weeks.are_told());
@@ -383,7 +385,7 @@ mod tests {
         assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2446);
         next[..4].copy_from_slice(&604_799_950_u32.to_le_bytes());
         assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2445);
-        // Weeks behind the last that was told, and epochs that come late.
+        // Weeks after the last known one, and epochs that come late.
         for hour in 1..24 * 17 {
             for (back, expected) in [(0, hour), (1, hour - 1)] {
                 let now_ms = 3_600_000 * u64::from(hour - back);
@@ -394,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_mark_is_in_the_time_of_the_pulses_that_the_receiver_gives() {
+    fn a_time_mark_uses_the_time_base_of_the_receivers_own_pulses() {
         let mut receiver = Receiver::default();
         let mut mark = [0; 28];
         mark[1] = 1 << 6 | 1 << 3;
@@ -406,7 +408,7 @@ mod tests {
             let derived = tell(&mut receiver, 0x0d, 3, &mark);
             (derived.week, derived.tow_ms)
         };
-        // By GPS, by BeiDou; one in UTC says nothing of the system; by GLONASS.
+        // In GPS time; in BeiDou time; in UTC, which does not show the system; in GLONASS time.
         let marks = [tp(0, 0), tp(0, 2), tp(1, 0), tp(0, 1)].map(|pulse| week(&pulse));
         assert_eq!(marks, [(1089, 1000), (2445, 15_000), (2445, 15_000), (0, 0)]);
         let untimed = &receiver.pulses.untimed;
@@ -414,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn the_digits_of_a_precise_position_are_put_together() {
+    fn the_digits_of_a_high_precision_position_are_combined() {
         let mut payload = vec![0; 36];
         payload[8..12].copy_from_slice(&(-1_220_312_345_i32).to_le_bytes());
         payload[12..16].copy_from_slice(&373_412_345_i32.to_le_bytes());
@@ -425,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_is_named_once() {
+    fn a_receiver_is_listed_once() {
         let mut receiver = Receiver::default();
         let field = |text: &str, size: usize| {
             let mut field = text.as_bytes().to_vec();

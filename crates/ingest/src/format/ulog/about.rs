@@ -1,19 +1,19 @@
-//! What a ULog says of the vehicle: information, parameters, modes and texts.
+//! What a ULog states about the vehicle: information, parameters, modes and texts.
 
 use super::record::Entry;
 use crate::format::identity::{lever_arms, of_px4, tell_px4_versions};
 use flight::{About, Clock, ConfiguredDelay, ModeStart, ReceiverIdentity};
 use std::collections::BTreeMap;
 
-/// Different keys of information, and parameters, that are kept.
+/// Maximum distinct information keys, and parameters, that are kept.
 const MOST_NAMES: usize = 16_384;
-/// Changes of parameters, and of modes, that are listed.
+/// Maximum changes of parameters, and of modes, that are listed.
 const MOST_CHANGES: usize = 1000;
-/// Texts that are kept.
+/// Maximum texts that are kept.
 const MOST_TEXTS: usize = 100;
-/// Receivers that are listed.
+/// Maximum receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
-/// So much of what drivers print is looked into, bytes.
+/// Maximum driver output that is parsed, bytes.
 const LONGEST_CONSOLE: usize = 1 << 16;
 /// Longest text that is kept, characters.
 const LONGEST_TEXT: usize = 1000;
@@ -21,24 +21,24 @@ const LONGEST_TEXT: usize = 1000;
 /// Collects it while the log is read.
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
-    /// By key; `None` for what is neither a text nor a number.
+    /// By key; `None` for values that are neither text nor number.
     information: BTreeMap<String, Option<String>>,
-    /// What drivers printed when they began.
+    /// Output of the drivers at their start.
     console: String,
-    /// Parts of long information by key.
+    /// Parts of multi-part information by key.
     parts: BTreeMap<String, u64>,
-    /// At the start.
+    /// At the start of the log.
     parameters: BTreeMap<String, f64>,
     current: BTreeMap<String, f64>,
     defaults: BTreeMap<String, f64>,
     changes: Vec<String>,
     modes: Vec<ModeStart>,
     mode: Option<u8>,
-    /// Instance and number of the device.
+    /// Instance and device number.
     receivers: Vec<(u8, u32)>,
     texts: Vec<String>,
     text_count: u64,
-    /// Names and changes that were too many to be kept.
+    /// Names and changes beyond the limits.
     pub(super) not_kept: u64,
 }
 
@@ -90,7 +90,7 @@ impl Gathered {
         }
     }
 
-    /// A driver that does not know its device says zero.
+    /// A driver that does not know its device reports zero.
     pub(super) fn receiver(&mut self, instance: u8, device: u32) {
         let known = device == 0 || self.receivers.contains(&(instance, device));
         if !known && self.receivers.len() < MOST_RECEIVERS {
@@ -111,7 +111,7 @@ impl Gathered {
         }
     }
 
-    /// Texts that were more than are kept.
+    /// Texts beyond the limit.
     pub(super) fn texts_not_kept(&self) -> u64 {
         self.text_count - self.texts.len() as u64
     }
@@ -145,7 +145,7 @@ impl Gathered {
         (!parts.is_empty()).then(|| parts.join(" "))
     }
 
-    /// What the log holds beside its messages, by name.
+    /// What the log holds besides its messages, by name.
     pub(super) fn extras(&self) -> Vec<String> {
         let information = self.information.iter().map(|(key, value)| match value {
             Some(value) => format!("{key}: {value}"),
@@ -200,7 +200,7 @@ fn seconds(at_us: u64) -> String {
     format!("{}.{:03} s", at_us / 1_000_000, at_us / 1000 % 1000)
 }
 
-/// `0xAABBCCTT`: major, minor, patch and the kind of release (PX4, `src/lib/version`).
+/// `0xAABBCCTT`: major, minor, patch and release type (PX4, `src/lib/version`).
 fn release(version: u32) -> String {
     let [major, minor, patch, kind] = version.to_be_bytes();
     let kind = match kind {
@@ -213,7 +213,7 @@ fn release(version: u32) -> String {
     format!("{major}.{minor}.{patch} {kind}")
 }
 
-/// `GPS 0: u-blox F9P (device 0xaa0005)`: the highest byte but one of a device's number is its type (PX4,
+/// `GPS 0: u-blox F9P (device 0xaa0005)`: the second-highest byte of a device's number is its type (PX4,
 /// `src/drivers/drv_sensor.h`).
 fn receiver(instance: u8, device: u32) -> String {
     let name = kind_of(device).unwrap_or("of a type that is not known");
@@ -243,7 +243,7 @@ fn kind_of(device: u32) -> Option<&'static str> {
     })
 }
 
-/// Parameters that set a delay: name, how many of its units are a second, what they delay.
+/// Parameters that set a delay: name, units per second, what they delay.
 const DELAYS: &[(&str, f64, &str)] = &[
     ("EKF2_GPS_DELAY", 1e3, "GPS behind the IMU"),
     ("EKF2_MAG_DELAY", 1e3, "magnetometer behind the IMU"),
@@ -277,7 +277,7 @@ pub(in crate::format) fn configured(name: &str, value: f64) -> Option<Configured
     })
 }
 
-/// `nav_state` of `vehicle_status`. Numbers that PX4 gave another meaning in the course of time keep their number.
+/// `nav_state` of `vehicle_status`. Numbers whose meaning PX4 changed over time are shown as numbers.
 fn mode_name(state: u8) -> String {
     let name = match state {
         0 => "Manual",
@@ -303,7 +303,7 @@ fn mode_name(state: u8) -> String {
     name.to_owned()
 }
 
-/// Levels of the Linux kernel, as digits.
+/// Linux kernel levels, as digits.
 pub(super) fn level_name(level: u8) -> &'static str {
     match level & 0xf {
         0 => "EMERGENCY",
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parameter_that_changes_is_told_and_its_delay_is_that_of_the_start() {
+    fn a_parameter_change_is_reported_and_its_first_value_is_the_delay() {
         let mut gathered = Gathered::default();
         with(&mut gathered, number("EKF2_GPS_DELAY", 110.0), None);
         with(&mut gathered, number("EKF2_GPS_DELAY", 110.0), Some(1));
@@ -346,13 +346,13 @@ mod tests {
     }
 
     #[test]
-    fn a_version_reads_as_px4_writes_it() {
+    fn a_version_is_formatted_as_in_px4() {
         assert_eq!(release(0x010d_00ff), "1.13.0 release");
         assert_eq!(release(0x010e_0040), "1.14.0 alpha");
     }
 
     #[test]
-    fn what_is_kept_has_a_bound_and_the_rest_is_counted() {
+    fn kept_entries_are_limited_and_the_rest_are_counted() {
         let mut gathered = Gathered::default();
         for i in 0..MOST_NAMES + 7 {
             with(&mut gathered, number(&format!("P{i}"), 1.0), None);

@@ -1,6 +1,6 @@
-//! What a ULog holds beside its topics, as texts by name: information, parameters with their defaults and changes, and
-//! logged texts, and dropouts. Every value is kept: a float has a point or an exponent, what is neither number nor text is its type and
-//! its bytes.
+//! The contents of a ULog besides its topics, as texts by name: information, parameters with defaults and changes,
+//! logged texts, and dropouts. Every value is kept: a float has a point or an exponent; values other than numbers and
+//! text are their type and bytes.
 
 use super::about::level_name;
 use super::record::{Basic, Entry, Kind, basic};
@@ -13,7 +13,7 @@ use crate::reader::Extra;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Bytes that are collected before they are handed on.
+/// Bytes collected before they are passed on.
 const MOST: usize = 1 << 20;
 
 const INFORMATION: &str = "ulog information";
@@ -28,16 +28,16 @@ const DROPOUTS: &str = "ulog dropouts";
 pub(super) struct Beside {
     sets: BTreeMap<&'static str, BTreeMap<String, String>>,
     bytes: usize,
-    /// Long information under way: its key.
+    /// Key of the multi-part information in progress.
     part: String,
-    /// Of texts, changes and the like so far.
+    /// Count of texts, changes and the like so far.
     count: u64,
 }
 
 impl Beside {
-    /// Takes a message; `at_us` is the time of parameters that change, and `None` while they are defined.
+    /// Takes a message; `at_us` is the time of parameter changes, and `None` during the definitions.
     pub(super) fn take(&mut self, kind: Kind, body: &[u8], at_us: Option<u64>, topics: &Topics<'_>) {
-        // What is no entry is damaged, and told as such.
+        // An invalid entry is damaged, and reported as such.
         let _ = match kind {
             Kind::Info => Entry::parse(body).map(|entry| self.set(INFORMATION, entry.name.to_owned(), value(&entry))),
             Kind::InfoPart => self.part(body),
@@ -56,7 +56,7 @@ impl Beside {
         }
     }
 
-    /// Gives everything that was collected to who takes it.
+    /// Passes everything collected to its receiver.
     pub(super) fn hand_on(&mut self, topics: &Topics<'_>) {
         for (name, entries) in std::mem::take(&mut self.sets) {
             topics.extra(&Extra::Metadata { name, entries: &entries });
@@ -64,7 +64,7 @@ impl Beside {
         self.bytes = 0;
     }
 
-    /// A key that says something else a second time gets a number.
+    /// A key that occurs again with another value gets a number.
     fn set(&mut self, name: &'static str, key: String, value: String) {
         self.bytes += key.len() + value.len();
         let set = self.sets.entry(name).or_default();
@@ -77,13 +77,13 @@ impl Beside {
         set.insert(free, value);
     }
 
-    /// Number and time of a text: keys are sorted, and so keep the order of the log.
+    /// Number and time of a text: keys are sorted, so this keeps the order of the log.
     fn next(&mut self, at_us: u64) -> String {
         self.count += 1;
         format!("#{:06} at {}.{:06} s", self.count, at_us / 1_000_000, at_us % 1_000_000)
     }
 
-    /// Long information comes in parts: those that go on where the one before ended become one text.
+    /// Multi-part information: parts that continue the previous one are joined into one text.
     fn part(&mut self, body: &[u8]) -> Option<()> {
         let goes_on = *body.first()? != 0;
         let entry = Entry::parse(body.get(1..)?)?;
@@ -111,7 +111,7 @@ impl Beside {
         }
     }
 
-    /// The first byte says of what it is the default: of the system, of this airframe's configuration.
+    /// The first byte says whose default it is: the system's, or this airframe configuration's.
     fn default_parameter(&mut self, body: &[u8]) -> Option<()> {
         let of = *body.first()?;
         let entry = Entry::parse(body.get(1..)?)?;
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn every_value_can_be_told_from_its_text() {
+    fn every_value_is_recoverable_from_its_text() {
         assert_eq!(shown("float", &110_f32.to_le_bytes()), "110.0");
         assert_eq!(shown("float", &0.29_f32.to_le_bytes()), "0.29");
         assert_eq!(shown("int32_t", &(-7_i32).to_le_bytes()), "-7");
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_that_comes_twice_takes_the_place_of_the_first() {
+    fn a_repeated_entry_does_not_replace_the_first() {
         let mut beside = Beside::default();
         for value in ["1", "2", "2", "3"] {
             beside.set(INFORMATION, "k".to_owned(), value.to_owned());

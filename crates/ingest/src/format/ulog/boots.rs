@@ -1,28 +1,28 @@
-//! Since when the vehicle runs, where logs stand one behind another.
+//! Boots of the vehicle, where logs come one after another.
 //!
-//! Every log counts from the boot of its vehicle. The messages of a log that began before the one in front of it ended are of
-//! another boot: they are logged behind it, so that those of two boots do not mix, and each is dated by itself.
+//! Every log counts from the boot of its vehicle. If a log starts before the end of the previous log, its messages are
+//! of another boot. They are logged after it, so that two boots do not mix, and each boot is dated by itself.
 
 use crate::reader::Restart;
 
-/// Logged between two boots at least, µs.
+/// Minimum log time between two boots, µs.
 const BETWEEN_US: u64 = 10_000_000;
 const SECOND_US: u64 = 1_000_000;
-/// From one message of a boot to the next at most, µs, unless the one after tells the same.
+/// Maximum time from one message of a boot to the next, µs, unless the following message confirms it.
 const APART_US: u64 = 3_600_000_000;
-/// The latest stamp that is believed, µs: 146 years.
+/// The latest timestamp accepted, µs: 146 years.
 const LATEST_US: u64 = i64::MAX as u64 / 2000;
 
-/// When the last message of a log was logged, whatever single wrong stamps say.
+/// The log time of the last message of a log, robust against single wrong timestamps.
 #[derive(Debug, Default)]
 pub(super) struct LastStamp {
     pub(super) us: Option<u64>,
-    /// Far from those before it, and to be confirmed by the next one.
+    /// Far from the messages before it, and to be confirmed by the next one.
     doubtful_us: Option<u64>,
 }
 
 impl LastStamp {
-    /// Whether a message at this time may stand behind the last one.
+    /// Whether a message at this time may follow the last one.
     pub(super) fn is_near(&self, stamp_us: u64) -> bool {
         self.us.is_some_and(|us| us.abs_diff(stamp_us) <= APART_US)
     }
@@ -41,14 +41,14 @@ impl LastStamp {
 /// The boots of the logs so far.
 #[derive(Debug, Default)]
 pub(super) struct Boots {
-    /// When the last message was logged.
+    /// Log time of the last message.
     latest_us: Option<u64>,
     offset_us: u64,
     pub(super) restarts: Vec<Restart>,
 }
 
 impl Boots {
-    /// Another log begins, at this time of its own boot if it says so. Gives back what is added to its stamps.
+    /// Another log starts, at this time of its own boot if stated. Returns the offset to add to its timestamps.
     pub(super) fn next_log(&mut self, began_us: Option<u64>) -> u64 {
         let Some(latest_us) = self.latest_us else { return 0 };
         let began_us = began_us.filter(|&us| us < LATEST_US).map(|us| us.saturating_add(self.offset_us));
@@ -56,14 +56,14 @@ impl Boots {
         if certain {
             self.offset_us = (latest_us.saturating_add(BETWEEN_US) / SECOND_US).saturating_mul(SECOND_US);
         }
-        // Messages that were published before a log began are in it too: nothing is earlier than the boot itself.
+        // Messages published before a log started are in it too: only the boot itself is a lower limit.
         let first_us = if certain { self.offset_us } else { began_us.unwrap_or_default() };
         let logged_ns = i64::try_from(first_us.saturating_mul(1000)).unwrap_or(i64::MAX);
         self.restarts.push(Restart { logged_ns, certain });
         self.offset_us
     }
 
-    /// The stamp of the last message of a log, if there is one.
+    /// The timestamp of the last message of a log, if it has messages.
     pub(super) fn latest(&mut self, stamp_us: Option<u64>) {
         let logged_us = stamp_us.map(|stamp| stamp.saturating_add(self.offset_us)).filter(|&us| us < LATEST_US);
         self.latest_us = self.latest_us.max(logged_us);
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_of_another_boot_is_logged_behind_the_one_before_and_one_of_the_same_goes_on() {
+    fn a_log_of_another_boot_is_logged_after_the_last_and_the_same_boot_goes_on() {
         let mut boots = Boots::default();
         assert_eq!(boots.next_log(Some(5_000_000)), 0);
         boots.latest(Some(61_500_000));
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_wrong_stamp_does_not_move_the_boot_behind_and_a_pause_that_two_messages_tell_does() {
+    fn a_wrong_timestamp_does_not_move_the_next_boot_but_a_confirmed_pause_does() {
         let last = |stamps: &[u64]| {
             let mut last = LastStamp::default();
             stamps.iter().for_each(|&us| last.add(us));
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_without_a_message_begins_no_boot() {
+    fn a_log_without_messages_does_not_start_a_boot() {
         let mut boots = Boots::default();
         boots.next_log(Some(5_000_000));
         boots.latest(None);

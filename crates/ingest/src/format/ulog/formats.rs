@@ -1,4 +1,4 @@
-//! The formats of a ULog: text that says what lies where in a message.
+//! The formats of a ULog: text that describes the layout of messages.
 
 use super::record::{Basic, array, basic};
 use crate::decode::Wanted;
@@ -9,19 +9,19 @@ use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::rc::Rc;
 
-/// Formats nested deeper than this are refused.
+/// Formats nested deeper than this are rejected.
 const MOST_NESTED: usize = 32;
-/// Formats in one log.
+/// Maximum formats in one log.
 const MOST_FORMATS: usize = 65_536;
-/// Memory that the text of all formats may take, bytes.
+/// Maximum memory for the text of all formats, bytes.
 const MOST_TEXT: usize = 16 << 20;
-/// Formats that may be replaced by others of their name.
+/// Maximum formats replaced by others of the same name.
 const MOST_REPLACED: u64 = 100;
-/// Fields looked at to find the sizes of all formats: definitions can refer to each other again and again.
+/// Maximum fields visited to size all formats: definitions can refer to each other repeatedly.
 const MOST_MEASURED: u64 = 10_000_000;
-/// Fields looked at to lay out all messages of a log: each that is wanted is a column.
+/// Maximum fields visited to lay out all messages of a log: each wanted field is a column.
 const MOST_LAID_OUT: u32 = 1 << 17;
-/// Bytes that a message has for its fields, behind its number.
+/// Bytes that a message has for its fields, after its number.
 const LONGEST_MESSAGE: u64 = u16::MAX as u64 - 2;
 /// Longest path of a field, bytes.
 const LONGEST_PATH: usize = 512;
@@ -31,9 +31,9 @@ const LONGEST_PATH: usize = 512;
 pub(super) struct Formats {
     by_name: HashMap<String, Format>,
     text_bytes: usize,
-    /// How often a format was replaced by another of its name.
+    /// How often a format was replaced by another of the same name.
     pub(super) replaced: u64,
-    /// How many formats were taken in.
+    /// How many formats were accepted.
     pub(super) version: u64,
     measured: HashMap<String, Extent>,
     looked_at: u64,
@@ -44,7 +44,7 @@ pub(super) struct Formats {
 #[derive(Debug, Clone, PartialEq)]
 struct Format {
     text: String,
-    /// Stands for the text, which may be long.
+    /// Represents the text, which may be long.
     digest: u64,
     fields: Rc<[Field]>,
 }
@@ -62,19 +62,19 @@ enum FieldKind {
     Nested(String),
 }
 
-/// How long a message is, and where its stamp lies.
+/// The length of a message, and the position of its timestamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Extent {
     /// Without the padding at its end, which PX4 does not write.
     pub(super) shortest: usize,
     pub(super) full: usize,
-    /// Ends between several paddings at the end.
+    /// Other possible ends, between several paddings at the end.
     pub(super) between: [Option<usize>; 2],
     pub(super) stamp: Option<Stamp>,
 }
 
 impl Extent {
-    /// Whether a message has the length that it should have: with the padding at its end or without. Two bytes stand before
+    /// Whether a message has the expected length: with the padding at its end or without. Two bytes come before
     /// its fields.
     #[inline]
     pub(super) fn fits(&self, body: &[u8]) -> bool {
@@ -108,7 +108,7 @@ impl Field {
 }
 
 impl Formats {
-    /// Takes a format, `name:type field;type field;`. What is wrong with it is returned.
+    /// Takes a format, `name:type field;type field;`. The error returned says what is wrong.
     pub(super) fn add(&mut self, text: &[u8]) -> Result<(), String> {
         let text = std::str::from_utf8(text).map_err(|_| "a format that is not UTF-8".to_owned())?;
         let (name, rest) = text.split_once(':').ok_or("a format without a name")?;
@@ -137,13 +137,13 @@ impl Formats {
         self.by_name.contains_key(name)
     }
 
-    /// What tells the layout of `name` from an earlier one of the same name.
+    /// Identifies the layout of `name` among earlier ones of the same name.
     pub(super) fn identity(&self, name: &str) -> String {
         let digest = self.by_name.get(name).map_or(0, |format| format.digest);
         format!("{} {digest:x}", self.replaced)
     }
 
-    /// Size of a message of format `name`. What is wrong names the format.
+    /// Size of a message of format `name`. The error names the format.
     pub(super) fn extent(&mut self, name: &str) -> Result<Extent, String> {
         self.measure(name, 0)
     }
@@ -187,7 +187,7 @@ impl Formats {
         Ok(extent)
     }
 
-    /// Where the wanted fields of a message of format `name` lie. Its extent must be known.
+    /// Positions of the wanted fields in a message of format `name`. Its extent must be known.
     pub(super) fn layout(&self, name: &str, wanted: &Wanted) -> Result<Layout, String> {
         let extent = self.measured.get(name).copied().unwrap_or_default();
         let mut flat = Flat { formats: self, wanted, fields: vec![] };
@@ -195,7 +195,7 @@ impl Formats {
         Ok(Layout { fields: flat.fields, shortest: extent.shortest, longest: extent.full })
     }
 
-    /// Where a single number lies, such as a state. The extent of the message must be known.
+    /// Position of a single number, such as a state. The extent of the message must be known.
     pub(super) fn place(&self, name: &str, field: &str, number: Number) -> Option<usize> {
         let mut offset = 0_usize;
         for known in self.by_name.get(name)?.fields.iter() {
@@ -208,7 +208,7 @@ impl Formats {
         None
     }
 
-    /// Bytes of a field, all its elements. The extent of the message must be known.
+    /// Size of a field with all its elements, bytes. The extent of the message must be known.
     fn size_of(&self, field: &Field) -> usize {
         self.element_size(field).saturating_mul(field.count.unwrap_or(1) as usize)
     }
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn nested_formats_arrays_and_padding_lie_where_c_puts_them() {
+    fn nested_formats_arrays_and_padding_follow_the_c_layout() {
         let mut formats = formats(&[
             "esc_status:uint64_t timestamp;esc_report[2] esc;char[4] name;uint8_t n;uint8_t[7] _padding0;",
             "esc_report:float rpm;uint8_t state;uint8_t[3] _padding0;",
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_a_missing_format_and_an_impossible_size_are_refused_by_name() {
+    fn a_cycle_a_missing_format_and_an_impossible_size_are_rejected_by_name() {
         let mut formats = formats(&[
             "a:uint64_t timestamp;b x;",
             "b:a y;",
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn formats_that_refer_to_each_other_exponentially_end() {
+    fn exponentially_nested_formats_terminate() {
         let mut formats = Formats::default();
         for level in 0..30 {
             let text = format!("f{level}:{}", format!("f{} x;", level + 1).repeat(1000));
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_format_that_is_replaced_is_measured_anew_and_not_without_end() {
+    fn a_replaced_format_is_measured_again_up_to_a_limit() {
         let mut formats = formats(&["a:uint8_t x;"]);
         assert_eq!(formats.extent("a").unwrap().full, 1);
         let before = formats.identity("a");

@@ -1,4 +1,4 @@
-//! The frames of a ULog: its messages, and the beginnings of logs, of which a file may hold several.
+//! The frames of a ULog: its messages, and the log headers, of which a file may have several.
 
 use super::boots::Boots;
 use super::record::{HEAD, Kind, LONGEST, Trust as Judged};
@@ -9,16 +9,16 @@ use flight::{Code, LogHealth, Notices};
 use logscan::{Fate, Framing, Parsed, Trust};
 use std::borrow::Cow;
 
-/// The logs of a file, on their way to the topics.
+/// The logs of a file, routed to the topics.
 pub(super) struct Messages<'f, 'w> {
     file: &'f str,
     notices: &'f mut Notices,
     health: &'f mut LogHealth,
     boots: &'f mut Boots,
-    /// Of the log that is being read; always there.
+    /// State of the log that is being read; always present.
     session: Option<Session<'f, 'w>>,
     version: u8,
-    /// Heads of logs so far, and logs with at least a message.
+    /// Log headers so far, and logs with at least one message.
     heads: u64,
     logs: u64,
     /// The log that is being read has a message.
@@ -37,7 +37,7 @@ impl<'f, 'w> Messages<'f, 'w> {
         Messages { file, notices, health, boots, session, version: VERSION, heads: 0, logs: 0, is_begun: false }
     }
 
-    /// Another log begins with these bytes: magic, version, and when it was begun by the clock since boot.
+    /// Another log starts with these bytes: magic, version, and its start time by the clock since boot.
     fn begin(&mut self, head: &[u8]) {
         self.end_log();
         self.heads += 1;
@@ -47,7 +47,7 @@ impl<'f, 'w> Messages<'f, 'w> {
         self.session = self.session.take().map(|session| session.next(offset_us));
     }
 
-    /// The head of the first log is lost.
+    /// The header of the first log is lost.
     fn begin_headless(&mut self) {
         let offset_us = self.boots.next_log(None);
         self.session.iter_mut().for_each(|session| session.offset_us = offset_us);
@@ -104,15 +104,15 @@ impl Framing for Messages<'_, '_> {
             return if kind.is_some() { Parsed::Cut } else { Parsed::Not(HEAD) };
         };
         match kind.map(|kind| self.session.as_ref().map_or(Judged::Weak, |session| session.judge(kind, body))) {
-            // A name that is defined, a text of known form or a magic number.
+            // A defined name, a text of known form or a magic number.
             Some(Judged::Sure) if matches!(kind, Some(Kind::Subscribe | Kind::Format | Kind::Sync)) => {
                 Parsed::Frame(end, Trust::Proven)
             }
             Some(Judged::Sure) => Parsed::Frame(end, Trust::Agrees),
             Some(Judged::Fits) => Parsed::Frame(end, Trust::Shape),
-            // What is wrong may be the content alone, and the length right.
+            // Only the content may be wrong, and the length right.
             Some(Judged::Weak | Judged::Wrong(_)) => Parsed::Frame(end, Trust::Weak),
-            // Zeros lead anywhere.
+            // Zeros prove nothing.
             None if letter != 0 => Parsed::Frame(end, Trust::Weak),
             None => Parsed::Not(HEAD),
         }
@@ -174,7 +174,7 @@ impl Framing for Messages<'_, '_> {
     }
 }
 
-/// Said where no message begins.
+/// Reported where no message starts.
 pub(super) const NO_MESSAGE: &str = "bytes that are not a message";
 
 impl Messages<'_, '_> {

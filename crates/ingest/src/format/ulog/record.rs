@@ -1,28 +1,28 @@
-//! The messages of a ULog, and how far their bytes vouch for themselves.
+//! The messages of a ULog, and how well their bytes vouch for themselves.
 //!
-//! Nothing in a ULog has a checksum. What stands for one: lengths that follow from a definition, names that
-//! were defined, a magic number, and that one message leads to the next.
+//! A ULog has no checksums. Substitutes are lengths that follow from a definition, names that
+//! were defined, a magic number, and the fact that another message follows.
 
 use crate::bytes::Bytes;
 use crate::decode::packed;
 use crate::decode::schema::Number;
 
-/// Length and type in front of every message.
+/// Length and type before every message.
 pub(super) const HEAD: usize = 3;
 /// Head and the longest message.
 pub(super) const LONGEST: usize = HEAD + u16::MAX as usize;
-/// What a sync message says.
+/// Content of a sync message.
 pub(super) const SYNC: [u8; 8] = [0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12];
 /// Bytes of the flag bits: compatible ones, incompatible ones, three offsets.
 pub(super) const FLAG_BITS: usize = 40;
 /// Longest name that PX4 could give a format or a topic.
 const LONGEST_NAME: usize = 128;
-/// Zeros that fill a text up.
+/// Zeros that pad a text.
 const MOST_ZEROS_OF_TEXT: usize = 8;
-/// Longest type of an information, as `uint16_t[1000]`.
+/// Longest type of an information entry, as `uint16_t[1000]`.
 const LONGEST_TYPE: usize = 64;
 
-/// What a message is.
+/// The type of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     FlagBits,
@@ -64,25 +64,25 @@ impl Kind {
     }
 }
 
-/// How far a message vouches for itself.
+/// How well a message vouches for itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Trust {
     /// Content and length agree with what is known.
     Sure,
-    /// The content is right as far as it can be told; nothing vouches for the length.
+    /// The content is right as far as can be checked; nothing vouches for the length.
     Fits,
     /// It may be a message.
     Weak,
-    /// It is none, or a damaged one.
+    /// It is not a message, or a corrupt one.
     Wrong(&'static str),
 }
 
-/// Bytes of a message that are looked at.
+/// Bytes of a message that are examined.
 const GLANCE: usize = 64;
-/// The same of a format, of which nearly all are shorter.
+/// The same for a format; nearly all are shorter.
 const FORMAT_GLANCE: usize = 2048;
 
-/// Judges a message that the definitions do not help with.
+/// Judges a message without the help of definitions.
 pub(super) fn judge(kind: Kind, body: &[u8]) -> Trust {
     match kind {
         Kind::FlagBits => Trust::Wrong("flag bits that are not the first message"),
@@ -109,7 +109,7 @@ pub(super) fn judge(kind: Kind, body: &[u8]) -> Trust {
     }
 }
 
-/// A short format agrees with its length too: it ends with a field.
+/// The length of a short format agrees too: it ends with a field.
 fn format_trust(body: &[u8]) -> Trust {
     const DAMAGED: Trust = Trust::Wrong("a format that is damaged");
     let head = body.get(..body.len().min(LONGEST_NAME)).unwrap_or_default();
@@ -130,7 +130,7 @@ fn format_trust(body: &[u8]) -> Trust {
     }
 }
 
-/// Whether a character may stand in a format.
+/// Whether a character is valid in a format.
 fn is_printable(character: &u8) -> bool {
     (b' '..=b'~').contains(character)
 }
@@ -141,11 +141,11 @@ fn is_field(field: &[u8]) -> bool {
     matches!(words.as_slice(), [] | [_, _])
 }
 
-/// A text behind its level, perhaps a tag, and a stamp of less than two thousand years.
+/// A text after its level, perhaps a tag, and a timestamp of less than two thousand years.
 fn text_trust(body: &[u8], head: usize) -> Trust {
     let Some((head, text)) = body.split_at_checked(head) else { return Trust::Wrong("a text that is too short") };
     let level = head.first().is_some_and(|level| matches!(level, b'0'..=b'7'));
-    // Some loggers write zeros behind a text.
+    // Some loggers write zeros after a text.
     let zeros = text.iter().rev().take(MOST_ZEROS_OF_TEXT).take_while(|b| **b == 0).count();
     let text = text.get(..text.len() - zeros).unwrap_or_default();
     let control = |b: &u8| *b < b' ' && !b"\x07\x08\t\n\r\x1b".contains(b);
@@ -158,7 +158,7 @@ fn text_trust(body: &[u8], head: usize) -> Trust {
 /// Names of formats and topics.
 fn is_name(name: &[u8]) -> bool {
     let inner = |b: &u8| b.is_ascii_alphanumeric() | matches!(b, b'_' | b'-' | b'/');
-    // All of it, for that takes less time than to look where it ends.
+    // Checks all of it, because that takes less time than finding its end.
     let plain = || name.iter().fold(true, |plain, b| plain & inner(b));
     name.len() <= LONGEST_NAME && !name.is_empty() && plain()
 }
@@ -176,7 +176,7 @@ impl<'m> Entry<'m> {
         let mut rest = Bytes(body);
         let length = rest.u8()?;
         let key = rest.take(length.into())?;
-        // The type first, for it is soon missed where there is none.
+        // The type first: that rules out most non-keys quickly.
         let end = memchr::memchr(b' ', key.get(..key.len().min(LONGEST_TYPE))?)?;
         let (kind, name) = (std::str::from_utf8(key.get(..end)?).ok()?, key.get(end + 1..)?);
         let known = basic(kind).is_some() || array(kind).is_some();
@@ -203,14 +203,14 @@ impl<'m> Entry<'m> {
         if number == Number::F32 { (value as f32).to_string().parse().ok() } else { Some(value) }
     }
 
-    /// As text, if it is that.
+    /// As text, if it is one.
     pub(super) fn text(&self) -> Option<String> {
         let is_text = array(self.kind).is_some_and(|(element, _)| element == "char");
         is_text.then(|| packed::text_of(self.value).into_owned())
     }
 }
 
-/// A topic with the number that its messages carry.
+/// A topic with the number that its messages have.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Subscription<'m> {
     pub(super) instance: u8,
@@ -219,7 +219,7 @@ pub(super) struct Subscription<'m> {
 }
 
 impl<'m> Subscription<'m> {
-    /// A name that is too long is none.
+    /// A name that is too long is invalid.
     pub(super) fn parse(body: &'m [u8]) -> Option<Subscription<'m>> {
         let mut rest = Bytes(body);
         let (instance, number) = (rest.u8()?, rest.u16()?);
@@ -227,7 +227,7 @@ impl<'m> Subscription<'m> {
     }
 }
 
-/// What the first message says of the file.
+/// What the first message states about the file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct FlagBits {
     pub(super) incompatible: [u8; 8],
@@ -238,12 +238,12 @@ impl FlagBits {
         let mut rest = Bytes(body);
         rest.take(8)?;
         let incompatible = rest.take(8)?.try_into().ok()?;
-        // Where data were appended: three offsets.
+        // Three offsets of appended data.
         rest.take(24)?;
         Some(FlagBits { incompatible })
     }
 
-    /// Flags that nobody knows yet. The first one says that data were appended.
+    /// Unknown flags. The first flag says that data were appended.
     pub(super) fn unknown(&self) -> bool {
         let [first, rest @ ..] = self.incompatible;
         first & !1 != 0 || rest.iter().any(|&flags| flags != 0)
@@ -284,7 +284,7 @@ pub(super) fn basic(name: &str) -> Option<Basic> {
     }))
 }
 
-/// Element and count of `float[3]`.
+/// Element type and count of `float[3]`.
 pub(super) fn array(name: &str) -> Option<(&str, u32)> {
     let (element, count) = name.strip_suffix(']')?.split_once('[')?;
     Some((element, count.parse().ok()?))
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_format_no_text_and_no_sync_is_told() {
+    fn invalid_formats_texts_and_syncs_are_detected() {
         assert_eq!(judge(Kind::Format, b"a:float x;"), Trust::Sure);
         assert_eq!(judge(Kind::Format, b"a:float x"), Trust::Fits);
         for text in [&b"6\0\0\0\0\0\0\0\0hello"[..], b"6\0\0\0\0\0\0\0\0hello\x07\0\0", b"6\0\0\0\0\0\0\0\0"] {
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn flags_that_nobody_knows_are_seen() {
+    fn unknown_flags_are_detected() {
         let mut body = [0; FLAG_BITS];
         body[8] = 1;
         let bits = FlagBits::parse(&body).unwrap();

@@ -1,4 +1,4 @@
-//! What is known of a log while it is read; gives its messages to the topics.
+//! State of a log while it is read; routes its messages to the topics.
 
 use super::about::Gathered;
 use super::beside::Beside;
@@ -16,29 +16,29 @@ use logscan::Fate;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// The topic that tells flight modes, and its field.
+/// The topic with the flight modes, and its field.
 const STATUS: (&str, &str) = ("vehicle_status", "nav_state");
-/// The topic that tells which receivers there are, and its field.
+/// The topic that lists the receivers, and its field.
 const RECEIVER: (&str, &str) = ("sensor_gps", "device_id");
 
 /// The state of one log.
 pub(super) struct Session<'t, 'w> {
     topics: &'t mut Topics<'w>,
-    /// No message was taken yet.
+    /// No message was accepted yet.
     is_fresh: bool,
     formats: Formats,
     /// By the number of their messages.
     known: Vec<Option<Known>>,
-    /// What subscriptions were found to mean: by name and instance.
+    /// Resolved subscriptions: by name and instance.
     meanings: HashMap<(String, u8), Meaning>,
     pub(super) gathered: Gathered,
     beside: Beside,
     pub(super) flags: FlagBits,
-    /// Added to the stamps of messages to say when they were logged.
+    /// Offset from message timestamps to log time.
     pub(super) offset_us: u64,
-    /// Stamp of the last message.
+    /// Timestamp of the last message.
     latest_us: Option<u64>,
-    /// The same, but for wrong ones.
+    /// The same, without wrong timestamps.
     pub(super) last_stamp: LastStamp,
     /// Whether the definitions are over.
     began: bool,
@@ -50,12 +50,12 @@ pub(super) struct Session<'t, 'w> {
     odd: Odd,
 }
 
-/// Messages whose format is not all that it should be.
+/// Messages whose format has defects.
 #[derive(Debug, Default)]
 struct Odd {
     bad_formats: Tally,
     without_stamp: Tally,
-    /// Of formats that end with padding, with it and without.
+    /// For formats that end with padding, with it and without.
     padded: Tally,
     unpadded: Tally,
 }
@@ -76,14 +76,14 @@ impl Odd {
         }
     }
 
-    /// The rarer of the messages with padding and of those without, if there are both.
+    /// The less frequent of messages with padding and without, if both occur.
     fn rarer(&self) -> Option<&Tally> {
         let rarer = if self.padded.count <= self.unpadded.count { &self.padded } else { &self.unpadded };
         (rarer.count > 0).then_some(rarer)
     }
 }
 
-/// A topic that is subscribed to.
+/// A subscribed topic.
 struct Known {
     name: String,
     instance: u8,
@@ -91,10 +91,10 @@ struct Known {
     last_us: u64,
 }
 
-/// How the messages of a topic are to be read.
+/// How to read the messages of a topic.
 #[derive(Debug, Clone)]
 struct Meaning {
-    /// How often a format had been replaced then, and how many there were.
+    /// How often a format had been replaced by then, and how many there were.
     replaced: u64,
     version: u64,
     route: Route,
@@ -103,7 +103,7 @@ struct Meaning {
     tells: Option<Tells>,
 }
 
-/// What a message tells of the vehicle, and where in it.
+/// What a message says about the vehicle, and the position of the value.
 #[derive(Debug, Clone, Copy)]
 enum Tells {
     /// [`STATUS`].
@@ -143,12 +143,12 @@ impl<'t, 'w> Session<'t, 'w> {
         }
     }
 
-    /// Of the next log in the file.
+    /// State for the next log in the file.
     pub(super) fn next(self, offset_us: u64) -> Session<'t, 'w> {
         Session { offset_us, ..Session::new(self.topics) }
     }
 
-    /// How far a message proves itself.
+    /// How well a message vouches for itself.
     pub(super) fn judge(&self, kind: Kind, body: &[u8]) -> Trust {
         match kind {
             Kind::FlagBits if self.is_fresh && body.len() == FLAG_BITS => Trust::Sure,
@@ -179,7 +179,7 @@ impl<'t, 'w> Session<'t, 'w> {
         at_us.is_some_and(|at_us| at_us > 0 && self.last_stamp.is_near(at_us))
     }
 
-    /// Takes a message. What is wrong with it is returned.
+    /// Takes a message. The error returned says what is wrong with it.
     pub(super) fn take(&mut self, kind: Kind, body: &[u8]) -> Result<Fate, String> {
         self.is_fresh = false;
         self.began |= matches!(kind, Kind::Subscribe | Kind::Text | Kind::TaggedText);
@@ -204,13 +204,13 @@ impl<'t, 'w> Session<'t, 'w> {
             Kind::TaggedText => self.text(body, true).unwrap_or_default(),
             Kind::Dropout => self.dropouts.add(Bytes(body).u16().unwrap_or_default()),
             Kind::FlagBits => self.flags = FlagBits::parse(body).unwrap_or_default(),
-            // A message that follows all the same is still the topic's.
+            // Messages after an unsubscribe still belong to the topic.
             Kind::Unsubscribe | Kind::Sync => {}
         }
         Ok(Fate::Structure)
     }
 
-    /// A message of a type that nobody knows.
+    /// A message of unknown type.
     pub(super) fn take_unknown(&mut self, letter: u8, length: usize) -> Fate {
         self.unknown.add(|| format!("type {:?}, {length} bytes", char::from(letter)));
         Fate::Skipped
@@ -245,7 +245,7 @@ impl<'t, 'w> Session<'t, 'w> {
 
     fn meaning(&mut self, name: &str, instance: u8) -> Result<Meaning, String> {
         let key = (name.to_owned(), instance);
-        // One more format only matters where one was missing.
+        // An additional format only matters if one was missing.
         let holds = |m: &&Meaning| {
             m.replaced == self.formats.replaced && (m.extent.is_ok() || m.version == self.formats.version)
         };
@@ -291,7 +291,7 @@ impl<'t, 'w> Session<'t, 'w> {
             self.back_jumps.add(|| format!("topic {} at {} µs", known.name, known.last_us));
         }
         known.last_us = at_us;
-        // A message that was published without a stamp has zero, and says nothing of when the next one was.
+        // A message published without a timestamp has zero, which says nothing about the time of the next one.
         if at_us > 0 {
             self.latest_us = Some(at_us);
             self.last_stamp.add(at_us);
@@ -304,12 +304,12 @@ impl<'t, 'w> Session<'t, 'w> {
         self.topics.message(*route, Times { logged_ns, published_ns: None }, payload)
     }
 
-    /// Gives what is beside the topics to who takes it.
+    /// Passes everything besides the topics to its receiver.
     pub(super) fn hand_on(&mut self) {
         self.beside.hand_on(self.topics);
     }
 
-    /// Says what happened, but for the damage.
+    /// Reports what happened, except damage.
     pub(super) fn conclude(&self, file: &str, notices: &mut Notices) {
         self.tell_lost(file, notices);
         self.tell_lenient(file, notices);
@@ -323,7 +323,7 @@ impl<'t, 'w> Session<'t, 'w> {
         }
     }
 
-    /// What is missing, or was not understood.
+    /// Reports what is missing, or was not understood.
     fn tell_lost(&self, file: &str, notices: &mut Notices) {
         let Dropouts { count, total_ms, longest_ms } = self.dropouts;
         if count > 0 {
@@ -343,7 +343,7 @@ impl<'t, 'w> Session<'t, 'w> {
         }
     }
 
-    /// What was read although it is odd.
+    /// Reports irregular data that were read.
     fn tell_lenient(&self, file: &str, notices: &mut Notices) {
         self.redefined.tell(Code::Redefined, file, "numbers of topics were given to others", notices);
         if self.formats.replaced > 0 {
@@ -362,7 +362,7 @@ impl<'t, 'w> Session<'t, 'w> {
     }
 }
 
-/// Information and parameters behind a byte of flags.
+/// Information and parameters after a byte of flags.
 fn behind_flag(body: &[u8]) -> Option<Entry<'_>> {
     Entry::parse(body.get(1..)?)
 }
@@ -386,14 +386,14 @@ impl Dropouts {
 }
 
 impl Stamp {
-    /// In µs. Stamps of fewer than 64 bits turn over: of the possible ones that nearest to `latest_us` is meant.
+    /// In µs. Timestamps of fewer than 64 bits wrap around: the candidate nearest to `latest_us` is chosen.
     #[inline]
     fn read(self, payload: &[u8], latest_us: Option<u64>) -> Option<u64> {
         let bytes = payload.get(self.offset..)?;
         if self.number == Number::U64 {
             return bytes.first_chunk().copied().map(u64::from_le_bytes);
         }
-        // Of 8 bits, ms.
+        // 8 bits, in ms.
         let unit_us = if self.number.size() == 1 { 1000 } else { 1 };
         let stamp = float_of(self.number, bytes).filter(|x| *x >= 0.0)? as u64 * unit_us;
         let turn = (1_u64 << (8 * self.number.size()).min(63)) * unit_us;
@@ -401,7 +401,7 @@ impl Stamp {
     }
 }
 
-/// Of `stamp`, `stamp + turn`, ... that nearest to `to`.
+/// The value nearest to `to` among `stamp`, `stamp + turn`, ...
 fn nearest(stamp: u64, turn: u64, to: u64) -> u64 {
     let turns = to.saturating_sub(stamp).saturating_add(turn / 2) / turn;
     stamp.saturating_add(turns.saturating_mul(turn))
@@ -412,7 +412,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stamp_of_few_bits_is_taken_to_the_turn_nearest_to_the_log() {
+    fn a_short_timestamp_is_unwrapped_to_the_value_nearest_to_the_log() {
         let turn = 1_u64 << 16;
         for truth in [0_u64, 5, 40_000, 65_535, 65_536, 1_000_000, 123_456_789] {
             for latest in [truth, truth + 30_000, truth.saturating_sub(30_000)] {

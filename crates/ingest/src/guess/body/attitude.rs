@@ -1,4 +1,4 @@
-//! Roll, pitch and yaw: the unit by what is stated, by the range, or by whether yaw follows the course of the velocity.
+//! Roll, pitch and yaw: infers the unit from what is stated, from the range, or from whether yaw follows the course.
 
 use super::{Body, CONFIRMS, DECIDES, Of, unit};
 use crate::bind::from_euler;
@@ -10,13 +10,13 @@ use crate::map::AttitudeFrame;
 use flight::{Clock, Unit};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Values between rows farther apart are not known, s.
+/// Values between rows farther apart are unknown, s.
 const HOLE_S: f64 = 2.0;
-/// Slower, a velocity has no course, m/s.
+/// A slower velocity has no course, m/s.
 const SLOWEST: f64 = 2.0;
-/// The mean of unit vectors is this long if all point nearly the same way.
+/// The mean of unit vectors is at least this long if nearly all point the same way.
 const STEADY: f64 = 0.95;
-/// Fewer rows with a course say nothing.
+/// Fewer rows with a course are not evaluated.
 const FEWEST: usize = 20;
 
 /// A velocity north, east, down in m/s.
@@ -26,7 +26,7 @@ pub(super) struct Flown {
     has_down: bool,
 }
 
-/// The velocity that was bound, with its units and axes.
+/// The bound velocity, with its units and axes.
 pub(super) fn flown(sources: &[Source<'_>], motion: &Found<'_, Motion>) -> Option<Flown> {
     let source = sources.iter().find(|source| source.table.topic.name == motion.topic)?;
     let Motion { set, unit, angle, third, swapped, is_west, .. } = &motion.what;
@@ -50,12 +50,12 @@ pub(super) fn flown(sources: &[Source<'_>], motion: &Found<'_, Motion>) -> Optio
     Some(Flown { clock: motion.timing.clock, trace, has_down: down.is_some() })
 }
 
-/// How yaw may count.
+/// The possible senses and zeros of yaw.
 #[derive(Clone, Copy)]
 struct Count {
-    /// As a map calls it; empty where a map has no word for it.
+    /// As named in a map; empty if a map has no word for it.
     frame: &'static str,
-    /// Yaw clockwise from north, from the yaw of the columns in rad.
+    /// Yaw clockwise from north, from the yaw of the columns, rad.
     clockwise: fn(f64) -> f64,
     words: &'static str,
 }
@@ -103,10 +103,10 @@ pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String>
     Ok(body(way.unit, way.count.frame, vec![why_unit, course, pitch]))
 }
 
-/// The way in which yaw follows the course of the velocity, with the agreement; `None` if it does in none.
+/// The way in which yaw follows the course of the velocity, with the agreement; `None` if it does not follow it.
 ///
 /// # Errors
-/// Two ways that fit alike, or one that a map has no word for.
+/// If two ways fit equally, or a map has no word for the best one.
 fn followed(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<Option<(f64, Way)>, String> {
     let score = |way: &Way| Some((agreement(&of.trace(way.unit), flown?, way.count.clockwise)?, *way));
     let mut scored: Vec<(f64, Way)> = ways.iter().filter_map(score).collect();
@@ -130,7 +130,7 @@ fn followed(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<Option<(
 const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from north, with the nose up and the right side down, by \
                            the names alone";
 
-/// Units that the angles may have, with the reason.
+/// Possible units of the angles, with the reason.
 fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
     if let Some(stated) = of.stated()? {
         let most = stated.to_si(of.largest());
@@ -146,7 +146,7 @@ fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
     }
 }
 
-/// Yaw less course where the velocity has a course, rad.
+/// Yaw minus course where the velocity has a course, rad.
 fn off_course(angles: &Trace<3>, flown: &Flown, clockwise: fn(f64) -> f64) -> Vec<f64> {
     let rows = angles.times_s.iter().zip(&angles.values).filter_map(|(t, [_, _, yaw])| {
         let [north, east, _] = flown.trace.at(*t, HOLE_S)?;
@@ -167,10 +167,10 @@ fn agreement(angles: &Trace<3>, flown: &Flown, clockwise: fn(f64) -> f64) -> Opt
     (off.len() >= FEWEST).then(|| mean(&off)[0])
 }
 
-/// Says by how much yaw is off a course that turns, if it is off by the same angle all the time.
+/// Checks that yaw is not off a turning course by a constant angle.
 ///
 /// # Errors
-/// That it is.
+/// If it is, with the angle.
 fn not_off(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<(), String> {
     let Some(flown) = flown else { return Ok(()) };
     for way in ways {
@@ -189,7 +189,7 @@ fn not_off(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<(), Strin
     Ok(())
 }
 
-/// Whether the nose goes up as the frame says when the vehicle climbs.
+/// Checks that pitch has the sign of the frame when the vehicle climbs.
 fn pitch_side(of: &Of<'_>, way: Way, flown: Option<&Flown>) -> Result<String, String> {
     let path = &of.set.columns[1].path;
     let unknown = || format!("the sign of {path} and {} is by their names alone", of.set.columns[0].path);
@@ -222,10 +222,10 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     sums[0] / (sums[1] * sums[2]).sqrt().max(f64::MIN_POSITIVE)
 }
 
-/// An attitude that was decided: what turns forward, right, down to north, east, down over time.
+/// A decided attitude: the rotation from forward, right, down to north, east, down over time.
 pub(super) struct Turns {
     pub(super) clock: Clock,
-    /// Name of the yaw's column.
+    /// Name of the yaw column.
     pub(super) path: String,
     pub(super) quaternions: Trace<4>,
 }
@@ -237,7 +237,7 @@ impl Turns {
         let mut last = [0.0; 4];
         let rows = angles.times_s.iter().zip(&angles.values).map(|(t, angles)| {
             let q = from_euler(frame, *angles);
-            // The opposite sign is the same attitude, and between both signs there is none.
+            // The opposite sign is the same attitude, and interpolation between both signs gives none.
             let same: f64 = q.iter().zip(last).map(|(a, b)| a * b).sum();
             last = if same < 0.0 { q.map(|v| -v) } else { q };
             (*t, last)

@@ -1,4 +1,4 @@
-//! Specific forces: the unit by a magnitude near 1 g, and the axes by where gravity is.
+//! Specific forces: infers the unit from a magnitude near 1 g, and the axes from the direction of gravity.
 
 use super::attitude::Turns;
 use super::{Body, Of, unit};
@@ -7,15 +7,15 @@ use flight::Unit;
 
 /// What an accelerometer at rest measures, m/s^2.
 const GRAVITY: f64 = 9.806_65;
-/// A median magnitude within is that of flight, in g.
+/// The range of the median magnitude in flight, g.
 const PLAUSIBLE: std::ops::Range<f64> = 0.7..1.4;
-/// An attitude farther away is none of the row, s.
+/// An attitude farther away is not that of the row, s.
 const HOLE_S: f64 = 1.0;
 /// Agreement of z with gravity that decides.
 const LEAST: f64 = 0.6;
-/// Less of gravity along x says nothing, g.
+/// Less gravity along x is not evaluated, g.
 const LEAST_TILT: f64 = 0.03;
-/// Fewer rows say nothing.
+/// Fewer rows are not evaluated.
 const FEWEST: usize = 20;
 
 /// The unit and the frame of three forces.
@@ -54,8 +54,8 @@ fn unit_by_gravity(of: &Of<'_>) -> Result<(Unit, f64), String> {
     })
 }
 
-/// By what gravity alone would give in the attitude of each row; `None` if too few rows have one. A turn that is flown well
-/// has nothing along y, whatever gravity does there: x and z tell.
+/// Infers the axes from what gravity alone would give in the attitude of each row; `None` if too few rows have one. A
+/// coordinated turn has nothing along y, whatever gravity does there: x and z decide.
 fn by_attitude(forces: &Trace<3>, turns: &Turns) -> Option<Result<(&'static str, String), String>> {
     let pairs = forces.times_s.iter().zip(&forces.values).filter_map(|(t, force)| {
         let [w, x, y, z] = turns.quaternions.at(*t, HOLE_S)?;
@@ -91,7 +91,7 @@ fn by_attitude(forces: &Trace<3>, turns: &Turns) -> Option<Result<(&'static str,
     })
 }
 
-/// How an axis follows gravity, 1 if it does and -1 if it points the other way, and how much of gravity it sees, in g.
+/// How an axis follows gravity, 1 if it does and -1 if it points the other way, and how much gravity it sees, in g.
 fn agreement(pairs: &[([f64; 2], [f64; 2])], axis: usize) -> (f64, f64) {
     let [mut cross, mut measured, mut expected] = [0.0; 3];
     for (force, up) in pairs {
@@ -104,7 +104,7 @@ fn agreement(pairs: &[([f64; 2], [f64; 2])], axis: usize) -> (f64, f64) {
     (cross / (measured * expected).sqrt().max(f64::MIN_POSITIVE), rms)
 }
 
-/// By the mean along z, for a vehicle that is level most of the time.
+/// Infers the axes from the mean along z, for a vehicle that is mostly level.
 fn by_mean(forces: &Trace<3>, z: &str) -> Result<(&'static str, String), String> {
     let count = forces.values.len().max(1) as f64;
     let mean = forces.values.iter().map(|v| v[2]).sum::<f64>() / count / GRAVITY;

@@ -1,21 +1,21 @@
-//! Angular rates: the unit and the axes by the turns of an attitude.
+//! Angular rates: infers the unit and the axes from the rotation of an attitude.
 
 use super::attitude::Turns;
 use super::{Body, CONFIRMS, Of, unit};
 use crate::guess::motion::Trace;
 use flight::Unit;
 
-/// Turns are compared over windows of this length, s.
+/// Rotations are compared over windows of this length, s.
 const WINDOW_S: f64 = 0.3;
-/// The integral is not known across longer holes, s.
+/// The integral is unknown across longer holes, s.
 const HOLE_S: f64 = 2.5;
-/// Fewer windows say nothing.
+/// Fewer windows are not evaluated.
 const FEWEST: usize = 20;
-/// An attitude that turns less says nothing, rad/s.
+/// An attitude that rotates more slowly is not evaluated, rad/s.
 const SLOWEST: f64 = 0.02;
 /// Delays of the attitude that are tried, s.
 const DELAYS_S: [f64; 9] = [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8];
-/// A unit is right if the scale is so near, as a logarithm: gyroscopes are noisy.
+/// A unit is right if the scale is this near, as a logarithm: gyroscopes are noisy.
 const NEAR: f64 = 0.3;
 /// No gyroscope measures more, rad/s.
 const FASTEST: f64 = 100.0;
@@ -53,7 +53,7 @@ pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String>
     body(unit, compared.frame, vec![why])
 }
 
-/// The stated unit, or the first of the usual ones, that is as fast as the attitude turns.
+/// The stated unit, or the first of the usual ones, in which the rates match the rotation of the attitude.
 fn unit_by_scale(scale: f64, stated: Option<Unit>, usual: [Unit; 2]) -> Result<Unit, String> {
     let tried = stated.map_or(usual.to_vec(), |stated| vec![stated]);
     tried.into_iter().find(|unit| (scale * unit.to_si(1.0)).ln().abs() <= NEAR).ok_or_else(|| {
@@ -67,13 +67,13 @@ const UNCONFIRMED: &str =
 
 struct Compared {
     agreement: f64,
-    /// Rates over turns.
+    /// Rates over rotations.
     scale: f64,
     frame: &'static str,
     windows: usize,
 }
 
-/// Rates against turns, with the delay and the frame that fit best.
+/// Compares rates with rotations, for the delay and the frame that fit best.
 fn compare(rates: &Trace<3>, turns: &Turns) -> Option<Compared> {
     let all = DELAYS_S.iter().flat_map(|late_s| {
         let pairs = windows(rates, turns, *late_s);
@@ -100,7 +100,7 @@ fn of_frame(pairs: &[([f64; 3], [f64; 3])], frame: &'static str, signs: [f64; 3]
     })
 }
 
-/// Mean rates of windows and how fast an attitude that is late turned in them, about forward, right and down.
+/// Mean rates of windows and how fast a late attitude rotated in them, about forward, right and down.
 fn windows(rates: &Trace<3>, turns: &Turns, late_s: f64) -> Vec<([f64; 3], [f64; 3])> {
     let integral = rates.clone().integral(HOLE_S);
     let attitude = &turns.quaternions;
@@ -124,7 +124,7 @@ fn windows(rates: &Trace<3>, turns: &Turns, late_s: f64) -> Vec<([f64; 3], [f64;
     pairs
 }
 
-/// The turn from one attitude to another about forward, right and down, rad.
+/// The rotation from one attitude to another about forward, right and down, rad.
 fn between([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 3] {
     let w = aw * bw + ax * bx + ay * by + az * bz;
     let vector = [
