@@ -512,7 +512,7 @@ impl Building {
         }
     }
 
-    /// The cells of an undecided column whose first number is so large that a float loses nanoseconds of it.
+    /// The cells of an undecided column whose first number is so large that a float loses nanoseconds.
     fn written(&self) -> Option<Column> {
         let Cells::Undecided(numbers, written) = &self.cells else { return None };
         let Cells::Floats(values) = &**numbers else { return None };
