@@ -70,7 +70,7 @@ fn shared_threads() -> usize {
     asked.map_or(cores, |asked| cores.min(asked))
 }
 
-/// Work that a thread may take up.
+/// Work that a thread may begin.
 pub(crate) struct Order<T> {
     state: Mutex<State<T>>,
     changed: Condvar,

@@ -18,7 +18,7 @@ pub(super) struct Header {
     begins: Begins,
     /// Which columns are numeric, as far as the first rows show.
     numbers: Vec<bool>,
-    /// The first of these: a word in it makes a header of a row, or a row that is out of the common.
+    /// The first of these: a word in it makes a row a header, or an irregular row.
     telling: Option<usize>,
     /// Start of the units line, if there is one.
     units: Vec<u8>,

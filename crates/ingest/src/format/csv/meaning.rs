@@ -267,7 +267,7 @@ fn without_unit(name: &str) -> &str {
 }
 
 /// NAVgraph puts the device before each name, `[Tag 0 SN1234 Real-Time]Latitude (deg)`. The names of the first device
-/// stand for themselves.
+/// are used as they are.
 fn of_one_device(names: &[String]) -> (Vec<String>, Option<String>) {
     let split = |name: &'_ str| -> Option<(usize, bool)> {
         let (_, plain) = name.strip_prefix('[')?.split_once(']')?;
