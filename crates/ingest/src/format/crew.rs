@@ -160,14 +160,14 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_that_fails_gives_back_what_it_had() {
+    fn a_thread_that_panics_returns_its_work() {
         let order = Order::new(7);
         assert!(order.carry_out(|_| panic!("this is meant to be seen: a test of failure")));
         assert!(matches!(order.wait(), Some(Outcome::Failed(item)) if item == 7));
     }
 
     #[test]
-    fn no_more_is_handed_over_than_threads_get_to() {
+    fn no_more_work_is_handed_over_than_threads_can_begin() {
         let (begun, has_begun) = std::sync::mpsc::channel();
         let (end, may_end) = std::sync::mpsc::channel::<()>();
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(move || {
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn one_thread_makes_nothing_early() {
+    fn one_thread_does_nothing_ahead() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         assert!(pool.install(Crew::at_hand).is_none());
     }
