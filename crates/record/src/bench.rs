@@ -475,7 +475,7 @@ pub struct ModelFinding {
     pub chosen: Option<String>,
     /// Summary in words, with ΔBIC: the choice, or `not distinguished` and the candidates concerned.
     pub text: String,
-    /// Delay plus lags of the best candidate: the group delay at low frequency, s; known far better than the parts.
+    /// Delay plus lags of the best candidate: the group delay at low frequency, s; known much better than the parts.
     pub sum_s: Estimate,
 }
 

@@ -31,7 +31,7 @@ pub enum NetworkVerdict {
     Consistent,
     /// There is no loop, so no pair checks another.
     Unchecked,
-    /// A loop failed, one effect alone explains it, and its pairs no longer count.
+    /// A loop failed and one effect alone explains it. The pairs of that effect are no longer used.
     Named,
     /// A loop failed and several effects explain it equally well: intervals cover all of them.
     Undecided,

@@ -68,8 +68,8 @@ impl DelayKind {
     }
 }
 
-/// What is known of the delay of a position against a velocity over one flight. Positive is late:
-/// `position(t) = truth(t − delay)`, with the velocity as the clock.
+/// What is known about the delay of a position against a velocity over one flight. Positive is late: `position(t) =
+/// truth(t − delay)`, with the velocity as the clock.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayOverTime {
@@ -188,7 +188,7 @@ pub struct DelayJitter {
     pub standard_deviation_s: f64,
     /// Error of a position that remains after the mean delay is removed, rms at the rms speed of the flight, m.
     pub remains_m: f64,
-    /// Half-width that holds 95 % of the fixes, s.
+    /// Half-width that contains 95 % of the fixes, s.
     pub half_width_95_s: f64,
 }
 

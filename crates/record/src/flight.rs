@@ -18,7 +18,7 @@ pub struct InputFile {
     pub blake3: String,
 }
 
-/// The settings that the flight was analysed with.
+/// The settings used to analyse the flight.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PipelineUse {

@@ -71,7 +71,7 @@ pub struct DelayExcitation {
     pub samples: u64,
     /// Seconds that they cover, without gaps.
     pub duration_s: f64,
-    /// Pieces with an offset of their own: the integral is unknown across gaps, the position across resets.
+    /// Pieces with their own offset: the integral is unknown across gaps, the position across resets.
     pub pieces: u64,
     /// 95th percentile of the ground speed, m/s.
     pub speed_p95_mps: f64,
@@ -116,7 +116,7 @@ pub struct MeasuredDelay {
     /// The objective that was minimised.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub objective: Option<ObjectiveCurve>,
-    /// Pieces with an offset of their own.
+    /// Pieces with their own offset.
     pub pieces: Vec<DelayPiece>,
     /// Delay over time, in windows that do not overlap and carry about equal information.
     pub over_time: Vec<WindowDelay>,
@@ -147,7 +147,7 @@ impl MeasuredDelay {
     }
 }
 
-/// A stretch with an offset and drift of its own.
+/// A segment with its own offset and drift.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayPiece {

@@ -40,7 +40,7 @@ pub struct FlightLateness {
     pub key: String,
     /// Why the log could not be used; `None` if it could.
     pub failed: Option<String>,
-    /// Position that is compensated, as `position.gps`.
+    /// Position that is compensated, such as `position.gps`.
     pub position: Option<String>,
     /// Velocity that compensates it.
     pub velocity: Option<String>,
@@ -169,7 +169,7 @@ pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decisi
 pub struct DelayAdvice {
     /// Settings that remove the delay, those of the pipeline first.
     pub set: Vec<DelaySetting>,
-    /// What to fly so that the next log shows the delay; `None` if this one does.
+    /// Recommended flight so that the next log shows the delay; `None` if this log does.
     pub fly: Option<String>,
 }
 

@@ -25,7 +25,7 @@ pub struct MonteCarloCase {
 pub struct MonteCarloGroup {
     /// Title.
     pub title: String,
-    /// What is done and what the goals are, in words.
+    /// Procedure and goals, in words.
     pub text: String,
     /// Columns with units, such as `rms/CRLB`.
     pub columns: Vec<String>,

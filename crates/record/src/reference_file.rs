@@ -39,7 +39,7 @@ pub enum ReferenceClock {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ClockOffset {
-    /// Channel of the log that counts as on time; its lateness is part of the offset.
+    /// Channel of the log that is assumed to be on time; its lateness is part of the offset.
     pub by: String,
     /// Timestamp of the reference file at which the offset holds, ns.
     pub at_ns: i64,

@@ -66,7 +66,7 @@ pub struct PairUse {
     pub position: String,
     /// Velocity that is on time.
     pub velocity: String,
-    /// Independent position to score against, if the log holds one.
+    /// Independent position to score against, if the log contains one.
     pub reference: Option<String>,
 }
 

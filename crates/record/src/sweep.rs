@@ -1,4 +1,4 @@
-//! Which delay was removed and why, and what other delays would have done.
+//! Which delay was removed and why, and the effect of other delays.
 
 use crate::bench::Finding;
 use crate::replay::Estimate;

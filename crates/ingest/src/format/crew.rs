@@ -8,21 +8,21 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Threads that work for one file: its walk could not keep up with more.
+/// Most threads that work for one file: its walk could not keep up with more.
 const MOST_THREADS: usize = 4;
 
-/// Who works for one walk.
+/// The threads that work for one walk.
 pub(crate) struct Crew {
-    /// The pool of the process; else that of the thread that walks.
-    shared: Option<&'static rayon::ThreadPool>,
     /// The pool of the process; `None` for that of the thread that walks.
-    most: usize,
+    shared: Option<&'static rayon::ThreadPool>,
     /// Most items that are in progress or ready.
+    most: usize,
+    /// Items handed over that no thread has begun, including ones that are no longer wanted.
     handed_over: Arc<AtomicUsize>,
 }
 
 impl Crew {
-    /// `None` if there is but one thread, or none can be started.
+    /// `None` if there is only one thread, or threads cannot be started.
     pub(crate) fn at_hand() -> Option<Crew> {
         static SHARED: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
         let start = || rayon::ThreadPoolBuilder::new().num_threads(shared_threads()).build().ok();
@@ -36,12 +36,12 @@ impl Crew {
         (threads > 1).then(|| Crew { shared, most, handed_over: Arc::default() })
     }
 
-    /// Whether something more may be begun where so much has been.
+    /// Whether another item may be begun in addition to `begun`.
     pub(crate) fn has_time(&self, begun: usize) -> bool {
         begun < self.most && self.handed_over.load(Ordering::Relaxed) < self.most
     }
 
-    /// Gives `work` on `item` to whoever has time.
+    /// Gives `work` on `item` to an idle thread.
     pub(crate) fn begin<T: Send + 'static>(
         &self,
         item: T,
@@ -62,7 +62,7 @@ impl Crew {
     }
 }
 
-/// As many as there are cores, or fewer if rayon's own variable says so.
+/// The number of cores, or fewer if rayon's own variable says so.
 fn shared_threads() -> usize {
     let cores = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
     let asked =
@@ -70,7 +70,7 @@ fn shared_threads() -> usize {
     asked.map_or(cores, |asked| cores.min(asked))
 }
 
-/// Work that a thread may take up.
+/// Work that a thread may begin.
 pub(crate) struct Order<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
@@ -83,12 +83,12 @@ enum State<T> {
     Gone,
 }
 
-/// What has become of work.
+/// State of a piece of work.
 pub(crate) enum Outcome<T> {
-    /// Nobody has begun with it.
+    /// No thread has begun it.
     Open(T),
     Done(T),
-    /// The thread panicked. It comes again where the walk does the same work.
+    /// The thread panicked. The walk panics again when it does the same work.
     Failed(T),
 }
 
@@ -101,7 +101,7 @@ impl<T> Order<T> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Does the work, if it still is to be done. Says whether it was.
+    /// Does the work if it is still open. Returns whether it did.
     pub(crate) fn carry_out(&self, work: impl FnOnce(&mut T)) -> bool {
         let mut state = self.state();
         let mut item = match std::mem::replace(&mut *state, State::TakenUp) {
@@ -160,14 +160,14 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_that_fails_gives_back_what_it_had() {
+    fn a_thread_that_panics_returns_its_work() {
         let order = Order::new(7);
         assert!(order.carry_out(|_| panic!("this is meant to be seen: a test of failure")));
         assert!(matches!(order.wait(), Some(Outcome::Failed(item)) if item == 7));
     }
 
     #[test]
-    fn no_more_is_handed_over_than_threads_get_to() {
+    fn no_more_work_is_handed_over_than_threads_can_begin() {
         let (begun, has_begun) = std::sync::mpsc::channel();
         let (end, may_end) = std::sync::mpsc::channel::<()>();
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(move || {
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn one_thread_makes_nothing_early() {
+    fn one_thread_does_nothing_ahead() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         assert!(pool.install(Crew::at_hand).is_none());
     }

@@ -103,8 +103,8 @@ impl Source {
         Ok(Source { path: path.to_owned(), file, beside, write_ahead, refused })
     }
 
-    /// A write-ahead log that was not copied along leaves no trace in the database. A recorder that closes its bag removes
-    /// the log, and then describes the bag in `metadata.yaml`, whose counts are compared.
+    /// A write-ahead log that was not copied along leaves no trace in the database. A recorder that closes its bag
+    /// removes the log, and then describes the bag in `metadata.yaml`, whose counts are compared.
     fn tell_missing_wal(&self, described: bool, notices: &mut Notices) {
         let is_there = std::fs::metadata(wal::path_of(&self.path)).is_ok_and(|about| about.len() > 0);
         if self.write_ahead && !is_there && !described {

@@ -1,11 +1,11 @@
-//! Chunks decompressed into one reused buffer, never beyond what they declare.
+//! Chunks decompressed into one reused buffer, never beyond their declared size.
 
 mod lz4_frame;
 
 use std::io::Read;
 
-/// A buffer up to this size is made in one go; a larger one grows with what arrives, so that a
-/// few bytes that claim much do not get it.
+/// A buffer up to this size is allocated in one go; a larger one grows with the output, so that a
+/// few bytes that declare a huge size do not get the memory.
 const AT_ONCE: usize = 16 << 20;
 
 /// Compression of a chunk.
@@ -18,18 +18,18 @@ pub(crate) enum Codec {
     Bz2,
 }
 
-/// What came out, and what went wrong if it is not all that was declared.
+/// The output, and what went wrong if it is not all that was declared.
 #[derive(Debug)]
 pub(crate) struct Inflated<'b> {
     pub(crate) bytes: &'b [u8],
     pub(crate) fault: Option<String>,
 }
 
-/// What a message begins with that was compressed by itself (RFC 8878, 3.1.1). No CDR message does: its first two bytes
-/// name a representation.
+/// First bytes of an individually compressed message (RFC 8878, 3.1.1). No CDR message starts with these: its first
+/// two bytes name a representation.
 const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
 
-/// Whether a message of a ROS 2 bag was compressed by itself.
+/// Whether a message of a ROS 2 bag was compressed individually.
 pub(crate) fn is_packed(message: &[u8]) -> bool {
     message.starts_with(ZSTD)
 }
@@ -42,7 +42,7 @@ pub(crate) struct Inflater {
 }
 
 impl Inflater {
-    /// Decompresses `data`, which declares to become `declared` bytes. More than `limit` is refused.
+    /// Decompresses `data`, with a declared size of `declared` bytes. A size above `limit` is rejected.
     pub(crate) fn inflate<'b>(&'b mut self, codec: Codec, data: &'b [u8], declared: u64, limit: u64) -> Inflated<'b> {
         if declared > limit {
             let fault = format!("a chunk of {declared} bytes is larger than the limit of {limit}");
@@ -65,13 +65,13 @@ impl Inflater {
         self.out.capacity()
     }
 
-    /// The first `length` bytes of what [`Inflater::inflate`] gave last, of the same codec and data.
+    /// The first `length` bytes of the last output of [`Inflater::inflate`], of the same codec and data.
     pub(crate) fn inflated<'b>(&'b self, codec: Codec, data: &'b [u8], length: usize) -> &'b [u8] {
         let from = if codec == Codec::None { data } else { self.out.as_slice() };
         from.get(..length).unwrap_or_default()
     }
 
-    /// A message that was compressed by itself (`compression_mode: MESSAGE`). Its frame says how long it is: rosbag2
+    /// An individually compressed message (`compression_mode: MESSAGE`). Its frame states its length, because rosbag2
     /// writes it in one piece.
     pub(crate) fn message<'b>(&'b mut self, data: &'b [u8], limit: u64) -> Result<&'b [u8], String> {
         let declared = match zstd::zstd_safe::get_frame_content_size(data) {
@@ -83,7 +83,7 @@ impl Inflater {
         inflated.fault.map_or(Ok(inflated.bytes), Err)
     }
 
-    /// Straight into the buffer, which is the window as well: no frame can ask for more memory.
+    /// Straight into the buffer, which is also the window: no frame can demand more memory.
     fn zstd(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
         let mut room = declared.min(AT_ONCE.max(data.len().saturating_mul(4)).max(self.out.len()));
         loop {
@@ -114,7 +114,7 @@ impl Inflater {
         let mut from = bzip2::bufread::BzDecoder::new(data);
         let mut filled = 0;
         let mut fault = None;
-        // One byte more than declared, so that the decoder comes to its end mark and checksum.
+        // One byte more than declared, so that the decoder reaches its end mark and checksum.
         while filled <= declared {
             let room = (declared + 1).min(AT_ONCE.max(filled.saturating_mul(2)));
             if self.out.len() < room {
@@ -136,7 +136,7 @@ impl Inflater {
     }
 }
 
-/// What an error means, by the texts of the library (`ZSTD_getErrorString` in its `error_private.c`).
+/// The meaning of an error, from the library's texts (`ZSTD_getErrorString` in its `error_private.c`).
 fn zstd_fault(error: &str, declared: usize) -> String {
     match error {
         "Destination buffer is too small" => {
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn every_codec_gives_back_what_went_in_through_one_inflater() {
+    fn every_codec_round_trips_through_one_inflater() {
         let contents =
             [vec![], vec![7; 3], (0..300_000_u32).flat_map(|i| i.wrapping_mul(i).to_le_bytes()).collect::<Vec<u8>>()];
         let mut inflater = Inflater::default();
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chunk_that_lies_about_its_size_is_at_fault_and_takes_little_memory() {
+    fn a_chunk_with_a_false_size_is_a_fault_and_takes_little_memory() {
         let zeros = vec![0; 40 << 20];
         for codec in [Codec::Zstd, Codec::Lz4, Codec::Bz2] {
             let data = packed(codec, &zeros);
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_truncated_stream_gives_its_intact_beginning_and_a_fault() {
+    fn a_truncated_stream_returns_its_intact_start_and_a_fault() {
         let content: Vec<u8> = (0..2_000_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 28) as u8).collect();
         for codec in [Codec::Lz4, Codec::Bz2] {
             let data = packed(codec, &content);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fault_of_zstd_data_says_whether_they_are_cut_damaged_or_too_long() {
+    fn a_zstd_fault_says_whether_the_data_are_truncated_corrupt_or_too_long() {
         let content: Vec<u8> = (0..100_000_u32).flat_map(|i| i.wrapping_mul(i).to_le_bytes()).collect();
         let mut encoder = zstd::stream::Encoder::new(vec![], 1).unwrap();
         encoder.include_checksum(true).unwrap();
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_lz4_checksum_is_a_fault() {
+    fn a_wrong_lz4_checksum_is_a_fault() {
         let mut encoder =
             lz4::EncoderBuilder::new().checksum(lz4::ContentChecksum::ChecksumEnabled).build(vec![]).unwrap();
         encoder.write_all(&[1, 2, 3, 4, 5, 6, 7, 8]).unwrap();

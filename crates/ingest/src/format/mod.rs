@@ -75,8 +75,8 @@ fn compare_count(by: &str, stated: u64, found: u64, file: &str, notices: &mut No
     }
 }
 
-/// A file that is empty, all zeros as far as examined, or text is not a damaged log but not a log at all. `wrong_start`
-/// is what the walk would report for its first bytes.
+/// Rejects a file that is empty, all zeros as far as examined, or text: it is not a log, not even a damaged one.
+/// `wrong_start` is what the walk would report for its first bytes.
 fn refuse_foreign(file: &mut LogFile, wrong_start: &str, context: &ReadContext<'_>) -> Result<(), IngestError> {
     let nothing = all_zero(file)?;
     let what = match file.up_to(0, 4096)? {

@@ -71,7 +71,7 @@ fn refuse_foreign(file: &mut LogFile, of_lines: bool, context: &ReadContext<'_>)
     }
 }
 
-/// The way of frames and lines to their topics.
+/// Routes frames and lines to their topics.
 struct Stream<'b, 't> {
     topics: &'b mut Topics<'t>,
     frames: Frames,
@@ -117,7 +117,7 @@ impl Framing for Stream<'_, '_> {
     }
 
     fn is_preamble(&self, bytes: &[u8]) -> bool {
-        // A star ends a sentence: what stands before it is a piece of one.
+        // A star ends a sentence: the text before it is a fragment of one.
         is_plain(bytes) && bytes.ends_with(b"\n") && memchr(b'*', bytes).is_none()
     }
 

@@ -1,8 +1,8 @@
 //! Packed logs: gzip, Zstandard, bzip2, LZ4, ZIP with one log, and text in UTF-16. They are unpacked into a
-//! temporary folder, which goes with the reading, and read there as any file.
+//! temporary folder, deleted after reading, and read there like any file.
 //!
 //! The ledger of such a log counts the unpacked bytes: it is exact for what was unpacked. Bytes of the packed file that
-//! could not be unpacked are a notice of severity loss with their place.
+//! could not be unpacked are a notice of severity loss with their position.
 
 mod utf16;
 mod zip;
@@ -25,20 +25,20 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Unpacked in one go; between two the user may stop.
+/// Unpacked in one go; the user can stop in between.
 const STEP: usize = 256 << 10;
-/// Members of an archive that are looked into, and memory for their first bytes.
+/// Maximum archive members that are examined, and maximum memory for their first bytes.
 const MOST_MEMBERS: usize = 1000;
 const MOST_HEADS: usize = 16 << 20;
-/// Window of a Zstandard frame, as a power of two: 128 MiB, the largest that `zstd` itself reads unasked. That much
-/// memory is taken only by a log that is as large.
+/// Window of a Zstandard frame, as a power of two: 128 MiB, the largest that `zstd` itself accepts by default. Only a
+/// log of that size takes that much memory.
 const WINDOW_LOG: u32 = 27;
-/// No log becomes that many times as large: what does is a bomb, or nearly all of it zeros. Below so many bytes it does
-/// not matter.
+/// No log expands by a larger factor: such a file is a decompression bomb or nearly all zeros. The ratio is ignored
+/// below this size in bytes.
 const MOST_TIMES: u64 = 100;
 const AT_ANY_RATIO: u64 = 32 << 20;
 
-/// Endings of names of packed files that stand behind the name of what is packed.
+/// Name suffixes of packed files, appended to the name of the content.
 pub(crate) const ENDINGS: &[&str] = &["gz", "gzip", "zst", "zstd", "bz2", "lz4"];
 
 /// How a file is packed.
@@ -53,7 +53,7 @@ pub(crate) enum Packing {
 }
 
 impl Packing {
-    /// By the first bytes of a file; `text` says that its name is that of a text.
+    /// Detected from the first bytes of a file; `text` says that it is named like a text file.
     pub(crate) fn of(head: &[u8], text: bool) -> Option<Packing> {
         const MAGIC: [(&[u8], Packing); 8] = [
             (b"\x1f\x8b\x08", Packing::Gzip),
@@ -85,8 +85,8 @@ impl Packing {
     }
 }
 
-/// What stands behind the skippable frames at the beginning (RFC 8878, 3.1.2; LZ4 has the same): `pzstd` writes one in
-/// front of every frame.
+/// The data after the skippable frames at the start (RFC 8878, 3.1.2; LZ4 has the same): `pzstd` writes one before
+/// every frame.
 fn behind_skippable(mut head: &[u8]) -> &[u8] {
     while let Some(([0x50..=0x5f, 0x2a, 0x4d, 0x18], rest)) = head.split_first_chunk::<4>() {
         let mut rest = Bytes(rest);
@@ -98,14 +98,14 @@ fn behind_skippable(mut head: &[u8]) -> &[u8] {
     head
 }
 
-/// A file in a packed one.
+/// A file in a packed file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Member {
     /// Its name, without folders.
     pub(crate) name: PathBuf,
     /// Its first bytes.
     pub(crate) head: Vec<u8>,
-    /// Why there are none, if not because it is empty.
+    /// Why there are none, unless the file is empty.
     pub(crate) fault: Option<String>,
     entry: Option<zip::Entry>,
 }
@@ -131,11 +131,11 @@ pub(crate) fn members(path: &Path, packing: Packing) -> io::Result<Vec<Member>> 
     Ok(entries.into_iter().map(member).collect())
 }
 
-/// As many of the first bytes as can be unpacked, up to `most`; or why none can.
+/// As many of the first bytes as can be unpacked, up to `most`; or the reason for having none.
 fn head_of(decoder: Result<Box<dyn Read + '_>, String>, packing: Packing, most: usize) -> (Vec<u8>, Option<String>) {
     let mut head = vec![];
     let fault = match decoder {
-        // What was unpacked before an error stays in the vector.
+        // The vector keeps what was unpacked before an error.
         Ok(decoder) => decoder.take(most as u64).read_to_end(&mut head).err().map(|e| fault_of(&e, packing)),
         Err(fault) => Some(fault),
     };
@@ -143,7 +143,7 @@ fn head_of(decoder: Result<Box<dyn Read + '_>, String>, packing: Packing, most: 
     (head, fault)
 }
 
-/// The name without the ending of its packing.
+/// The name without the packing suffix.
 fn inner_name(path: &Path, packing: Packing) -> PathBuf {
     let name = PathBuf::from(path.file_name().unwrap_or(path.as_os_str()));
     let ending = name.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -161,7 +161,7 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
     }
 }
 
-/// Unpacks a file; `bad` counts characters of UTF-16 that are none.
+/// Unpacks a file; `bad` counts invalid UTF-16 characters.
 fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) -> Result<Box<dyn Read + 'r>, String> {
     let text = |error: io::Error| error.to_string();
     Ok(match packing {
@@ -180,7 +180,7 @@ fn zstandard<'r>(packed: impl BufRead + 'r) -> Result<Box<dyn Read + 'r>, String
     Ok(Box::new(SmallSteps { inner: decoder, fault: None }))
 }
 
-/// Reads in steps so small that little is lost with the one that fails: `zstd` gives nothing of it.
+/// Reads in small steps, so that little is lost with a failing one: `zstd` returns nothing of it.
 struct SmallSteps<R> {
     inner: R,
     fault: Option<io::Error>,
@@ -209,12 +209,12 @@ impl<R: Read> Read for SmallSteps<R> {
     }
 }
 
-/// Unpacks one of several that may stand one behind the other: a member of gzip (RFC 1952, 2.2), a stream of bzip2, a frame of
+/// Unpacks one of several parts in sequence: a member of gzip (RFC 1952, 2.2), a stream of bzip2, a frame of
 /// LZ4.
 trait Part<R>: Read + Sized {
     fn begin(packed: R) -> io::Result<Self>;
 
-    /// What is behind it, if it has an end.
+    /// The data after it, if it has an end.
     fn end(self) -> io::Result<R>;
 }
 
@@ -313,12 +313,12 @@ impl LogReader for UnpackingReader {
     }
 }
 
-/// What SQLite keeps beside a database, which was packed since.
+/// SQLite's sidecars of a database that was packed later.
 fn newest_pages(packed: &Path, packing: Packing) -> PathBuf {
     write_ahead_log_of(&packed.with_file_name(inner_name(packed, packing)))
 }
 
-/// How a file is packed, by its first bytes.
+/// The packing of a file, from its first bytes.
 fn packing_of(path: &Path) -> Result<Option<Packing>, IngestError> {
     let mut head = vec![];
     let file = File::open(path).map_err(|e| IngestError::of_file(path, e))?;
@@ -326,13 +326,13 @@ fn packing_of(path: &Path) -> Result<Option<Packing>, IngestError> {
     Ok(Packing::of(&head, named_text(path)))
 }
 
-/// Whether the name is that of a text.
+/// Whether the file is named like a text file.
 pub(crate) fn named_text(path: &Path) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     ["csv", "txt", "tsv", "log"].contains(&ending.as_str())
 }
 
-/// The unpacked files of one unit, and what was lost on the way.
+/// The unpacked files of one unit, and what was lost in the process.
 struct Unpacking<'c> {
     kind: LogKind,
     context: &'c ReadContext<'c>,
@@ -390,7 +390,7 @@ impl<'c> Unpacking<'c> {
                 self.notices.push(Code::IncompleteRecording, file_name(path), 1, text);
             }
             let target = self.target(&member.name)?;
-            // What a recorder that was killed left beside its bag belongs to it.
+            // The write-ahead log that a killed recorder left next to its bag belongs to it.
             let ahead = members.iter().filter_map(|m| m.entry.as_ref()).find(|e| e.is_write_ahead_log_of(entry));
             let ahead = ahead.filter(|_| self.kind == LogKind::Db3).map(|ahead| (ahead, write_ahead_log_of(&target)));
             wanted.extend([Some((entry, target)), ahead].into_iter().flatten());
@@ -407,9 +407,9 @@ impl<'c> Unpacking<'c> {
         Ok(())
     }
 
-    /// Where the next log is unpacked to.
+    /// Target path for the next log.
     fn target(&mut self, name: &Path) -> Result<PathBuf, IngestError> {
-        // A folder each, for two may have one name.
+        // One folder each, because two logs may have the same name.
         let folder = self.folder.path().join(self.files.len().to_string());
         let target = folder.join(name);
         std::fs::create_dir(&folder).map_err(|e| IngestError::of_file(&target, e))?;
@@ -417,7 +417,7 @@ impl<'c> Unpacking<'c> {
         Ok(target)
     }
 
-    /// Copies the write-ahead log that stands beside a packed database.
+    /// Copies the write-ahead log next to a packed database.
     fn newest_pages(&mut self, ahead: &Path, target: &Path) -> Result<(), IngestError> {
         let bytes = match std::fs::metadata(ahead) {
             Ok(about) if about.is_file() && self.kind == LogKind::Db3 => about.len(),
@@ -432,7 +432,7 @@ impl<'c> Unpacking<'c> {
         std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| IngestError::of_file(ahead, e))
     }
 
-    /// Unpacks one file of a packed one.
+    /// Unpacks one file of a packed file.
     fn copy(&mut self, piece: &Piece<'_>, target: &Path, mut decoder: Box<dyn Read + '_>) -> Result<(), IngestError> {
         let Piece { path, size, packing, at, .. } = *piece;
         let mut out = File::create(target).map_err(|e| IngestError::of_file(target, e))?;
@@ -443,7 +443,7 @@ impl<'c> Unpacking<'c> {
                 Ok(0) => break None,
                 Ok(got) => got,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                // The disk or the network fails, and not the log: the next time all of it may be there.
+                // The disk or network failed, not the log: another attempt may get all of it.
                 Err(source) if source.raw_os_error().is_some() => {
                     return Err(IngestError::Io { file: file_name(path), offset: at.get(), source });
                 }
@@ -470,7 +470,7 @@ impl<'c> Unpacking<'c> {
         fault.map_or(Ok(()), |fault| self.tell_fault(piece, &fault, bytes))
     }
 
-    /// Says what was lost behind the bytes that could be unpacked; without any of them there is nothing to read.
+    /// Reports what was lost after the unpacked bytes; without any unpacked bytes there is nothing to read.
     fn tell_fault(&mut self, piece: &Piece<'_>, fault: &str, bytes: u64) -> Result<(), IngestError> {
         let (file, at, end) = (file_name(piece.path), piece.at.get(), piece.place.end);
         if bytes == 0 {
@@ -485,20 +485,20 @@ impl<'c> Unpacking<'c> {
 /// Packed bytes of one log.
 struct Piece<'p> {
     path: &'p Path,
-    /// Of the whole packed file.
+    /// Size of the whole packed file.
     size: u64,
     packing: Packing,
-    /// How far of the packed bytes was used.
+    /// How many of the packed bytes were consumed.
     at: &'p Cell<u64>,
-    /// Where they lie in the file.
+    /// Their position in the file.
     place: Range<u64>,
 }
 
-/// What an error of a decoder means.
+/// The meaning of a decoder error.
 fn fault_of(error: &io::Error, packing: Packing) -> String {
     let (name, text) = (packing.name(), error.to_string());
     match error.kind() {
-        // As the library says it.
+        // In the library's words.
         _ if packing == Packing::Zstd && text.contains("too much memory") => {
             format!("the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31")
         }
@@ -511,7 +511,7 @@ fn fault_of(error: &io::Error, packing: Packing) -> String {
     }
 }
 
-/// Zeros are left out of the file, so that a bomb of them takes no room; its length must be set at the end.
+/// Zeros become holes in the file, so that a bomb of zeros takes no disk space; its length must be set at the end.
 fn write_sparse(out: &mut File, bytes: &[u8]) -> io::Result<()> {
     if is_zero(bytes) {
         return out.seek(SeekFrom::Current(bytes.len() as i64)).map(|_| ());
@@ -519,7 +519,7 @@ fn write_sparse(out: &mut File, bytes: &[u8]) -> io::Result<()> {
     out.write_all(bytes)
 }
 
-/// Packed bytes of a file, and how far of them was used.
+/// Packed bytes of a file, and how many of them were consumed.
 struct Packed<'r> {
     inner: BufReader<io::Take<At<'r>>>,
     at: &'r Cell<u64>,

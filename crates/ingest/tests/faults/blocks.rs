@@ -57,13 +57,13 @@ fn noise(at: usize, size: usize) -> Vec<u8> {
 
 of_each_format! {
     blocks, 64, "a block at every 64 bytes; `just faults`":
-    a_bad_block_of_an_mcap_is_told "mcap" 2039 bad_blocks_of_an_mcap,
+    a_bad_block_of_an_mcap_is_reported "mcap" 2039 bad_blocks_of_an_mcap,
     a_bad_block_of_a_bag_is_survived "bag" 4093 bad_blocks_of_a_bag,
     a_bad_block_of_a_ros_2_bag_is_survived "db3" 4093 bad_blocks_of_a_ros_2_bag,
     a_bad_block_of_a_ulog_is_survived "ulog" 127 bad_blocks_of_a_ulog,
     a_bad_block_of_a_dataflash_log_is_survived "dataflash" 251 bad_blocks_of_a_dataflash_log,
     a_bad_block_of_a_tlog_is_survived "tlog" 127 bad_blocks_of_a_tlog,
-    a_bad_block_of_a_ubx_log_is_told "ubx" 127 bad_blocks_of_a_ubx_log,
+    a_bad_block_of_a_ubx_log_is_reported "ubx" 127 bad_blocks_of_a_ubx_log,
     a_bad_block_of_an_nmea_log_is_survived "nmea" 127 bad_blocks_of_an_nmea_log,
     a_bad_block_of_a_table_is_survived "csv" 251 bad_blocks_of_a_table,
 }

@@ -38,13 +38,13 @@ fn cut(seed: &Seed, damaged: usize, step: usize) {
 
 of_each_format! {
     cuts, 1, "every cut; `just faults`":
-    a_cut_mcap_gives_its_beginning_and_says_so "mcap" 61 every_cut_of_an_mcap,
-    a_cut_bag_gives_its_beginning_and_says_so "bag" 61 every_cut_of_a_bag,
-    a_cut_ros_2_bag_gives_its_beginning_and_says_so "db3" 257 every_cut_of_a_ros_2_bag,
-    a_cut_ulog_gives_its_beginning_and_says_so "ulog" 7 every_cut_of_a_ulog,
-    a_cut_dataflash_log_gives_its_beginning_and_says_so "dataflash" 13 every_cut_of_a_dataflash_log,
-    a_cut_tlog_gives_its_beginning_and_says_so "tlog" 7 every_cut_of_a_tlog,
-    a_cut_ubx_log_gives_its_beginning_and_says_so "ubx" 7 every_cut_of_a_ubx_log,
-    a_cut_nmea_log_gives_its_beginning_and_says_so "nmea" 7 every_cut_of_an_nmea_log,
-    a_cut_table_gives_its_beginning_and_says_so "csv" 7 every_cut_of_a_table,
+    a_cut_mcap_gives_its_beginning_and_is_reported "mcap" 61 every_cut_of_an_mcap,
+    a_cut_bag_gives_its_beginning_and_is_reported "bag" 61 every_cut_of_a_bag,
+    a_cut_ros_2_bag_gives_its_beginning_and_is_reported "db3" 257 every_cut_of_a_ros_2_bag,
+    a_cut_ulog_gives_its_beginning_and_is_reported "ulog" 7 every_cut_of_a_ulog,
+    a_cut_dataflash_log_gives_its_beginning_and_is_reported "dataflash" 13 every_cut_of_a_dataflash_log,
+    a_cut_tlog_gives_its_beginning_and_is_reported "tlog" 7 every_cut_of_a_tlog,
+    a_cut_ubx_log_gives_its_beginning_and_is_reported "ubx" 7 every_cut_of_a_ubx_log,
+    a_cut_nmea_log_gives_its_beginning_and_is_reported "nmea" 7 every_cut_of_an_nmea_log,
+    a_cut_table_gives_its_beginning_and_is_reported "csv" 7 every_cut_of_a_table,
 }

@@ -51,13 +51,13 @@ fn checked(container: Container) -> bool {
 
 of_each_format! {
     flips, 1, "every bit; `just faults`":
-    a_flipped_bit_of_an_mcap_changes_nothing_in_silence "mcap" 509 every_flipped_bit_of_an_mcap,
+    a_flipped_bit_of_an_mcap_changes_nothing_silently "mcap" 509 every_flipped_bit_of_an_mcap,
     a_flipped_bit_of_a_bag_changes_no_more_than_its_record "bag" 509 every_flipped_bit_of_a_bag,
     a_flipped_bit_of_a_ros_2_bag_changes_no_more_than_its_record "db3" 2039 every_flipped_bit_of_a_ros_2_bag,
     a_flipped_bit_of_a_ulog_changes_no_more_than_its_record "ulog" 61 every_flipped_bit_of_a_ulog,
     a_flipped_bit_of_a_dataflash_log_changes_no_more_than_its_record "dataflash" 61 every_flipped_bit_of_a_dataflash_log,
-    a_flipped_bit_of_a_tlog_changes_no_more_than_a_stamp "tlog" 61 every_flipped_bit_of_a_tlog,
-    a_flipped_bit_of_a_ubx_log_changes_nothing_in_silence "ubx" 61 every_flipped_bit_of_a_ubx_log,
-    a_flipped_bit_of_an_nmea_log_changes_nothing_in_silence "nmea" 61 every_flipped_bit_of_an_nmea_log,
+    a_flipped_bit_of_a_tlog_changes_no_more_than_a_timestamp "tlog" 61 every_flipped_bit_of_a_tlog,
+    a_flipped_bit_of_a_ubx_log_changes_nothing_silently "ubx" 61 every_flipped_bit_of_a_ubx_log,
+    a_flipped_bit_of_an_nmea_log_changes_nothing_silently "nmea" 61 every_flipped_bit_of_an_nmea_log,
     a_flipped_bit_of_a_table_changes_no_more_than_its_row "csv" 61 every_flipped_bit_of_a_table,
 }

@@ -146,7 +146,7 @@ fn mcap_record(opcode: u8, length: usize, body: &[u8]) -> Vec<u8> {
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
-/// A summary at `start` as long as the data before it, with chunk indexes that point into the summary.
+/// A summary at `start` as long as the data before it, whose indexes point to chunks inside the summary.
 fn summary_of_no_chunks(start: usize) -> Vec<u8> {
     let index = |at: usize| {
         let place = [(start + at) as u64, 100];

@@ -877,7 +877,7 @@ fn a_flipped_bit_loses_no_message_silently() {
         let at = bit / 8;
         disk.write_at(at as u64, &[content[at] ^ 1 << (bit % 8)]);
         if let Ok(log) = read_files(&[disk.path()]) {
-            // Without checksums a value can change unseen, and with a topic's name what is wanted. A row cannot go.
+            // Without checksums a changed value or topic name can go undetected. No row may be lost.
             assert!(log.health.messages >= 36 || lost(&log), "bit {bit}: {:?}", log.health);
             assert!(log.health.messages <= 36, "bit {bit}");
         }

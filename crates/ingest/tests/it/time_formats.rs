@@ -285,7 +285,7 @@ fn a_sixteen_bit_counter_wraps_around_if_the_map_states_its_range() {
 }
 
 #[test]
-fn contradictory_timestamp_sources_are_rejected_with_a_reason() {
+fn invalid_timestamp_sources_are_rejected_with_a_reason() {
     for (time, word) in [
         ("field = \"t\", unit = \"s\", clock = \"boot\", zone = \"+02:00\"", "a zone goes with a date"),
         ("date = \"d\", time = \"t\", offset = \"o\", zone = \"+02:00\"", "that has no offset"),

@@ -111,7 +111,7 @@ impl Integers {
     }
 }
 
-/// Cells as they stand in the log: first those that are integers as everybody writes them ([`plain_integer`]), of which
+/// Cells as written in the log: first those that are integers in the usual form ([`plain_integer`]), of which
 /// it is enough to know how many, then the others.
 #[derive(Debug, Default)]
 struct Written {
@@ -134,7 +134,7 @@ impl Written {
     }
 }
 
-/// A cell that is an integer which, written again, gives the cell, and is no longer than a double can hold.
+/// An integer cell that formatting reproduces exactly, and that a double can hold.
 #[inline]
 fn plain_integer(cell: &[u8]) -> Option<i64> {
     let (negative, digits) = cell.strip_prefix(b"-").map_or((false, cell), |rest| (true, rest));
@@ -512,7 +512,7 @@ impl Building {
         }
     }
 
-    /// The cells of an undecided column whose first number is so large that a float loses nanoseconds of it.
+    /// The cells of an undecided column whose first number is so large that a float loses nanoseconds.
     fn written(&self) -> Option<Column> {
         let Cells::Undecided(numbers, written) = &self.cells else { return None };
         let Cells::Floats(values) = &**numbers else { return None };

@@ -368,7 +368,7 @@ fn short_number(cell: &[u8]) -> Option<Cell> {
     Some(Cell::Float(if negative { -value } else { value }))
 }
 
-/// Takes the digits that `text` begins with behind those of `number`: no more together than nineteen.
+/// Appends the digits at the start of `text` to those of `number`: nineteen in all at most.
 #[inline]
 fn digits(mut number: u64, mut text: &[u8]) -> (u64, &[u8]) {
     while let Some((eight, rest)) = text.split_first_chunk()

@@ -14,11 +14,11 @@ pub(super) struct Header {
     /// The names in it.
     names: Vec<Vec<u8>>,
     known: HashSet<Vec<u8>>,
-    /// What names begin with, by byte.
+    /// First bytes of the names.
     begins: Begins,
-    /// Which columns there are: those of numbers, as far as the first rows tell.
+    /// Which columns are numeric, as far as the first rows show.
     numbers: Vec<bool>,
-    /// The first of these: a word in it makes a header of a row, or a row that is out of the common.
+    /// The first of these: a word in it makes a row a header, or an irregular row.
     telling: Option<usize>,
     /// Start of the units line, if there is one.
     units: Vec<u8>,
@@ -98,7 +98,7 @@ fn is_word(cell: &[u8]) -> bool {
 }
 
 impl Header {
-    /// Of a line, its fields, and what stands between them; with which columns are of numbers.
+    /// From a line, its fields and delimiter, and which columns are numeric.
     pub(super) fn new(line: &[u8], fields: &Fields, delimiter: u8, numbers: Vec<bool>) -> Header {
         let names: Vec<Vec<u8>> = (0..fields.len()).map(|index| fields.get(index).to_vec()).collect();
         let known: HashSet<Vec<u8>> = names.iter().filter(|name| !name.is_empty()).cloned().collect();
@@ -167,7 +167,7 @@ impl Header {
     }
 
     /// Whether a row is another header: of its fields half are names of this one, two at least, or all are different
-    /// words and one is such a name in its place; and words stand where the first rows have numbers.
+    /// words and one is such a name in its place; and it has words where the first rows have numbers.
     pub(super) fn is_other(&self, fields: &Fields) -> bool {
         let filled: Vec<(usize, &[u8])> =
             (0..fields.len()).map(|i| (i, fields.get(i))).filter(|f| !f.1.is_empty()).collect();

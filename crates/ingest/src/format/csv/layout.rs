@@ -54,11 +54,11 @@ pub(super) struct TableLayout {
     pub(super) first_row_line: u64,
     /// First line and number of rows of another table before the header.
     pub(super) other_rows: Option<(u64, u64)>,
-    /// There is a header, a row with a number, and all rows looked at have the same number of fields.
+    /// There is a header, a row with a number, and all examined rows have the same number of fields.
     pub(super) regular: bool,
-    /// Which columns are of numbers: of most rows looked at.
+    /// Which columns are numeric in most of the examined rows.
     pub(super) numbers: Vec<bool>,
-    /// There is no header, and every cell of all rows looked at, which have the same number of fields, is a number.
+    /// There is no header, all examined rows have the same number of fields, and every cell is a number.
     pub(super) bare: bool,
 }
 
@@ -126,7 +126,7 @@ impl Sampled {
             whole.iter().all(|r| r.fields.get(column).is_some_and(fits))
         };
         let numbers = |column: usize| all(column, &is_number);
-        // With gaps, a row of words may be one of events: units stand over several columns, and nowhere else.
+        // If there are gaps, a row of words may be an event: units are present in several columns, and only there.
         let gappy = |column: usize| {
             let filled = whole.iter().filter_map(|r| r.fields.get(column)).any(is_number);
             filled && all(column, &|cell| is_number(cell) || is_none(cell))
@@ -171,7 +171,7 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
     let first_line = head.split(|b| b"\r\n".contains(b)).next().unwrap_or_default();
     let hinted = is_hint(super::without_bom(first_line).trim_ascii());
     for delimiter in DELIMITERS {
-        // Blanks stand in padding too, so they count only where nothing else fits.
+        // Blanks also occur as padding, so they count only if nothing else fits.
         if delimiter == BLANKS && best.is_some() {
             continue;
         }
@@ -201,7 +201,7 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
 type Rank = (bool, usize, usize);
 
 /// A stamp and one of a few words before the values of every row, and a width for each word. No header, so that it is
-/// the word that says what a row holds.
+/// the word that identifies a row.
 fn is_tagged(sample: &[Sampled]) -> bool {
     let mut widths: Vec<(&str, usize)> = vec![];
     let mut odd = 0;
@@ -246,13 +246,13 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
     Ok(sampled)
 }
 
-/// Whether a first line only tells a spreadsheet what stands between fields: `sep=;`.
+/// Whether a first line only states the delimiter for a spreadsheet: `sep=;`.
 fn is_hint(line: &[u8]) -> bool {
     matches!(line, [b's' | b'S', b'e' | b'E', b'p' | b'P', b'=', _])
 }
 
-/// What stands before decimals. A comma does if some cell says so beyond doubt and none has decimals behind a point;
-/// where all cells with commas may be thousands too, nobody can know, and they are no numbers.
+/// Decimal separator. It is a comma if some cell proves it and none has decimals after a point;
+/// if all cells with commas may also be thousands, it is unknown, and they are not numbers.
 fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
     let cells = || rows.iter().flat_map(|r| &r.fields);
     let of_thousands = |cell: &str| comma_cell(&cell.replace('.', ",")) == Some(CommaCell::Either);
@@ -264,7 +264,7 @@ fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
     if delimiter != b',' && certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
 }
 
-/// The records of a table that are no remarks, how many fields most of them have, and what stands before decimals.
+/// The records of a table except remarks, the most frequent number of fields, and the decimal separator.
 struct Rows<'s> {
     all: Vec<&'s Sampled>,
     width: usize,
@@ -272,9 +272,9 @@ struct Rows<'s> {
 }
 
 impl<'s> Rows<'s> {
-    /// The lines that name the columns and say their units.
+    /// The lines with the names and units of the columns.
     fn head(&self, sample: &'s [Sampled]) -> (Option<&'s Sampled>, Option<&'s Sampled>) {
-        // Where a remark names the columns, dates and times in words below it are no names.
+        // If a remark names the columns, dates and times in words below it are not names.
         let first_line = self.all.first().map_or(0, |r| r.line);
         let is_marked_header = |s: &Sampled| s.comment && s.line < first_line && self.fits(&s.fields);
         let marked = sample.iter().any(|s| is_marked_header(s) && s.names_columns(self.decimal));
@@ -290,7 +290,7 @@ impl<'s> Rows<'s> {
         (header, self.units_below(header, before_data, &comments))
     }
 
-    /// The line that says the units of the columns.
+    /// The line with the units of the columns.
     fn units_below(
         &self,
         header: Option<&'s Sampled>,
@@ -300,7 +300,7 @@ impl<'s> Rows<'s> {
         let width = self.width;
         let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
         let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
-        // What a remark says above the header is not of its columns, unless it says units.
+        // A remark above the header does not describe its columns, unless it has units.
         let is_below = |c: &Sampled| header.is_some_and(|h| h.comment || c.line > h.line);
         let no_row = |c: &&Sampled| !c.has_number(self.decimal);
         let says = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
@@ -308,7 +308,7 @@ impl<'s> Rows<'s> {
         let units = units.or_else(|| comments().rfind(says));
         let units = units.or_else(|| {
             let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
-            // The header may stand again between the rows, with the units behind it.
+            // The header may be repeated between the rows, followed by the units.
             let is_header = |r: &Sampled| header.is_some_and(|h| h.fields == r.fields);
             let again = |before: &Sampled, r: &Sampled| is_header(r) || (is_header(before) && r.fields == below.fields);
             let pairs = self.all.iter().zip(self.all.iter().skip(1)).filter(|(_, r)| r.line > below.line);
@@ -318,7 +318,7 @@ impl<'s> Rows<'s> {
         units.or_else(|| comments().filter(no_row).rfind(|c| is_other(c)))
     }
 
-    /// The names of the columns, empty where there are none.
+    /// The names of the columns, empty if there are none.
     fn names(&self, header: Option<&Sampled>) -> Vec<String> {
         let mut named = header.map_or_else(|| vec![String::new(); self.width], |h| h.fields.clone());
         // A delimiter at the end of the lines does not make a column.
@@ -329,7 +329,7 @@ impl<'s> Rows<'s> {
         named
     }
 
-    /// Whether a column is one of numbers in the rows behind a line. Among them may be other headers.
+    /// Whether a column is numeric in the rows after a line. Other headers may be among them.
     fn is_of_numbers(&self, column: usize, behind: u64) -> bool {
         let rows = self.all.iter().filter(|r| r.line > behind);
         let cells = rows.filter_map(|r| r.fields.get(column)).map(|cell| self.decimal.number(cell.as_bytes()));
@@ -406,7 +406,7 @@ fn common_width(rows: &[&Sampled]) -> Option<(usize, usize)> {
     rows.iter().map(|r| r.fields.len()).max_by_key(|&width| (count(width), width)).map(|width| (width, count(width)))
 }
 
-/// Gives every column a name of its own, and says how many had none. `rostopic echo -p` puts
+/// Gives every column a unique name, and returns how many had none. `rostopic echo -p` puts
 /// `field.` before each path.
 pub(super) fn unique(named: Vec<String>) -> (Vec<String>, usize) {
     let echo = named.first().is_some_and(|n| n == "%time");

@@ -11,7 +11,7 @@ use std::io::Read;
 
 /// CRs in a row that still belong to one line end.
 const MOST_RETURNS: usize = 8;
-/// So many longest lines may be searched in vain for the end of a quoted record, and so many bytes
+/// At most this many longest lines may be searched in vain for the end of a quoted record, and this many bytes
 /// for each byte of the file. Beyond that quotes no longer reach over line ends: text made for it
 /// would have every line searched through to the limit.
 const VAIN: u64 = 16;
@@ -29,7 +29,7 @@ pub(super) struct Lines<'a, R> {
     /// Up to here the buffer has whole lines, if it has an LF.
     lines_end: usize,
     ended: bool,
-    /// Bytes searched for the end of quoted records that proved none.
+    /// Bytes searched in vain for the end of quoted records.
     searched_in_vain: u64,
     /// Bytes before the current line.
     pub(super) offset: u64,
@@ -37,7 +37,7 @@ pub(super) struct Lines<'a, R> {
     pub(super) number: u64,
 }
 
-/// One record that lies complete in the buffer.
+/// One record that is complete in the buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Extent {
     /// Bytes of the record without its line end.
@@ -46,13 +46,13 @@ pub(super) struct Extent {
     pub(super) whole: usize,
     /// Lines that it spans: more than one when a quoted field holds line ends.
     pub(super) lines: u64,
-    /// Whether a line end follows; only the last record of a file may have none.
+    /// Whether a line end follows; only the last record of a file may lack it.
     pub(super) ended: bool,
-    /// Quotes do not match, so the line stands alone.
+    /// Quotes do not match, so the line is a record of its own.
     pub(super) broken: bool,
 }
 
-/// What comes next in the file.
+/// The next item in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Next {
     /// A record.
@@ -88,7 +88,7 @@ impl<'a, R: Read> Lines<'a, R> {
     }
 
     /// Finds the next record. With a delimiter, a quoted field may span lines; without one every
-    /// line stands alone.
+    /// line is a record of its own.
     pub(super) fn next(&mut self, delimiter: Option<u8>) -> Result<Next, IngestError> {
         loop {
             let limit = self.context.limits.line_bytes;
@@ -109,12 +109,12 @@ impl<'a, R: Read> Lines<'a, R> {
         }
     }
 
-    /// Bytes that tell whether a record is too long.
+    /// Bytes needed to decide whether a record is too long.
     fn reach(&self) -> usize {
         self.context.limits.line_bytes + MOST_RETURNS + 1
     }
 
-    /// As many of those to come: what becomes of a record does not depend on how much was read at once.
+    /// The same number of following bytes: the result for a record does not depend on how much was read at once.
     fn within_reach(&self) -> &[u8] {
         let rest = self.rest();
         rest.get(..self.reach()).unwrap_or(rest)
@@ -135,13 +135,13 @@ impl<'a, R: Read> Lines<'a, R> {
         self.start < self.zeros_end
     }
 
-    /// Whole lines that lie in the buffer, if there are neither quotes nor zero bytes in them.
+    /// Whole lines in the buffer, if they contain neither quotes nor zero bytes.
     pub(super) fn plain_block(&self) -> &[u8] {
         let plain = !self.may_hold_quotes() && !self.may_hold_zeros();
         plain.then(|| self.buffer.get(self.start..self.lines_end)).flatten().unwrap_or_default()
     }
 
-    /// The first line of a record that spans several and proved none: a quote that was never meant to
+    /// The first line of a record over several lines that did not end: a quote that was not meant to
     /// open a field has swallowed the others.
     pub(super) fn first_line_of(&mut self, record: Extent) -> Extent {
         if record.lines == 1 {
@@ -163,8 +163,8 @@ impl<'a, R: Read> Lines<'a, R> {
         self.number += extent.lines;
     }
 
-    /// Moves past a line that is too long to be taken into memory. Says how long it is, and whether the search for its end
-    /// was given up: a sparse file has nothing but zeros.
+    /// Moves past a line that is too long to be taken into memory. Says how long it is, and whether the search for its
+    /// end was given up: a sparse file has nothing but zeros.
     pub(super) fn pass_too_long(&mut self) -> Result<(u64, bool), IngestError> {
         let (from, mut zeros) = (self.offset, 0);
         loop {
@@ -187,7 +187,7 @@ impl<'a, R: Read> Lines<'a, R> {
         }
     }
 
-    /// Leaves rows of `topic` that are to come to others. Only where what is held is whole lines.
+    /// Leaves the next rows of `topic` to other threads. Only where the buffer holds whole lines.
     pub(super) fn read_ahead(&mut self, crew: &Crew, topic: &Topic, rules: &Rules) -> Result<(), IngestError> {
         if self.source.is_empty() {
             if self.ended || self.lines_end <= self.start {
@@ -202,8 +202,8 @@ impl<'a, R: Read> Lines<'a, R> {
         Ok(self.context.advance(got)?)
     }
 
-    /// Takes rows of `topic` that others have read: those that come next, if the buffer is used up. `None` if nothing was
-    /// read early.
+    /// Takes rows of `topic` that others have read: those that come next, if the buffer is used up. `None` if nothing
+    /// was read early.
     pub(super) fn take_rows(&mut self, topic: &mut Topic, rules: &Rules) -> Result<Option<Extent>, IngestError> {
         if !self.rest().is_empty() {
             return Ok(None);
@@ -246,7 +246,7 @@ impl<'a, R: Read> Lines<'a, R> {
         Next::Record(Extent { broken: true, ..line })
     }
 
-    /// What stands after the last line end of the file, or after a quote that is never closed.
+    /// The text after the last line end of the file, or after a quote that is never closed.
     fn last(&mut self, delimiter: Option<u8>) -> Next {
         let whole = self.rest().len();
         if whole == 0 {
@@ -272,7 +272,7 @@ impl<'a, R: Read> Lines<'a, R> {
         Ok(self.context.advance(got)?)
     }
 
-    /// Notes what the buffer holds from `held` on.
+    /// Examines what the buffer holds from `held` on.
     fn look_at(&mut self, held: usize) {
         let new = self.buffer.get(held..).unwrap_or_default();
         self.quotes_end = memrchr(b'"', new).map_or(self.quotes_end, |at| held + at + 1);
@@ -286,7 +286,7 @@ impl<'a, R: Read> Lines<'a, R> {
 }
 
 /// The first record of `data`, if its end is certain. `ended` says that nothing follows `data`.
-/// Comments have no quotes, and nothing has without a delimiter.
+/// Comments have no quotes, and without a delimiter no line has.
 fn find(data: &[u8], delimiter: Option<u8>, several_lines: bool, ended: bool) -> Option<Extent> {
     let line = find_line(data, ended)?;
     let text = data.get(..line.text)?;
@@ -306,7 +306,7 @@ fn find(data: &[u8], delimiter: Option<u8>, several_lines: bool, ended: bool) ->
 
 enum Quoted {
     Ends(Extent),
-    /// Something stands between a closing quote and the delimiter.
+    /// There is text between a closing quote and the delimiter.
     Broken,
 }
 
@@ -327,7 +327,7 @@ fn line_end(data: &[u8], ended: bool) -> Option<usize> {
     }
 }
 
-/// As [`find_line`], but line ends inside quotes belong to the field. A quote opens a field only at
+/// Like [`find_line`], but line ends inside quotes belong to the field. A quote opens a field only at
 /// the field's start, and only a delimiter, a line end or padding may follow the one that closes it (RFC 4180).
 fn find_quoted(data: &[u8], delimiter: u8, ended: bool) -> Option<Quoted> {
     let (mut place, mut lines) = (Place::FieldStart, 1);
@@ -359,13 +359,13 @@ fn find_quoted(data: &[u8], delimiter: u8, ended: bool) -> Option<Quoted> {
     (ended && place != Place::Inside).then_some(Quoted::Ends(extent))
 }
 
-/// Where in a field a byte stands.
+/// Position of a byte within a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     FieldStart,
     Plain,
     Inside,
-    /// Behind a quote that closes the field, or is the first of two.
+    /// After a quote that closes the field, or is the first of two.
     Closed,
     Padding,
 }
@@ -435,17 +435,17 @@ mod tests {
     }
 
     #[test]
-    fn an_unclosed_quote_costs_its_own_line_only() {
+    fn an_unclosed_quote_affects_only_its_own_line() {
         assert_eq!(texts("\"a,1\nb,2\nc,3"), numbered(&[(1, "\"a,1"), (2, "b,2"), (3, "c,3")]));
     }
 
     #[test]
-    fn the_last_record_needs_no_line_end_even_where_a_field_holds_one() {
+    fn the_last_record_needs_no_line_end_even_with_one_in_a_field() {
         assert_eq!(texts("a,b\n1,\"c\nd\""), numbered(&[(1, "a,b"), (2, "1,\"c\nd\"")]));
     }
 
     #[test]
-    fn quotes_that_are_never_closed_and_returns_without_end_take_no_time() {
+    fn unclosed_quotes_and_endless_carriage_returns_take_no_time() {
         // Every line opens a quote, whether or not the line before did: searched through to the limit
         // each time, this would be 4e11 steps.
         let lines = 400_000;
@@ -454,14 +454,14 @@ mod tests {
     }
 
     #[test]
-    fn a_line_over_the_limit_is_passed_without_keeping_it() {
+    fn a_line_over_the_limit_is_skipped_without_keeping_it() {
         let text = format!("a\n{}\nb\n", "x".repeat(900_000));
         let expected = [(1, "a"), (2, "<900001 bytes>"), (3, "b")];
         assert_eq!(records(text.as_bytes(), Some(b','), 1000), numbered(&expected));
     }
 
     #[test]
-    fn behind_a_hole_of_zeros_is_read_on_and_a_sea_of_them_is_given_up() {
+    fn reading_continues_after_a_hole_of_zeros_but_not_after_a_huge_one() {
         let with = |zeros: usize| [b"a\n", vec![0; zeros].as_slice(), b"\nb\n"].concat();
         let expected = [(1, "a"), (2, "<3145729 bytes>"), (3, "b")];
         assert_eq!(records(&with(3 << 20), Some(b','), 1 << 20), numbered(&expected));

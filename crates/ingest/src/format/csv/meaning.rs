@@ -9,7 +9,7 @@ use flight::{Code, Notices};
 const FIX: &str = "fix_ok";
 /// The offset of its dates and times from UTC, `+hh:mm`.
 const OFFSET: &str = "utc_offset";
-/// `UTC_Year` where `UTC_Valid` says that UTC is known.
+/// `UTC_Year` where `UTC_Valid` shows that UTC is known.
 const YEAR: &str = "utc_year";
 
 /// Modes of an OxTS receiver without a position: none, searching, Doppler alone (at once, from two kinds of its raw
@@ -33,7 +33,7 @@ const XSENS_GIVEN: [(&str, [&str; 3]); 7] = [
 ];
 /// Xsens' position, and the column that says whether there is one.
 const XSENS_POSITION: [&str; 3] = XSENS_GIVEN[0].1;
-/// Xsens' status word. As a number it would lose the zeros that show its base.
+/// Xsens' status word. As a number it would lose the leading zeros that show its base.
 const XSENS_WORD: &str = "StatusWord";
 /// Bits of Xsens' `UTC_Valid`: the date, the time of day, and the leap seconds are known.
 const XSENS_UTC: i64 = 0b111;
@@ -42,7 +42,7 @@ const XSENS_UTC: i64 = 0b111;
 #[derive(Debug, Default)]
 pub(super) struct Meaning {
     pub(super) names: Vec<String>,
-    /// What is to be told of the names.
+    /// What is to be reported about the names.
     pub(super) told: Option<String>,
     own: Vec<Own>,
 }
@@ -140,7 +140,7 @@ impl Own {
     fn sources(&self) -> Vec<FieldRequest> {
         let of = |path: &str, kind| FieldRequest { path: path.to_owned(), kind };
         match self {
-            // Any column does: a table of none would not be read.
+            // Any column will do: a table without columns would not be read.
             Own::Offset(_) => vec![of("Date", ValueKind::Text)],
             Own::Mode(name) => vec![of(name, ValueKind::Text)],
             Own::Status => vec![of(XSENS_WORD, ValueKind::Text)],
@@ -166,7 +166,7 @@ impl Own {
             }
             Own::Status => {
                 let column = texts(table, XSENS_WORD)?;
-                // A device that measures sets some bit: all zeros stand for no word.
+                // A measuring device sets some bit: all zeros mean that there is no word.
                 let is_word = |word: &String| word.bytes().any(|digit| digit != b'0');
                 let words: Vec<Option<String>> = (0..table.rows).map(|row| said(column, row).filter(is_word)).collect();
                 let radix = radix_of(words.iter().flatten().map(String::as_str));
@@ -215,7 +215,7 @@ fn fixes(
     fixes.iter().any(Option::is_some).then(|| of_integers(FIX, &fixes))
 }
 
-/// The year of rows whose UTC is known; where there is no word of that, the year as it stands.
+/// The year of rows whose UTC is known; without that information, the year as written.
 fn year(table: &Table, notices: &mut Notices) -> Column {
     let integer = |path: &str, row| table.column(path).and_then(|column| column.integer(row));
     let known = |row| integer("UTC_Valid", row).is_none_or(|valid| valid & XSENS_UTC == XSENS_UTC);
@@ -267,7 +267,7 @@ fn without_unit(name: &str) -> &str {
 }
 
 /// NAVgraph puts the device before each name, `[Tag 0 SN1234 Real-Time]Latitude (deg)`. The names of the first device
-/// stand for themselves.
+/// are used as they are.
 fn of_one_device(names: &[String]) -> (Vec<String>, Option<String>) {
     let split = |name: &'_ str| -> Option<(usize, bool)> {
         let (_, plain) = name.strip_prefix('[')?.split_once(']')?;

@@ -23,7 +23,7 @@ const FIELDS: &[(&str, &[&str])] = &[
 ];
 /// Fields of a status.
 const STATUS: &[&str] = &["sol_status", "ins_status", "status"];
-/// Column of the reader's own behind those of messages that say their status: 1 where it is that of a solution, else 0.
+/// The reader's own column after those of messages with a status: 1 if it is that of a solution, else 0.
 const SOLVED: &str = "solution_ok";
 /// What messages say with a solution: their solution status, or that of the inertial one. Others tell of an alignment
 /// that goes on, of too few satellites, of a filter that has not converged.

@@ -111,7 +111,7 @@ impl<'t> OneTable<'t> {
     /// Takes names and units from the lines that hold them.
     fn head(&mut self, open: &mut Open<'_>, extent: Extent, line: u64) {
         let delimiter = self.layout.delimiter;
-        // Where files were put one behind another, a mark may stand before a header.
+        // Where files were concatenated, a comment mark may precede a header.
         let mark = comment_mark(trimmed(open, extent));
         if self.layout.header_line == Some(line) {
             // Names may be missing at the beginning of the line.

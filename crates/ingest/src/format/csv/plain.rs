@@ -18,7 +18,7 @@ pub(super) struct Cutter {
     width: usize,
     /// Fields that are examined: the wanted ones, and those that show whether it is a row.
     looked_at: Vec<usize>,
-    /// The delimiters that these lie between, by number.
+    /// The delimiters around these, by number.
     needed: Vec<usize>,
     delimiters: Vec<usize>,
     spans: Vec<(usize, usize)>,
@@ -31,7 +31,7 @@ impl Cutter {
             wanted.iter().copied().chain(telling.into_iter().flatten()).filter(|&field| field < width).collect();
         looked_at.sort_unstable();
         looked_at.dedup();
-        // A field lies between the delimiter of its own number and the one before.
+        // A field is between the delimiter of its own number and the previous one.
         let around = |&field: &usize| [field.checked_sub(1), Some(field)];
         let mut needed: Vec<usize> = looked_at.iter().flat_map(around).flatten().collect();
         needed.dedup();

@@ -137,8 +137,8 @@ impl Pages {
         u32::try_from(self.size / u64::from(self.header.page_bytes)).unwrap_or(u32::MAX - 1)
     }
 
-    /// The last page of the file that is part of the database: a transaction in an intact write-ahead log may have made it
-    /// shorter.
+    /// The last page of the file that is part of the database: a transaction in an intact write-ahead log may have made
+    /// it shorter.
     fn last_in_file(&self) -> u32 {
         let sound = self.wal.as_ref().filter(|wal| wal.unfinished == 0);
         self.in_file().min(sound.map_or(u32::MAX, |wal| wal.pages))

@@ -134,8 +134,8 @@ impl Wal {
 
     /// Takes the frames up to the first corrupt one, as SQLite does. Each checksum continues the previous one.
     ///
-    /// A log is rewritten from its start: after the last frame of a round there are frames of an earlier one, with another
-    /// salt. Frames with the salt of this round, after a corrupt one, are lost.
+    /// A log is rewritten from its start: after the last frame of a round there are frames of an earlier one, with
+    /// another salt. Frames with the salt of this round, after a corrupt one, are lost.
     fn walk(&mut self, salt: &[u8], mut sum: Sum) -> Result<(), IngestError> {
         let frame_bytes = self.frame_bytes();
         let mut frame = vec![0; frame_bytes as usize];

@@ -284,8 +284,8 @@ impl<'w, 'c> Walk<'w, 'c> {
         (0..leaves.len()).try_for_each(|index| self.rows(leaves, index, sink))
     }
 
-    /// Passes on the rows of a table: those on referenced pages, and, if something is wrong, in order with them those of
-    /// unreferenced pages with rows of this `look`.
+    /// Passes on the rows of a table: those on referenced pages, and, if something is wrong, in order with them those
+    /// of unreferenced pages with rows of this `look`.
     pub(super) fn read_table(
         &mut self,
         listed: &[Leaf],

@@ -1,27 +1,27 @@
 //! The LZ4 frame format (<https://github.com/lz4/lz4/blob/dev/doc/lz4_Frame_format.md>), block by block straight into
-//! the output, where the blocks before are the dictionary of those that are linked. A decoder for streams copies every
-//! byte three times on its way.
+//! the output, where earlier blocks are the dictionary of linked ones. A streaming decoder copies every
+//! byte three times along the way.
 
 use crate::bytes::Bytes;
 use lz4_flex::block::decompress_into_with_dict;
 use xxhash_rust::xxh32::xxh32;
 
 const MAGIC: u32 = 0x184d_2204;
-/// Sixteen magic numbers, all but the last four bits: a frame of somebody else's data, behind its length.
+/// Sixteen magic numbers without their last four bits: a skippable frame, user data preceded by their length.
 const SKIPPABLE: u32 = 0x184d_2a50;
-/// How far back a block may refer.
+/// Maximum distance of a back-reference.
 const WINDOW: usize = 64 << 10;
-/// Set in the length of a block that is stored as it is.
+/// Set in the length of an uncompressed block.
 const STORED: u32 = 1 << 31;
 const CUT: &str = "the frame is cut";
 
-/// What the frame says of its blocks.
+/// The block properties stated by the frame.
 struct Descriptor {
     linked: bool,
     block_checksums: bool,
     content_bytes: Option<u64>,
     content_checksum: bool,
-    /// Most bytes of one block.
+    /// Maximum size of one block, bytes.
     block_bytes: usize,
 }
 
@@ -41,7 +41,7 @@ impl Descriptor {
             0x70 => 4 << 20,
             _ => return Err("blocks of a size that is not defined"),
         };
-        // Version, a reserved bit, and whether there is a dictionary, which nobody could give us.
+        // Version, a reserved bit, and whether there is a dictionary, which is never available.
         if flags >> 6 != 1 || has(1) || has(0) {
             return Err("a frame of another version, or with a dictionary");
         }
@@ -55,8 +55,8 @@ impl Descriptor {
     }
 }
 
-/// Decompresses frames, one behind the other, that declare to become `declared` bytes together, and never makes more of
-/// them. `out` grows as needed: up to `at_once` bytes in one go, beyond that with what arrives. Gives back how many of
+/// Decompresses consecutive frames with a total declared size of `declared` bytes, and never produces
+/// more. `out` grows as needed: up to `at_once` bytes in one go, above that with the output. Returns how many of
 /// its bytes are filled, and what is wrong with the rest.
 pub(super) fn decode(data: &[u8], declared: usize, at_once: usize, out: &mut Vec<u8>) -> (usize, Option<&'static str>) {
     let mut filled = 0;
@@ -71,7 +71,7 @@ pub(super) fn decode(data: &[u8], declared: usize, at_once: usize, out: &mut Vec
     }
 }
 
-/// Steps over a frame that is not for us; `None` if there is none.
+/// Skips a skippable frame; `None` if there is none.
 fn skip(rest: &mut Bytes<'_>) -> Option<Result<(), &'static str>> {
     let mut ahead = *rest;
     ahead.u32().filter(|magic| magic & !0xf == SKIPPABLE)?;
@@ -80,7 +80,7 @@ fn skip(rest: &mut Bytes<'_>) -> Option<Result<(), &'static str>> {
     Some(skipped.map(|_| ()).ok_or(CUT))
 }
 
-/// Takes one frame off the front of `rest`, and appends its content behind the `filled` bytes of `out`.
+/// Takes one frame from the front of `rest`, and appends its content after the `filled` bytes of `out`.
 fn frame(
     rest: &mut Bytes<'_>,
     declared: usize,
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_behind_the_first_are_read_and_those_of_others_stepped_over() {
+    fn later_frames_are_read_and_skippable_frames_skipped() {
         let content: Vec<u8> = (0..200_000_u32).map(|i| (i / 3 % 251) as u8).collect();
         let (first, second) = content.split_at(130_000);
         let skippable = [&(SKIPPABLE | 7).to_le_bytes()[..], &3_u32.to_le_bytes(), b"abc"].concat();
@@ -152,7 +152,7 @@ mod tests {
             let mut out = vec![];
             assert_eq!(decode(&data, content.len(), 1 << 20, &mut out), (content.len(), None));
             assert!(out[..content.len()] == content[..]);
-            // Nothing behind a frame is passed over in silence.
+            // No data after a frame are ignored silently.
             for tail in [&b"x"[..], &skippable[..9], &data[data.len() - 20..]] {
                 let data = [&data[..], tail].concat();
                 let (filled, fault) = decode(&data, content.len(), 1 << 20, &mut out);

@@ -1,4 +1,4 @@
-//! Where VTG, which has no time, lies among the sentences of its epoch: by default after another one, but
+//! Position of VTG, which has no time, among the sentences of its epoch: by default after another one, but
 //! receivers can be configured to send it first. It would then get the time of the previous epoch. RMC also has speed
 //! and track, with a time. They usually change from one RMC to the next, and VTG then agrees with only one
 //! of its neighbours. VTG that comes before its epoch is not used:

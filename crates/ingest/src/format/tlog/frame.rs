@@ -43,7 +43,7 @@ pub(super) struct Frame<'b> {
     pub(super) intact: Option<bool>,
 }
 
-/// Why there is no frame.
+/// Why the bytes are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NoFrame {
     /// The first bytes are not those of a frame.

@@ -62,7 +62,7 @@ enum FieldKind {
     Nested(String),
 }
 
-/// The length of a message, and the position of its timestamp.
+/// Length of a message, and position of its timestamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Extent {
     /// Without the padding at its end, which PX4 does not write.

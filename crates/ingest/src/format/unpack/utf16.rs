@@ -4,10 +4,10 @@ use super::Packing;
 use std::cell::Cell;
 use std::io::Read;
 
-/// Bytes that tell whether a text without a mark is UTF-16.
+/// Bytes examined to detect UTF-16 in a text without a byte order mark.
 pub(super) const TELLING: usize = 4096;
 
-/// A text of mostly Latin letters without a byte order mark: nearly every other byte is zero, and few of the others.
+/// Detects a text of mostly Latin letters without a byte order mark: nearly every other byte is zero, and few others.
 pub(super) fn without_mark(head: &[u8]) -> Option<Packing> {
     let head = head.get(..head.len().min(TELLING))?;
     let zeros = |from: usize| head.iter().skip(from).step_by(2).filter(|b| **b == 0).count();
@@ -19,14 +19,14 @@ pub(super) fn without_mark(head: &[u8]) -> Option<Packing> {
     (most(even) && 4 * odd <= even).then_some(Packing::Utf16 { big: true })
 }
 
-/// Gives UTF-8. The byte order mark goes; what is no character becomes U+FFFD and is counted.
+/// Returns UTF-8. The byte order mark is removed; invalid characters become U+FFFD and are counted.
 pub(super) struct Reader<'r, R> {
     inner: R,
     big: bool,
     bad: &'r Cell<u64>,
-    /// Bytes of a character that is not whole yet, then those of the last reading.
+    /// Bytes of an incomplete character, then those of the last read.
     input: Vec<u8>,
-    /// UTF-8 that was not taken yet.
+    /// UTF-8 that was not consumed yet.
     text: Vec<u8>,
     taken: usize,
     begun: bool,
@@ -44,7 +44,7 @@ impl<'r, R: Read> Reader<'r, R> {
         let units = self.input.as_chunks::<2>().0.iter();
         let units: Vec<u16> =
             units.map(|pair| if self.big { u16::from_be_bytes(*pair) } else { u16::from_le_bytes(*pair) }).collect();
-        // The second half of a pair of surrogates may follow.
+        // The second half of a surrogate pair may follow.
         let cut = units.last().is_some_and(|last| (0xd800..0xdc00).contains(last)) && !self.ended;
         let whole = units.len() - usize::from(cut);
         self.text.clear();
@@ -85,7 +85,7 @@ impl<R: Read> Read for Reader<'_, R> {
 mod tests {
     use super::*;
 
-    /// Gives one byte at a time.
+    /// Returns one byte at a time.
     struct Dripping<'a>(&'a [u8]);
 
     impl Read for Dripping<'_> {
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn text_in_either_order_is_the_same_text_in_utf_8() {
+    fn text_in_either_byte_order_gives_the_same_utf_8() {
         let text = "t,x °\n1,😀\n".repeat(50_000);
         for big in [false, true] {
             let bytes = encoded(&format!("\u{feff}{text}"), big);
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_pair_and_half_a_character_are_replaced_and_counted() {
+    fn an_unpaired_surrogate_and_half_a_character_are_replaced_and_counted() {
         let mut bytes = encoded("ab", false);
         bytes.extend([0x00, 0xd8]);
         bytes.extend(encoded("c", false));

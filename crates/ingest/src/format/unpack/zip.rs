@@ -6,14 +6,14 @@ use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// The end record has a comment of at most 64 KiB behind it.
+/// The end record is followed by a comment of at most 64 KiB.
 const END_BYTES: u64 = 22;
 const MOST_COMMENT: u64 = 65_535;
-/// The list of files may take this much memory.
+/// Maximum memory for the list of files.
 const MOST_LIST: u64 = 64 << 20;
-/// So many places are looked at that may be the end record.
+/// Maximum candidates for the end record that are examined.
 const MOST_ENDS: usize = 100;
-/// Stands where the 64-bit field holds the number.
+/// Placeholder if the 64-bit field holds the number.
 const IN_EXTRA: u64 = 0xffff_ffff;
 
 /// A file in the archive.
@@ -22,9 +22,9 @@ pub(super) struct Entry {
     name: String,
     method: u16,
     encrypted: bool,
-    /// CRC-32 of the content, where a header says it before the content.
+    /// CRC-32 of the content, if a header states it before the content.
     crc: Option<u32>,
-    /// Bytes as packed.
+    /// Packed size, bytes.
     pub(super) packed_bytes: u64,
     header_at: u64,
     /// The list of files at the end of the archive names it.
@@ -38,13 +38,13 @@ impl Entry {
         PathBuf::from(name.unwrap_or("file").replace('\0', ""))
     }
 
-    /// Whether this is what SQLite kept beside that database.
+    /// Whether this is the write-ahead log that SQLite kept next to that database.
     pub(super) fn is_write_ahead_log_of(&self, database: &Entry) -> bool {
         self.name.strip_suffix("-wal").is_some_and(|name| name == database.name)
     }
 
     fn is_file(&self) -> bool {
-        // Logs of ROS are below `.ros`.
+        // ROS stores its logs in `.ros`.
         let hidden = self.name.rsplit('/').next().is_some_and(|name| name.starts_with('.'));
         !self.name.ends_with('/') && !hidden && !self.name.split('/').any(|part| part == "__MACOSX")
     }
@@ -58,7 +58,7 @@ pub(super) fn entries(file: &mut File, most: usize) -> io::Result<Vec<Entry>> {
         None => headers(file, size, most)?,
     };
     for entry in entries.iter_mut().filter(|entry| !entry.is_file()).take(most) {
-        // The list may be damaged: each name stands in front of the content as well.
+        // The list may be corrupt: each name is also stored before the content.
         let head = read_at(file, entry.header_at, 30 + MOST_COMMENT)?;
         if let Some((own, _)) = header(&head, entry.header_at) {
             entry.name = own.name;
@@ -79,13 +79,13 @@ fn read_at(file: &mut File, offset: u64, length: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The list of files; `None` if there is none or it does not hold together.
+/// The list of files; `None` if it is missing or inconsistent.
 fn list_at_end(file: &mut File, size: u64) -> io::Result<Option<Vec<Entry>>> {
     let tail_at = size.saturating_sub(END_BYTES + MOST_COMMENT);
     let tail = read_at(file, tail_at, size - tail_at)?;
     let ends = || memchr::memmem::rfind_iter(&tail, b"PK\x05\x06").take(MOST_ENDS);
     let record = |found: usize| tail.get(found..).unwrap_or_default();
-    // A comment may hold what looks like one.
+    // A comment may contain what looks like an end record.
     let reaches_end = |found: &usize| EndRecord::parse(record(*found)).is_some_and(|end| end.reaches_end);
     let Some(found) = ends().find(reaches_end).or_else(|| ends().next()) else { return Ok(None) };
     let Some(mut end) = EndRecord::parse(record(found)) else { return Ok(None) };
@@ -111,12 +111,12 @@ fn list_at_end(file: &mut File, size: u64) -> io::Result<Option<Vec<Entry>>> {
     Ok(Some(entries).filter(|entries| end.files == u16::MAX || entries.len() & 0xffff == usize::from(end.files)))
 }
 
-/// What stands behind the list of files.
+/// The record after the list of files.
 struct EndRecord {
     files: u16,
     list_bytes: u64,
     list_at: u64,
-    /// Its comment ends where the file does.
+    /// Its comment ends at the end of the file.
     reaches_end: bool,
 }
 
@@ -130,8 +130,8 @@ impl EndRecord {
     }
 }
 
-/// Of an archive over 4 GiB: a locator stands before the end record, and says where the longer one is: place and bytes of the
-/// list, and where the longer record begins.
+/// For an archive over 4 GiB: a locator before the end record points to the longer one. Returns place and bytes of the
+/// list, and the start of the longer record.
 fn end_record_64(file: &mut File, end_at: u64) -> io::Result<Option<(u64, u64, u64)>> {
     let Some(locator_at) = end_at.checked_sub(20) else { return Ok(None) };
     let locator = read_at(file, locator_at, 20)?;
@@ -170,7 +170,7 @@ fn listed(bytes: &mut Bytes<'_>) -> Option<Entry> {
     Some(Entry { name, method, encrypted: flags & 1 == 1, crc: Some(crc), packed_bytes, header_at, listed: true })
 }
 
-/// The field 1 of an extra: 64-bit numbers in place of those that do not fit.
+/// Field 1 of an extra: 64-bit numbers for those that do not fit.
 fn wide_numbers(extra: &[u8]) -> Bytes<'_> {
     let mut bytes = Bytes(extra);
     while let (Some(id), Some(length)) = (bytes.u16(), bytes.u16()) {
@@ -183,8 +183,8 @@ fn wide_numbers(extra: &[u8]) -> Bytes<'_> {
     Bytes(&[])
 }
 
-/// The entries of an archive whose list is lost, by their headers. One that does not say how long it is ends the search
-/// and may reach to the end.
+/// The entries of an archive whose list is lost, from their headers. An entry of unknown length ends the search
+/// and may extend to the end.
 fn headers(file: &mut File, size: u64, most: usize) -> io::Result<Vec<Entry>> {
     let mut entries = vec![];
     let mut at = 0;
@@ -205,7 +205,7 @@ fn headers(file: &mut File, size: u64, most: usize) -> io::Result<Vec<Entry>> {
     Ok(entries)
 }
 
-/// A header in front of a content, and where the content begins.
+/// A header before its content, and the start of the content.
 fn header(head: &[u8], at: u64) -> Option<(Entry, u64)> {
     let mut bytes = Bytes(head);
     if bytes.take(4)? != b"PK\x03\x04" {
@@ -223,13 +223,13 @@ fn header(head: &[u8], at: u64) -> Option<(Entry, u64)> {
     let mut full = |number: u64| if number == IN_EXTRA { wide.u64() } else { Some(number) };
     let _plain = full(plain)?;
     let packed_bytes = full(packed)?;
-    // With bit 3 the numbers stand behind the content.
+    // With bit 3 the numbers come after the content.
     let crc = (flags & 8 == 0).then_some(crc);
     let entry = Entry { name, method, encrypted: flags & 1 == 1, crc, packed_bytes, header_at: at, listed: false };
     Some((entry, content_at))
 }
 
-/// Where the packed bytes of an entry are.
+/// Position of the packed bytes of an entry.
 pub(super) fn place(file: &mut File, entry: &Entry) -> io::Result<Range<u64>> {
     let head = read_at(file, entry.header_at, 30 + 2 * MOST_COMMENT)?;
     let broken = || io::Error::new(io::ErrorKind::InvalidData, "the list points to no header");
@@ -237,7 +237,7 @@ pub(super) fn place(file: &mut File, entry: &Entry) -> io::Result<Range<u64>> {
     Ok(start..start.saturating_add(entry.packed_bytes))
 }
 
-/// The content of an entry; an error where it ends if its CRC is wrong.
+/// The content of an entry; an error at its end if its CRC is wrong.
 pub(super) fn decoder<'r>(entry: &Entry, packed: impl BufRead + 'r) -> Result<Box<dyn Read + 'r>, String> {
     if entry.encrypted {
         return Err("the ZIP archive is encrypted".to_owned());
