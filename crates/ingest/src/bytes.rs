@@ -1,8 +1,8 @@
-//! Little-endian numbers off the front of a slice; `None` where it ends too early.
+//! Reads little-endian numbers from the front of a slice; `None` if it ends too early.
 
 pub(crate) use logscan::{is_plain, is_zero};
 
-/// The bytes that are left.
+/// The remaining bytes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bytes<'a>(pub(crate) &'a [u8]);
 
@@ -35,7 +35,7 @@ impl<'a> Bytes<'a> {
         self.array().map(u64::from_le_bytes)
     }
 
-    /// Bytes behind their own 32-bit length.
+    /// Bytes after their own 32-bit length.
     pub(crate) fn prefixed(&mut self) -> Option<&'a [u8]> {
         let mut ahead = *self;
         let length = usize::try_from(ahead.u32()?).ok()?;
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_length_beyond_the_end_takes_nothing() {
+    fn a_length_past_the_end_consumes_nothing() {
         let mut bytes = Bytes(&[5, 0, 0, 0, 1, 2]);
         assert_eq!(bytes.prefixed(), None);
         assert_eq!(bytes.u32(), Some(5));

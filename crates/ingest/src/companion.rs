@@ -1,9 +1,9 @@
-//! Logs that accompany those of flights: whole, and without a position of a vehicle of their own.
+//! Logs that accompany those of flights: complete, but without the position of a vehicle of their own.
 
 use flight::{Flight, LogHealth, Quantity, TopicHealth};
 
-/// What the log is, if it is no flight but goes with one: a file of a FlySight 2 that is not its track, or reports of other
-/// vessels. A log with a position of its own is none.
+/// What the log is, if it is not a flight but belongs to one: a file of a FlySight 2 other than its track, or reports
+/// of other vessels. A log with a position of its own is never a companion.
 pub(crate) fn companion(health: &LogHealth, flight: &Flight) -> Option<&'static str> {
     let is_position = |quantity| matches!(quantity, Quantity::PositionGeodetic | Quantity::PositionNed);
     if flight.channels.values().any(|channel| is_position(channel.quantity)) {
@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn sensors_without_their_track_and_other_vessels_are_no_flights() {
+    fn sensors_without_their_track_and_other_vessels_are_not_flights() {
         let of = |format, topics: &[&str]| companion(&log(format, topics), &Flight::default()).unwrap_or("");
         assert!(of("FlySight 2 CSV", &["BARO", "IMU"]).contains("TRACK.CSV"));
         assert!(of("FlySight 2 CSV", &["EVNT"]).contains("TRACK.CSV"));
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_of_an_own_vehicle_is_no_companion() {
+    fn a_log_of_an_own_vehicle_is_not_a_companion() {
         let of = |format, topics: &[&str]| companion(&log(format, topics), &Flight::default());
         assert_eq!(of("FlySight 2 CSV", &["GNSS", "IMU"]), None, "a track that was never fixed is a failed flight");
         assert_eq!(of("MCAP", &["a/raw/ais/json/209014000/3", "imu"]), None);

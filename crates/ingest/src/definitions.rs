@@ -1,5 +1,5 @@
-//! Definitions of messages that a log lacks. ROS 2 recorded none into its SQLite bags until 2023 (Iron), so that a log of types
-//! of one's own cannot be read without them. ROS 1 bags that rosjava wrote may lack those of types within a message.
+//! Message definitions that a log lacks. ROS 2 recorded none in its SQLite bags until 2023 (Iron), so that a log with
+//! custom types cannot be read without them. ROS 1 bags written by rosjava may lack those of nested types.
 
 use crate::error::IngestError;
 use std::collections::BTreeMap;
@@ -7,11 +7,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// A definition is shorter, bytes.
+/// The longest definition, bytes.
 const LONGEST: u64 = 1 << 20;
-/// All packages of ROS 2 together have some thousand.
+/// All ROS 2 packages together have a few thousand.
 const MOST: usize = 20_000;
-/// Packages lie no deeper below the folder.
+/// The deepest level of packages below the folder.
 const DEEPEST: usize = 4;
 
 /// Texts by type, as `px4_msgs/SensorGps`.
@@ -19,12 +19,12 @@ const DEEPEST: usize = 4;
 pub(crate) struct Definitions(BTreeMap<String, String>);
 
 impl Definitions {
-    /// Adds the `PACKAGE/msg/TYPE.msg` of a folder and those below it; one replaces an earlier one of its type. The package is
-    /// called as its `package.xml` says, or else as its folder.
+    /// Adds the `PACKAGE/msg/TYPE.msg` of a folder and those below it; a later one replaces an earlier one of its type.
+    /// The package is named by its `package.xml`, or else by its folder.
     ///
     /// # Errors
-    /// [`IngestError::Io`], also of a folder below that cannot be listed; [`IngestError::Map`] if one is too long, or there
-    /// are too many.
+    /// [`IngestError::Io`], also for a folder below that cannot be listed; [`IngestError::Map`] if a definition is too
+    /// long, or there are too many.
     pub(crate) fn add_folder(&mut self, folder: &Path) -> Result<(), IngestError> {
         let mut paths = vec![];
         collect(folder, 0, &mut paths)?;
@@ -58,7 +58,7 @@ fn failed(path: &Path, source: std::io::Error) -> IngestError {
     IngestError::Io { file: path.display().to_string(), offset: 0, source }
 }
 
-/// `px4_msgs/SensorGps` of a path that ends in `px4_msgs/msg/SensorGps.msg`.
+/// `px4_msgs/SensorGps` from a path that ends in `px4_msgs/msg/SensorGps.msg`.
 fn type_name(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|folder| folder.file_name().is_some_and(|name| name == "msg"))?;
     let folder = std::path::absolute(folder).ok()?;
@@ -67,11 +67,11 @@ fn type_name(path: &Path) -> Option<String> {
     Some(format!("{package}/{}", path.file_stem()?.to_str()?))
 }
 
-/// What the `package.xml` of a package calls it: its folder may be called after a branch, or a download.
+/// The package name in `package.xml`: its folder may be named after a branch, or a download.
 fn package_name(package: &Path) -> Option<String> {
     let mut text = String::new();
     let path = package.join("package.xml");
-    // Looked at before it is opened: opening a pipe would wait for its writer.
+    // Checked before opening: opening a pipe would wait for its writer.
     let about = std::fs::metadata(&path).ok().filter(std::fs::Metadata::is_file)?;
     File::open(path).ok()?.take(LONGEST.min(about.len())).read_to_string(&mut text).ok()?;
     let text = without_comments(&text);
@@ -91,7 +91,7 @@ fn collect(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), 
         let entry = entry.map_err(|e| failed(folder, e))?;
         let path = entry.path();
         let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
-        // Also what is linked, as `colcon --symlink-install` does.
+        // Includes links, which `colcon --symlink-install` creates.
         if path.is_dir() && depth < DEEPEST && !is_hidden {
             collect(&path, depth + 1, paths)?;
         } else if path.is_file() && path.extension().is_some_and(|extension| extension == "msg") {
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_package_is_called_as_it_calls_itself_and_else_as_its_folder() {
+    fn a_package_is_named_by_its_package_xml_or_else_by_its_folder() {
         let root = tempfile::tempdir().unwrap();
         for (folder, xml) in [
             ("px4_msgs-main", "<package format=\"3\">\n<!-- <name>old</name> -->\n  <name> px4_msgs </name>\n"),

@@ -1,9 +1,9 @@
-//! Why a log cannot be used at all. Damage that leaves something to use is no error.
+//! Reasons why a log cannot be used at all. Damage that leaves something usable is not an error.
 
 use logscan::ScanError;
 use std::path::{Path, PathBuf};
 
-/// Nothing of the log can be used, and why.
+/// The reason why nothing of the log can be used.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
     /// The file cannot be read.
@@ -11,17 +11,17 @@ pub enum IngestError {
     Io {
         /// File name.
         file: String,
-        /// Where the read began.
+        /// Where the read started.
         offset: u64,
-        /// What the system says.
+        /// The error from the system.
         source: std::io::Error,
     },
-    /// The file is no log that we know.
+    /// The file is not a known log.
     #[error("{file}: {what}")]
     NotALog {
         /// File name.
         file: String,
-        /// What it is instead, or what was looked for.
+        /// What it is instead, or what was expected.
         what: String,
     },
     /// It is a log, but nothing in it is intact.
@@ -54,19 +54,19 @@ pub enum IngestError {
         /// What is wrong.
         what: String,
     },
-    /// The user stopped.
+    /// Stopped by the user.
     #[error("stopped")]
     Cancelled,
 }
 
 impl IngestError {
-    /// A file that cannot be opened or asked for its size.
+    /// A file that cannot be opened or whose size cannot be read.
     pub(crate) fn of_file(path: &Path, source: std::io::Error) -> IngestError {
         IngestError::Io { file: file_name(path), offset: 0, source }
     }
 }
 
-/// As files are called in what is said of them.
+/// The file name for messages.
 pub(crate) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

@@ -1,4 +1,4 @@
-//! Bytes to flights. The only crate that knows a format's name.
+//! Reads log files into flights. The only crate that knows format names.
 //!
 //! [`discover`] finds the flights in a folder, [`load`] reads one of them: a [`LogReader`]
 //! turns wanted topics into columns, a [`ChannelMap`] binds columns to channels of a

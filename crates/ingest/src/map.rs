@@ -1,4 +1,4 @@
-//! Channel maps as they are meant: checked, with units and patterns resolved.
+//! Resolved channel maps: checked, with units and patterns parsed.
 
 use crate::civil::{DateOrder, Tick, offset_seconds};
 use crate::definitions::Definitions;
@@ -17,26 +17,26 @@ use std::path::{Path, PathBuf};
 /// The commented example of a channel map: it uses every key.
 pub const EXAMPLE_MAP: &str = pipelines::EXAMPLE_MAP;
 
-/// The maps that come with flightlag.
+/// The channel maps built into flightlag.
 const SHIPPED: &[(&str, &str)] = pipelines::CHANNEL_MAPS;
 
-/// Which topics and fields of a kind of log become which channels.
+/// Defines which topics and fields of a kind of log become which channels.
 ///
-/// Its debug text shows every rule as it is meant, and not how the file writes it down: two files that
-/// differ in comments and spaces only give the same.
+/// Its debug text shows every resolved rule, not the text of the file: two files that differ only in comments and
+/// spaces give the same.
 #[derive(Clone)]
 pub struct ChannelMap {
     /// Short name.
     pub name: String,
-    /// One line for people.
+    /// One line for the user.
     pub title: String,
     pub(crate) rules: Vec<ChannelRule>,
     pub(crate) ties: Vec<TieRule>,
-    /// For any log of some types.
+    /// Whether it fits any log with certain types.
     pub(crate) generic: bool,
     /// Channels that a log of its kind need not have.
     pub(crate) optional: Vec<String>,
-    /// It came with flightlag.
+    /// Whether it is built into flightlag.
     pub(crate) shipped: bool,
     text: String,
 }
@@ -46,7 +46,7 @@ impl fmt::Debug for ChannelMap {
         let ChannelMap { name, title, rules, ties, generic, optional, shipped: _, text: _ } = self;
         let mut debug = f.debug_struct("ChannelMap");
         debug.field("name", name).field("title", title).field("rules", rules);
-        // As without the field where there is none, so that other maps keep their keys.
+        // Omitted if empty, so that other maps keep their cache keys.
         if !ties.is_empty() {
             debug.field("ties", ties);
         }
@@ -75,7 +75,7 @@ pub(crate) struct ChannelRule {
     pub(crate) topics: Vec<String>,
     pub(crate) types: Vec<String>,
     pub(crate) timeline: StampKind,
-    /// Of each kind the sources in order of preference.
+    /// The sources of each kind in order of preference.
     pub(crate) times: [(StampKind, Vec<TimeSource>); 3],
     pub(crate) combine: Combine,
     pub(crate) parts: Vec<Part>,
@@ -84,15 +84,15 @@ pub(crate) struct ChannelRule {
     pub(crate) when: Option<WhenEntry>,
 }
 
-/// One number that a channel is made of.
+/// One number of a channel.
 #[derive(Debug, Clone)]
 pub(crate) struct Part {
     pub(crate) role: &'static str,
-    /// What follows if the log does not have it.
+    /// What follows if the log lacks it.
     pub(crate) presence: Presence,
-    /// The log counts it the other way: up for down, west for east, left for right.
+    /// The log has the opposite sign: up for down, west for east, left for right.
     pub(crate) opposite: bool,
-    /// The first that exists is read, of these the first that is not zero throughout.
+    /// The first existing field is read; if it is zero throughout, the next one that is not.
     pub(crate) fields: Vec<Source>,
 }
 
@@ -101,11 +101,11 @@ pub(crate) struct Part {
 pub(crate) struct Source {
     pub(crate) path: String,
     pub(crate) unit: Unit,
-    /// Of a height.
+    /// For a height: what it is above.
     pub(crate) above: Option<HeightAbove>,
 }
 
-/// What only a bench measures: beside these, position and velocity.
+/// Quantities that only a bench measures, in addition to position and velocity.
 pub(crate) const BENCH_ALONE: &[Quantity] = &[
     Quantity::Height,
     Quantity::Attitude,
@@ -118,41 +118,41 @@ pub(crate) const BENCH_ALONE: &[Quantity] = &[
     Quantity::Pulse,
 ];
 
-/// What a channel is without one of its parts.
+/// What happens to a channel without one of its parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Presence {
-    /// Nothing.
+    /// There is no channel.
     Required,
-    /// Still a channel: heights and vertical speeds. One that most rows lack is left out as if the log had none.
+    /// The channel exists: heights and vertical speeds. One that most rows lack is dropped as if the log had none.
     Vertical,
-    /// Still a channel if it has one of the other axes.
+    /// The channel exists if it has one of the other axes.
     Axis,
-    /// Nothing; but a row without it is one all the same where the first part is zero: what stands still goes nowhere.
+    /// There is no channel. A row without it is still valid where the first part is zero: no motion needs no direction.
     Direction,
 }
 
 /// How parts, in SI units and in this order, become the components of a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Combine {
-    /// They are the components.
+    /// The parts are the components.
     AsIs,
     /// Speed, true track, down.
     Polar,
     /// Speed, magnetic track, variation, down.
     MagneticPolar,
-    /// Forward, left, up, and the quaternion x, y, z, w that turns them to east, north, up.
+    /// Forward, left, up, and the quaternion x, y, z, w that rotates them to east, north, up.
     Body,
-    /// A place: x, y, z of the earth's own axes.
+    /// A position: x, y, z in earth-fixed axes.
     EcefPlace,
-    /// A velocity: x, y, z of the earth's own axes, and of the place where it is.
+    /// A velocity: x, y, z in earth-fixed axes, followed by those of its position.
     EcefVelocity,
     /// Quaternion w, x, y, z.
     Quaternion(AttitudeFrame),
-    /// Roll, pitch, yaw: turns by yaw about the third axis, then pitch about the second, then roll about the first.
+    /// Roll, pitch, yaw: rotates by yaw about the third axis, then pitch about the second, then roll about the first.
     Euler(AttitudeFrame),
 }
 
-/// What an attitude turns into what. Others than the first are brought to it.
+/// The two frames of an attitude. All others are converted to the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum AttitudeFrame {
     /// Forward, right, down to north, east, down.
@@ -165,20 +165,20 @@ pub(crate) enum AttitudeFrame {
     FluNed,
 }
 
-/// Where stamps are read from.
+/// The source of timestamps.
 #[derive(Debug, Clone)]
 pub(crate) enum TimeSource {
     ContainerLogged,
     ContainerPublished,
-    /// The container's stamps on the clock since boot.
+    /// The container's timestamps on the clock since boot.
     LoggedOnBoot,
     Number {
         field: String,
         tick: Tick,
         clock: Clock,
-        /// What the number counts from, in seconds of the clock.
+        /// The zero of the number, in seconds of the clock.
         zero_s: i64,
-        /// Of a counter that begins anew at zero.
+        /// For a counter that wraps around to zero.
         bits: u32,
     },
     GpsWeek {
@@ -190,7 +190,7 @@ pub(crate) enum TimeSource {
     },
     Iso {
         field: String,
-        /// The offset from UTC of what does not say it.
+        /// The UTC offset of text without one.
         zone: Option<String>,
     },
     Civil {
@@ -198,21 +198,21 @@ pub(crate) enum TimeSource {
         time: String,
         offset: Option<String>,
         zone: Option<String>,
-        /// Of dates that leave it open; `None` if they are to show it.
+        /// For ambiguous dates; `None` if the dates themselves must show it.
         order: Option<DateOrder>,
-        /// They count GPS time: leap seconds are no part of it.
+        /// They count GPS time, without leap seconds.
         is_gps: bool,
     },
-    /// Year, month, day, hour, minute, second, and perhaps nanoseconds.
+    /// Year, month, day, hour, minute, second, and optionally nanoseconds.
     Calendar {
         fields: Vec<String>,
         zone: Option<String>,
-        /// A counter of the device, which dates rows without a date.
+        /// A counter of the device that dates rows without a date.
         counter: Option<(String, Tick)>,
     },
     DayOfYear {
         field: String,
-        /// Of the first row, if no row says it.
+        /// For the first row, if no row states it.
         year: Option<i16>,
         zone: Option<String>,
     },
@@ -238,7 +238,7 @@ impl TieRule {
         closeness(&self.topics, &self.types, topic)
     }
 
-    /// What is to be decoded for it.
+    /// The fields to decode for it.
     fn requests(&self) -> impl Iterator<Item = FieldRequest> {
         let require = self.require.iter().map(|r| number(&r.field));
         [&self.stamp, &self.utc].into_iter().flat_map(TimeSource::requests).chain(require)
@@ -248,9 +248,9 @@ impl TieRule {
 /// How closely a topic meets a rule; smaller is better.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Closeness {
-    /// Which of the rule's names or types.
+    /// The index of the matching name or type in the rule.
     pub(crate) choice: usize,
-    /// 0 the very name, 1 below a namespace or behind a prefix.
+    /// 0 for the exact name, 1 below a namespace or after a prefix.
     pub(crate) distance: u8,
     /// Instance of the topic, as in `vehicle_gps_position_1`.
     pub(crate) instance: u32,
@@ -274,7 +274,7 @@ impl ChannelRule {
         closeness(&self.topics, &self.types, topic)
     }
 
-    /// Whether it looks for the same channel in the same fields.
+    /// Whether it takes the same channel from the same fields.
     pub(crate) fn has_names_of(&self, other: &ChannelRule) -> bool {
         let paths = |rule: &ChannelRule| -> Vec<String> {
             rule.parts.iter().flat_map(|part| &part.fields).map(|field| field.path.clone()).collect()
@@ -284,7 +284,7 @@ impl ChannelRule {
         same(self) == same(other) && paths(self) == paths(other)
     }
 
-    /// The fields of which any one would date its rows.
+    /// The fields that can each date its rows.
     pub(crate) fn time_fields(&self) -> Vec<String> {
         let sources = self.times.iter().flat_map(|(_, sources)| sources);
         sources.flat_map(TimeSource::requests).map(|request| request.path).collect()
@@ -296,13 +296,13 @@ impl ChannelRule {
         self.times.iter().flat_map(|(_, sources)| sources).any(of_container)
     }
 
-    /// What is to be decoded of another topic, for conditions on messages of the same epoch.
+    /// The fields to decode of another topic, for conditions on messages of the same epoch.
     fn requests_of<'r>(&'r self, topic: &'r TopicInfo) -> impl Iterator<Item = FieldRequest> + 'r {
         let require = self.require.iter().filter(|r| r.of.contains(&topic.name));
         require.flat_map(|r| std::iter::once(&r.field).chain(&r.same.0).map(|path| number(path)))
     }
 
-    /// What is to be decoded for it.
+    /// The fields to decode for it.
     pub(crate) fn requests(&self) -> impl Iterator<Item = FieldRequest> {
         let parts = self.parts.iter().flat_map(|p| &p.fields).map(|source| number(&source.path));
         let require =
@@ -350,7 +350,7 @@ fn closeness(topics: &[String], types: &[String], topic: &TopicInfo) -> Option<C
 }
 
 impl TimeSource {
-    /// The clock that it counts, as far as the map knows it.
+    /// The clock of its timestamps, as far as the map knows it.
     pub(crate) fn clock(&self) -> Clock {
         match self {
             TimeSource::Number { clock, .. } => *clock,
@@ -361,7 +361,7 @@ impl TimeSource {
         }
     }
 
-    /// As it is called in the health of the stamps.
+    /// Its name in the health of the timestamps.
     pub(crate) fn label(&self) -> String {
         match self {
             TimeSource::ContainerLogged => "log".into(),
@@ -409,8 +409,8 @@ fn plain_type(name: &str) -> String {
     name.replace("::", "/").replace('.', "/").replace("/msg/", "/")
 }
 
-/// Distance, instance and bytes in front of the match. One word, as `/velocity`, ends too many names to mean
-/// anything below a namespace.
+/// Distance, instance and number of bytes before the match. A single word such as `/velocity` ends too many names to
+/// match below a namespace.
 fn topic_matches(name: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     let front = name.len().checked_sub(pattern.len())?;
     let several_words = pattern.trim_start_matches('/').contains('/');
@@ -418,7 +418,7 @@ fn topic_matches(name: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     (name.ends_with(pattern) && at_boundary).then_some((u8::from(front > 0), 0, front))
 }
 
-/// A topic of ULog is named after its type, with the instance behind if it is not the first.
+/// A ULog topic is named after its type, followed by the instance if it is not the first.
 fn instance_matches(topic: &TopicInfo, pattern: &str) -> Option<(u8, u32, usize)> {
     if topic.name == pattern {
         return Some((0, 0, 0));
@@ -427,10 +427,10 @@ fn instance_matches(topic: &TopicInfo, pattern: &str) -> Option<(u8, u32, usize)
     (topic.type_name == pattern).then_some((0, instance, 0))
 }
 
-/// A file stem is a topic's name with `/` written as `-` or `_`, a prefix before it and perhaps an instance behind it.
+/// A file stem is a topic name with `/` written as `-` or `_`, after a prefix and optionally followed by an instance.
 fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     let pattern = pattern.trim_start_matches('/');
-    // Every name of every map is compared with every file, and nearly all of them end otherwise.
+    // Every name of every map is compared with every file, and nearly all of them have another ending.
     let before = stem.rsplit_once(['/', '-', '_']).map_or(stem, |(before, _)| before);
     if !ends_alike(stem, pattern) && !ends_alike(before, pattern) {
         return None;
@@ -439,7 +439,7 @@ fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     let pattern = plain(pattern);
     let whole = plain(stem);
     let (bare, instance) = match whole.rsplit_once('_') {
-        // One word with a number behind it, as gps_105, is as good a name for anything.
+        // A single word with a number, such as gps_105, could be the name of anything.
         Some((bare, digits)) if bare.ends_with(&pattern) && pattern.contains('_') => match digits.parse() {
             Ok(instance) => (bare, instance),
             Err(_) => (whole.as_str(), 0),
@@ -452,15 +452,15 @@ fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     (bare.ends_with(&pattern) && at_boundary && telling).then_some((u8::from(front > 0), instance, front))
 }
 
-/// Whether a name ends with another, whatever separates their words.
+/// Whether a name ends with another, regardless of the separators between words.
 fn ends_alike(name: &str, end: &str) -> bool {
     let plain = |byte| if matches!(byte, b'/' | b'-') { b'_' } else { byte };
     let last = name.bytes().rev().take(end.len());
     last.map(plain).eq(end.bytes().rev().map(plain))
 }
 
-/// All channel maps that may be taken, and definitions of messages for logs that lack them. The default has none: enough to
-/// read a log whose fields one can name.
+/// All available channel maps, and definitions of messages for logs that lack them. The default has no map, which is
+/// enough to read a log whose fields are known.
 #[derive(Debug, Clone, Default)]
 pub struct MapLibrary {
     maps: Vec<ChannelMap>,
@@ -468,10 +468,10 @@ pub struct MapLibrary {
 }
 
 impl MapLibrary {
-    /// The maps that come with flightlag, compiled in.
+    /// The built-in maps.
     ///
     /// # Errors
-    /// [`IngestError::BadMap`]; a test makes sure that this does not happen.
+    /// [`IngestError::BadMap`]; a test ensures that this does not happen.
     pub fn shipped() -> Result<MapLibrary, IngestError> {
         let mut library = MapLibrary::default();
         for (name, text) in SHIPPED {
@@ -484,7 +484,7 @@ impl MapLibrary {
     /// one of the same name.
     ///
     /// # Errors
-    /// [`IngestError::Io`] or [`IngestError::BadMap`]; [`IngestError::Map`] of a definition that is none.
+    /// [`IngestError::Io`] or [`IngestError::BadMap`]; [`IngestError::Map`] for an invalid definition.
     pub fn with_folder(mut self, folder: &Path) -> Result<MapLibrary, IngestError> {
         let failed = |source| IngestError::Io { file: folder.display().to_string(), offset: 0, source };
         if folder.is_file() {
@@ -506,7 +506,7 @@ impl MapLibrary {
         Ok(self)
     }
 
-    /// Names of the channels that a flight can have by these maps, or by a guess where none fits.
+    /// Names of the channels that a flight can have by these maps, or by a guess if none fits.
     pub fn channel_names(&self) -> impl Iterator<Item = &str> {
         self.iter().flat_map(ChannelMap::channel_names).chain(crate::guess::PLAIN)
     }
@@ -524,7 +524,7 @@ impl MapLibrary {
         self.maps.iter()
     }
 
-    /// The map of a name.
+    /// The map with a name.
     ///
     /// # Errors
     /// [`IngestError::Map`] with the names that exist.
@@ -536,7 +536,7 @@ impl MapLibrary {
         })
     }
 
-    /// What the maps want of a log: of all of them, or of the forced one.
+    /// The fields wanted from a log: by all maps, or by the forced one.
     ///
     /// # Errors
     /// As [`MapLibrary::get`].
@@ -544,13 +544,13 @@ impl MapLibrary {
         Ok(MapSelect { maps: self.candidates(forced)?, definitions: &self.definitions })
     }
 
-    /// Everything of a log.
+    /// Wants everything in a log.
     #[must_use]
     pub fn select_all(&self) -> SelectAll<'_> {
         SelectAll(&self.definitions)
     }
 
-    /// The definitions that were given: type and text.
+    /// The given definitions: type and text.
     pub fn definitions(&self) -> impl Iterator<Item = (&str, &str)> {
         self.definitions.iter()
     }
@@ -559,8 +559,8 @@ impl MapLibrary {
         forced.map_or_else(|| Ok(self.maps.iter().collect()), |name| Ok(vec![self.get(name)?]))
     }
 
-    /// What stands before the topic's name in the stem of a file that holds one topic of a flight.
-    /// `None` if no map names such a topic; `sensed` asks for topics of a bench too.
+    /// The prefix before the topic name in the stem of a file with one topic of a flight. `None` if no map names such a
+    /// topic; `sensed` includes bench topics.
     pub(crate) fn flight_prefix<'a>(&self, stem: &'a str, sensed: bool) -> Option<&'a str> {
         let rules = self.maps.iter().flat_map(|m| &m.rules).filter(|r| sensed || !BENCH_ALONE.contains(&r.quantity));
         let front =
@@ -577,7 +577,7 @@ pub struct MapSelect<'a> {
 }
 
 impl<'a> MapSelect<'a> {
-    /// What one map wants.
+    /// The fields that one map wants.
     pub(crate) fn of(map: &'a ChannelMap) -> MapSelect<'a> {
         static NONE: std::sync::OnceLock<Definitions> = std::sync::OnceLock::new();
         MapSelect { maps: vec![map], definitions: NONE.get_or_init(Definitions::default) }
@@ -602,7 +602,7 @@ impl Select for MapSelect<'_> {
     }
 }
 
-/// All topics and fields of a log; definitions that it lacks are those of a library.
+/// Wants all topics and fields of a log; missing definitions come from a library.
 #[derive(Debug)]
 pub struct SelectAll<'a>(&'a Definitions);
 
@@ -620,7 +620,7 @@ impl ChannelMap {
     /// Reads and checks a map.
     ///
     /// # Errors
-    /// [`IngestError::BadMap`] with the line and what is wrong there.
+    /// [`IngestError::BadMap`] with the line and the error.
     pub fn from_toml(path: &Path, text: &str) -> Result<ChannelMap, IngestError> {
         let file = SettingsFile::new(text, path);
         let map = file.read().and_then(|written| meaning_of(written, &file, text));
@@ -632,14 +632,14 @@ impl ChannelMap {
         self.rules.iter().map(|rule| rule.name.as_str())
     }
 
-    /// The TOML text that the map was read from, comments and all: a start for a map of one's own.
+    /// The TOML text of the map, including comments: a template for the user's own map.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
 }
 
-/// The map that a file means.
+/// Resolves the map in a file.
 fn meaning_of(written: MapFile, file: &SettingsFile<'_>, text: &str) -> Result<ChannelMap, Refused> {
     if *written.schema.get_ref() != 1 {
         let what = format!("schema {} is not known; 1 is", written.schema.get_ref());
@@ -679,12 +679,12 @@ fn rules_of(written: &MapFile, file: &SettingsFile<'_>) -> Result<Vec<ChannelRul
     right.map(|()| rules)
 }
 
-/// Whether a log never holds both, for a remark of it says one thing only.
+/// Whether a log never has both, because they need different values of a remark.
 fn excludes(a: &ChannelRule, b: &ChannelRule) -> bool {
     a.when.as_ref().zip(b.when.as_ref()).is_some_and(|(a, b)| a.remark == b.remark && a.says != b.says)
 }
 
-/// Whether both are for named types, and for none together.
+/// Whether both are for named types without a common one.
 fn of_other_types(a: &ChannelRule, b: &ChannelRule) -> bool {
     let by_type = |rule: &ChannelRule| rule.specificity() == Specificity::ByType;
     by_type(a) && by_type(b) && a.types.iter().all(|name| !b.types.contains(name))
@@ -697,7 +697,7 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
         if !is_height && part.fields.iter().any(|source| source.above.is_some()) {
             return Err(format!("{}: only a height is above something", part.role));
         }
-        // Of the earth's own axes the height is worked out.
+        // For earth-fixed axes the height is computed.
         let above = entry.height_above.filter(|_| is_height);
         part.fields.iter_mut().for_each(|source| source.above = source.above.or(above));
     }
@@ -746,7 +746,7 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
     })
 }
 
-/// Role, dimension and fields of a part, and what the channel is without it.
+/// Role, dimension and fields of a part, and what happens to the channel without it.
 struct Slot<'a> {
     role: &'static str,
     dimension: Dimension,
@@ -759,12 +759,12 @@ fn slot<'a>(role: &'static str, dimension: Dimension, written: &'a Option<OneOrM
     Slot { role, dimension, written, presence: Presence::Required, opposite: false }
 }
 
-/// A slot that the author may fill the other way round.
+/// A slot that the author may fill with the opposite sign.
 fn either<'a>(this: Slot<'a>, opposite: Slot<'a>) -> Slot<'a> {
     if opposite.written.is_some() { Slot { opposite: true, ..opposite } } else { this }
 }
 
-/// Which fields are there says how they combine.
+/// The fields present determine how they combine.
 fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Part>), String> {
     use Dimension::{Acceleration, Angle, AngularRate, Length, MagneticField, None as Pure, Time};
     let (combine, slots): (Combine, Vec<Slot<'_>>) = match quantity {
@@ -872,7 +872,7 @@ fn attitude(f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Sl
     Ok((Combine::Quaternion(frame), quaternion.into()))
 }
 
-/// Forward, right, down of the body, as the author calls them or as x, y, z of a frame.
+/// Forward, right, down of the body, by name or as x, y, z of a frame.
 fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> Result<Vec<Slot<'_>>, String> {
     let slots = if [&f.x, &f.y, &f.z].iter().any(|axis| axis.is_some()) {
         let opposite = match frame {
@@ -970,7 +970,7 @@ fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
     if matches!(stamp, TimeSource::LoggedOnBoot) {
         return Err("logged-on-boot is placed by such rules, and is no stamp of one".into());
     }
-    // A container whose own stamps need a date counts since boot.
+    // A container whose own timestamps need a date counts since boot.
     let clock = if matches!(stamp, TimeSource::ContainerLogged) { Clock::Boot } else { stamp.clock() };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
         return Err("the stamp that is tied counts boot or elapsed".into());
@@ -982,7 +982,7 @@ fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
     Ok(TieRule { topics: entry.topic.clone(), types, clock, stamp, utc, require: entry.require.clone() })
 }
 
-/// A source of stamps as a map writes it, `{ field = "t", unit = "s", clock = "boot" }`.
+/// A timestamp source in map syntax, `{ field = "t", unit = "s", clock = "boot" }`.
 pub(crate) fn time_source_of(entry: &str) -> Option<TimeSource> {
     let table: std::collections::BTreeMap<String, TimeEntry> = toml::from_str(&format!("time = {entry}")).ok()?;
     time_source(table.get("time")?).ok()
@@ -1013,7 +1013,7 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
     }
 }
 
-/// A source of one field, or of one and its week.
+/// A source with one field, or with one and its week.
 fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) -> Result<TimeSource, String> {
     let (field, zone) = (field.to_owned(), entry.zone.clone());
     match (entry.unit, entry.text, entry.week.clone()) {
@@ -1048,13 +1048,13 @@ fn container_source(stamp: ContainerStamp) -> TimeSource {
     }
 }
 
-/// A counter of a device, if nobody says otherwise.
+/// The default width of a device counter.
 pub(crate) const USUAL_BITS: u32 = 32;
 
-/// No clock is set further from UTC.
+/// The largest UTC offset in use.
 const MOST_EAST_S: i32 = 14 * 3600;
 
-/// Refuses what the rest of a source of stamps does not need.
+/// Rejects keys that the rest of a timestamp source does not use.
 fn only_where_it_counts(entry: &TimeEntry) -> Result<(), String> {
     let refused = |wrong: bool, why: &str| if wrong { Err(why.to_owned()) } else { Ok(()) };
     let clock = entry.clock.map(clock_of);
@@ -1077,7 +1077,7 @@ fn only_where_it_counts(entry: &TimeEntry) -> Result<(), String> {
     )
 }
 
-/// The clock, and what is counted from, in seconds of the clock.
+/// The clock, and the epoch of the count in seconds of the clock.
 fn clock_of(name: ClockName) -> (Clock, i64) {
     const DAY_S: i64 = 86_400;
     match name {

@@ -1,4 +1,4 @@
-//! A channel map as its author writes it. Every struct refuses fields that it does not know.
+//! A channel map as written in its file. Every struct rejects unknown fields.
 
 use crate::reader::Log;
 use flight::Unit;
@@ -359,12 +359,12 @@ pub(crate) struct WhenEntry {
 }
 
 impl WhenEntry {
-    /// Whether the log is one of those that the channel is made for.
+    /// Whether the log is one that the channel is made for.
     pub(crate) fn met_by(&self, log: &Log) -> bool {
         self.said_by(log).into_iter().eq(self.says.as_deref())
     }
 
-    /// What the log says: nothing, one thing, or several, of which none is then met.
+    /// The log's values of the remark. If there are several, the condition is not met.
     pub(crate) fn said_by<'l>(&self, log: &'l Log) -> BTreeSet<&'l str> {
         let remarks = log.health.extras.iter().filter_map(|extra| extra.split_once(" = "));
         remarks.filter(|(name, _)| *name == self.remark).map(|(_, text)| text).collect()
@@ -531,7 +531,7 @@ pub(crate) struct RequireEntry {
     pub(crate) bit: Option<u32>,
 }
 
-/// A unit by its name: an unknown one is refused with its line.
+/// Parses a unit; an unknown one is rejected with its line.
 fn unit<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Unit, D::Error> {
     String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
 }

@@ -1,16 +1,16 @@
-//! What operating systems do in their own way: telling whether two names are one file. The only file of this crate that may
-//! name one of them.
+//! Platform-specific code: whether two names are the same file. The only file of this crate that may name an operating
+//! system.
 
 use std::path::Path;
 
-/// What is the same for every name that a file has.
+/// Equal for all names of a file.
 #[cfg(unix)]
 pub(crate) type FileIdentity = (u64, u64);
-/// What is the same for every link to a file: its canonical path. Hard links are files of their own here.
+/// Equal for every symbolic link to a file: its canonical path. Hard links count as separate files here.
 #[cfg(not(unix))]
 pub(crate) type FileIdentity = std::path::PathBuf;
 
-/// `None` for a file that cannot be looked at.
+/// `None` for a file that cannot be examined.
 #[cfg(unix)]
 pub(crate) fn identity(path: &Path) -> Option<FileIdentity> {
     use std::os::unix::fs::MetadataExt;

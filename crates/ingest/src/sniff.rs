@@ -1,4 +1,4 @@
-//! What a file is, by its first bytes; the name only helps where they do not decide.
+//! Detects what a file is from its first bytes; the name only helps if these are inconclusive.
 
 use crate::format::{
     Packing, looks_like_dataflash, looks_like_nmea, looks_like_table, looks_like_tlog, looks_like_ubx, named_text,
@@ -6,7 +6,7 @@ use crate::format::{
 use crate::reader::ReadContext;
 use std::path::Path;
 
-/// A format that is read.
+/// A supported format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LogKind {
@@ -30,19 +30,19 @@ pub enum LogKind {
     Ubx,
 }
 
-/// Bytes that are looked at.
+/// The number of bytes examined.
 pub(crate) const HEAD: usize = 64 << 10;
 
-/// A log that we read, or what the file is instead.
+/// A log that we can read, or what the file is instead.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Content {
-    /// A format that keeps its topics apart.
+    /// A format that separates its topics.
     Log(LogKind),
     /// A text table; `flysight2` if it names its topics itself, `named` if a header names its columns.
     Table { flysight2: bool, named: bool },
-    /// Packed: what is inside decides.
+    /// Packed: the content decides.
     Packed(Packing),
-    /// Why it is no flight.
+    /// Why it is not a flight.
     Other(String),
 }
 
@@ -57,7 +57,7 @@ const LOGS: &[(&[u8], LogKind)] = &[
     (b"\xb5\x62", LogKind::Ubx),
 ];
 
-/// Endings of logs: what has one stays a log where its first bytes are damaged.
+/// File name extensions of logs: with one, a file stays a log even if its first bytes are damaged.
 const ENDINGS: &[(&str, LogKind)] = &[
     ("mcap", LogKind::Mcap),
     ("bag", LogKind::Bag),
@@ -71,7 +71,7 @@ const ENDINGS: &[(&str, LogKind)] = &[
     ("nma", LogKind::Nmea),
 ];
 
-/// First bytes, and what they mean for us.
+/// First bytes of other files, with the reason for not reading them.
 const MAGIC: &[(&[u8], &str)] = &[
     (b"\xfd7zXZ\0", "xz file; unpack it first"),
     (b"7z\xbc\xaf\x27\x1c", "7-Zip archive; unpack it first"),
@@ -84,13 +84,13 @@ const MAGIC: &[(&[u8], &str)] = &[
     (b"\x89PNG", "PNG image, not a log"),
 ];
 
-/// Endings of text files that are no logs even where they hold a table.
+/// Extensions of text files that are not logs even if they contain a table.
 const NO_LOG: &[&str] = &[
     "c", "cfg", "cpp", "css", "h", "htm", "html", "ini", "ipynb", "js", "json", "lock", "m", "md", "params", "py",
     "rs", "rst", "sh", "svg", "toml", "xml", "yaml", "yml",
 ];
 
-/// Says what a file is. One with the ending of a log stays a log, so that its damage is reported.
+/// Detects what a file is. One with the extension of a log stays a log, so that its damage is reported.
 pub(crate) fn content_of(path: &Path, head: &[u8], context: &ReadContext<'_>) -> Content {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if let Some((_, kind)) = LOGS.iter().find(|(magic, _)| head.starts_with(magic)) {
@@ -106,7 +106,7 @@ pub(crate) fn content_of(path: &Path, head: &[u8], context: &ReadContext<'_>) ->
         return Content::Packed(packing);
     }
     if let Some((_, kind)) = ENDINGS.iter().find(|(e, _)| *e == ending) {
-        // A receiver may mix both, and the reader of UBX reads both.
+        // A receiver may mix both, and the UBX reader handles both.
         let mixed = *kind == LogKind::Nmea && looks_like_ubx(head);
         return Content::Log(if mixed { LogKind::Ubx } else { *kind });
     }
@@ -126,8 +126,8 @@ pub(crate) fn content_of(path: &Path, head: &[u8], context: &ReadContext<'_>) ->
     }
 }
 
-/// The lines before the first zero byte: those of a table that is damaged further on. A few prove nothing, for a binary
-/// format may begin with some text.
+/// The lines before the first zero byte: those of a table that is damaged later. A few lines prove nothing, because a
+/// binary format may start with some text.
 fn intact(head: &[u8]) -> &[u8] {
     const FEWEST: usize = 8;
     let Some(zero) = memchr::memchr(0, head) else { return head };

@@ -1,8 +1,8 @@
-//! Columns of one topic, row by row as they stood in the log.
+//! Columns of one topic, with rows in the order of the log.
 
 use crate::texts::{Text, Texts};
 
-/// The column of messages that are carried as they stand: their bytes in hexadecimal digits.
+/// The column of undecoded messages: their bytes in hexadecimal digits.
 pub const PAYLOAD_HEX: &str = "payload_hex";
 
 /// A topic as the log announces it.
@@ -19,13 +19,13 @@ pub struct TopicInfo {
 /// The decoded messages of one topic in file order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// Which topic.
+    /// The topic.
     pub topic: TopicInfo,
     /// Number of rows.
     pub rows: usize,
-    /// Time at which the container says that it logged each row, ns; `None` for formats without.
+    /// Log time of each row by the container, ns; `None` for formats without.
     pub logged_ns: Option<Vec<i64>>,
-    /// Time at which the container says that each row was published, ns; `None` for formats without.
+    /// Publish time of each row by the container, ns; `None` for formats without.
     pub published_ns: Option<Vec<i64>>,
     /// Line (text formats) or message number (binary formats) of each row, both from 1.
     pub origin: Places,
@@ -33,7 +33,7 @@ pub struct Table {
     pub columns: Vec<Column>,
 }
 
-/// Where rows stand in a log: the number of each one's line or message. Rows that follow one another take no memory.
+/// The line or message number of each row in a log. Consecutive rows take no memory.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Places {
     /// Rows that do not follow the one before, and their numbers; before them row `i` is number `i + 1`.
@@ -41,7 +41,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Takes the number of a row that lies behind all rows which were given theirs.
+    /// Sets the number of a row after all rows whose number is set.
     #[inline]
     pub fn push(&mut self, row: usize, number: u64) {
         if number != self.of(row) {
@@ -49,7 +49,7 @@ impl Places {
         }
     }
 
-    /// The number of a row, from 1. Where none was given a row follows the one before.
+    /// The number of a row, from 1. A row without one follows the row before.
     #[must_use]
     #[inline]
     pub fn of(&self, row: usize) -> u64 {
@@ -90,7 +90,7 @@ pub enum ColumnData {
     F64(Vec<f64>),
     /// 64-bit integers and ROS times in ns.
     I64(Vec<i64>),
-    /// 64-bit integers without sign, of which at least one is above `i64::MAX`.
+    /// Unsigned 64-bit integers, at least one of them above `i64::MAX`.
     U64(Vec<u64>),
     /// Text.
     Text(Texts),
@@ -155,7 +155,7 @@ impl Column {
         }
     }
 
-    /// The value as an exact integer without sign, if it is one of 64 bits.
+    /// The value as an exact unsigned integer, if it is a 64-bit integer.
     #[must_use]
     pub fn unsigned(&self, row: usize) -> Option<u64> {
         match &self.data {
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_row_has_the_number_that_was_given_and_a_run_of_rows_is_one() {
+    fn each_row_has_its_given_number_and_a_run_of_rows_is_one_entry() {
         for numbers in [vec![], vec![1, 2, 3], vec![2, 3, 4], vec![1, 3, 4, 9, 10], vec![5, 5, 4, 3], vec![7, 0, 1, 2]]
         {
             let places: Places = numbers.iter().copied().collect();

@@ -1,22 +1,22 @@
-//! One value for each row, or none, in little more memory than the values take.
+//! Optional values for each row, in little more memory than the values take.
 
-/// The values of the rows of a table. Rows may have none.
+/// The values of the rows of a table. Rows may lack one.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Values<T> {
-    /// As [`Default`] where there is none.
+    /// [`Default`] where there is none.
     values: Vec<T>,
     /// Which rows have one; `None` if all.
     given: Option<Vec<bool>>,
 }
 
 impl<T> Values<T> {
-    /// How many rows there are.
+    /// The number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.values.len()
     }
 
-    /// Without rows.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
@@ -52,7 +52,7 @@ impl<T: Copy> Values<T> {
 }
 
 impl<T: Copy + Default> Values<T> {
-    /// The values of the rows that have one, to be changed.
+    /// Mutable values of the rows that have one.
     pub(crate) fn given_mut(&mut self) -> impl Iterator<Item = &mut T> {
         let given = self.given.as_deref();
         let is_given = move |row: usize| given.is_none_or(|given| given.get(row).copied().unwrap_or_default());
@@ -73,12 +73,12 @@ impl<T: Copy + Default> Values<T> {
     }
 }
 
-/// In the place of those that are given: they are not held twice.
+/// In place: the values are not held twice.
 impl<T: Default> From<Vec<Option<T>>> for Values<T> {
     fn from(all: Vec<Option<T>>) -> Values<T> {
         let given = all.iter().any(Option::is_none).then(|| all.iter().map(Option::is_some).collect());
         let mut values: Vec<T> = all.into_iter().map(Option::unwrap_or_default).collect();
-        // What an option takes besides its value is left over.
+        // The memory of the option tags is left over.
         values.shrink_to_fit();
         Values { values, given }
     }
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_come_back_as_they_were_given_and_all_of_them_need_no_marks() {
+    fn values_are_returned_as_given_and_complete_ones_need_no_flags() {
         for all in [vec![], vec![Some(3), Some(0)], vec![None, Some(i64::MIN), None], vec![Some(1), None, Some(2)]] {
             let packed = Values::from(all.clone());
             assert_eq!(packed, all.iter().copied().collect());
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_are_changed_are_those_of_their_rows() {
+    fn changed_values_stay_with_their_rows() {
         let mut changed = Values::from(vec![Some(7), None, Some(9)]);
         changed.change(|all| all.swap(0, 1));
         assert_eq!(changed.into_parts(), (vec![0, 7, 9], Some(vec![false, true, true])));

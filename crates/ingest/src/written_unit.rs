@@ -1,8 +1,8 @@
-//! Units as tables write them, above their columns or in the names of these.
+//! Parses units as written in tables, above their columns or in column names.
 
 use flight::{Dimension, Unit};
 
-/// Spellings beside the symbol itself, without blanks and in lower case.
+/// Spellings other than the symbol itself, without spaces and in lower case.
 const SPELLINGS: &[(&str, &[&str])] = &[
     ("deg", &["°", "degree", "degrees", "degs", "°t", "degtrue"]),
     ("rad", &["radian", "radians", "rads"]),
@@ -35,23 +35,23 @@ const SPELLINGS: &[(&str, &[&str])] = &[
     ("T", &["tesla"]),
 ];
 
-/// Words behind a unit of length that say what a height is above, or how it was measured.
+/// Words after a unit of length that give the height datum, or how it was measured.
 const DATUMS: &[&str] = &["msl", "amsl", "hmsl", "agl", "wgs", "wgs84", "baro", "ellipsoid", "hae"];
 
-/// What a table says of the unit of a column.
+/// The unit that a table states for a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Written {
     /// Nothing.
     Blank,
-    /// A unit of what is looked for.
+    /// A unit of the wanted dimension.
     Unit(Unit),
-    /// A unit of something else.
+    /// A unit of another dimension.
     Other(Unit),
-    /// Words that are no unit we know.
+    /// Text that is not a known unit.
     Unknown,
 }
 
-/// Reads what a table says where a unit of `wanted` belongs.
+/// Parses the text where a unit of `wanted` belongs.
 pub(crate) fn read(text: &str, wanted: Dimension) -> Written {
     if is_blank(text) {
         return Written::Blank;
@@ -64,14 +64,14 @@ pub(crate) fn read(text: &str, wanted: Dimension) -> Written {
     }
 }
 
-/// Whether a cell of units says nothing.
+/// Whether a cell of units is empty.
 pub(crate) fn is_blank(text: &str) -> bool {
     let text = bare(text).to_ascii_lowercase();
     let is_datum = || text.split_whitespace().all(|word| DATUMS.contains(&word));
     matches!(text.as_str(), "-" | "1" | "none" | "n/a" | "unitless") || is_datum()
 }
 
-/// What stands in brackets at the end of a name, as `m/s` in `Velocity north (m/s)`.
+/// The text in brackets at the end of a name, such as `m/s` in `Velocity north (m/s)`.
 pub(crate) fn in_brackets(name: &str) -> Option<&str> {
     let name = name.trim_end();
     let open = match name.chars().next_back()? {
@@ -83,12 +83,12 @@ pub(crate) fn in_brackets(name: &str) -> Option<&str> {
     name.get(open + 1..name.len() - 1)
 }
 
-/// A unit of the dimension that a word at the end of a name stands for, as `mps` in `vel_north_mps`.
+/// The units of the dimension for a word at the end of a name, such as `mps` in `vel_north_mps`.
 pub(crate) fn of_word(word: &str) -> Vec<Unit> {
     units_of(word)
 }
 
-/// All units that a text may be; one spelling may be that of two, as `G`.
+/// All units that a text may mean; one spelling may mean two, such as `G`.
 fn units_of(text: &str) -> Vec<Unit> {
     let plain = bare(text);
     let whole: String = plain.split_whitespace().collect();
@@ -101,7 +101,7 @@ fn units_of(text: &str) -> Vec<Unit> {
         let lower = text.to_lowercase();
         let is_it = |unit: &Unit| {
             let symbol: String = unit.symbol().split_whitespace().collect();
-            // `ms` and `Ms` are one; `mT` and `MT` are none of ours.
+            // `ms` and `Ms` are the same; `mT` and `MT` are not among ours.
             let as_symbol = symbol == text || symbol.to_lowercase() == lower;
             as_symbol
                 || SPELLINGS.iter().any(|(known, words)| *known == unit.symbol() && words.contains(&lower.as_str()))
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_are_read_as_tables_write_them_and_nothing_else_is_one() {
+    fn units_are_read_as_written_in_tables_and_other_texts_are_not() {
         let speed = |text: &str| match read(text, Dimension::Speed) {
             Written::Unit(unit) => unit.symbol(),
             Written::Other(_) => "other",

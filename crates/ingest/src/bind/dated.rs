@@ -150,7 +150,7 @@ pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
     (!said.is_empty()).then(|| format!("not understood is {said}"))
 }
 
-/// Why there are no stamps although the table has the columns.
+/// Why there are no timestamps although the table has the columns.
 pub(super) fn unclear(source: &TimeSource, table: &Table) -> Option<String> {
     let civil = Civil::of(source, table)?;
     let date = civil.order(table.rows).err()?;

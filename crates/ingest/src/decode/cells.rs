@@ -1,14 +1,14 @@
-//! Lines of values between commas straight into columns, as text logs of ArduPilot are written.
+//! Decodes lines of comma-separated values into columns, as in text logs of ArduPilot.
 
 use crate::decode::Wanted;
 use crate::decode::rows::{Rows, Value, ValueType};
 
-/// Which cells of a line are which values.
+/// The assignment of cells of a line to values.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct CellLayout {
     /// In the order of their cells.
     pub(crate) fields: Vec<CellField>,
-    /// Cells of a line.
+    /// Number of cells of a line.
     pub(crate) cells: usize,
 }
 
@@ -16,7 +16,7 @@ pub(crate) struct CellLayout {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct CellField {
     pub(crate) path: String,
-    /// Cells before it.
+    /// Index of its cell.
     pub(crate) cell: usize,
     pub(crate) kind: CellKind,
 }
@@ -27,11 +27,11 @@ pub(crate) enum CellKind {
     Number,
     /// A whole number of up to 64 bits, exact.
     Whole,
-    /// As it stands; in the last cell with its commas.
+    /// Unchanged; in the last cell including its commas.
     Text,
-    /// A number, or nothing at all: then the value is absent.
+    /// A number, or an empty cell: then the value is absent.
     NumberIfAny,
-    /// A whole number, or nothing at all.
+    /// A whole number, or an empty cell.
     WholeIfAny,
 }
 
@@ -60,7 +60,7 @@ impl CellLayout {
 }
 
 impl Plan {
-    /// Takes the wanted fields; columns are made in `rows`.
+    /// Compiles the wanted fields; creates their columns in `rows`.
     pub(crate) fn new(layout: &CellLayout, wanted: &Wanted, rows: &mut Rows) -> Plan {
         let step = |field: &CellField| {
             let CellField { path, cell, kind } = field;
@@ -94,13 +94,13 @@ impl Plan {
         Ok(())
     }
 
-    /// Memory that the plan takes, bytes, roughly.
+    /// Approximate memory use of the plan, bytes.
     pub(crate) fn weight(&self) -> usize {
         self.steps.iter().map(|s| size_of::<Step>() + s.path.len()).sum()
     }
 }
 
-/// A cell without the spaces around it; the last one to the end of the line if `rest`.
+/// A cell without the spaces around it; with `rest`, everything to the end of the line.
 pub(crate) fn cell(line: &str, index: usize, rest: bool) -> Option<&str> {
     let mut cells = if rest { line.splitn(index + 1, ',') } else { line.splitn(index + 2, ',') };
     cells.nth(index).map(str::trim)
@@ -112,7 +112,7 @@ pub(crate) fn push_hex(bytes: &[u8], line: &mut String) {
     line.extend(bytes.iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 0xf)]));
 }
 
-/// A number as C prints it, `-nan` among them.
+/// A number as printed by C, including `-nan`.
 pub(crate) fn number(text: &str) -> Option<f64> {
     text.parse().ok().or_else(|| (text == "-nan").then_some(f64::NAN))
 }

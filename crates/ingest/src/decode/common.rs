@@ -1,9 +1,9 @@
-//! Definitions of common ROS messages: those of ROS 2 for bags that were recorded before bags held definitions, those of
-//! ROS 1 for bags whose definitions lack a type that they refer to, as rosjava writes them.
+//! Definitions of common ROS messages: for ROS 2 bags recorded before bags held definitions, and for ROS 1 bags whose
+//! definitions lack a type that they use, as rosjava writes them.
 //!
-//! Written from the public definitions of common_interfaces (Dashing to Humble agree on them),
-//! geographic_info, gps_umd and mavros. A ROS 2 message must fit its definition to the byte, so that one of
-//! another version is refused and not read wrongly. In ROS 1 the MD5 sum of the connection decides.
+//! Written from the public definitions of common_interfaces (Dashing to Humble agree on them), geographic_info, gps_umd
+//! and mavros. A ROS 2 message must match its definition to the byte, so that another version is rejected instead of
+//! misread. In ROS 1 the MD5 sum of the connection decides.
 
 use crate::decode::schema::{Dialect, Names, sections, types_within};
 use crate::decode::type_sum::{MD5_OF_NOTHING, type_sum};
@@ -12,26 +12,26 @@ use crate::reader::Select;
 use crate::table::TopicInfo;
 use std::collections::HashSet;
 
-/// Language of a definition that is not the log's own, but common.
+/// Language of a definition that comes from the common ones instead of the log.
 pub(crate) const COMMON: &str = "ros2msg, common";
-/// Language of one that the user gave.
+/// Language of a definition that the user gave.
 pub(crate) const GIVEN: &str = "ros2msg, given";
 /// Language of a ROS 1 definition that was completed with built-in ones.
 pub(crate) const COMPLETED: &str = "ros1msg, common";
-/// Language of a ROS 1 definition that was completed with those that the user gave.
+/// Language of a ROS 1 definition that was completed with the user's.
 pub(crate) const COMPLETED_AS_GIVEN: &str = "ros1msg, given";
-/// As MCAP's registry of schema encodings has it, for who copies the definition.
+/// As in MCAP's registry of schema encodings, for readers of the copied definition.
 const SEPARATOR: &str = "================================================================================";
-/// Types that are looked for at a time: a hostile definition may refer to many.
+/// The most types that are searched for at a time: a hostile definition may use many.
 const MOST_MISSING: usize = 100;
 const TYPES: &str = include_str!("common.msg");
 const TYPES_ROS1: &str = include_str!("common_ros1.msg");
 
-/// A definition with its language, in place of one that the log lacks or leaves incomplete. `md5sum` is what a ROS 1 log
-/// states for the type.
+/// A definition with its language, to replace one that the log lacks or leaves incomplete. `md5sum` is the one that a
+/// ROS 1 log states for the type.
 ///
 /// # Errors
-/// Where a ROS 1 definition is incomplete and cannot be completed so that its MD5 sum agrees.
+/// If a ROS 1 definition is incomplete and cannot be completed to match its MD5 sum.
 pub(crate) fn lent(
     info: &TopicInfo,
     own: Definition<'_>,
@@ -47,7 +47,7 @@ pub(crate) fn lent(
     }
 }
 
-/// Whether a ROS 1 definition is worth a look. An empty one is whole where nothing says that the type has fields.
+/// Whether a ROS 1 definition may be incomplete. An empty one is complete unless the type is known to have fields.
 fn is_completable(own: Definition<'_>, md5sum: Option<&str>) -> bool {
     match (own.encoding, own.text.is_empty()) {
         ("", _) => true,
@@ -57,8 +57,8 @@ fn is_completable(own: Definition<'_>, md5sum: Option<&str>) -> bool {
     }
 }
 
-/// The common definition, else what the user gave. A recorder of ROS 2 that does not find a definition leaves the text
-/// empty, or calls its language unknown or nothing.
+/// The common definition, or else the user's. A ROS 2 recorder that does not find a definition leaves the text empty,
+/// or its language unknown or empty.
 fn lent_ros2(info: &TopicInfo, own: Definition<'_>, want: &dyn Select) -> Option<(&'static str, String)> {
     if !own.text.is_empty() && !["", "unknown"].contains(&own.encoding) {
         return None;
@@ -72,8 +72,8 @@ fn lent_ros2(info: &TopicInfo, own: Definition<'_>, want: &dyn Select) -> Option
     })
 }
 
-/// The log's own text with the types that it lacks. Definitions that the user gave come first, but only a text whose MD5 sum
-/// is the stated one is taken.
+/// The log's own text with the missing types. Definitions from the user come first, but only a text that matches the
+/// stated MD5 sum is used.
 fn completed_ros1(
     info: &TopicInfo,
     own: &[u8],
@@ -106,7 +106,7 @@ fn completed_ros1(
     Err(format!("{lacks}: {}", refusal.unwrap_or_default()))
 }
 
-/// The types that a ROS 1 definition refers to and does not hold; the type itself if the text is empty.
+/// The types that a ROS 1 definition uses but does not hold; the type itself if the text is empty.
 fn missing_types(root: &str, text: &str) -> Vec<String> {
     if text.is_empty() {
         return vec![root.to_owned()];
@@ -126,7 +126,7 @@ fn missing_types(root: &str, text: &str) -> Vec<String> {
     missing
 }
 
-/// A ROS 1 definition with the types that it lacks, as far as `find` has them.
+/// A ROS 1 definition with its missing types, as far as `find` has them.
 fn completed<'t>(root: &str, own: &str, find: impl Fn(&str) -> Option<&'t str>) -> Result<String, String> {
     if own.is_empty() {
         let text = find(root).ok_or_else(|| unknown(root))?;
@@ -150,7 +150,7 @@ fn unknown(name: &str) -> String {
     format!("{name} is not built in (a folder given with --maps may hold it, as {package}/msg/{own}.msg)")
 }
 
-/// `text` if its MD5 sum is the stated one.
+/// `text` if it matches the stated MD5 sum.
 fn agreeing(root: &str, text: String, md5sum: Option<&str>) -> Result<String, String> {
     let stated =
         md5sum.filter(|sum| sum.len() == 32).ok_or("the log states no MD5 sum to check other definitions by")?;
@@ -161,13 +161,13 @@ fn agreeing(root: &str, text: String, md5sum: Option<&str>) -> Result<String, St
     Ok(text)
 }
 
-/// The definition of a ROS 2 type with all that it refers to; `None` if it is not known.
+/// The definition of a ROS 2 type with all the types it uses; `None` if it is unknown.
 fn common_definition(root: &str) -> Option<String> {
     let find = |name: &str| section(TYPES, name);
     Some(with_all_types(root, find(root)?, Dialect::Ros2, find))
 }
 
-/// The definition of a type with all that it refers to, as far as `find` has it.
+/// The definition of a type with all the types it uses, as far as `find` has them.
 fn with_all_types<'t>(root: &str, text: &str, dialect: Dialect, find: impl Fn(&str) -> Option<&'t str>) -> String {
     let mut all = text.trim_end().to_owned();
     let mut needed = vec![root.to_owned()];
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn every_definition_refers_only_to_what_is_there() {
+    fn every_definition_uses_only_defined_types() {
         for (types, dialect) in [(TYPES, Dialect::Ros2), (TYPES_ROS1, Dialect::Ros1)] {
             let names = names(types);
             assert!(names.len() > 50);
@@ -219,7 +219,7 @@ mod tests {
         assert_eq!(common_definition("no_msgs/Such"), None);
     }
 
-    /// As `rosmsg md5` prints them (Noetic).
+    /// As printed by `rosmsg md5` (Noetic).
     const PUBLISHED_SUMS: &[(&str, &str)] = &[
         ("std_msgs/Header", "2176decaecbce78abc3b96ef049fabed"),
         ("std_msgs/Time", "cd7166c74c552c311fbcc2fe5a7bc289"),
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn only_types_that_are_referred_to_are_missing() {
+    fn only_used_types_are_missing() {
         let text = "Header header\nPart part\nuint8 A=1\n===\nMSG: p/Part\ngeometry_msgs/Point at\ntime t\n\
                     ===\nMSG: p/Unused\nOther other\n";
         let mut missing = missing_types("p/A", text);

@@ -1,17 +1,17 @@
 //! Message definitions in OMG IDL (`ros2idl`, `omgidl`): the subset that describes ROS 2 messages.
 //!
 //! Modules, structures (with a base), typedefs, constants, enumerations, sequences, bounded texts, arrays and
-//! annotations (IDL 4.2, formal/18-01-05, 7.4). Unions, maps, bit masks and optional members are refused by
-//! name where a message uses them.
+//! annotations (IDL 4.2, formal/18-01-05, 7.4). Unions, maps, bit masks and optional members are rejected by name where
+//! a message uses them.
 
 use crate::decode::schema::{Count, Dialect, Field, Kind, Message, Number, Schema};
 use std::collections::HashMap;
 
-/// Types nested deeper than this are refused.
+/// Types nested deeper than this are rejected.
 const MOST_NESTED: usize = 32;
 
 impl Schema {
-    /// Reads the definition of `root`, such as `sensor_msgs/msg/NavSatFix`, with all that it refers to.
+    /// Parses the definition of `root`, such as `sensor_msgs/msg/NavSatFix`, with all the types it uses.
     pub(crate) fn parse_idl(root: &str, text: &str) -> Result<Schema, String> {
         let mut parser = Parser::of(text)?;
         parser.definitions()?;
@@ -25,15 +25,15 @@ impl Schema {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Token<'t> {
-    /// A name, with `::` in it if it has several parts.
+    /// A name, including `::` if it has several parts.
     Word(&'t str),
     Number(Option<u64>),
-    /// Text or character, whose content is of no interest.
+    /// Text or character, whose content is ignored.
     Literal,
     Sign(char),
 }
 
-/// Splits a text into tokens; comments, directives and the lines between files are left out.
+/// Splits a text into tokens; comments, directives and the lines between files are skipped.
 fn tokens(text: &str) -> Result<Vec<Token<'_>>, String> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let mut tokens = vec![];
@@ -79,7 +79,7 @@ fn tokens(text: &str) -> Result<Vec<Token<'_>>, String> {
     }
 }
 
-/// Length of a text with its quotes.
+/// Length of a text including its quotes.
 fn literal(text: &str, quote: char) -> Option<usize> {
     let mut escaped = false;
     let end = text.char_indices().skip(1).find(|&(_, c)| {
@@ -112,15 +112,15 @@ fn word(text: &str, is_word: impl Fn(char) -> bool) -> &str {
     }
 }
 
-/// A type as it is written.
+/// A type as written.
 #[derive(Debug, Clone)]
 enum Type {
     Plain(Kind),
-    /// A name and the scope in which it stands.
+    /// A name and the scope that uses it.
     Named(String, String),
     Sequence(Box<Type>),
     Array(Box<Type>, u32),
-    /// What it is, for people.
+    /// What it is, for the error message.
     Refused(&'static str),
 }
 
@@ -135,7 +135,7 @@ enum Definition {
 struct Parser<'t> {
     tokens: Vec<Token<'t>>,
     at: usize,
-    /// Modules that are open, joined by `::`.
+    /// Open modules, joined by `::`.
     scope: String,
     types: HashMap<String, Definition>,
 }
@@ -144,7 +144,7 @@ fn joined(scope: &str, name: &str) -> String {
     if scope.is_empty() { name.to_owned() } else { format!("{scope}::{name}") }
 }
 
-/// A definition by a name that is used in `scope`: the innermost one that fits.
+/// The definition of a name used in `scope`: the innermost match.
 fn resolve<'d>(types: &'d HashMap<String, Definition>, scope: &str, name: &str) -> Option<(String, &'d Definition)> {
     let mut scope = scope;
     loop {
@@ -164,7 +164,7 @@ impl<'t> Parser<'t> {
         Ok(Parser { tokens: tokens(text)?, at: 0, scope: String::new(), types: HashMap::new() })
     }
 
-    /// The root by its name, or the only structure of that name in any module.
+    /// The root by its full name, or the only structure of that name in any module.
     fn root(&self, name: &str) -> Option<String> {
         if matches!(self.types.get(name), Some(Definition::Struct { .. })) {
             return Some(name.to_owned());
@@ -210,7 +210,7 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// For people: what was read last.
+    /// The last token read, for error messages.
     fn place(&self) -> String {
         let last = self.tokens.iter().take(self.at).rev().find_map(|token| match token {
             Token::Word(word) => Some(*word),
@@ -219,7 +219,7 @@ impl<'t> Parser<'t> {
         format!("behind {:.100}", last.unwrap_or("the beginning"))
     }
 
-    /// Annotations; whether one of them says that a member is optional.
+    /// Skips annotations; returns whether one of them makes a member optional.
     fn annotations(&mut self) -> Result<bool, String> {
         let mut optional = false;
         while self.sign('@') {
@@ -231,7 +231,7 @@ impl<'t> Parser<'t> {
         Ok(optional)
     }
 
-    /// Steps over everything between two signs.
+    /// Skips everything between two matching brackets.
     fn balanced(&mut self, open: char, close: char) -> Result<(), String> {
         let mut depth = 0;
         loop {
@@ -276,7 +276,7 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// A definition of which only the name matters.
+    /// A definition of which only the name is used.
     fn body(&mut self, definition: Definition) -> Result<(), String> {
         let name = self.name()?;
         self.types.insert(joined(&self.scope, name), definition);
@@ -328,7 +328,7 @@ impl<'t> Parser<'t> {
         Ok(())
     }
 
-    /// Names with the sizes of arrays behind them, up to the end of the line.
+    /// Names with their array sizes, up to the end of the declaration.
     fn declarators(&mut self, of: Type) -> Result<Vec<(String, Type)>, String> {
         let mut found = vec![];
         loop {
@@ -349,7 +349,7 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// A number, or a constant that is one.
+    /// A number, or a constant with a numeric value.
     fn number(&mut self) -> Option<u64> {
         match self.next()? {
             Token::Number(number) => number,
@@ -406,20 +406,20 @@ impl<'t> Parser<'t> {
     }
 }
 
-/// A time is one, whether its definition is there or not.
+/// Whether this is a time, with or without its definition.
 fn is_time(name: &str) -> bool {
     matches!(name, "builtin_interfaces::msg::Time" | "builtin_interfaces::msg::Duration")
 }
 
 struct Builder<'d> {
     types: &'d HashMap<String, Definition>,
-    /// Messages that were built, `None` while they are.
+    /// Finished messages by name; `None` while one is being built.
     known: HashMap<String, Option<usize>>,
     messages: Vec<Message>,
 }
 
 impl Builder<'_> {
-    /// Builds a structure and what it refers to; its index among the messages.
+    /// Builds a structure and the types it uses; returns its index among the messages.
     fn message(&mut self, name: &str, depth: usize) -> Result<usize, String> {
         match self.known.get(name) {
             Some(Some(index)) => return Ok(*index),
@@ -480,7 +480,7 @@ impl Builder<'_> {
         }
     }
 
-    /// What an array or sequence is made of. One of arrays is made of messages with a single field `value`.
+    /// The element of an array or sequence. Nested arrays become messages with a single field `value`.
     fn element(&mut self, of: &Type, depth: usize) -> Result<Kind, String> {
         let (kind, count) = self.kind(of, depth)?;
         if count == Count::One {
@@ -492,7 +492,7 @@ impl Builder<'_> {
     }
 }
 
-/// The number that one word names.
+/// The number type with a one-word name.
 fn number_called(name: &str) -> Option<Number> {
     Some(match name {
         "boolean" => Number::Bool,
@@ -514,7 +514,7 @@ fn number_called(name: &str) -> Option<Number> {
 mod tests {
     use super::*;
 
-    /// As `rosidl_adapter` makes it, with what else the language offers.
+    /// As generated by `rosidl_adapter`, with other features of the language.
     const FIX: &str = r#"
 ================================================================================
 IDL: test_msgs/msg/Fix
@@ -562,14 +562,14 @@ module std_msgs { module msg { struct Header { builtin_interfaces::msg::Time sta
 "#;
 
     #[test]
-    fn the_idl_of_a_message_says_the_same_as_its_msg() {
+    fn the_idl_of_a_message_gives_the_same_schema_as_its_msg() {
         let msg = "std_msgs/Header header\nfloat64 latitude\nfloat64 longitude\nfloat64[9] covariance\nfloat32[6] small\n\
             uint64 big\nint64 whole\nint32 word\nuint16 half\nuint8 letter\nbool flag\nPart[] parts\nPart one\nuint8[] raw\n\
             uint32 mode\nstring name\nwstring wide\nbuiltin_interfaces/Time stamp\nMany[] many\nint16[9] last\n===\n\
             MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n===\nMSG: test_msgs/Part\nuint8 a\nfloat64 b\n\
             ===\nMSG: test_msgs/Many\nfloat64[9] value\n";
         let flat = |schema: &Schema| -> Vec<(String, Vec<(String, String)>)> {
-            // Numbers of messages differ: told apart by their own fields.
+            // The numbering of messages differs: they are identified by their own fields.
             let of = |field: &Field| match field.kind {
                 Kind::Message(index) => format!(
                     "{:?} of {:?}",
@@ -589,14 +589,14 @@ module std_msgs { module msg { struct Header { builtin_interfaces::msg::Time sta
     }
 
     #[test]
-    fn the_root_is_found_by_its_own_name_where_that_is_enough() {
+    fn the_root_is_found_by_its_short_name_if_that_is_unique() {
         let text = "module a { struct X { double v; }; };";
         assert!(Schema::parse_idl("b/msg/X", text).is_ok());
         assert!(Schema::parse_idl("b/msg/X", &format!("{text} module c {{ struct X {{ double v; }}; }};")).is_err());
     }
 
     #[test]
-    fn what_is_not_read_is_refused_by_name() {
+    fn unsupported_constructs_are_rejected_by_name() {
         let of = |members: &str| {
             let text = format!(
                 "module m {{ union U switch (long) {{ case 1: long a; }}; bitmask B {{ @position(0) x }}; \
@@ -626,7 +626,7 @@ module std_msgs { module msg { struct Header { builtin_interfaces::msg::Time sta
     }
 
     #[test]
-    fn deep_and_circular_types_end() {
+    fn deep_and_circular_types_are_rejected() {
         let chain: String = (0..1000).map(|i| format!("struct T{i} {{ T{} a; }};", i + 1)).collect();
         assert!(Schema::parse_idl("T0", &chain).unwrap_err().contains("nested"));
         let aliases: String = (0..1000).map(|i| format!("typedef T{} T{i};", i + 1)).collect();

@@ -1,18 +1,18 @@
-//! JSON messages straight into columns, without building a tree of them.
+//! Decodes JSON messages into columns, without building a tree.
 //!
-//! Objects flatten into dotted paths, elements of arrays into `path[0]`. Two things follow the
-//! ROS decoders: `true` is 1, and an object of `sec` and `nsec` (or `nanosec`) is one column of
-//! nanoseconds under its own path. Whole numbers are kept exactly.
+//! Objects flatten into dotted paths, elements of arrays into `path[0]`. Two rules follow the ROS decoders: `true` is
+//! 1, and an object of `sec` and `nsec` (or `nanosec`) is one column of nanoseconds under its own path. Whole numbers
+//! are exact.
 
 use crate::decode::Wanted;
 use crate::decode::rows::{Rows, Value};
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 
-/// Elements of an array that are taken when everything is wanted.
+/// Elements read from an array when everything is wanted.
 pub(super) const MOST_ELEMENTS: u32 = 64;
 
-/// Sets the wanted values of the open row. What is wrong says where in the text.
+/// Sets the wanted values of the open row. An error names its position in the text.
 pub(crate) fn decode(payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<(), String> {
     let mut text = serde_json::Deserializer::from_slice(payload);
     let mut path = String::new();
@@ -20,18 +20,18 @@ pub(crate) fn decode(payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result
     node.deserialize(&mut text).and_then(|_| text.end()).map_err(|e| format!("the JSON is not valid: {e}"))
 }
 
-/// What a node was, for the object around it.
+/// What a node was, for the enclosing object.
 enum Seen {
     Whole(i64),
     Other,
 }
 
-/// The place in the message that is being read.
+/// The position in the message that is being read.
 struct Node<'n> {
     wanted: &'n Wanted,
     rows: &'n mut Rows,
     path: &'n mut String,
-    /// A whole number here may be half of a time: the object around it decides.
+    /// A whole number here may be half of a time: the enclosing object decides.
     held_back: bool,
 }
 
@@ -44,7 +44,7 @@ impl Node<'_> {
         }
     }
 
-    /// Runs `inner` on the place below, named by `segment`.
+    /// Runs `inner` one level down, at `segment`.
     fn below<T>(&mut self, segment: fmt::Arguments<'_>, held_back: bool, inner: impl FnOnce(Node<'_>) -> T) -> T {
         let length = self.path.len();
         // Writing to a String cannot fail.
@@ -132,7 +132,7 @@ impl<'de> Visitor<'de> for Node<'_> {
         Ok(Seen::Other)
     }
 
-    /// `null`: there is no value.
+    /// `null` is an absent value.
     fn visit_unit<E: Error>(self) -> Result<Seen, E> {
         Ok(Seen::Other)
     }
@@ -221,13 +221,13 @@ mod tests {
     }
 
     #[test]
-    fn stamps_in_nanoseconds_stay_exact() {
+    fn nanosecond_timestamps_stay_exact() {
         let table = table(&Wanted::All, &[r#"{"t":1700000000123456789}"#]);
         assert_eq!(table.columns[0].data, ColumnData::I64(vec![1_700_000_000_123_456_789]));
     }
 
     #[test]
-    fn what_is_no_json_is_refused_with_its_place() {
+    fn invalid_json_is_rejected_with_its_position() {
         let deep = "[".repeat(100_000);
         for text in ["", "{", "{\"a\":1} x", "{\"a\":\u{1}}", &deep] {
             let error = decode(text.as_bytes(), &Wanted::All, &mut Rows::default()).unwrap_err();

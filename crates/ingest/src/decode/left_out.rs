@@ -1,4 +1,4 @@
-//! Fields that no column takes although every field is wanted: arrays of any length and long ones.
+//! Fields that get no column although every field is wanted: variable-length and long arrays.
 
 use super::protobuf::Types;
 use super::rows::Rows;
@@ -8,12 +8,12 @@ use crate::reader::LeftOut;
 use crate::table::TopicInfo;
 use std::collections::BTreeSet;
 
-/// Fields looked at: a definition can name exponentially many.
+/// The most fields examined: a definition can name exponentially many.
 const MOST_VISITED: usize = 16_384;
-/// Fields that are named in a notice.
+/// The most fields named in a notice.
 const NAMED: usize = 5;
 
-/// What is left out of the rows of a topic.
+/// What is missing in the rows of a topic.
 pub(super) fn of<'d>(
     info: &TopicInfo,
     definitions: impl Iterator<Item = Definition<'d>>,
@@ -30,7 +30,8 @@ pub(super) fn of<'d>(
     })
 }
 
-/// By the definition alone: `path[]` is an array of any length, `path[64..100]` what is beyond the elements that are read.
+/// From the definition alone: `path[]` is a variable-length array, `path[64..100]` the elements after those that are
+/// read.
 fn by_definition(info: &TopicInfo, Definition { encoding, text }: Definition<'_>) -> Vec<String> {
     let read = String::from_utf8_lossy;
     let ros = |schema: Result<Schema, String>| schema.map_or(vec![], |schema| of_ros(&schema));
@@ -45,7 +46,7 @@ fn by_definition(info: &TopicInfo, Definition { encoding, text }: Definition<'_>
     }
 }
 
-/// Arrays that no definition bounds and that fill every column there is for their elements.
+/// Arrays without a bound in a definition that fill every column available for their elements.
 fn beyond(info: &TopicInfo, rows: &Rows) -> Vec<String> {
     let most = match info.encoding.as_str() {
         "json" => json::MOST_ELEMENTS,
@@ -57,7 +58,7 @@ fn beyond(info: &TopicInfo, rows: &Rows) -> Vec<String> {
     rows.paths().filter_map(long).collect()
 }
 
-/// What is not read of one type, in the order of its fields.
+/// The fields of one type that are not read, in order.
 struct Walk<'s, T> {
     types: &'s T,
     found: Vec<String>,
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_of_any_length_and_the_rest_of_long_ones_are_named() {
+    fn variable_length_arrays_and_the_rest_of_long_ones_are_named() {
         let text = b"float64 a\nfloat32[] ranges\nint16[3] s\nB[2] b\nfloat64[100] long\nstring[] names\nB inner\n\
                      ===\nMSG: p/B\nuint8[<=4] data\ntime t";
         let definition = Definition { encoding: "ros1msg", text };
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn an_array_of_json_that_fills_all_columns_may_go_on() {
+    fn a_json_array_that_fills_all_columns_may_be_longer() {
         let mut rows = Rows::default();
         let numbers = |count: usize| vec!["1"; count].join(",");
         let text = format!(r#"{{"short":[{}],"full":[{}]}}"#, numbers(63), numbers(64));

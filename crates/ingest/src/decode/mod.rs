@@ -1,4 +1,4 @@
-//! Messages of any encoding to columns, and what is known of every topic.
+//! Decodes messages of any encoding into columns, and keeps the statistics of every topic.
 
 pub(crate) mod cells;
 mod common;
@@ -29,15 +29,15 @@ pub(crate) use type_sum::MD5_OF_NOTHING;
 pub(crate) use vouch::Vouch;
 use vouch::Vouched;
 
-/// Longest message definition that is read, bytes.
+/// Longest message definition that is parsed, bytes.
 const LONGEST_DEFINITION: usize = 1 << 20;
 /// Memory that all definitions and decoding plans of a log may take, bytes.
 const MOST_DEFINITIONS: usize = 64 << 20;
 /// Longest topic or type name, bytes.
 const LONGEST_NAME: usize = 4096;
-/// Notices about topics that are listed.
+/// The most notices about topics that are listed.
 const MOST_NOTICES: usize = 200;
-/// Topics whose stamps are described in full; of the others ends and jumps are counted.
+/// Topics whose timestamps are described in full; for the others only ends and jumps are counted.
 const MOST_DESCRIBED: usize = 1024;
 
 /// Which fields of a topic are wanted.
@@ -48,7 +48,7 @@ pub(crate) enum Wanted {
 }
 
 impl Wanted {
-    /// `None` if nothing is.
+    /// `None` if no field is wanted.
     fn of(selection: &Selection) -> Option<Wanted> {
         match selection {
             Selection::Skip => None,
@@ -68,7 +68,7 @@ impl Wanted {
         }
     }
 
-    /// Whether something within the message at `path` is.
+    /// Whether any field within the message at `path` is wanted.
     pub(crate) fn below(&self, path: &str) -> bool {
         match self {
             Wanted::All => true,
@@ -76,7 +76,7 @@ impl Wanted {
         }
     }
 
-    /// Which elements of the array at `path` are, rising; the first `of_all` if everything is.
+    /// The wanted elements of the array at `path`, ascending; the first `of_all` if everything is wanted.
     pub(crate) fn elements(&self, path: &str, of_all: u32) -> Vec<u32> {
         if matches!(self, Wanted::All) {
             return (0..of_all).collect();
@@ -86,7 +86,7 @@ impl Wanted {
         indexes.into_iter().collect()
     }
 
-    /// What follows `path` and `with` in the wanted paths.
+    /// The rest of each wanted path after `path` and `with`.
     fn continuing(&self, path: &str, with: char) -> impl Iterator<Item = &str> {
         let start = format!("{path}{with}");
         let paths = match self {
@@ -106,7 +106,7 @@ pub(crate) struct Definition<'d> {
     pub(crate) text: &'d [u8],
 }
 
-/// Where the messages of a channel go.
+/// The destination of the messages of a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Route {
     topic: u32,
@@ -134,7 +134,7 @@ pub(crate) struct Topics<'w> {
     most_value_bytes: u64,
     topics: Vec<Topic>,
     by_info: HashMap<TopicInfo, u32>,
-    /// That the container's stamps count.
+    /// The clock of the container's timestamps.
     clock: Clock,
     definition_bytes: usize,
     value_bytes: u64,
@@ -145,13 +145,13 @@ pub(crate) struct Topics<'w> {
 struct Topic {
     info: TopicInfo,
     wanted: Option<Wanted>,
-    /// Its messages are wanted as they stand.
+    /// Its messages are wanted undecoded.
     raw: bool,
-    /// Language of a definition that is not the log's own.
+    /// Language of a definition from outside the log.
     lent: Option<&'static str>,
     refusal: Option<String>,
     decoders: Vec<Decoder>,
-    /// The one that decoded last.
+    /// The decoder that was used last.
     latest: usize,
     rows: Rows,
     messages: u64,
@@ -160,14 +160,14 @@ struct Topic {
     logged: StampStats,
     /// `None` as long as every message was published when it was logged.
     published: Option<StampStats>,
-    /// Messages counted from an index: their payload and time of publishing are not known.
+    /// Messages counted from an index: their payload and publish time are unknown.
     only_indexed: u64,
     undecodable: Tally,
     too_long: Tally,
     beyond_memory: u64,
 }
 
-/// How often something happened and where first.
+/// How often something happened, and where first.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) count: u64,
@@ -182,14 +182,14 @@ impl Tally {
         self.count += 1;
     }
 
-    /// Says that it happened, if it did.
+    /// Reports the event, if it happened.
     pub(crate) fn tell(&self, what: impl Into<Graded>, place: &str, text: &str, notices: &mut Notices) {
         if self.count > 0 {
             notices.push(what, place, self.count, format!("{text}; the first: {}", self.first));
         }
     }
 
-    /// Takes in what was counted behind.
+    /// Adds a later count.
     pub(crate) fn extend(&mut self, behind: Tally) {
         if self.count == 0 {
             self.first = behind.first;
@@ -205,10 +205,10 @@ struct Decoder {
 }
 
 enum How {
-    /// Not at all: it goes to the sink.
+    /// Not decoded: it goes to the sink.
     Raw,
     Ros(ros::Plan),
-    /// By a definition that is not the log's own: every byte must fit.
+    /// By a definition from outside the log: every byte must fit.
     Lent(ros::Plan),
     Protobuf(protobuf::Plan),
     Json,
@@ -217,8 +217,8 @@ enum How {
 }
 
 impl<'w> Topics<'w> {
-    /// For a log of `log_bytes` bytes: the memory that values may take grows with it, so that a
-    /// small file cannot claim all of it.
+    /// For a log of `log_bytes` bytes: the memory allowed for values grows with it, so that a small file cannot claim
+    /// all of it.
     pub(crate) fn new(want: &'w dyn Select, most_topics: usize, log_bytes: u64) -> Topics<'w> {
         let most_value_bytes = (64 << 20) + log_bytes.saturating_mul(64).min(8 << 30);
         Topics {
@@ -235,27 +235,27 @@ impl<'w> Topics<'w> {
         }
     }
 
-    /// The log time of the message that came last.
+    /// The log time of the last message.
     pub(crate) fn log_time(&self) -> &LogTime {
         &self.log_time
     }
 
-    /// The clock of the container's stamps, where it is not UTC.
+    /// Sets the clock of the container's timestamps, where it is not UTC.
     pub(crate) fn count_by(&mut self, clock: Clock) {
         self.clock = clock;
     }
 
-    /// What vouches for the messages that follow.
+    /// Sets what vouches for the messages that follow.
     pub(crate) fn vouch(&mut self, by: Vouch) {
         self.vouch = by;
     }
 
-    /// Whether the checksum behind the messages is right.
+    /// Reports whether the checksum after the messages is right.
     pub(crate) fn settle(&mut self, is_right: bool) {
         self.topics.iter_mut().for_each(|topic| topic.vouched.settle(is_right));
     }
 
-    /// Where messages of this topic and definition go. Fails if there are too many topics.
+    /// The route of messages of this topic and definition. Fails if there are too many topics.
     pub(crate) fn route(&mut self, info: TopicInfo, definition: Option<Definition<'_>>) -> Result<Route, String> {
         self.route_with_sum(info, definition, None)
     }
@@ -287,9 +287,9 @@ impl<'w> Topics<'w> {
         })
     }
 
-    /// Where records of a fixed layout go. `definition` is what tells one layout from another, such as the text
-    /// that the log defines it by; `layout` is asked for if something of the topic is wanted, and if it is new.
-    /// Fails if there are too many topics.
+    /// The route of records of a fixed layout. `definition` identifies the layout, for example by the text that defines
+    /// it in the log; `layout` is called only if the topic is wanted and the layout is new. Fails if there are too many
+    /// topics.
     pub(crate) fn packed_route(
         &mut self,
         info: TopicInfo,
@@ -302,7 +302,7 @@ impl<'w> Topics<'w> {
         })
     }
 
-    /// As [`Topics::packed_route`], for lines of values between commas.
+    /// As [`Topics::packed_route`], for lines of comma-separated values.
     pub(crate) fn cells_route(
         &mut self,
         info: TopicInfo,
@@ -355,7 +355,7 @@ impl<'w> Topics<'w> {
         self.numbered(route, times, None, payload)
     }
 
-    /// As [`Topics::message`], with the number that the container has of it.
+    /// As [`Topics::message`], with the container's message number.
     pub(crate) fn numbered(&mut self, route: Route, times: Times, sequence: Option<u32>, payload: &[u8]) -> Fate {
         let Some(topic) = self.topics.get_mut(route.topic as usize) else { return Fate::Skipped };
         self.log_time.passes(times.logged_ns);
@@ -376,19 +376,19 @@ impl<'w> Topics<'w> {
         fate
     }
 
-    /// Whether somebody takes what is beside the messages.
+    /// Whether the sink takes data other than messages.
     pub(crate) fn takes_extras(&self) -> bool {
         self.want.sink().is_some()
     }
 
-    /// Hands on what is beside the messages.
+    /// Passes on data other than messages.
     pub(crate) fn extra(&self, extra: &Extra<'_>) {
         if let Some(sink) = self.want.sink() {
             sink.extra(extra);
         }
     }
 
-    /// Counts a message that an index lists in a stretch that was not read.
+    /// Counts a message that an index lists in a section that was not read.
     pub(crate) fn indexed(&mut self, route: Route, logged_ns: i64) {
         if let Some(topic) = self.topics.get_mut(route.topic as usize) {
             topic.messages += 1;
@@ -398,7 +398,7 @@ impl<'w> Topics<'w> {
         }
     }
 
-    /// Counts an intact message of `length` bytes whose payload was not read, for it is not wanted.
+    /// Counts an intact message of `length` bytes whose payload was not read because it is not wanted.
     pub(crate) fn unread(&mut self, route: Route, times: Times, length: u64) -> Fate {
         if let Some(topic) = self.topics.get_mut(route.topic as usize) {
             topic.vouched.count(self.vouch);
@@ -469,7 +469,7 @@ impl Topic {
         self.decoders.iter().map(Decoder::weight).sum()
     }
 
-    /// The decoder for this definition, made if there is none; `None` if nothing is wanted.
+    /// The decoder for this definition, created if it is new; `None` if nothing is wanted.
     fn decoder(
         &mut self,
         Definition { encoding, text }: Definition<'_>,
@@ -485,7 +485,7 @@ impl Topic {
             return Err(format!("its definition of {} bytes is too long", text.len()));
         }
         let how = how(&self.info, wanted, &mut self.rows)?;
-        // As a rule it is the only one.
+        // Usually it is the only one.
         self.decoders.reserve_exact(1);
         self.decoders.push(Decoder { schema_encoding: encoding.to_owned(), definition: text.to_vec(), how });
         Ok(Some(self.decoders.len() as u32 - 1))
@@ -508,7 +508,7 @@ impl Topic {
         let decoder = self.decoders.get(decoder as usize)?;
         matches!(decoder.how, How::Raw).then_some(RawMessage {
             topic: &self.info,
-            // For others it is a definition as any.
+            // For other readers it is an ordinary definition.
             schema_encoding: match decoder.schema_encoding.as_str() {
                 COMMON | GIVEN => "ros2msg",
                 COMPLETED | COMPLETED_AS_GIVEN => "ros1msg",
@@ -548,7 +548,7 @@ impl Topic {
         }
     }
 
-    /// Sets the values that the latest decoder still holds.
+    /// Sets the values still held by the latest decoder.
     fn deliver(&mut self) {
         if let Some(Decoder { how: How::Packed(plan), .. }) = self.decoders.get_mut(self.latest) {
             plan.deliver(&mut self.rows);
@@ -613,7 +613,7 @@ impl Topic {
 
     fn stamps(&self, clock: Clock) -> Vec<StampHealth> {
         let logged = self.logged.clone().finish(StampKind::Logged, clock, "log");
-        // Of messages that only an index told of, the time of publishing is not known.
+        // The publish time of messages known only from an index is unknown.
         let published = self.published.as_ref().unwrap_or(&self.logged);
         let published = (self.only_indexed == 0)
             .then(|| published.clone().finish(StampKind::Published, clock, "publish"))
@@ -661,7 +661,7 @@ impl Decoder {
     }
 }
 
-/// Passes notices on, the first in full and of the others their number: a hostile log has many topics.
+/// Passes notices on: the first in full, and the number of the others, because a hostile log has many topics.
 fn list(notices: Notices, to: &mut Notices) {
     let mut unlisted: BTreeMap<Severity, u64> = BTreeMap::new();
     for (index, notice) in notices.iter().enumerate() {
@@ -720,7 +720,7 @@ mod tests {
     const AT_ZERO: Times = Times { logged_ns: 0, published_ns: None };
 
     #[test]
-    fn a_small_log_cannot_claim_all_memory_and_what_it_may_not_have_is_a_loss() {
+    fn a_small_log_cannot_claim_all_memory_and_the_rest_is_a_loss() {
         let want = |_: &TopicInfo| Selection::All;
         let mut topics = Topics::new(&want, 10, 1000);
         let definition = Definition { encoding: "ros1msg", text: b"string s" };
@@ -738,7 +738,7 @@ mod tests {
     }
 
     #[test]
-    fn packed_records_are_read_in_their_rows_however_often_the_layout_changes() {
+    fn packed_records_keep_their_rows_however_often_the_layout_changes() {
         use packed::{Layout, PackedField, PackedKind};
         let want = |_: &TopicInfo| Selection::All;
         let mut topics = Topics::new(&want, 10, 1 << 20);
@@ -766,7 +766,7 @@ mod tests {
     }
 
     #[test]
-    fn definitions_have_a_bound_each_and_together() {
+    fn definitions_are_limited_individually_and_in_total() {
         let want = |_: &TopicInfo| Selection::All;
         let mut topics = Topics::new(&want, 1000, 1000);
         let reason = |topics: Topics<'_>, name: &str| {

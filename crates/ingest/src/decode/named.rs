@@ -1,5 +1,5 @@
-//! Definitions of ROS 2 that `flightlag recover` wrote: each field says in its comment what it is called in the log that it
-//! comes from, for ROS allows few names.
+//! ROS 2 definitions written by `flightlag recover`: the comment of each field holds its name in the original log,
+//! because ROS allows few names.
 //!
 //! ```text
 //! float64 time_us # "TimeUS"
@@ -7,8 +7,8 @@
 //! string time_us_written # written "TimeUS"
 //! ```
 //!
-//! The second line belongs to a field that not every row has: it is false where the value is a mere placeholder. The third is
-//! the decimal as it was written, where a float has lost its last digits.
+//! The second line belongs to a field that some rows lack: it is false where the value is a mere placeholder. The third
+//! is the decimal as written, where a float has lost its last digits.
 
 use super::Wanted;
 use super::ros::Plan;
@@ -18,15 +18,15 @@ use crate::table::{Column, ColumnData, Table};
 use crate::texts::Text;
 use std::collections::BTreeSet;
 
-/// Stands for the encoding of such a definition.
+/// The encoding name of such a definition.
 pub(crate) const NAMED: &str = "ros2msg with names";
-/// In front of the path that a field is told to be absent by; a field that is called so itself is refused.
+/// Prefix of the path of a field's presence flag; a field with such a name is rejected.
 const GIVEN: &str = "\u{1}";
-/// In front of the path of a field as it was written; likewise.
+/// Prefix of the path of a field's decimal text; likewise.
 const WRITTEN: &str = "\u{2}";
 const MARKS: [char; 2] = ['\u{1}', '\u{2}'];
 
-/// How to read messages of such a definition by the names that the log has.
+/// Plans the decoding of such messages under the names of the original log.
 pub(super) fn plan(type_name: &str, text: &str, wanted: &Wanted, rows: &mut Rows) -> Result<Plan, String> {
     let mut schema = Schema::parse(type_name, text, Dialect::Ros2)?;
     let names = text.lines().filter_map(name_of).collect::<Result<Vec<String>, String>>()?;
@@ -44,7 +44,7 @@ pub(super) fn plan(type_name: &str, text: &str, wanted: &Wanted, rows: &mut Rows
     Ok(Plan::new(&schema, &wanted, rows))
 }
 
-/// Two fields of one name would be one column, and a field that tells of none would tell nothing.
+/// Two fields of one name would share a column, and a flag without its field would have no meaning.
 fn check(names: &[String]) -> Result<(), String> {
     let mut distinct = BTreeSet::new();
     if let Some(twice) = names.iter().find(|name| !distinct.insert(name.as_str())) {
@@ -56,7 +56,7 @@ fn check(names: &[String]) -> Result<(), String> {
     }
 }
 
-/// What the comment of a field says; `None` for a line that is all comment, or empty.
+/// The content of a field's comment; `None` for an empty line or one with only a comment.
 fn name_of(line: &str) -> Option<Result<String, String>> {
     let (_, comment) = line.split_once(" # ").filter(|_| !line.starts_with('#'))?;
     let behind = |what: &str, mark| comment.strip_prefix(what).map(|name| (mark, name));
@@ -65,7 +65,7 @@ fn name_of(line: &str) -> Option<Result<String, String>> {
     Some(name.map(|name| format!("{mark}{name}")).ok_or_else(|| format!("{line:.100}: no name is said")))
 }
 
-/// With a field what tells whether it is there, and how it was written.
+/// Adds the presence flag and the decimal text of each field.
 fn with_beside(wanted: &Wanted) -> Wanted {
     match wanted {
         Wanted::All => Wanted::All,
@@ -76,8 +76,7 @@ fn with_beside(wanted: &Wanted) -> Wanted {
     }
 }
 
-/// Takes out the columns that tell whether others have a value, and makes these absent where they have none. Gives those that
-/// are others as they were written.
+/// Removes the presence flags, and makes the values absent that they mark. Returns the columns of decimal texts.
 pub(crate) fn leave_out_placeholders(table: &mut Table) -> Vec<Column> {
     let of = |mark: &'static str| move |column: &Column| column.path.starts_with(mark);
     let (given, columns): (Vec<Column>, Vec<Column>) =
@@ -102,7 +101,7 @@ pub(crate) fn leave_out_placeholders(table: &mut Table) -> Vec<Column> {
 }
 
 impl Column {
-    /// Placeholders as all formats have them.
+    /// Sets the placeholders that all formats use.
     fn blank(&mut self, valid: &[bool]) {
         fn blank<T: Default>(values: &mut [T], valid: &[bool]) {
             values.iter_mut().zip(valid).filter(|(_, valid)| !**valid).for_each(|(value, _)| *value = T::default());
@@ -142,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_have_the_names_of_the_log_and_placeholders_are_absent() {
+    fn fields_have_their_original_names_and_placeholders_are_absent() {
         let table = decoded(&Wanted::All);
         let paths: Vec<&str> = table.columns.iter().map(|c| c.path.as_str()).collect();
         assert_eq!(paths, ["TimeUS", "gyro[0]"]);
@@ -152,14 +151,14 @@ mod tests {
     }
 
     #[test]
-    fn a_definition_without_all_names_is_refused() {
+    fn a_definition_without_all_names_is_rejected() {
         for text in ["float64 a", "float64 a # b", "float64 a # \"a\"\nfloat64 b", "float64 a # \"\\u0001a\""] {
             assert!(plan("flightlag/msg/A", text, &Wanted::All, &mut Rows::default()).is_err(), "{text}");
         }
     }
 
     #[test]
-    fn a_definition_that_calls_two_fields_the_same_or_tells_of_a_field_that_it_lacks_is_refused() {
+    fn duplicate_names_and_flags_of_missing_fields_are_rejected() {
         for second in ["float64 b # \"a\"", "bool b # given \"b\"", "bool b # given \"a\"\nbool c # given \"a\""] {
             let text = format!("float64 a # \"a\"\n{second}");
             assert!(plan("flightlag/msg/A", &text, &Wanted::All, &mut Rows::default()).is_err(), "{text}");
@@ -167,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn where_there_are_too_many_columns_for_one_more_a_field_is_still_known_to_be_absent() {
+    fn presence_flags_work_even_at_the_limit_of_columns() {
         let name = |number: usize| format!("f{number:05}");
         let fields = (0..4100).map(|n| format!("uint64 {} # \"{}\"\n", name(n), name(n))).collect::<String>();
         let text = fields + "bool given # given \"f00007\"\n";

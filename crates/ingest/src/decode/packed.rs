@@ -1,6 +1,6 @@
-//! Records of a fixed layout straight into columns: little-endian numbers and text, each at its own offset.
+//! Decodes records of a fixed layout into columns: little-endian numbers and text, each at its own offset.
 //!
-//! ULog and DataFlash name the fields of a record once; from then on a record is bytes in that order.
+//! ULog and DataFlash name the fields of a record once; after that a record is bytes in that order.
 
 use crate::decode::Wanted;
 use crate::decode::rows::{Rows, Value, ValueType};
@@ -8,14 +8,14 @@ use crate::decode::schema::Number;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Where everything lies in a record.
+/// The layout of a record.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Layout {
     /// In any order.
     pub(crate) fields: Vec<PackedField>,
-    /// A record of fewer bytes cannot be decoded.
+    /// Shorter records cannot be decoded, bytes.
     pub(crate) shortest: usize,
-    /// Bytes beyond this are counted as longer than defined.
+    /// Bytes after this are counted as longer than defined.
     pub(crate) longest: usize,
 }
 
@@ -27,17 +27,17 @@ pub(crate) struct PackedField {
     /// Bytes before it.
     pub(crate) offset: usize,
     pub(crate) kind: PackedKind,
-    /// Of a number; `None` keeps it as it is, and 64-bit integers exact.
+    /// For a number; `None` keeps it unscaled, and 64-bit integers exact.
     pub(crate) scale: Option<Scale>,
 }
 
-/// What lies there.
+/// The type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PackedKind {
     Number(Number),
     /// IEEE 754 binary16.
     Half,
-    /// Text in so many bytes, or up to the first zero among them. What is no UTF-8 shows as U+FFFD.
+    /// Text in this many bytes, or up to the first zero in them. Invalid UTF-8 becomes U+FFFD.
     Text(usize),
 }
 
@@ -69,18 +69,18 @@ impl PackedKind {
 
 /// How to read the wanted fields of one layout.
 ///
-/// Records are held as they came, and once there are some, read field by field: a loop over one kind of number, in
-/// place of a choice for each value.
+/// Records are buffered, and decoded field by field once there are several: one loop for each number type, instead of a
+/// branch for each value.
 #[derive(Debug)]
 pub(crate) struct Plan {
     steps: Vec<Step>,
     shortest: usize,
     longest: usize,
-    /// Where the wanted fields of a record lie.
+    /// The byte range of the wanted fields of a record.
     span: Range<usize>,
-    /// These bytes of the records whose values are still to be set.
+    /// These bytes of the records whose values are not set yet.
     held: Vec<u8>,
-    /// The row of the first of them.
+    /// The row of the first buffered record.
     first: usize,
 }
 
@@ -93,15 +93,16 @@ struct Step {
     scale: Option<Scale>,
 }
 
-/// So many bytes of records are held at most, and one record: little beside the first cache, even of many topics.
+/// The most bytes of records that are buffered, plus one record: little compared with the first-level cache, even for
+/// many topics.
 const MOST_HELD: usize = 4 << 10;
 
 impl Plan {
-    /// Takes the wanted fields; columns are made in `rows`.
+    /// Compiles the wanted fields; creates their columns in `rows`.
     pub(crate) fn new(layout: &Layout, wanted: &Wanted, rows: &mut Rows) -> Plan {
         let mut step = |field: &PackedField| {
             let PackedField { path, offset, kind, scale } = field;
-            // A field of no bytes has no value.
+            // An empty field has no value.
             let wanted = kind.size() > 0 && wanted.has(path);
             let column = wanted.then(|| rows.column(path, kind.value_type(*scale))).flatten()?;
             Some(Step { column, offset: *offset, kind: *kind, scale: *scale })
@@ -114,8 +115,8 @@ impl Plan {
         Plan { steps, shortest, longest: layout.longest.max(shortest), span: start..end, held: vec![], first: 0 }
     }
 
-    /// Takes the record of the open row; its values are set by [`Plan::deliver`] at the latest. No other plan may set
-    /// values of these rows before. Returns how many bytes the record has beyond its layout.
+    /// Takes the record of the open row; its values are set by [`Plan::deliver`] at the latest. Until then no other
+    /// plan may set values of these rows. Returns how many bytes the record has in excess of its layout.
     pub(crate) fn decode(&mut self, record: &[u8], rows: &mut Rows) -> Result<usize, String> {
         if record.len() < self.shortest {
             return Err(format!("{} bytes where its format has {}", record.len(), self.shortest));
@@ -130,7 +131,7 @@ impl Plan {
         Ok(record.len().saturating_sub(self.longest))
     }
 
-    /// Sets the values of the records that are held.
+    /// Sets the values of the buffered records.
     pub(crate) fn deliver(&mut self, rows: &mut Rows) {
         if !self.held.is_empty() {
             let records = Records { bytes: &self.held, length: self.span.len(), first: self.first };
@@ -140,13 +141,13 @@ impl Plan {
         }
     }
 
-    /// Memory that the plan takes, bytes, roughly.
+    /// Approximate memory use of the plan, bytes.
     pub(crate) fn weight(&self) -> usize {
         self.steps.len() * size_of::<Step>()
     }
 }
 
-/// Records of one length, of rows that follow each other.
+/// Records of one length, for consecutive rows.
 #[derive(Debug, Clone, Copy)]
 struct Records<'r> {
     bytes: &'r [u8],
@@ -160,7 +161,7 @@ impl<'r> Records<'r> {
     where
         [u8; N]: Default,
     {
-        // The plan has made sure that they are there.
+        // The plan has checked the length.
         self.bytes
             .chunks_exact(self.length)
             .map(move |record| record.get(at..).and_then(<[u8]>::first_chunk).copied().unwrap_or_default())
@@ -229,7 +230,7 @@ pub(crate) fn text_of(bytes: &[u8]) -> Cow<'_, str> {
     String::from_utf8_lossy(bytes.get(..end).unwrap_or_default())
 }
 
-/// The number that the bytes begin with; `None` if there are too few.
+/// The number at the start of the bytes; `None` if there are too few.
 #[inline(always)]
 pub(crate) fn number_of(number: Number, bytes: &[u8]) -> Option<Value<'static>> {
     Some(match number {
@@ -296,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn values_of_every_kind_are_read_where_they_lie() {
+    fn values_of_every_kind_are_read_at_their_offset() {
         use Number::{Bool, F32, F64, I8, I16, I32, I64, U8, U16, U32, U64};
         let kinds = [Bool, U8, I8, U16, I16, U32, I32, U64, I64, F32, F64];
         let mut offset = 0;
@@ -354,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_that_is_too_short_is_refused_and_one_that_is_too_long_says_by_how_much() {
+    fn short_records_are_rejected_and_excess_bytes_are_counted() {
         let layout = Layout { longest: 3, ..layout(vec![field("a", 0, PackedKind::Number(Number::U16))]) };
         let mut rows = Rows::default();
         let mut plan = Plan::new(&layout, &Wanted::All, &mut rows);
@@ -363,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_of_all_kinds_are_what_ieee_says() {
+    fn half_floats_of_all_kinds_match_ieee_754() {
         assert_eq!(
             [0x3c00, 0x8000, 0x0001, 0x7bff, 0x3555].map(half),
             [1.0, -0.0, 2f64.powi(-24), 65_504.0, 1365.0 / 4096.0]

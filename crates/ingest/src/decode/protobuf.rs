@@ -1,25 +1,25 @@
-//! Protocol Buffers straight into columns (<https://protobuf.dev/programming-guides/encoding>).
+//! Decodes Protocol Buffers into columns (<https://protobuf.dev/programming-guides/encoding>).
 //!
-//! The schema of a channel is a serialised `FileDescriptorSet`. It and the wanted fields are compiled once;
-//! a message is then one walk over its bytes, without building a tree of it. A `google.protobuf.Timestamp` or
-//! `Duration` is one column of nanoseconds. A field that proto3 leaves out because it is zero *is* zero; one that
-//! can be absent (`optional`, `oneof`, messages, all of proto2) is absent.
+//! The schema of a channel is a serialised `FileDescriptorSet`. It and the wanted fields are compiled once; a message
+//! is then decoded in one pass over its bytes, without building a tree. A `google.protobuf.Timestamp` or `Duration` is
+//! one column of nanoseconds. A field that proto3 omits because it is zero *is* zero; one with presence (`optional`,
+//! `oneof`, messages, all of proto2) is absent.
 
 use crate::decode::Wanted;
 use crate::decode::rows::{Rows, Value, ValueType};
 use std::collections::HashMap;
 
-/// Messages and groups nested deeper than this are refused.
+/// Messages and groups nested deeper than this are rejected.
 const MOST_NESTED: usize = 32;
-/// Fields looked at when everything is wanted: a definition can name exponentially many.
+/// The most fields examined when everything is wanted: a definition can name exponentially many.
 const MOST_VISITED: usize = 16_384;
-/// Elements of an array of numbers that are taken when everything is wanted.
+/// Elements read from an array of numbers when everything is wanted.
 pub(super) const MOST_ELEMENTS: u32 = 64;
 
 /// How to read the wanted fields of one message type.
 #[derive(Debug)]
 pub(crate) struct Plan {
-    /// What to do with the fields of a message, by number; the message itself is the first.
+    /// The steps for the fields of a message, by number; the message itself is the first.
     nodes: Vec<Vec<Step>>,
 }
 
@@ -32,7 +32,7 @@ struct Step {
 
 #[derive(Debug)]
 enum What {
-    /// `zero`: where it is left out it is zero.
+    /// `zero`: an omitted value is zero.
     Scalar {
         column: usize,
         scalar: Scalar,
@@ -56,7 +56,7 @@ enum What {
     },
 }
 
-/// A value as it is written.
+/// The encoding of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Scalar {
     F64,
@@ -136,7 +136,7 @@ impl Scalar {
         })
     }
 
-    /// The next number of a packed array.
+    /// Takes the next number of a packed array.
     fn unpack<'p>(self, rest: &mut &'p [u8]) -> Option<Wire<'p>> {
         match self {
             Scalar::F64 | Scalar::Fixed64 | Scalar::Sfixed64 => fixed(rest).map(u64::from_le_bytes).map(Wire::Fixed64),
@@ -146,19 +146,19 @@ impl Scalar {
     }
 }
 
-/// A value as it stands in a message.
+/// A value as encoded in a message.
 #[derive(Debug, Clone, Copy)]
 enum Wire<'p> {
     Varint(u64),
     Fixed64(u64),
     Fixed32(u32),
     Bytes(&'p [u8]),
-    /// What stands between the tags of a group.
+    /// The bytes between the tags of a group.
     Group(&'p [u8]),
 }
 
 impl<'p> Wire<'p> {
-    /// A message within a message, which is written in either way.
+    /// The bytes of a nested message, in either encoding.
     fn message(self) -> Option<&'p [u8]> {
         match self {
             Wire::Bytes(bytes) | Wire::Group(bytes) => Some(bytes),
@@ -186,7 +186,7 @@ fn fixed<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
     Some(*bytes)
 }
 
-/// The next field: its number and value. `None` if the bytes end inside it or are none.
+/// The next field: its number and value. `None` if the bytes end inside it or are invalid.
 fn field<'p>(rest: &mut &'p [u8]) -> Option<(u32, Wire<'p>)> {
     let (number, kind) = tag(rest)?;
     let value = match kind {
@@ -216,7 +216,7 @@ fn wire<'p>(rest: &mut &'p [u8], kind: u8) -> Option<Wire<'p>> {
     })
 }
 
-/// What is left of a group and the groups in it, up to its end.
+/// The rest of a group with its nested groups, up to its end.
 fn group<'p>(rest: &mut &'p [u8], number: u32) -> Option<&'p [u8]> {
     let whole = *rest;
     let mut end = whole.len();
@@ -236,7 +236,7 @@ fn group<'p>(rest: &mut &'p [u8], number: u32) -> Option<&'p [u8]> {
     whole.get(..end)
 }
 
-/// All fields of a message, for descriptors. What cannot be read is the error.
+/// All fields of a message, for descriptors. Unreadable bytes are an error.
 fn each_field<'p>(
     mut bytes: &'p [u8],
     mut visit: impl FnMut(u32, Wire<'p>) -> Result<(), String>,
@@ -254,7 +254,7 @@ pub(crate) struct Types {
     messages: HashMap<String, Vec<Field>>,
 }
 
-/// A field as a descriptor describes it.
+/// A field from its descriptor.
 #[derive(Debug, Default)]
 pub(super) struct Field {
     number: u32,
@@ -262,11 +262,11 @@ pub(super) struct Field {
     pub(super) repeated: bool,
     pub(super) kind: u64,
     pub(super) type_name: String,
-    /// Part of a `oneof`, as `optional` fields of proto3 are too.
+    /// Part of a `oneof`, which includes `optional` fields of proto3.
     one_of: bool,
-    /// Whether presence is told from zero, where the field itself says so.
+    /// Field presence, where the field itself states it.
     presence: Option<u64>,
-    /// Left out where it is zero.
+    /// Omitted where it is zero.
     zero: bool,
 }
 
@@ -293,7 +293,7 @@ impl Types {
             }
             Ok(())
         })?;
-        // proto2 and editions tell presence unless a feature says otherwise (IMPLICIT is 2).
+        // proto2 and editions track presence unless a feature disables it (IMPLICIT is 2).
         let zero = if syntax == "proto3" { true } else { presence == Some(2) };
         messages.into_iter().try_for_each(|message| self.message(&package, message, zero, 0))
     }
@@ -363,7 +363,7 @@ impl Field {
         Ok(field)
     }
 
-    /// Whether it holds a message: a group of proto2 is one too.
+    /// Whether it holds a message; a group of proto2 is one too.
     pub(super) fn is_message(&self) -> bool {
         const GROUP: u64 = 10;
         const MESSAGE: u64 = 11;
@@ -380,7 +380,7 @@ struct Compiler<'t, 'w> {
     wanted: &'w Wanted,
     rows: &'w mut Rows,
     nodes: Vec<Vec<Step>>,
-    /// Types around the one that is being compiled.
+    /// Types that enclose the one being compiled.
     open: Vec<&'t str>,
     visited: usize,
 }
@@ -402,7 +402,7 @@ impl Plan {
         self.walk(0, payload, true, rows)
     }
 
-    /// Memory that the plan takes, bytes, roughly.
+    /// Approximate memory use of the plan, bytes.
     pub(crate) fn weight(&self) -> usize {
         let steps = self.nodes.iter().flatten();
         steps.map(|step| size_of::<Step>() + step.path.len() + 16 * step.what.width()).sum()
@@ -420,7 +420,7 @@ impl What {
 }
 
 impl<'t> Compiler<'t, '_> {
-    /// Compiles a type into a node; its index.
+    /// Compiles a type into a node; returns its index.
     fn message(&mut self, name: &'t str, prefix: &str) -> usize {
         let index = self.nodes.len();
         self.nodes.push(vec![]);
@@ -479,7 +479,7 @@ impl<'t> Compiler<'t, '_> {
         indexes.into_iter().filter_map(|i| Some((i, self.rows.column(&format!("{path}[{i}]"), value_type)?))).collect()
     }
 
-    /// A type within itself is gone into only as far as somebody asks.
+    /// A recursive type is entered only as far as the wanted paths require.
     fn may_enter(&self, field: &Field) -> bool {
         let again = matches!(self.wanted, Wanted::All)
             && self.open.iter().any(|open| open.trim_start_matches('.') == field.type_name.trim_start_matches('.'));
@@ -488,10 +488,10 @@ impl<'t> Compiler<'t, '_> {
 }
 
 impl Plan {
-    /// Reads one message. `first` is false if it is the continuation of one that was begun before.
+    /// Reads one message. `first` is false for the continuation of an earlier part.
     fn walk(&self, node: usize, mut bytes: &[u8], first: bool, rows: &mut Rows) -> Result<(), String> {
         let Some(node) = self.nodes.get(node) else { return Ok(()) };
-        // How many values of each field were met.
+        // The number of values found for each field.
         let mut seen = vec![0_u32; node.len()];
         while !bytes.is_empty() {
             let (number, value) = field(&mut bytes).ok_or("the message ends inside a field, or is not a message")?;
@@ -510,7 +510,7 @@ impl Plan {
         Ok(())
     }
 
-    /// `None` if the value is not of the type that the descriptor says.
+    /// `None` if the value does not have the type of the descriptor.
     fn step(&self, step: &Step, value: Wire<'_>, seen: &mut u32, rows: &mut Rows) -> Option<Result<(), String>> {
         let here = *seen;
         match &step.what {
@@ -545,7 +545,7 @@ impl Plan {
     }
 }
 
-/// Sets the wanted elements of an array, which stand one by one or packed.
+/// Sets the wanted elements of an array, which may be packed or not.
 fn elements(columns: &[(u32, usize)], scalar: Scalar, value: Wire<'_>, seen: &mut u32, rows: &mut Rows) -> Option<()> {
     let mut one = |value: Wire<'_>| {
         if let Ok(at) = columns.binary_search_by_key(seen, |(index, _)| *index) {

@@ -1,9 +1,9 @@
-//! ROS 1 and CDR (ROS 2) messages straight into columns.
+//! Decodes ROS 1 and CDR (ROS 2) messages into columns.
 //!
-//! A definition and the wanted fields are compiled once into a list of operations; a message
-//! is then one walk over that list. What is not wanted is stepped over: in one step where its
-//! size is constant. Neighbours of constant size are read together, each at its own offset. CDR is the classic encoding (OMG XCDR 1, `DDSI-RTPS` 10.5) in either byte
-//! order; XCDR 2 and parameter lists are refused.
+//! A definition and the wanted fields are compiled once into a list of operations; a message is then decoded in one
+//! pass over that list. Unwanted fields are skipped: in one step if their size is constant. Neighbours of constant size
+//! are read together, each at its own offset. CDR is the classic encoding (OMG XCDR 1, `DDSI-RTPS` 10.5) in either byte
+//! order; XCDR 2 and parameter lists are rejected.
 
 use crate::bytes::Bytes;
 use crate::decode::Wanted;
@@ -11,17 +11,16 @@ use crate::decode::packed::number_of;
 use crate::decode::rows::{Rows, Value, ValueType};
 use crate::decode::schema::{Count, Dialect, Field, Kind, Number, Schema};
 
-/// Elements of a fixed array that are taken when everything is wanted.
+/// Elements read from a fixed array when everything is wanted.
 pub(super) const MOST_ELEMENTS: u32 = 64;
-/// Fixed arrays of messages up to this long have their size worked out beforehand.
+/// Fixed arrays of messages up to this long have their size computed beforehand.
 const MOST_MEASURED: u32 = 1024;
-/// Fields looked at when everything is wanted: a definition can name exponentially many.
+/// The most fields examined when everything is wanted: a definition can name exponentially many.
 const MOST_VISITED: usize = 16_384;
-/// CDR writers may fill the last word.
+/// CDR writers may pad the last word.
 const CDR_PADDING: usize = 3;
 
-/// Sizes in bytes by the phase (position modulo 8) at which the value begins. Without
-/// alignment all eight are equal.
+/// Sizes in bytes by the phase (position modulo 8) at which the value starts. Without alignment all eight are equal.
 type Sizes = [u64; 8];
 const NOTHING: Sizes = [0; 8];
 
@@ -30,10 +29,10 @@ const NOTHING: Sizes = [0; 8];
 pub(crate) struct Plan {
     dialect: Dialect,
     steps: Vec<Step>,
-    /// For each message type of the schema: how to step over one.
+    /// For each message type of the schema: how to skip one.
     over: Vec<Vec<Step>>,
     places: Vec<String>,
-    /// There is text of wide characters somewhere.
+    /// Whether there is any text of wide characters.
     wide: bool,
 }
 
@@ -55,20 +54,20 @@ enum What {
     Array { count: Option<u32>, wanted: Vec<(u32, Vec<Step>)>, element: Element },
 }
 
-/// Neighbours of constant size. Most messages have all of them, in little-endian order: then only `reads` matter.
+/// Neighbours of constant size. Most messages have all of them, in little-endian order: then only `reads` is used.
 #[derive(Debug)]
 struct Run {
     sizes: Sizes,
     reads: Vec<Read>,
-    /// The same one by one.
+    /// The same fields individually.
     steps: Vec<Step>,
 }
 
-/// A value at a known place of a run.
+/// A value at a known offset of a run.
 #[derive(Debug)]
 struct Read {
     column: usize,
-    /// Bytes before it, by the phase at which the run begins.
+    /// Bytes before it, by the phase at which the run starts.
     offsets: Sizes,
     what: Fixed,
 }
@@ -80,7 +79,7 @@ enum Fixed {
     Time(TimeSigns),
 }
 
-/// Which halves of a time have a sign.
+/// Which halves of a time are signed.
 #[derive(Debug, Clone, Copy)]
 struct TimeSigns {
     seconds: bool,
@@ -95,7 +94,7 @@ impl TimeSigns {
     }
 }
 
-/// Something to be stepped over.
+/// Something to skip.
 #[derive(Debug, Clone, Copy)]
 enum Element {
     Number(u64),
@@ -106,7 +105,7 @@ enum Element {
 }
 
 impl Plan {
-    /// Compiles; columns are made in `rows`.
+    /// Compiles a plan; creates the columns in `rows`.
     pub(crate) fn new(schema: &Schema, wanted: &Wanted, rows: &mut Rows) -> Plan {
         let mut compiler = Compiler::new(schema);
         let over = (0..schema.messages.len()).map(|index| compiler.steps_over(index)).collect();
@@ -122,12 +121,12 @@ impl Plan {
         }
     }
 
-    /// Sets the wanted values of the open row. Returns how many bytes the message has beyond its definition.
+    /// Sets the wanted values of the open row. Returns how many bytes the message has in excess of its definition.
     pub(crate) fn decode(&self, payload: &[u8], rows: &mut Rows) -> Result<usize, String> {
         if !self.wide {
             return self.decode_as(payload, 2, rows);
         }
-        // Wide characters take two bytes with some middlewares and four with others: the message must fit to the end.
+        // Wide characters take two bytes with some middlewares and four with others: the whole message must fit.
         for unit in [2, 4] {
             if self.decode_as(payload, unit, rows) == Ok(0) {
                 return Ok(0);
@@ -144,7 +143,7 @@ impl Plan {
         Ok(if self.dialect == Dialect::Ros2 && left <= CDR_PADDING { 0 } else { left })
     }
 
-    /// Memory that the plan takes, bytes, roughly.
+    /// Approximate memory use of the plan, bytes.
     pub(crate) fn weight(&self) -> usize {
         self.places.iter().map(|place| place.len() + 4 * size_of::<Step>()).sum()
     }
@@ -169,7 +168,7 @@ struct Compiler<'s> {
 impl<'s> Compiler<'s> {
     fn new(schema: &'s Schema) -> Compiler<'s> {
         let mut compiler = Compiler { schema, sizes: vec![None; schema.messages.len()], places: vec![], visited: 0 };
-        // A message type comes before those that it refers to.
+        // A message type comes before the types that it uses.
         for index in (0..schema.messages.len()).rev() {
             let sizes = compiler.measured(index);
             if let Some(place) = compiler.sizes.get_mut(index) {
@@ -222,7 +221,7 @@ impl<'s> Compiler<'s> {
         self.places.len() as u32 - 1
     }
 
-    /// How to step over a message of varying size, field by field.
+    /// How to skip a message of varying size, field by field.
     fn steps_over(&mut self, message: usize) -> Vec<Step> {
         if self.sizes.get(message).is_some_and(Option::is_some) {
             return vec![];
@@ -279,7 +278,7 @@ impl<'s> Compiler<'s> {
         steps.push(step);
     }
 
-    /// How to read a wanted value that is no message.
+    /// How to read a wanted value that is not a message.
     fn leaf(&self, kind: Kind, path: &str, wanted: &Wanted, rows: &mut Rows) -> Option<What> {
         if !wanted.has(path) {
             return None;
@@ -291,7 +290,7 @@ impl<'s> Compiler<'s> {
                 What::Fixed { column: rows.column(path, value_type)?, what: Fixed::Number(number) }
             }
             Kind::Time { signed_seconds: seconds } => {
-                // A duration of ROS 1 has signed nanoseconds as well; ROS 2 has them unsigned everywhere.
+                // A duration of ROS 1 has signed nanoseconds as well; in ROS 2 they are always unsigned.
                 let signs = TimeSigns { seconds, nanos: seconds && self.schema.dialect == Dialect::Ros1 };
                 What::Fixed { column: rows.column(path, ValueType::Integer)?, what: Fixed::Time(signs) }
             }
@@ -375,7 +374,7 @@ fn at_phase(sizes: &Sizes, position: u64) -> u64 {
     sizes.get((position % 8) as usize).copied().unwrap_or_default()
 }
 
-/// One thing after the other.
+/// The sizes of one thing followed by another.
 fn joined(first: Sizes, second: Sizes) -> Sizes {
     let mut both = first;
     for (phase, size) in both.iter_mut().enumerate() {
@@ -385,7 +384,7 @@ fn joined(first: Sizes, second: Sizes) -> Sizes {
 }
 
 impl Element {
-    /// Size of `count` of these, `None` if it varies or is not worth working out.
+    /// Size of `count` of these; `None` if it varies or is not worth computing.
     fn sizes(self, dialect: Dialect, count: u32) -> Option<Sizes> {
         match self {
             Element::Constant(NOTHING) => Some(NOTHING),
@@ -402,7 +401,7 @@ impl Element {
     }
 }
 
-/// Neighbours that are stepped over become one step.
+/// Merges adjacent skips into one step.
 fn merged(steps: Vec<Step>) -> Vec<Step> {
     let mut short: Vec<Step> = vec![];
     for step in steps {
@@ -417,7 +416,7 @@ fn merged(steps: Vec<Step>) -> Vec<Step> {
     short
 }
 
-/// Neighbours of constant size become one step.
+/// Merges neighbours of constant size into one step.
 fn in_runs(steps: Vec<Step>, dialect: Dialect) -> Vec<Step> {
     let mut short: Vec<Step> = vec![];
     for step in steps {
@@ -476,7 +475,7 @@ impl Fixed {
         }
     }
 
-    /// The value that little-endian bytes begin with; `None` for a number that no column can hold.
+    /// The value at the start of little-endian bytes; `None` for a number that no column can hold.
     #[inline(always)]
     fn value(self, bytes: &[u8]) -> Option<Value<'static>> {
         match self {
@@ -489,7 +488,7 @@ impl Fixed {
     }
 }
 
-/// Why a walk stopped: the message ended, or a length in it cannot be.
+/// Why decoding stopped: the message ended, or a length in it is impossible.
 #[derive(Debug, Clone, Copy)]
 struct Fault {
     place: u32,
@@ -592,7 +591,7 @@ impl<'p> Walk<'p> {
         self.over(count - next, element, over, place)
     }
 
-    /// Steps over `count` elements. Ends early on hostile counts, for every element takes a byte at least.
+    /// Skips `count` elements. Stops early on hostile counts, because every element takes at least one byte.
     fn over(&mut self, count: u32, element: Element, over: &[Vec<Step>], place: u32) -> Result<(), Fault> {
         if count == 0 || matches!(element, Element::Constant(NOTHING)) {
             return Ok(());
@@ -632,7 +631,7 @@ impl<'p> Walk<'p> {
                     let count = self.count(*count).ok_or(short)?;
                     self.over(count, *element, over, step.place)?;
                 }
-                // Nothing is read on the way over.
+                // Skipping reads no values.
                 What::Run(_) | What::Fixed { .. } | What::Text { .. } | What::WideText { .. } | What::Array { .. } => {}
             }
         }
@@ -679,7 +678,7 @@ impl<'p> Walk<'p> {
         fixed.or_else(|| self.u32())
     }
 
-    /// Bytes behind a count of units.
+    /// Bytes after a count of units.
     fn prefixed(&mut self, unit: u64, place: u32) -> Result<&'p [u8], Fault> {
         let count = self.u32().ok_or(Fault { place, claimed: None })?;
         let start = self.at;
@@ -689,12 +688,12 @@ impl<'p> Walk<'p> {
 
     fn text(&mut self, place: u32) -> Result<std::borrow::Cow<'p, str>, Fault> {
         let bytes = self.prefixed(1, place)?;
-        // CDR counts the zero at the end, ROS 1 has none.
+        // CDR counts the terminating zero; ROS 1 has none.
         let bytes = if self.aligned { bytes.strip_suffix(&[0]).unwrap_or(bytes) } else { bytes };
         Ok(String::from_utf8_lossy(bytes))
     }
 
-    /// UTF-16, each unit in as many bytes as the writer took.
+    /// UTF-16, with the writer's number of bytes for each unit.
     fn wide_text(&mut self, place: u32) -> Result<String, Fault> {
         let bytes = self.prefixed(self.wide_unit, place)?;
         let number = |unit: &[u8]| {
@@ -715,7 +714,7 @@ mod tests {
     use super::*;
     use crate::table::{Table, TopicInfo};
 
-    /// Writes fields one by one as the OMG rules say; alignment counts from the end of the header.
+    /// Writes fields one by one according to the OMG rules; alignment counts from the end of the header.
     struct Writer {
         bytes: Vec<u8>,
         aligned: bool,
@@ -833,8 +832,8 @@ mod tests {
     }
 
     #[test]
-    fn each_field_alone_reads_as_it_does_among_all() {
-        // Whatever is stepped over must be stepped over by the right number of bytes.
+    fn each_field_decodes_alone_as_it_does_among_all() {
+        // Skipped fields must be skipped by the right number of bytes.
         for (dialect, bytes) in [(Dialect::Ros1, pose(Writer::ros1())), (Dialect::Ros2, pose(Writer::cdr(false)))] {
             let (all, _) = decode(POSE, dialect, &Wanted::All, &bytes).unwrap();
             assert_eq!(all.columns.len(), 12);
@@ -846,7 +845,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_cut_anywhere_is_refused_with_the_field_where_it_ends() {
+    fn a_message_truncated_anywhere_is_rejected_with_its_last_field() {
         for (dialect, bytes) in [(Dialect::Ros1, pose(Writer::ros1())), (Dialect::Ros2, pose(Writer::cdr(true)))] {
             for length in 0..bytes.len() {
                 for wanted in [Wanted::All, Wanted::of_paths(["last"]), Wanted::of_paths([])] {
@@ -860,7 +859,7 @@ mod tests {
     }
 
     #[test]
-    fn hostile_lengths_are_refused_at_once_and_name_their_field() {
+    fn hostile_lengths_are_rejected_at_once_with_their_field() {
         let bytes = Writer::ros1().u32(u32::MAX).bytes;
         for (text, wanted) in [
             ("string s", Wanted::All),
@@ -913,7 +912,7 @@ mod tests {
     }
 
     #[test]
-    fn text_loses_the_zero_of_cdr_and_nothing_else() {
+    fn text_loses_only_the_terminating_zero_of_cdr() {
         for (dialect, bytes) in [
             (Dialect::Ros1, Writer::ros1().text("a\u{e9}b").bytes),
             (Dialect::Ros2, Writer::cdr(false).text("a\u{e9}b").bytes),
@@ -921,13 +920,13 @@ mod tests {
             let (table, _) = decode("string s", dialect, &Wanted::All, &bytes).unwrap();
             assert_eq!(table.column("s").unwrap().text(0).as_deref(), Some("a\u{e9}b"));
         }
-        // Some writers send an empty text as no bytes at all.
+        // Some writers encode an empty text as no bytes at all.
         let (table, _) = decode("string s", Dialect::Ros2, &Wanted::All, &Writer::cdr(false).u32(0).bytes).unwrap();
         assert_eq!(table.column("s").unwrap().text(0).as_deref(), Some(""));
     }
 
     #[test]
-    fn an_empty_message_is_nothing_in_ros_1_and_one_octet_in_ros_2() {
+    fn an_empty_message_takes_no_bytes_in_ros_1_and_one_octet_in_ros_2() {
         let text = "Nothing n\nfloat64 x\n===\nMSG: p/Nothing\n";
         let (table, beyond) = decode(text, Dialect::Ros1, &Wanted::All, &Writer::ros1().f64(1.5).bytes).unwrap();
         assert_eq!((numbers(&table), beyond), (vec![("x", Some(1.5))], 0));
@@ -944,7 +943,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_beyond_the_definition_are_counted_but_for_the_filling_of_cdr() {
+    fn excess_bytes_are_counted_except_cdr_padding() {
         let (_, beyond) = decode("uint8 a", Dialect::Ros1, &Wanted::All, &[1, 2, 3]).unwrap();
         assert_eq!(beyond, 2);
         let bytes = |more: usize| [vec![0, 1, 0, 0, 9], vec![0; more]].concat();
@@ -953,7 +952,7 @@ mod tests {
     }
 
     #[test]
-    fn other_encapsulations_are_refused_by_name() {
+    fn other_encapsulations_are_rejected_by_name() {
         for (kind, word) in [([0, 7], "XCDR2"), ([0, 3], "parameter lists"), ([1, 1], "not CDR"), ([0, 12], "not CDR")]
         {
             let bytes = [kind[0], kind[1], 0, 0, 1, 2, 3, 4];
@@ -977,7 +976,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_fixed_array_gives_its_first_elements() {
+    fn only_the_first_elements_of_a_large_fixed_array_are_read() {
         let bytes: Vec<u8> = (0..100_u32).flat_map(|i| f64::from(i).to_le_bytes()).collect();
         let (table, beyond) = decode("float64[100] a", Dialect::Ros1, &Wanted::All, &bytes).unwrap();
         assert_eq!((table.columns.len(), beyond), (64, 0));
@@ -987,7 +986,7 @@ mod tests {
     }
 
     #[test]
-    fn wide_text_is_read_whether_a_character_takes_two_bytes_or_four() {
+    fn wide_text_is_read_with_two_or_four_bytes_per_character() {
         for (unit, big_endian) in [(2, false), (4, false), (2, true), (4, true)] {
             let mut writer = Writer::cdr(big_endian).u8(1).u32(3);
             for character in "a\u{e9}\u{4e2d}".encode_utf16() {

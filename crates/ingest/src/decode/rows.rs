@@ -4,7 +4,7 @@ use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use crate::texts::Texts;
 use std::collections::HashMap;
 
-/// Most columns of one topic.
+/// The most columns of one topic.
 const MOST_COLUMNS: usize = 4096;
 /// Longest path of a column, bytes.
 const LONGEST_PATH: usize = 1024;
@@ -28,7 +28,7 @@ pub(crate) enum ValueType {
 }
 
 impl Value<'_> {
-    /// Of a number without sign.
+    /// For an unsigned number.
     #[inline(always)]
     pub(crate) fn unsigned(number: u64) -> Value<'static> {
         i64::try_from(number).map_or(Value::Large(number), Value::Integer)
@@ -43,14 +43,14 @@ impl Value<'_> {
     }
 }
 
-/// The rows of one topic. A message sets the values of the row that is open, then the row is
-/// closed, or rolled back if the message proves unreadable.
+/// The rows of one topic. A message sets the values of the open row, then the row is closed, or rolled back if the
+/// message proves unreadable.
 #[derive(Debug, Default)]
 pub(crate) struct Rows {
     closed: usize,
     columns: Vec<Growing>,
     by_path: HashMap<String, usize>,
-    /// How many of the columns tell whether others have a value.
+    /// The number of columns that are presence flags.
     telling: usize,
     logged_ns: Vec<i64>,
     published_ns: Option<Vec<i64>>,
@@ -73,7 +73,7 @@ impl Rows {
         self.closed
     }
 
-    /// The column of `path`, made if there is none; `None`, and counted, if there are too many.
+    /// The column of `path`, created if it is new; `None`, and counted, if there are too many.
     pub(crate) fn column(&mut self, path: &str, value_type: ValueType) -> Option<usize> {
         if let Some(&column) = self.by_path.get(path) {
             return Some(column);
@@ -90,8 +90,8 @@ impl Rows {
         Some(self.push_column(path, data))
     }
 
-    /// The column that tells whether another has a value. It takes no other's place, for a field whose
-    /// absence is not told would have a value.
+    /// The column of a presence flag. It does not count towards the limit, because without its flag an absent field
+    /// would have a value.
     pub(super) fn telling_column(&mut self, path: &str) -> Option<usize> {
         if let Some(&column) = self.by_path.get(path) {
             return Some(column);
@@ -114,13 +114,13 @@ impl Rows {
         self.columns.iter().map(|column| column.path.as_str())
     }
 
-    /// Sets a value of the open row. One that does not fit the column's type is left out and counted.
+    /// Sets a value of the open row. One that does not fit the column's type is dropped and counted.
     #[inline(always)]
     pub(crate) fn set(&mut self, column: usize, value: Value<'_>) {
         self.set_at(self.closed, column, value);
     }
 
-    /// As [`Rows::set`], for a row behind which the column has no value yet.
+    /// As [`Rows::set`], for a row after which the column has no value yet.
     #[inline(always)]
     pub(crate) fn set_at(&mut self, row: usize, column: usize, value: Value<'_>) {
         let Some(growing) = self.columns.get_mut(column) else { return };
@@ -133,7 +133,7 @@ impl Rows {
         }
     }
 
-    /// Sets the values of rows from `first` on, behind which the column has none yet.
+    /// Sets the values of rows from `first` on, after which the column has none yet.
     #[inline(always)]
     pub(crate) fn floats(&mut self, first: usize, column: usize, values: impl Iterator<Item = f64>) {
         match self.columns.get_mut(column) {
@@ -165,24 +165,24 @@ impl Rows {
         self.closed += 1;
     }
 
-    /// Forgets what was set since the last row was closed.
+    /// Discards what was set since the last row was closed.
     pub(crate) fn roll_back(&mut self) {
         for column in &mut self.columns {
             column.truncate(self.closed);
         }
     }
 
-    /// Memory that the values take, bytes.
+    /// Memory use of the values, bytes.
     pub(crate) fn weight(&self) -> u64 {
         self.closed as u64 * (16 + 8 * self.columns.len() as u64) + self.text_bytes
     }
 
-    /// Values that had another type than their column, and the field of the first.
+    /// The number of values of another type than their column, and the field of the first.
     pub(crate) fn misfits(&self) -> Option<(u64, &str)> {
         self.first_misfit.as_deref().map(|field| (self.misfits, field))
     }
 
-    /// Values that found no column, for there were too many.
+    /// The number of values without a column, because there were too many.
     pub(crate) fn turned_away(&self) -> u64 {
         self.turned_away
     }
@@ -192,7 +192,7 @@ impl Rows {
         let mut columns: Vec<Column> = self.columns.into_iter().filter_map(|c| c.finish(rows)).collect();
         columns.sort_by(|a, b| a.path.cmp(&b.path));
         let Rows { logged_ns, published_ns, origin, .. } = Rows { columns: vec![], ..self };
-        // One that some rows lack says nothing of the others.
+        // If some rows lack a publish time, it is dropped for all.
         let published_ns = published_ns.filter(|published| published.len() == logged_ns.len());
         Table { topic, rows, logged_ns: Some(logged_ns), published_ns, origin, columns }
     }
@@ -245,8 +245,8 @@ impl Growing {
         true
     }
 
-    /// A column of whole numbers becomes one without sign when the first large one arrives, and one of floats when the
-    /// first fraction does, or both a sign and a large number.
+    /// A column of whole numbers becomes unsigned when the first large one arrives, and float when the first fraction
+    /// does, or when it has both a sign and a large number.
     fn widen_for(&mut self, value: Value<'_>) {
         let negative = |x: &i64| *x < 0;
         self.data = match (std::mem::replace(&mut self.data, ColumnData::F64(vec![])), value) {
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_a_message_lacks_is_absent_and_not_zero() {
+    fn a_value_missing_from_a_message_is_absent_and_not_zero() {
         let column = rows_of(&[None, Some(Value::Float(2.5)), None, Some(Value::Float(0.0))]);
         let numbers: Vec<_> = (0..4).map(|row| column.number(row)).collect();
         assert_eq!(numbers, [None, Some(2.5), None, Some(0.0)]);
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn text_in_a_column_of_numbers_is_left_out_and_counted() {
+    fn text_in_a_column_of_numbers_is_dropped_and_counted() {
         let mut rows = Rows::default();
         let a = rows.column("a", ValueType::Float).unwrap();
         rows.set(a, Value::Float(1.0));

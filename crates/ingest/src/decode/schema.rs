@@ -1,24 +1,24 @@
-//! The text of a ROS message definition (`ros1msg`, `ros2msg`) as types.
+//! Parses the text of a ROS message definition (`ros1msg`, `ros2msg`) into types.
 //!
-//! Both dialects are lines of `type name`, with the definitions of the nested types behind
-//! lines of `=` and `MSG: package/Type` (ROS 1 `gendeps --cat`; MCAP's registry of schema
-//! encodings). Times are kept whole: they become one column of nanoseconds.
+//! Both dialects are lines of `type name`, followed by the definitions of the nested types after lines of `=` and `MSG:
+//! package/Type` (ROS 1 `gendeps --cat`; MCAP's registry of schema encodings). Times are not split: they become one
+//! column of nanoseconds.
 
 use std::collections::HashMap;
 
-/// Messages nested deeper than this are refused.
+/// Messages nested deeper than this are rejected.
 const MOST_NESTED: usize = 32;
-/// Names of fields longer than this are refused.
+/// Field names longer than this are rejected.
 const LONGEST_NAME: usize = 255;
 
-/// Which of the two languages a definition is written in.
+/// The language of a definition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Dialect {
     Ros1,
     Ros2,
 }
 
-/// A message definition with all that it refers to; the message itself is the first.
+/// A message definition with all the types it uses; the message itself is the first.
 #[derive(Debug)]
 pub(crate) struct Schema {
     pub(crate) dialect: Dialect,
@@ -40,12 +40,12 @@ pub(crate) struct Field {
     pub(crate) count: Count,
 }
 
-/// What a field, or an element of it, holds.
+/// The type of a field, or of its elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Number(Number),
     Text,
-    /// UTF-16 behind a count of code units, ROS 2 only.
+    /// UTF-16 after a count of code units, ROS 2 only.
     WideText,
     /// Seconds and nanoseconds, 32 bits each.
     Time {
@@ -56,7 +56,7 @@ pub(crate) enum Kind {
     Message(usize),
 }
 
-/// A number as it lies in the message.
+/// The encoding of a number in the message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Number {
     Bool,
@@ -83,19 +83,19 @@ impl Number {
     }
 }
 
-/// How many.
+/// The number of elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Count {
     One,
     Fixed(u32),
-    /// As many as the message says; a bound in the definition is the writer's affair.
+    /// As many as the message states; a bound in the definition only concerns the writer.
     Variable,
 }
 
 impl Schema {
     /// Reads the definition of `root`, such as `sensor_msgs/NavSatFix` or `sensor_msgs/msg/NavSatFix`.
     ///
-    /// What is wrong names the message type and the line.
+    /// An error names the message type and the line.
     pub(crate) fn parse(root: &str, text: &str, dialect: Dialect) -> Result<Schema, String> {
         let sections = sections(root, text);
         let names = Names::of(&sections);
@@ -130,15 +130,14 @@ pub(super) fn sections<'t>(root: &str, text: &'t str) -> Vec<Section<'t>> {
     sections
 }
 
-/// Where the reading of a section stands: a section met again while it is open refers to itself.
+/// The state of a section: one that is met again while it is open refers to itself.
 #[derive(Clone, Copy)]
 enum Known {
     Open,
     Read(usize),
 }
 
-/// Sections by full name, and by the type's own name where that is unambiguous: some writers
-/// leave the package out.
+/// Sections by full name, and by the type's own name where that is unambiguous: some writers omit the package.
 #[derive(Default)]
 pub(super) struct Names {
     full: HashMap<String, usize>,
@@ -176,7 +175,7 @@ struct Parser<'t> {
 }
 
 impl Parser<'_> {
-    /// Reads a section and what it refers to; its index among the messages.
+    /// Parses a section and the types it uses; returns its index among the messages.
     fn message(&mut self, section: usize, depth: usize) -> Result<usize, String> {
         let name = self.sections.get(section).map(|s| s.name.clone()).unwrap_or_default();
         match self.known.get(&section) {
@@ -198,7 +197,7 @@ impl Parser<'_> {
         Ok(index)
     }
 
-    /// A line's field; `None` for comments and constants.
+    /// The field on a line; `None` for comments and constants.
     fn field(&mut self, owner: &str, line: &str, depth: usize) -> Result<Option<Field>, String> {
         let line = line.split('#').next().unwrap_or_default().trim();
         if line.is_empty() {
@@ -235,7 +234,7 @@ impl Parser<'_> {
     }
 }
 
-/// A name without a package lies in the package of the message that uses it.
+/// A name without a package is in the package of the message that uses it.
 fn full_name(owner: &str, base: &str, dialect: Dialect) -> String {
     if base.contains('/') {
         return without_msg(base);
@@ -249,7 +248,7 @@ fn full_name(owner: &str, base: &str, dialect: Dialect) -> String {
     }
 }
 
-/// The message types that the fields of a message have; built-in types are not among them. `owner` is its full name.
+/// The message types of the fields of a message, without built-in types. `owner` is its full name.
 pub(crate) fn types_within(owner: &str, text: &str, dialect: Dialect) -> Vec<String> {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let written = lines.filter_map(|line| line.split_whitespace().next());
@@ -316,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_comments_and_defaults_are_no_fields() {
+    fn constants_comments_and_defaults_are_not_fields() {
         let text =
             "# a comment\nint8 STATUS_FIX=0\nstring NAME = \"a # b\"\nuint8 x 5 # five\nstring<=5 name \"a = b\"\n\r\n";
         let names: Vec<String> = fields("p/A", text, Dialect::Ros2).into_iter().map(|f| f.0).collect();
@@ -333,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_are_fixed_or_as_long_as_the_message_says() {
+    fn arrays_are_fixed_or_variable_length() {
         let text = "float64[9] a\nuint8[] b\nint32[<=7] c\nwstring<=3[<=2] d\nstring<=9[2] e";
         let counts: Vec<Count> = fields("p/A", text, Dialect::Ros2).into_iter().map(|f| f.2).collect();
         assert_eq!(counts, [Count::Fixed(9), Count::Variable, Count::Variable, Count::Variable, Count::Fixed(2)]);
@@ -348,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ros_2_time_is_a_time_whether_its_definition_is_there_or_not() {
+    fn a_ros_2_time_is_a_time_with_or_without_its_definition() {
         let with = "builtin_interfaces/Time stamp\n===\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec";
         for text in [with, "builtin_interfaces/msg/Time stamp"] {
             assert_eq!(fields("p/A", text, Dialect::Ros2)[0].1, Kind::Time { signed_seconds: true });
@@ -356,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_definition_is_refused_with_its_type_and_line() {
+    fn an_invalid_definition_is_rejected_with_its_type_and_line() {
         for (text, word) in [
             ("float64", "neither"),
             ("Unknown u", "p/Unknown is not defined"),
@@ -372,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_chain_of_nested_types_is_refused_and_does_not_overflow_the_stack() {
+    fn a_long_chain_of_nested_types_is_rejected() {
         let mut text = "T0 a\n".to_owned();
         for i in 0..100_000 {
             text += &format!("===\nMSG: p/T{i}\nT{} a\n", i + 1);

@@ -1,22 +1,22 @@
-//! The MD5 sum that ROS 1 identifies a message type by.
+//! The MD5 sum by which ROS 1 identifies a message type.
 //!
-//! It is the sum of a text without comments and packages (`genmsg.gentools.compute_md5_text`): first the constants, as
-//! `type name=value`, then the fields, as `type name`. The sum of a message type stands in place of its name.
+//! It is computed from a text without comments and packages (`genmsg.gentools.compute_md5_text`): first the constants,
+//! as `type name=value`, then the fields, as `type name`. Names of message types are replaced by their sums.
 
 use super::schema::{Dialect, Names, Section, array, message_type, sections};
 use md5::{Digest, Md5};
 use std::collections::HashMap;
 use std::fmt::Write;
 
-/// Messages nested deeper than this are refused.
+/// Messages nested deeper than this are rejected.
 const MOST_NESTED: usize = 32;
 /// The sum of a message without fields.
 pub(crate) const MD5_OF_NOTHING: &str = "d41d8cd98f00b204e9800998ecf8427e";
 
-/// The sum of the type `root`, from its definition and those of all types that it refers to.
+/// The sum of the type `root`, from its definition and those of all types that it uses.
 ///
 /// # Errors
-/// A type that is not defined or contains itself, and a line that is neither a field nor a constant.
+/// If a type is undefined or contains itself, or a line is neither a field nor a constant.
 pub(crate) fn type_sum(root: &str, text: &str) -> Result<String, String> {
     let sections = sections(root, text);
     Sums { names: Names::of(&sections), sections: &sections, known: HashMap::new() }.section(0, 0)
@@ -63,7 +63,7 @@ impl Sums<'_> {
     }
 }
 
-/// A text may hold `#` and keeps the blanks within it.
+/// A text may contain `#` and keeps its inner spaces.
 fn constant(line: &str, code: &str) -> String {
     let written = if code.starts_with("string ") { line } else { code };
     let (front, value) = written.split_once('=').unwrap_or((written, ""));

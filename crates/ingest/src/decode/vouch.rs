@@ -1,4 +1,4 @@
-//! Which messages a checksum of the log vouches for.
+//! Counts the messages that a checksum of the log vouches for.
 
 /// What vouches for the bytes of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -6,9 +6,9 @@ pub(crate) enum Vouch {
     /// Nothing.
     #[default]
     Nothing,
-    /// A checksum that was right.
+    /// A checksum that was correct.
     Checksum,
-    /// One behind all of them, which is not known yet.
+    /// One after all of them, not known yet.
     Later,
 }
 
@@ -28,7 +28,7 @@ impl Vouched {
         }
     }
 
-    /// Whether the checksum behind all of them is right.
+    /// Reports whether the checksum after all of them is correct.
     pub(crate) fn settle(&mut self, is_right: bool) {
         let later = std::mem::take(&mut self.later);
         self.sure += if is_right { later } else { 0 };
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_checksum_behind_the_messages_counts_once_it_is_known_to_be_right() {
+    fn a_checksum_after_the_messages_counts_once_it_is_verified() {
         let mut vouched = Vouched::default();
         [Vouch::Nothing, Vouch::Checksum, Vouch::Later, Vouch::Later].into_iter().for_each(|by| vouched.count(by));
         assert_eq!(vouched.messages(), 1);

@@ -241,7 +241,7 @@ pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Resul
     }
 }
 
-/// How a reason begins the agreement that was too low.
+/// Start of the part of a reason that gives an agreement that is too low.
 const AGREEMENT: &str = "(agreement ";
 
 /// Whether a reason of [`decide`] is that position and velocity move differently.

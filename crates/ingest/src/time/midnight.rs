@@ -23,7 +23,7 @@ pub(crate) fn redate_days(stamps: &mut [Option<i64>], days: &[Option<i64>]) -> u
     moved
 }
 
-/// How many days late the date of each row, timestamp and date, is.
+/// How many days too early the date of each row, timestamp and date, is.
 fn days_behind(rows: &[(i64, i64)]) -> Vec<i64> {
     let close = |step: i64| (0..=CLOSE_NS).contains(&step);
     let (mut behind, mut before) = (0, None);
@@ -68,7 +68,7 @@ mod tests {
         (stamps.iter().copied().map(Some).collect(), stamps.iter().map(|stamp| Some(stamp / DAY_NS)).collect())
     }
 
-    /// The same with the old date in this range of rows.
+    /// The same, with the old date in this range of rows.
     fn stale(rows: std::ops::Range<usize>, of: &(Vec<Option<i64>>, Vec<Option<i64>>)) -> [Vec<Option<i64>>; 2] {
         let (mut stamps, mut days) = of.clone();
         for row in rows {
