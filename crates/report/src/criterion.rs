@@ -3,7 +3,7 @@
 use crate::number;
 use record::{CriterionFinding, CriterionVerdict, DecisionRule, Limit};
 
-/// How a flight stands to a criterion, as a word.
+/// The verdict on a criterion, as a word.
 pub(crate) fn criterion_word(verdict: CriterionVerdict) -> &'static str {
     match verdict {
         CriterionVerdict::Fail => "FAIL",
@@ -14,7 +14,7 @@ pub(crate) fn criterion_word(verdict: CriterionVerdict) -> &'static str {
     }
 }
 
-/// A criterion in a sentence: `Td(position) = 118.4 ms ± 3.1 ms (k = 2), criterion ≤ 150 ms: PASS`; with the reason
+/// A criterion as a sentence: `Td(position) = 118.4 ms ± 3.1 ms (k = 2), criterion ≤ 150 ms: PASS`; with the reason
 /// where there is no number or no decision.
 #[must_use]
 pub fn criterion_sentence(finding: &CriterionFinding) -> String {
@@ -40,8 +40,8 @@ fn in_unit(number: &str, finding: &CriterionFinding) -> String {
     }
 }
 
-/// Value and expanded uncertainty in the unit of the limit. A value that has none gets as many digits as it takes to
-/// see on which side of the limit it is.
+/// Value and expanded uncertainty in the unit of the limit. A value without an uncertainty gets enough digits to show
+/// on which side of the limit it lies.
 pub(crate) fn criterion_value(finding: &CriterionFinding) -> Option<(String, Option<String>)> {
     let value = number::scaled(finding.value.as_ref()?, 1.0 / finding.unit.si);
     if value.standard_uncertainty.is_some_and(|u| u > 0.0) {
@@ -58,7 +58,7 @@ pub(crate) fn criterion_value(finding: &CriterionFinding) -> Option<(String, Opt
     Some((number::significant(value.value, digits), None))
 }
 
-/// In the unit of the file.
+/// Converted to the unit of the criteria file.
 fn limits(finding: &CriterionFinding) -> Vec<f64> {
     let all = match finding.limit {
         Limit::AtMost(x) | Limit::AtLeast(x) => vec![x],
@@ -98,7 +98,7 @@ pub(crate) fn criterion_why(finding: &CriterionFinding) -> String {
     }
 }
 
-/// The 95 % interval in the unit of the limit, rounded as the value is.
+/// The 95 % interval in the unit of the limit, rounded like the value.
 pub(crate) fn criterion_interval(finding: &CriterionFinding) -> Option<String> {
     let [low, high] = finding.interval_95?.map(|x| x / finding.unit.si);
     let u = finding.value?.standard_uncertainty.filter(|u| *u > 0.0).unwrap_or((high - low) / 4.0 * finding.unit.si);
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_criterion_is_told_in_a_sentence_with_value_uncertainty_limit_and_verdict() {
+    fn a_criterion_sentence_has_value_uncertainty_limit_and_verdict() {
         let pass = finding(0.118_43, Some(0.001_55), Limit::AtMost(0.15), CriterionVerdict::Pass);
         assert_eq!(
             criterion_sentence(&pass),

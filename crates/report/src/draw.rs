@@ -1,10 +1,10 @@
-//! Figures to SVG. The one file that knows plotters.
+//! Draws figures as SVG. Only this file uses plotters.
 //!
-//! Plotters places axes, grid and text and maps values to pixels. Three things it cannot do
-//! are done here: it knows only whole pixels, so everything is drawn at [`FINENESS`] times
-//! the size inside a `viewBox`; it cuts a dashed line into thousands of lines, so curves are
-//! written as one `path` each with `stroke-dasharray`; and it repeats absolute coordinates,
-//! so paths are relative and lose the points that no screen can show. The frame is shortened in [`frame`].
+//! Plotters places axes, grid and text and maps values to pixels. This module works around three of its limits.
+//! Plotters uses whole pixels, so everything is drawn at [`FINENESS`] times the size inside a `viewBox`.
+//! It cuts a dashed line into thousands of lines, so each curve is written as one `path` with `stroke-dasharray`.
+//! It repeats absolute coordinates, so paths are relative and omit points too close to see.
+//! [`frame`] shortens the frame.
 
 mod frame;
 
@@ -20,11 +20,11 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Write;
 use std::ops::Range;
 
-/// Drawing units in a CSS pixel.
+/// Drawing units per CSS pixel.
 const FINENESS: u32 = 2;
 /// Margins around a panel, drawing units.
 const EDGE: u32 = 14;
-/// Left of a panel where no label needs more.
+/// Minimum margin to the left of a panel.
 const LEFT: u32 = 140;
 /// Between the longest label of a vertical axis and the axis.
 const BESIDE_LABEL: u32 = 30;
@@ -45,8 +45,8 @@ const GRID: RGBColor = RGBColor(0xe4, 0xe7, 0xeb);
 const SPAN: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
 const SPAN_LABEL: RGBColor = RGBColor(0x6b, 0x4a, 0x00);
 
-/// Every colour of a figure: as a file has it, and the CSS variable that stands for it on a page, so that dark mode and
-/// print restyle the figure with the rest.
+/// Every colour of a figure: its value in a file, and its CSS variable on a page, so that dark mode and print also
+/// restyle the figures.
 const PALETTE: [(&str, &str); 22] = [
     ("#1b1f24", "ink"),
     ("#57606a", "axis"),
@@ -72,7 +72,7 @@ const PALETTE: [(&str, &str); 22] = [
     ("#d9691e", "lead-4"),
 ];
 
-/// How a pen looks. Widths and dashes are in drawing units.
+/// Appearance of a pen. Widths and dashes are in drawing units.
 struct Look {
     colour: &'static str,
     width: u32,
@@ -114,14 +114,14 @@ fn look(pen: Pen, fine: bool) -> Look {
     }
 }
 
-/// The figure as a file of its own, on white.
+/// The figure as a standalone file on a white background.
 pub(crate) fn svg_file(figure: &Figure) -> String {
     let (width, height) = size(figure);
     let ground = format!("<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n");
     document(figure, " xmlns=\"http://www.w3.org/2000/svg\"", &ground)
 }
 
-/// The figure as an element of a page, in the colours of its style sheet and without a ground of its own.
+/// The figure as an element of a page, in the colours of the page's style sheet and with no background.
 pub(crate) fn svg_inline(figure: &Figure) -> String {
     let svg = document(figure, "", "");
     PALETTE
@@ -160,7 +160,7 @@ fn size(figure: &Figure) -> (u32, u32) {
     (EDGE + LEFT + width + RIGHT, total)
 }
 
-/// What the longest label of the vertical axes needs, drawing units: all panels begin at one place.
+/// Left margin for the longest vertical-axis label, drawing units. All panels share it so that they align.
 fn left(figure: &Figure) -> u32 {
     let labels = figure.panels.iter().flat_map(|panel| &panel.y.ticks).map(|tick| tick.label.chars().count());
     let longest = labels.max().unwrap_or(0) * TEN_LETTERS / 10;
@@ -171,7 +171,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 type Area<'a, 'b> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<Scale<'b>, Scale<'b>>>;
 
-/// Background, axes and text by plotters; then the curves on top.
+/// Plotters draws background, axes and text; the curves go on top.
 fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
     let mut frame = String::new();
     let mut curves = String::new();
@@ -192,7 +192,7 @@ fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
     Ok(format!("{}{curves}", frame::lighter(inner(&frame))))
 }
 
-/// What stands between the outermost tags.
+/// Content between the outermost tags.
 fn inner(svg: &str) -> &str {
     let start = svg.find('>').map_or(0, |i| i + 1);
     let end = svg.rfind("</svg>").unwrap_or(svg.len());
@@ -265,7 +265,7 @@ fn shade(chart: &mut Chart, panel: &Panel, span: &Span) -> Result<(), Failure> {
     let corners = [(span.from, panel.y.low), (span.to, panel.y.high)];
     chart.draw_series([Rectangle::new(corners, SPAN.mix(0.22).filled())])?;
     if !span.label.is_empty() {
-        // Above its middle, or where there is no room for that, away from the edge of the panel.
+        // Centred above; near the edge of the panel, shifted inwards.
         let middle = (span.from + span.to) / 2.0;
         let (at, anchor) = match (middle - panel.x.low) / (panel.x.high - panel.x.low) {
             place if place < 0.15 => (span.from, HPos::Left),
@@ -283,16 +283,16 @@ fn font(size: u32) -> TextStyle<'static> {
     ("sans-serif", f64::from(size) * 1.24).into_text_style(&(0, 0))
 }
 
-// Legend: above the panels, so that it covers no data.
+// Legend, above the panels so that it covers no data.
 
-/// Where each entry stands: column and row, drawing units.
+/// Position of each entry: column and row, drawing units.
 fn legend_places(figure: &Figure) -> Vec<(i32, u32)> {
     let left = (EDGE + left(figure)) as i32;
     let width = (EDGE + LEFT + figure.panel_size.0 * FINENESS) as i32;
     let (mut x, mut row) = (left, 0);
     let mut places = Vec::new();
     for (name, _) in figure.legend() {
-        // 0.54 em a character, and some space to the next.
+        // 0.54 em per character, plus space before the next entry.
         let entry = SAMPLE + 18 + name.chars().count() as i32 * 13 + 30;
         if x + entry > width && x > left {
             (x, row) = (left, row + 1);
@@ -361,7 +361,7 @@ fn write_mark(out: &mut String, chart: &Chart, panel: &Panel, mark: &Mark) {
     write_text(out, (text_x, y + 9), anchor, &mark.label);
 }
 
-/// A scale bar at the lower left, an arrow to the north at the upper right.
+/// A scale bar at the lower left, a north arrow at the upper right.
 fn write_ground(out: &mut String, chart: &Chart, panel: &Panel, ground: &Ground) {
     let (left, bottom) = chart.backend_coord(&(panel.x.low, panel.y.low));
     let (right, top) = chart.backend_coord(&(panel.x.high, panel.y.high));
@@ -376,13 +376,13 @@ fn write_ground(out: &mut String, chart: &Chart, panel: &Panel, ground: &Ground)
     write_text(out, (x_north, y_north + 78), "middle", "N");
 }
 
-/// A name that shows when one points at its place.
+/// A name shown when the user hovers over its point.
 fn write_name(out: &mut String, chart: &Chart, mark: &Mark) {
     let (x, y) = chart.backend_coord(&mark.at);
     let _ = writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"13\" opacity=\"0\">{}</circle>", title(&mark.label));
 }
 
-/// A length between two ends with its words, as on a drawing; nothing if it is too short to be seen.
+/// A dimension line between two ends with its label; nothing if it is too short to see.
 fn write_dimension(out: &mut String, chart: &Chart, panel: &Panel, dimension: &Dimension) {
     const SHORTEST: i32 = 8;
     let end = |x: f64| chart.backend_coord(&(x, dimension.at));
@@ -401,7 +401,7 @@ fn write_dimension(out: &mut String, chart: &Chart, panel: &Panel, dimension: &D
     }
 }
 
-/// Words with a seam in the colour of the ground, so that they are read on any curve.
+/// Text with an outline in the background colour, legible on top of any curve.
 fn write_text(out: &mut String, (x, y): (i32, i32), anchor: &str, text: &str) {
     let _ = writeln!(
         out,
@@ -442,12 +442,12 @@ fn rectangle((x0, y0): (i32, i32), (x1, y1): (i32, i32)) -> String {
     format!("M{x0} {y0}H{x1}V{y1}H{x0}z")
 }
 
-/// A curve through pixels as the `d` of a path, without the points that no screen can show.
+/// A curve through pixels as the `d` of a path, without points too close to see.
 pub(crate) fn curve(points: &[(i32, i32)]) -> String {
     relative_path(&thinned(points))
 }
 
-/// A round dot at each point: a line of no length with round ends.
+/// A round dot at each point: a zero-length line with round caps.
 fn dots(points: &[(i32, i32)]) -> String {
     let mut d = String::new();
     let mut last = None;
@@ -461,14 +461,14 @@ fn dots(points: &[(i32, i32)]) -> String {
     d
 }
 
-/// Larger dots where there is room between them.
+/// Dots are larger where there is room between them.
 fn dot_width(points: &[(i32, i32)]) -> u32 {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return 5 };
     let step = (last.0 - first.0).unsigned_abs() / points.len() as u32;
     (step / 2).clamp(5, 13)
 }
 
-/// Without points within a CSS pixel of the one before: on a screen they are the same dot.
+/// Drops points within a CSS pixel of the previous one: on a screen they are the same dot.
 fn apart(points: Vec<(i32, i32)>) -> Vec<(i32, i32)> {
     let mut kept: Vec<(i32, i32)> = Vec::with_capacity(points.len());
     for (x, y) in points {
@@ -480,7 +480,7 @@ fn apart(points: Vec<(i32, i32)>) -> Vec<(i32, i32)> {
     kept
 }
 
-/// The uncertainty of each point, from its second to its third: upright or level.
+/// The error bar of each point, from its second to its third coordinate pair: vertical or horizontal.
 fn uncertainties(pieces: &[Vec<(i32, i32)>]) -> String {
     let bar = |piece: &Vec<(i32, i32)>| match piece[..] {
         [_, (x, low), (_, high)] if low != high => format!("M{x} {low}V{high}"),
@@ -494,9 +494,8 @@ fn uncertainties(pieces: &[Vec<(i32, i32)>]) -> String {
     }
 }
 
-/// Points that can be told apart: in each column one CSS pixel wide the first, the lowest,
-/// the highest and the last, then without those that lie on the line between their
-/// neighbours. A lone sample stays: nothing that stands out is ever removed.
+/// Distinguishable points. Each column one CSS pixel wide keeps its first, lowest, highest and last point.
+/// Points on the line between their neighbours are then dropped. An isolated sample or spike is never removed.
 fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     let column = |p: &(i32, i32)| p.0.div_euclid(FINENESS as i32);
     let mut kept = Vec::new();
@@ -512,7 +511,7 @@ fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     without_straight_runs(&kept)
 }
 
-/// Leaves out points within half a drawing unit of the line between those that stay.
+/// Drops points within half a drawing unit of the line between the points that are kept.
 fn without_straight_runs(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     /// Longest stretch that one line may replace; bounds the work.
     const LONGEST: usize = 48;
@@ -532,7 +531,7 @@ fn without_straight_runs(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     kept
 }
 
-/// Whether `p` lies between `a` and `b` and at most half a drawing unit beside their line.
+/// Whether `p` lies between `a` and `b` and at most half a drawing unit from their line.
 fn is_between(a: (i32, i32), p: (i32, i32), b: (i32, i32)) -> bool {
     let to = |q: (i32, i32)| (i64::from(q.0) - i64::from(a.0), i64::from(q.1) - i64::from(a.1));
     let ((px, py), (bx, by)) = (to(p), to(b));
@@ -556,7 +555,7 @@ fn relative_path(points: &[(i32, i32)]) -> String {
     d
 }
 
-// Axes that plotters draws with our ticks.
+// Axes with our ticks, drawn by plotters.
 
 struct Scale<'a>(&'a Axis);
 
@@ -611,7 +610,7 @@ mod tests {
         Pen::HollowPoints,
     ];
 
-    /// Every pen, and all that a panel holds beside its lines.
+    /// A figure with every pen and everything else that a panel can hold.
     fn with_everything() -> Figure {
         let points = |x: f64| vec![vec![(x, 0.5), (x + 0.1, 0.4), (x + 0.1, 0.6)]];
         let lines = PENS.iter().map(|&pen| Line { name: format!("{pen:?}"), pen, pieces: points(0.2) }).collect();
@@ -634,7 +633,7 @@ mod tests {
     }
 
     #[test]
-    fn every_colour_of_a_figure_is_a_variable_of_both_modes_and_the_light_one_is_that_of_the_file() {
+    fn every_figure_colour_is_a_css_variable_in_light_and_dark_mode() {
         let (light, rest) = CSS.split_once("@media screen and (prefers-color-scheme:dark)").unwrap();
         let dark = rest.split_once("}}").unwrap().0;
         for (colour, variable) in PALETTE {
@@ -656,7 +655,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_line_needs_few_points_and_a_noisy_one_keeps_its_extremes() {
+    fn a_straight_line_is_thinned_and_a_noisy_one_keeps_its_extremes() {
         let line: Vec<(i32, i32)> = (0..1000).map(|i| (i, 2 * i)).collect();
         assert!(thinned(&line).len() < 30);
         let noisy: Vec<(i32, i32)> = (0..100_000).map(|i| (i / 100, (i * 7919) % 431)).collect();
@@ -672,7 +671,7 @@ mod tests {
     }
 
     #[test]
-    fn every_removed_point_is_within_half_a_unit_of_what_is_drawn() {
+    fn every_removed_point_is_within_half_a_unit_of_the_drawn_line() {
         let curve: Vec<(i32, i32)> =
             (0..1500).map(|i| (i, (300.0 + 250.0 * (f64::from(i) / 90.0).sin()).round() as i32)).collect();
         let kept = without_straight_runs(&curve);
@@ -684,19 +683,19 @@ mod tests {
     }
 
     #[test]
-    fn dots_that_a_screen_can_tell_apart_are_all_drawn() {
+    fn all_dots_distinguishable_on_a_screen_are_drawn() {
         let points = vec![(10, 20), (11, 21), (13, 20), (13, 60)];
         assert_eq!(dots(&apart(points)), "M10 20h0m3 0h0m0 40h0");
     }
 
     #[test]
-    fn an_uncertainty_stands_upright_or_lies_level() {
+    fn an_error_bar_is_vertical_or_horizontal() {
         let drawn = uncertainties(&[vec![(5, 7), (5, 3), (5, 9)], vec![(5, 7), (1, 7), (8, 7)], vec![(5, 7)]]);
         assert!(drawn.contains("d=\"M5 3V9M1 7H8\""), "{drawn}");
     }
 
     #[test]
-    fn a_relative_path_leads_to_the_same_points() {
+    fn a_relative_path_passes_through_the_same_points() {
         let points = [(10, 20), (12, 15), (9, 15), (9, 30)];
         assert_eq!(relative_path(&points), "M10 20l2-5-3 0 0 15");
         assert_eq!(relative_path(&points[..1]), "M10 20l0 0");

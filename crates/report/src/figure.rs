@@ -1,4 +1,4 @@
-//! A figure as data: what is drawn, in which units, and how to read it. No pixel here.
+//! A figure as data: what is drawn, in which units, and how to read it. Pixels are left to `draw`.
 
 mod axis;
 mod bench;
@@ -31,16 +31,16 @@ pub(crate) use sketch::packed_sketch;
 pub(crate) use sweep::{objective_figure, sweep_figure};
 pub(crate) use timeline::timeline;
 
-/// Panels one above the other with one legend.
+/// Stacked panels with one legend.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Figure {
-    /// File name without folder and ending; also the anchor on the page.
+    /// File name without folder and extension; also the anchor on the page.
     pub(crate) id: String,
     /// Number on its page.
     pub(crate) number: u32,
-    /// What one sees in it, in a line: the finding where there is one.
+    /// One-line title: the finding where there is one.
     pub(crate) title: String,
-    /// What is drawn, with units, and how many samples it stands for.
+    /// What is drawn, with units, and the number of samples behind it.
     pub(crate) caption: String,
     /// What good and bad look like.
     pub(crate) how_to_read: &'static str,
@@ -48,16 +48,16 @@ pub(crate) struct Figure {
     pub(crate) panels: Vec<Panel>,
     /// Width and height of the plotting area of one panel, CSS pixels.
     pub(crate) panel_size: (u32, u32),
-    /// Thin pens, for many turns in little width.
+    /// Thin pens, for many turns in a narrow figure.
     pub(crate) fine: bool,
 }
 
 /// One pair of axes and what is drawn in them.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Panel {
-    /// To the right.
+    /// Horizontal axis.
     pub(crate) x: Axis,
-    /// Upwards.
+    /// Vertical axis.
     pub(crate) y: Axis,
     /// Curves in the order of the legend.
     pub(crate) lines: Vec<Line>,
@@ -65,24 +65,24 @@ pub(crate) struct Panel {
     pub(crate) spans: Vec<Span>,
     /// Named points.
     pub(crate) marks: Vec<Mark>,
-    /// Points whose names show when one points at them.
+    /// Points whose names show on hover.
     pub(crate) names: Vec<Mark>,
-    /// Lengths along the horizontal axis, with arrows and words.
+    /// Lengths along the horizontal axis, with arrows and a label.
     pub(crate) dimensions: Vec<Dimension>,
-    /// What stands above the panel; empty for nothing.
+    /// Heading above the panel; empty for no heading.
     pub(crate) heading: String,
     /// Scale and north, where the panel is a map.
     pub(crate) ground: Option<Ground>,
 }
 
-/// What a map needs besides its axes: a length to compare with, and where north is, which is up.
+/// What a map needs in addition to its axes: a scale bar and a north arrow. North is up.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Ground {
     /// Length of the scale bar, in the unit of the axes.
     pub(crate) length: f64,
-    /// The same in words.
+    /// The same as text.
     pub(crate) label: String,
-    /// Units of the axes in a metre.
+    /// Axis units per metre.
     pub(crate) scale: f64,
 }
 
@@ -102,54 +102,54 @@ impl Panel {
         }
     }
 
-    /// A place in metres in the units of the axes.
+    /// Converts a position in metres to axis units.
     pub(crate) fn ground_scale(&self, (east_m, north_m): (f64, f64)) -> (f64, f64) {
         let scale = self.ground.as_ref().map_or(1.0, |ground| ground.scale);
         (east_m * scale, north_m * scale)
     }
 }
 
-/// A curve, or whatever its pen makes of its pieces: see [`Shape`].
+/// A curve, or another shape drawn from its pieces: see [`Shape`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Line {
-    /// Name in the legend; empty for a line that explains itself.
+    /// Name in the legend; empty for a line that needs no explanation.
     pub(crate) name: String,
-    /// How it looks.
+    /// Appearance.
     pub(crate) pen: Pen,
     /// Points in the units of the axes, all finite.
     pub(crate) pieces: Vec<Vec<(f64, f64)>>,
 }
 
-/// How a curve is told from the others, in colour and without. Drawn in this order.
+/// How to distinguish a curve from the others, in colour and in black and white. Drawn in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Pen {
-    /// Pale area: where a value lies with 95 %.
+    /// Pale area: 95 % interval of a value.
     Uncertainty,
     /// Filled bars: counts, correlations.
     Bars,
-    /// Thin and grey: what is shown for comparison and hides nothing.
+    /// Thin and grey: shown for comparison, without hiding other curves.
     Faint,
-    /// Wide and pale, drawn first so that what lies on it stays visible.
+    /// Wide and pale, drawn first so that curves on top of it stay visible.
     Band,
-    /// The same in the green of references: where they truly are.
+    /// The same in the green of references: the true position.
     TrueBand,
-    /// Unbroken, 2 px: the compensated position.
+    /// Solid, 2 px: the compensated position.
     Exact,
-    /// Unbroken, 2 px, in one of [`LEADS`] colours, from little to much.
+    /// Solid, 2 px, in one of [`LEADS`] colours, from low to high.
     Lead(u8),
-    /// Thin, dark, unbroken: what the receiver reported.
+    /// Thin, dark, solid: what the receiver reported.
     Raw,
-    /// Dashes.
+    /// Dashed.
     Dashed,
     /// Dots in green: an independent reference.
     Reference,
     /// Dots in black: a prediction, not a measurement.
     Dotted,
-    /// A straight line that marks a place: thin and unbroken.
+    /// A straight line that marks a value: thin and solid.
     Rule,
-    /// Small dots in black, on top of curves: samples as they were measured.
+    /// Small black dots on top of curves: samples as measured.
     Samples,
-    /// Single points, hollow and grey: not to be relied on, or left out.
+    /// Single points, hollow and grey: unreliable or excluded.
     DoubtfulPoints,
     /// Single points, round.
     Points,
@@ -160,21 +160,21 @@ pub(crate) enum Pen {
 /// Colours of [`Pen::Lead`].
 pub(crate) const LEADS: u8 = 5;
 
-/// What the pieces of a line stand for.
+/// How the pieces of a line are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Shape {
     /// A curve through the points of a piece.
     Stroke,
-    /// A point at the first of a piece; two more are the ends of its uncertainty.
+    /// A marker at the first point of a piece; two more points are the ends of its error bar.
     Points,
-    /// An area whose outline a piece is.
+    /// A filled area; the piece is its outline.
     Area,
     /// A bar between two opposite corners.
     Bars,
 }
 
 impl Pen {
-    /// How it draws a piece.
+    /// The shape this pen draws.
     pub(crate) fn shape(self) -> Shape {
         match self {
             Pen::Uncertainty => Shape::Area,
@@ -188,18 +188,18 @@ impl Pen {
 /// A shaded stretch of the horizontal axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Span {
-    /// From.
+    /// Start.
     pub(crate) from: f64,
-    /// To.
+    /// End.
     pub(crate) to: f64,
-    /// Name, written at its top; empty for none.
+    /// Name, written at its top; may be empty.
     pub(crate) label: String,
 }
 
 /// A named point.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Mark {
-    /// Where.
+    /// Position.
     pub(crate) at: (f64, f64),
     /// Its name.
     pub(crate) label: String,
@@ -208,18 +208,18 @@ pub(crate) struct Mark {
 /// A length along the horizontal axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Dimension {
-    /// From.
+    /// Start.
     pub(crate) from: f64,
-    /// To.
+    /// End.
     pub(crate) to: f64,
-    /// At this height.
+    /// Height at which it is drawn.
     pub(crate) at: f64,
-    /// What it measures.
+    /// Label.
     pub(crate) label: String,
 }
 
 impl Figure {
-    /// Each curve that has a name once, in the order of the panels.
+    /// Each named curve once, in the order of the panels.
     pub(crate) fn legend(&self) -> Vec<(&str, Pen)> {
         let mut entries: Vec<(&str, Pen)> = Vec::new();
         for line in self.panels.iter().flat_map(|panel| &panel.lines) {
@@ -231,11 +231,10 @@ impl Figure {
     }
 }
 
-/// Largest magnitude that is drawn. Beyond it a value is a fault, and axes lose their digits.
+/// Largest magnitude that is drawn. A larger value is a fault, and the axes would lose their digits.
 const LARGEST: f64 = 1e12;
 
-/// The points that can be drawn, in pieces that begin at the rows in `breaks`, and how many
-/// points cannot be.
+/// The drawable points, split into pieces at the rows in `breaks`, and the number of points that cannot be drawn.
 pub(crate) fn pieces(x: &[f64], y: &[f64], breaks: &[u32]) -> (Vec<Vec<(f64, f64)>>, usize) {
     let mut breaks = breaks.iter().copied().peekable();
     let mut pieces: Vec<Vec<(f64, f64)>> = vec![];
@@ -275,7 +274,7 @@ fn outline((x0, y0): (f64, f64), (x1, y1): (f64, f64)) -> Vec<(f64, f64)> {
     vec![(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
 }
 
-/// A line of one piece.
+/// A line with one piece.
 fn stroke(name: &str, pen: Pen, points: Vec<(f64, f64)>) -> Line {
     Line { name: name.to_owned(), pen, pieces: vec![points] }
 }
@@ -297,7 +296,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_pen_is_lifted_at_a_break() {
+    fn a_break_splits_the_line() {
         let (parts, missing) = pieces(&[0.0, 1.0, 5.0], &[1.0, 2.0, 3.0], &[2]);
         assert_eq!(parts, [vec![(0.0, 1.0), (1.0, 2.0)], vec![(5.0, 3.0)]]);
         assert_eq!(missing, 0);

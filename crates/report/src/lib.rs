@@ -1,12 +1,12 @@
-//! Records to pages: what was found, for people to read.
+//! Turns records into pages for people to read.
 //!
 //! [`flight_site`], [`campaign_site`], [`bench_site`], [`card_site`], [`cards_site`] and [`monte_carlo_site`]
-//! turn a record into a [`Site`], a map from path to bytes. Nothing is opened, asked or measured here: a page can be made again years later
-//! from the record alone, and the same record gives the same bytes. Pages are self-contained
-//! (no outside request), readable without script, and text from a log is never markup.
+//! turn a record into a [`Site`], a map from path to bytes. This crate opens and measures nothing: a page can be
+//! rebuilt from the record alone years later, and the same record gives the same bytes. Pages are self-contained
+//! (no external requests) and readable without scripts. Text from a log is always escaped.
 //!
-//! Inside, a curve becomes a figure (`figure`, data only), the figure becomes SVG (`draw`,
-//! the one file that knows plotters), and `page` puts the numbers beside it.
+//! Internally, `figure` turns curves into figures (data only), `draw` turns figures into SVG (the only file that uses
+//! plotters), and `page` adds the numbers.
 //!
 //! ```
 //! # use record::*;
@@ -46,5 +46,5 @@ pub use page::{
 };
 pub use site::Site;
 
-/// Version of the pages: raised by hand when the same record gives other bytes.
+/// Version of the pages: incremented by hand when the same record gives different bytes.
 pub const REPORT_VERSION: u32 = 12;

@@ -10,9 +10,8 @@ const GROUP: char = '\u{202f}';
 /// Coverage factor of all expanded uncertainties: about 95 % for a normal distribution.
 pub(crate) const COVERAGE_FACTOR: f64 = 2.0;
 
-/// A value rounded where its expanded uncertainty U = k·u is known to two significant
-/// digits (GUM 7.2.6), and U itself. `u` is the standard uncertainty. U is `None` when
-/// there is none to round by; then the value has three significant digits.
+/// A value and its expanded uncertainty U = k·u, both rounded to the second significant digit of U (GUM 7.2.6).
+/// `u` is the standard uncertainty. Without one, U is `None` and the value has three significant digits.
 pub(crate) fn measured(value: f64, standard_uncertainty: Option<f64>) -> (String, Option<String>) {
     let expanded = standard_uncertainty.map(|u| COVERAGE_FACTOR * u).filter(|u| u.is_finite() && *u > 0.0);
     match expanded {
@@ -24,7 +23,7 @@ pub(crate) fn measured(value: f64, standard_uncertainty: Option<f64>) -> (String
     }
 }
 
-/// `6.984 ± 0.020` in one piece, or the value alone.
+/// `6.984 ± 0.020` as one string, or the value alone.
 pub(crate) fn with_uncertainty(estimate: &Estimate) -> String {
     match measured(estimate.value, estimate.standard_uncertainty) {
         (value, Some(expanded)) => format!("{value}\u{a0}±\u{a0}{expanded}"),
@@ -32,7 +31,7 @@ pub(crate) fn with_uncertainty(estimate: &Estimate) -> String {
     }
 }
 
-/// The same number in another unit, `factor` of which make one of the old.
+/// The same number in another unit; `factor` new units equal one old unit.
 pub(crate) fn scaled(estimate: &Estimate, factor: f64) -> Estimate {
     Estimate {
         value: estimate.value * factor,
@@ -40,23 +39,23 @@ pub(crate) fn scaled(estimate: &Estimate, factor: f64) -> Estimate {
     }
 }
 
-/// Both ends of an interval, rounded as a value with this standard uncertainty is.
+/// Both ends of an interval, rounded like a value with this standard uncertainty.
 pub(crate) fn interval([low, high]: [f64; 2], standard_uncertainty: f64) -> String {
     let end = |value| measured(value, Some(standard_uncertainty)).0;
     format!("{}\u{a0}to\u{a0}{}", end(low), end(high))
 }
 
-/// A value with so many significant digits.
+/// A value with the given number of significant digits.
 pub(crate) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 { "0".to_owned() } else { rounded(value, leading_digit(value, digits) - digits + 1) }
 }
 
-/// The number that so many significant digits say.
+/// A value rounded to the given number of significant digits.
 pub(crate) fn to_significant(value: f64, digits: i32) -> f64 {
     format!("{:.*e}", usize::try_from(digits - 1).unwrap_or(0), value).parse().unwrap_or(value)
 }
 
-/// A number that somebody set: up to seven digits, and no zeros that say nothing.
+/// A configured number: up to seven digits, without trailing zeros.
 pub(crate) fn exact(value: f64) -> String {
     let text = significant(value, 7);
     match text.contains('.') && !text.contains('e') {
@@ -74,19 +73,19 @@ pub(crate) fn probability(p: f64) -> String {
     }
 }
 
-/// A value with so many decimals.
+/// A value with the given number of decimals.
 pub(crate) fn fixed(value: f64, decimals: i32) -> String {
     rounded(value, -decimals)
 }
 
 /// Power of ten of the first digit, once the value is rounded to `digits` digits: 0.0996 is
-/// 0.10 with two digits, so its first digit stands at 10⁻¹.
+/// 0.10 with two digits, so its first digit is at 10⁻¹.
 fn leading_digit(value: f64, digits: i32) -> i32 {
     let text = format!("{:.*e}", usize::try_from(digits - 1).unwrap_or(0), value);
     text.rsplit_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0)
 }
 
-/// A value whose last digit stands for 10^`last`.
+/// A value rounded to multiples of 10^`last`.
 fn rounded(value: f64, last: i32) -> String {
     if !value.is_finite() {
         return "not finite".to_owned();
@@ -135,7 +134,7 @@ pub(crate) fn bytes(value: u64) -> String {
     format!("{} {}", significant(scaled, 3), UNITS[unit])
 }
 
-/// A share between 0 and 1 in percent. Nothing but all is 100 %, and nothing but nothing is 0 %.
+/// A share between 0 and 1 in percent. Only exactly 1 reads as 100 %, only exactly 0 as 0 %.
 pub(crate) fn percent(share: f64) -> String {
     if !share.is_finite() {
         return "not finite".to_owned();
@@ -150,13 +149,13 @@ pub(crate) fn percent(share: f64) -> String {
     }
 }
 
-/// Seconds as `h:mm:ss`, with so many decimals.
+/// Seconds as `h:mm:ss`, with the given number of decimals.
 pub(crate) fn clock(seconds: f64, decimals: usize) -> String {
     let (hours, rest) = hours_and_seconds(seconds, decimals);
     format!("{}{}:{}", sign(seconds, decimals), hours, minutes(rest, decimals, true))
 }
 
-/// A span for a sentence: `52 s`, `1 min 52 s`, `2 h 5 min`.
+/// A duration in running text: `52 s`, `1 min 52 s`, `2 h 5 min`.
 pub(crate) fn lasting(seconds: f64) -> String {
     let whole = seconds.abs().round() as u64;
     let (hours, minutes, rest) = (whole / 3600, whole / 60 % 60, whole % 60);
@@ -167,7 +166,7 @@ pub(crate) fn lasting(seconds: f64) -> String {
     }
 }
 
-/// Seconds as `m:ss`, for spans under an hour; longer ones as [`clock`].
+/// Seconds as `m:ss` for durations under an hour; longer ones as in [`clock`].
 pub(crate) fn short_clock(seconds: f64, decimals: usize) -> String {
     let (hours, rest) = hours_and_seconds(seconds, decimals);
     if hours > 0 {
@@ -176,8 +175,8 @@ pub(crate) fn short_clock(seconds: f64, decimals: usize) -> String {
     format!("{}{}", sign(seconds, decimals), minutes(rest, decimals, false))
 }
 
-/// Whole hours, and the ticks (10^-decimals s) that remain. Rounded once, so that 59.96 s is
-/// 1:00.0 and not 0:60.0. Absurd times saturate.
+/// Whole hours, and the remaining ticks (10^-decimals s). Rounded once, so that 59.96 s is
+/// 1:00.0 and not 0:60.0. Out-of-range times saturate.
 fn hours_and_seconds(seconds: f64, decimals: usize) -> (u64, u64) {
     let per_second = 10u64.pow(u32::try_from(decimals.min(6)).unwrap_or(0));
     let ticks = (seconds.abs() * per_second as f64).round() as u64;
@@ -210,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn an_uncertainty_has_two_digits_and_its_value_ends_at_the_same_place() {
+    fn an_uncertainty_has_two_digits_and_its_value_ends_at_the_same_digit() {
         assert_eq!(pair(118.4321, 1.55), texts("118.4", "3.1"));
         assert_eq!(pair(0.037_123, 0.002), texts("0.0371", "0.0040"));
         assert_eq!(pair(6.984, 0.01), texts("6.984", "0.020"));
@@ -249,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_somebody_set_has_no_zeros_that_say_nothing() {
+    fn a_configured_number_has_no_trailing_zeros() {
         let texts = [2000.0, -1.28, 0.05, 0.1 + 0.2, 15.0].map(exact);
         assert_eq!(texts, ["2000", "\u{2212}1.28", "0.05", "0.3", "15"]);
     }
@@ -281,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_share_that_is_not_whole_never_reads_as_whole() {
+    fn a_partial_share_never_reads_as_0_or_100_percent() {
         assert_eq!(percent(0.99999), "> 99.9");
         assert_eq!(percent(1.0), "100");
         assert_eq!(percent(1e-6), "< 0.1");

@@ -1,4 +1,4 @@
-//! What a report is: files that nobody has written yet.
+//! A report: files in memory, before they are written.
 
 use crate::draw;
 use crate::figure::{self, Figure};
@@ -11,14 +11,13 @@ use zip::write::SimpleFileOptions;
 /// The folder of the figures in [`Site::files`].
 const FIGURES: &str = "figures/";
 
-/// The file beside a page that holds its figures.
+/// The file next to a page that holds its figures.
 pub(crate) const FIGURES_ZIP: &str = "figures.zip";
 
-/// The files of one report, by path below the report's folder. Paths use `/` and never
-/// leave the folder.
+/// The files of one report, by path relative to the report's folder. Paths use `/` and never leave the folder.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Site {
-    /// Content by path. The figures of the page are again in `figures/`, as SVG and as CSV.
+    /// Content by path. `figures/` repeats the figures of the page, as SVG and as CSV.
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
@@ -28,13 +27,13 @@ impl Site {
         self.files.insert(path.to_owned(), text.into_bytes());
     }
 
-    /// Adds a figure beside the page that shows it: as drawn, and as a table.
+    /// Adds a figure next to the page that shows it: as drawn, and as a table.
     pub(crate) fn add_figure(&mut self, figure: &Figure) {
         self.add(&format!("{FIGURES}{}.svg", figure.id), draw::svg_file(figure));
         self.add(&format!("{FIGURES}{}.csv", figure.id), figure::csv(figure));
     }
 
-    /// The files as they are written: the figures are in one `figures.zip`, which takes a fifth of the space of a dozen files.
+    /// The files as written: one `figures.zip` holds the figures and needs a fifth of the space of a dozen files.
     #[must_use]
     pub fn to_write(&self) -> BTreeMap<&str, Cow<'_, [u8]>> {
         let plain = self.files.iter().filter(|(path, _)| !path.starts_with(FIGURES));
@@ -50,12 +49,12 @@ impl Site {
     }
 }
 
-/// The same files give the same bytes: they bear the date 1980-01-01.
+/// The same files give the same bytes: all are dated 1980-01-01.
 fn zipped(files: &[(&str, &[u8])]) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(vec![]));
     let options = SimpleFileOptions::default();
     for (name, bytes) in files {
-        // Memory takes every write, and no figure has 4 GiB.
+        // Writing to memory cannot fail, and no figure reaches 4 GiB.
         let _ = zip.start_file(*name, options).map(|()| zip.write_all(bytes));
     }
     zip.finish().map(Cursor::into_inner).unwrap_or_default()
@@ -67,7 +66,7 @@ mod tests {
     use std::io::Read;
 
     #[test]
-    fn figures_are_written_into_one_zip_and_everything_else_by_itself() {
+    fn figures_are_written_into_one_zip_and_other_files_separately() {
         let mut site = Site::default();
         site.add("index.html", "page".to_owned());
         site.add("figures/a.csv", "1,2\n".repeat(100));

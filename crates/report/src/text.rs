@@ -1,35 +1,35 @@
-//! Text from a log on its way to a page: nothing in it is markup, nothing in it is hidden.
+//! Prepares text from a log for a page: markup is escaped, and hidden characters become visible.
 
 use maud::{Escaper, Markup, Render, html};
 use std::fmt::Write;
 
-/// Longest text of one table cell, in characters: a name can be as long as a hostile file likes.
+/// Longest text of one table cell, in characters: names in a hostile file can have any length.
 const CELL: usize = 300;
-/// A word up to this many bytes has room on a line of any column.
+/// A word of up to this many bytes fits on a line of any column.
 const LONG_WORD: usize = 20;
 /// Longest block (settings, a command, a reason), in characters.
 const BLOCK: usize = 30_000;
 
 /// Text from a record, ready for a page. Markup is escaped; control characters, direction
-/// overrides and invisible characters become visible; overlong text is cut and says so.
+/// overrides and invisible characters become visible; overlong text is shortened with a note.
 pub(crate) struct Shown<'a> {
     text: &'a str,
     limit: usize,
     lines: bool,
 }
 
-/// A name, a sentence, a cell.
+/// Text of a name, a sentence or a cell.
 pub(crate) fn shown(text: &str) -> Shown<'_> {
     Shown { text, limit: CELL, lines: false }
 }
 
-/// A sentence that ends with a full stop, whether its author put one there or not.
+/// A sentence with a full stop, added if it is missing.
 pub(crate) fn ended(text: &str) -> Markup {
     let is_ended = text.ends_with(['.', '!', '?']);
     html! { (shown(text)) @if !is_ended { "." } }
 }
 
-/// A longer text whose lines are kept.
+/// A longer text; line breaks are kept.
 pub(crate) fn shown_block(text: &str) -> Shown<'_> {
     Shown { text, limit: BLOCK, lines: true }
 }
@@ -37,7 +37,7 @@ pub(crate) fn shown_block(text: &str) -> Shown<'_> {
 impl Render for Shown<'_> {
     fn render_to(&self, buffer: &mut String) {
         let text = visible(self.text, self.limit, self.lines);
-        // A command in a sentence stands between backticks.
+        // Commands in a sentence are in backticks.
         let quoted = text.matches('`').count() / 2 * 2;
         for (place, part) in text.splitn(quoted + 1, '`').enumerate() {
             if place % 2 == 1 {
@@ -62,7 +62,7 @@ impl Shown<'_> {
     }
 }
 
-/// A long name may break behind the marks that join its parts, rather than within a part.
+/// Lets a long name break after the characters that join its parts, rather than within a part.
 fn breakable(buffer: &mut String, word: &str) {
     let mut parts = word.split_inclusive(['/', '_', '.', ',', ':', '=']).peekable();
     while let Some(part) = parts.next() {
@@ -74,21 +74,21 @@ fn breakable(buffer: &mut String, word: &str) {
 }
 
 fn escape(buffer: &mut String, text: &str) {
-    // A String cannot refuse a write.
+    // Writing to a String cannot fail.
     let _ = Escaper::new(buffer).write_str(text);
 }
 
-/// A short plain text, as a legend holds it; whoever writes it escapes it.
+/// Plain text shortened for a legend; the caller escapes it.
 pub(crate) fn label(text: &str) -> String {
     visible(text, 72, false)
 }
 
-/// A plain text as short as an axis has room for; whoever writes it escapes it.
+/// Plain text shortened to fit an axis; the caller escapes it.
 pub(crate) fn short_label(text: &str) -> String {
     visible(text, 20, false)
 }
 
-/// A plain text as long as a cell; whoever writes it escapes it.
+/// Plain text shortened to fit a cell; the caller escapes it.
 pub(crate) fn sentence(text: &str) -> String {
     visible(text, CELL, false)
 }
@@ -96,7 +96,7 @@ pub(crate) fn sentence(text: &str) -> String {
 fn visible(text: &str, limit: usize, lines: bool) -> String {
     let mut out = String::with_capacity(text.len().min(limit));
     let length = text.chars().count();
-    // To cut off a little saves less than it costs to say so.
+    // The note would be longer than the text that it replaces.
     let rest = if length > limit + limit / 4 { length - limit } else { 0 };
     for c in text.chars().take(length - rest) {
         push_visible(&mut out, c, lines);
@@ -119,7 +119,7 @@ fn push_visible(out: &mut String, c: char, lines: bool) {
     }
 }
 
-/// Characters that show nothing, turn the direction of text, or break lines where HTML does not.
+/// Characters that are invisible, change the direction of text, or break lines where HTML does not.
 fn is_hidden(c: char) -> bool {
     matches!(c,
         '\u{80}'..='\u{9f}' | '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}'
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_between_backticks_is_set_as_one() {
+    fn a_command_in_backticks_is_marked_up_as_code() {
         let html = |text: &str| shown(text).render().into_string();
         assert_eq!(html("run `flightlag maps` & `x"), "run <code>flightlag maps</code> &amp; `x");
         assert_eq!(html("`a` and `<b>`"), "<code>a</code> and <code>&lt;b&gt;</code>");
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn markup_in_a_log_is_text_on_the_page() {
+    fn markup_in_a_log_is_escaped() {
         assert_eq!(
             shown("<img src=x onerror=\"a&b\">").render().into_string(),
             "&lt;img src=x onerror=&quot;a&amp;b&quot;&gt;"
@@ -169,12 +169,12 @@ mod tests {
     }
 
     #[test]
-    fn an_overlong_text_says_how_much_is_missing() {
+    fn a_shortened_text_says_how_much_is_missing() {
         assert_eq!(visible(&"é".repeat(13), 10, false), format!("{}… (3 characters more)", "é".repeat(10)));
     }
 
     #[test]
-    fn a_text_that_is_hardly_too_long_is_left_whole() {
+    fn a_text_that_is_barely_too_long_is_not_shortened() {
         assert_eq!(visible(&"é".repeat(12), 10, false), "é".repeat(12));
         assert_eq!(visible(&"y".repeat(375), CELL, false), "y".repeat(375));
         assert!(visible(&"y".repeat(376), CELL, false).ends_with("… (76 characters more)"));
@@ -188,7 +188,7 @@ mod tests {
             html("of px4_msgs/msg/VehicleLocalPosition <b>"),
             "of px4_<wbr>msgs/<wbr>msg/<wbr>VehicleLocalPosition &lt;b&gt;"
         );
-        // A block keeps its bytes, so that a command can be copied from the source of the page too.
+        // A block is unchanged, so that a command can also be copied from the page source.
         assert_eq!(shown_block("px4_msgs/msg/VehicleLocalPosition").render().into_string().matches("<wbr>").count(), 0);
     }
 

@@ -14,7 +14,7 @@ pub(crate) fn word(verdict: Verdict) -> &'static str {
     }
 }
 
-/// The same with its number, as `late by 400.3 ± 1.6 ms`.
+/// The same with its number, e.g. `late by 400.3 ± 1.6 ms`.
 pub(crate) fn phrase(channel: &ChannelDynamics) -> String {
     let Some(found) = &channel.delay else { return word(channel.verdict).to_lowercase() };
     let value = in_millis(&delay(found));
@@ -33,15 +33,15 @@ pub(crate) fn delay(found: &DelayFinding) -> Estimate {
     Estimate { value: found.delay.seconds(), standard_uncertainty: Some(found.standard_uncertainty_s) }
 }
 
-/// Probability below which flights are said to differ.
+/// Probability below which flights count as different.
 pub(crate) const DIFFER_P: f64 = 0.01;
 
-/// Whether the lateness of a group is counted from a velocity, whose own lateness is not known.
+/// Whether the lateness of a group is relative to a velocity of unknown lateness.
 pub(crate) fn is_relative(group: &GroupLateness) -> bool {
     group.against.starts_with("relative")
 }
 
-/// Whether the flights of a group differ so that no one number describes them.
+/// Whether the flights of a group differ too much to share one number.
 pub(crate) fn has_no_common_delay(group: &GroupLateness) -> bool {
     let differ = group.difference.is_some_and(|test| test.p < DIFFER_P);
     group.is_apart() || group.lateness_s.is_some() && is_relative(group) && differ
@@ -52,7 +52,7 @@ pub(crate) fn in_millis(seconds: &Estimate) -> Estimate {
     number::scaled(seconds, 1e3)
 }
 
-/// Where a delay comes from, in few words.
+/// The source of a delay, in a few words.
 pub(crate) fn source_phrase(source: DelaySource) -> &'static str {
     match source {
         DelaySource::Fixed => "stated in the pipeline",
@@ -65,7 +65,7 @@ pub(crate) fn source_phrase(source: DelaySource) -> &'static str {
     }
 }
 
-/// The same in a word.
+/// The same in one word.
 pub(crate) fn source_word(source: DelaySource) -> &'static str {
     match source {
         DelaySource::Fixed => "pipeline",

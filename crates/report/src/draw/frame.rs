@@ -1,11 +1,11 @@
-//! The frame of a figure in a third of the bytes: what plotters writes as one element a grid line, tick and label.
+//! Shrinks the frame of a figure to a third: plotters writes one element per grid line, tick and label.
 
 use super::PALETTE;
 use std::fmt::Write;
 
-/// Grid, axes and text as plotters wrote them, without what it says at each element and the outermost one says once. Lines
-/// of one stroke become one path; labels of one anchor share a group. Quotes inside text are escaped, so only attributes
-/// are touched.
+/// Grid, axes and text as plotters wrote them, without attributes repeated from the outermost element. Lines with
+/// the same stroke become one path; labels with the same anchor share a group. Quotes inside text are escaped, so only
+/// attributes change.
 pub(super) fn lighter(svg: &str) -> String {
     let svg = svg.replace(" opacity=\"1\"", "").replace(" font-family=\"sans-serif\"", "");
     let svg = PALETTE.iter().fold(svg, |svg, (colour, _)| svg.replace(&colour.to_uppercase(), colour));
@@ -15,7 +15,7 @@ pub(super) fn lighter(svg: &str) -> String {
     let mut frame = Frame { size: size.parse().unwrap_or(24.0), ..Frame::default() };
     usual.iter().fold(svg.clone(), |svg, attribute| svg.replace(attribute, "")).split_inclusive("/>").for_each(
         |part| {
-            // Before an element that closes itself there may be texts, which do not.
+            // Text elements, which are not self-closing, may precede a self-closing element.
             let mut rest = part;
             while let Some((text, behind)) = rest.split_once("</text>") {
                 frame.text(text);
@@ -30,17 +30,17 @@ pub(super) fn lighter(svg: &str) -> String {
 
 #[derive(Default)]
 struct Frame {
-    /// Of the font, drawing units.
+    /// Font size, drawing units.
     size: f64,
     out: String,
-    /// Strokes with the `d` of their lines, in the order in which the first was drawn.
+    /// Strokes with the `d` of their lines, in order of first use.
     strokes: Vec<(String, String)>,
-    /// Anchors with their texts.
+    /// Anchors with their text elements.
     texts: Vec<(String, String)>,
 }
 
 impl Frame {
-    /// A line joins those of its stroke. Anything else is drawn after what came before it, and before what follows.
+    /// Adds a line to those with its stroke. Any other element flushes them, to keep the drawing order.
     fn element(&mut self, element: &str) {
         match drawn_line(element) {
             Some(d) => {
@@ -56,7 +56,7 @@ impl Frame {
         }
     }
 
-    /// `<text …>` and what it says. An empty label of a tick is none.
+    /// `<text …>` and its content. An empty tick label is dropped.
     fn text(&mut self, text: &str) {
         let Some((tag, said)) = text.trim_start().split_once('>') else { return };
         let said = said.trim();
@@ -67,7 +67,7 @@ impl Frame {
         let anchor = attribute(tag, "text-anchor").unwrap_or("start");
         let mut element = format!("<text x=\"{}\"", number("x"));
         match attribute(tag, "transform") {
-            // The shift comes before the turn.
+            // The shift applies before the rotation.
             Some(turn) => {
                 let (y, dy) = (number("y"), attribute(tag, "dy").unwrap_or("0"));
                 let _ = write!(element, " y=\"{y}\" dy=\"{dy}\" transform=\"{turn}\"");
@@ -94,7 +94,7 @@ impl Frame {
     }
 }
 
-/// What is said of `key`, begun where nothing is.
+/// The entry for `key`, created if it is missing.
 fn joined(all: &mut Vec<(String, String)>, key: String) -> &mut String {
     let place = all.iter().position(|(known, _)| *known == key).unwrap_or_else(|| {
         all.push((key, String::new()));
@@ -103,7 +103,7 @@ fn joined(all: &mut Vec<(String, String)>, key: String) -> &mut String {
     &mut all[place].1
 }
 
-/// A line, or a polyline, as part of the `d` of a path; `None` if the element is neither, or has a look of its own.
+/// A line or polyline as part of the `d` of a path; `None` for any other element, or one with its own style.
 fn drawn_line(element: &str) -> Option<String> {
     let of = |name| attribute(element, name);
     let points: Vec<(&str, &str)> = if element.starts_with("<line ") {
@@ -130,7 +130,7 @@ fn drawn_line(element: &str) -> Option<String> {
     Some(d)
 }
 
-/// `dy` in drawing units. An x-height is about half an em in the fonts that a browser takes for `sans-serif`.
+/// `dy` in drawing units. In typical browser `sans-serif` fonts the x-height is about half an em.
 fn shift(dy: &str, size: f64) -> f64 {
     let of = |unit: &str| dy.strip_suffix(unit).and_then(|number| number.parse::<f64>().ok());
     of("ex").map(|ex| ex / 2.0).or(of("em")).unwrap_or(0.0) * size
@@ -145,7 +145,7 @@ fn attribute<'e>(element: &'e str, name: &str) -> Option<&'e str> {
 mod tests {
     use super::*;
 
-    /// As plotters writes them: grid, an axis, a rectangle over both, a label to the left, one turned by 270°, one empty.
+    /// Plotters output: a grid, an axis, a rectangle over both, a label to the left, one rotated by 270°, one empty.
     const WRITTEN: &str = r##"<line opacity="1" stroke="#E4E7EB" stroke-width="2" x1="154" y1="508" x2="154" y2="80"/>
 <polyline fill="none" opacity="1" stroke="#57606A" stroke-width="2" points="153,80 153,508 "/>
 <text x="140" y="506" dy="0.5ex" text-anchor="end" font-family="sans-serif" font-size="24" opacity="1" fill="#1B1F24">
@@ -163,7 +163,7 @@ north (m)
 "##;
 
     #[test]
-    fn lines_of_a_stroke_become_a_path_and_labels_keep_their_places() {
+    fn lines_with_one_stroke_become_a_path_and_labels_keep_their_positions() {
         let frame = r##"<g font-size="24.0" fill="#1b1f24"><path fill="none" stroke="#e4e7eb" stroke-width="2" d="M154 508V80M154 300H900"/>
 <path fill="none" stroke="#57606a" stroke-width="2" d="M153 80V508"/>
 <g text-anchor="end"><text x="140" y="512">−100</text></g>

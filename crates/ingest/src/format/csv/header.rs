@@ -212,7 +212,7 @@ impl Header {
         fields.len() - usize::from(trails)
     }
 
-    /// Whether a comment that may be a header is none of the remarks that hold some of its words: it begins as this one
+    /// Whether a comment that may be a header is not a remark that holds some of its words: it begins as this one
     /// does, or has nothing but its names.
     pub(super) fn is_no_remark(&self, fields: &Fields) -> bool {
         let mut filled = (0..fields.len()).map(|i| fields.get(i)).filter(|cell| !cell.is_empty());

@@ -115,8 +115,8 @@ impl Sampled {
 }
 
 impl Sampled {
-    /// Whether a row below the header says in words what the columns are, as `sec` and `degrees`: where all rows behind
-    /// it have numbers it has text. No such text begins as dates and times do.
+    /// Whether a row below the header has the units of the columns in words, as `sec` and `degrees`: where all rows
+    /// after it have numbers it has text. No such text begins as dates and times do.
     fn describes(&self, data: &[&Sampled], width: usize, decimal: Decimal) -> bool {
         let whole: Vec<&&Sampled> = data.iter().filter(|r| r.fields.len() == width).collect();
         let number = |cell: &String| decimal.number(cell.as_bytes());
@@ -200,8 +200,8 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
 /// Whether the layout is regular, the records that agree with it, its width: the larger is the better.
 type Rank = (bool, usize, usize);
 
-/// A stamp and one of a few words before the values of every row, and a width for each word. No header, so that it is
-/// the word that identifies a row.
+/// A timestamp and one of a few words before the values of every row, and a width for each word. No header, so that it
+/// is the word that identifies a row.
 fn is_tagged(sample: &[Sampled]) -> bool {
     let mut widths: Vec<(&str, usize)> = vec![];
     let mut odd = 0;

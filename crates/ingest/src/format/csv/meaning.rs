@@ -31,7 +31,7 @@ const XSENS_GIVEN: [(&str, [&str; 3]); 7] = [
     ("force_given", ["Acc_X", "Acc_Y", "Acc_Z"]),
     ("field_given", ["Mag_X", "Mag_Y", "Mag_Z"]),
 ];
-/// Xsens' position, and the column that says whether there is one.
+/// Xsens' position, and the column that shows whether there is one.
 const XSENS_POSITION: [&str; 3] = XSENS_GIVEN[0].1;
 /// Xsens' status word. As a number it would lose the leading zeros that show its base.
 const XSENS_WORD: &str = "StatusWord";
@@ -286,8 +286,8 @@ fn of_one_device(names: &[String]) -> (Vec<String>, Option<String>) {
     (names.iter().map(plain).collect(), told)
 }
 
-/// NAVgraph says the zone in the names of two columns, `Date (UTC+1,00)` and `Time (UTC+1,00)`: they become `Date` and
-/// `Time`.
+/// NAVgraph puts the zone into the names of two columns, `Date (UTC+1,00)` and `Time (UTC+1,00)`: they become `Date`
+/// and `Time`.
 fn without_zone(names: Vec<String>) -> (Vec<String>, Option<String>) {
     let zone = |column: &str, name: &str| {
         let zone = name.strip_prefix(column)?.strip_prefix(" (UTC")?.strip_suffix(')')?;

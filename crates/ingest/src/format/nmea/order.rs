@@ -15,7 +15,7 @@ const SLOWEST_KT: f64 = 0.3;
 const SAME: f64 = 0.06;
 /// This many that agree with only one neighbour decide.
 const DECIDED_BY: u64 = 5;
-/// At most one in this many of them may disagree.
+/// Fewer than one in this many of them may disagree.
 const RARE: u64 = 10;
 /// Speed, kt, and track, deg.
 type Motion = [f64; 2];
