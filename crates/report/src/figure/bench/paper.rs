@@ -276,7 +276,7 @@ fn component_lines(curves: &[Curve], measured: Pen, tally: &mut Tally) -> Vec<Li
 }
 
 /// The delay as a dimension line (the number is in the heading): from where the reference passes half its height to
-/// where the delayed one does. Of several such places, the one nearest the middle.
+/// where the delayed one does. Of all such places, the one nearest the middle.
 fn dimension(channel: &ChannelDynamics, lines: &[Line]) -> Option<Dimension> {
     let found = channel.delay.as_ref()?;
     let reference = lines.iter().find(|line| line.pen == Pen::TrueBand)?;
