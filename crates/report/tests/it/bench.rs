@@ -472,7 +472,7 @@ fn an_outlier_of_a_card_is_named_and_drawn_differently() {
 }
 
 #[test]
-fn card_channels_are_sorted_by_lateness_in_margins_and_name_their_reference() {
+fn card_channels_are_sorted_by_margins_of_lateness_and_name_a_reference() {
     let html = text(&the_card(), "index.html");
     let words = words(&html);
     let answer = words.split("Validity: ").next().unwrap();

@@ -103,7 +103,7 @@ fn flights_that_do_not_form_one_group_have_a_range_and_no_mean() {
     assert!(card.contains("two clusters, 45 ms apart") && !card.contains(&format!("{:.1} ±", 1e3 * mean)), "{card}");
 }
 
-/// The delay of a group is wrong for a second receiver in its flights. If no delay was removed, no error after is shown.
+/// The delay of a group is wrong for a second receiver on board. If no delay was removed, no error after it is shown.
 #[test]
 fn another_receiver_is_named_on_the_card_of_the_group() {
     let mut record = varied(8);

@@ -308,7 +308,7 @@ pub fn scores() -> ReplayScores {
     }
 }
 
-/// The paper's filter, recognised in the log.
+/// The onboard output, identified as the paper's filter.
 pub fn onboard() -> OnboardComparison {
     let against = |name: &str, rms_m: f64, delay_s: f64| OnboardAgainst {
         name: name.into(),

@@ -106,7 +106,7 @@ fn record() -> FlightRecord {
 }
 
 #[test]
-fn alarms_are_above_the_first_table_worst_first_and_counted_at_the_verdict() {
+fn alarms_are_above_the_first_table_worst_first_and_counted() {
     let text = top(&record());
     let places = ["two delays fit", "9 % of the samples", "is contradicted: measured is 203"]
         .map(|alarm| text.find(alarm).unwrap_or_else(|| panic!("{alarm}: {text}")));
