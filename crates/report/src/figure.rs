@@ -40,7 +40,7 @@ pub(crate) struct Figure {
     pub(crate) number: u32,
     /// One-line title: the finding where there is one.
     pub(crate) title: String,
-    /// What is drawn, with units, and the number of samples behind it.
+    /// What is drawn, with units, and the number of samples it represents.
     pub(crate) caption: String,
     /// What good and bad look like.
     pub(crate) how_to_read: &'static str,

@@ -1,50 +1,50 @@
-//! Axes with thoughtful ticks: 1-2-5 steps for lengths, clock steps for time.
+//! Axes with readable ticks: 1-2-5 steps for lengths, clock steps for time.
 
 use crate::number;
 
-/// One axis: its words, its range, its ticks.
+/// One axis: label, range and ticks.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Axis {
-    /// Quantity and unit, as `north (m)`.
+    /// Quantity and unit, e.g. `north (m)`.
     pub(crate) label: String,
     /// Lower end.
     pub(crate) low: f64,
     /// Upper end, above the lower one.
     pub(crate) high: f64,
-    /// Ticks inside the range, rising.
+    /// Ticks inside the range, ascending.
     pub(crate) ticks: Vec<Tick>,
-    /// What is equally long.
+    /// What equal lengths represent.
     pub(crate) spacing: Spacing,
 }
 
-/// What is equally long on an axis.
+/// What equal lengths on an axis represent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Spacing {
     /// Equal differences.
     Linear,
     /// Equal ratios. Both ends are positive.
     Logarithmic,
-    /// Differences within this size, ratios beyond it, on both sides of zero: asinh.
+    /// Differences up to this magnitude, ratios above it, on both sides of zero: asinh.
     Symmetric(f64),
 }
 
 /// A labelled place on an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tick {
-    /// Where, in the axis' unit.
+    /// Position, in the unit of the axis.
     pub(crate) at: f64,
-    /// What is written there.
+    /// Label.
     pub(crate) label: String,
 }
 
-/// Steps of a clock, s. Longer ones are whole days.
+/// Clock steps, s. Longer steps are whole days.
 const CLOCK_STEPS: [f64; 20] = [
     0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 14400.0,
     21600.0, 43200.0,
 ];
 
 impl Axis {
-    /// An axis for lengths and the like around the given values, with some air.
+    /// An axis for lengths and similar quantities around the given values, with some margin.
     pub(crate) fn linear(label: &str, (low, high): (f64, f64), most_ticks: u32) -> Axis {
         let air = match (high - low) * 0.05 {
             air if air > 0.0 && air > high.abs().max(low.abs()) * 1e-9 => air,
@@ -53,14 +53,14 @@ impl Axis {
         Axis::exactly(label, (low - air, high + air), most_ticks)
     }
 
-    /// An axis from end to end, with 1-2-5 ticks.
+    /// An axis with exactly these ends and 1-2-5 ticks.
     pub(crate) fn exactly(label: &str, (low, high): (f64, f64), most_ticks: u32) -> Axis {
         let step = decimal_step((high - low) / f64::from(most_ticks));
         let decimals = (-step.log10()).ceil().clamp(0.0, 9.0) as i32;
         Axis::plain(label, (low, high), ticks(low, high, step, |at| number::fixed(at, decimals)))
     }
 
-    /// An axis of the time of a record: in seconds up to ten minutes, then as a clock.
+    /// A time axis for a record: seconds up to ten minutes, clock labels for longer records.
     pub(crate) fn record_time(what: &str, (low, high): (f64, f64), most_ticks: u32) -> Axis {
         if low.abs().max(high.abs()) > 600.0 || high <= low {
             return Axis::time(what, (low, high), most_ticks);
@@ -68,7 +68,7 @@ impl Axis {
         Axis::exactly(&format!("{what} (s)"), (low, high), most_ticks)
     }
 
-    /// An axis of positive numbers from end to end, equal ratios equally long, ticked in ones, twos and fives.
+    /// A logarithmic axis with exactly these ends, both positive, and 1-2-5 ticks.
     pub(crate) fn logarithmic(label: &str, (low, high): (f64, f64)) -> Axis {
         let low = low.max(1e-9);
         let high = high.max(low * 1.001);
@@ -85,7 +85,7 @@ impl Axis {
         Axis { spacing: Spacing::Logarithmic, ..Axis::plain(label, (low, high), ticks) }
     }
 
-    /// An axis of small and large numbers of both signs: linear within ±`linear`, then equal ratios equally long, ticked in
+    /// An axis for small and large numbers of both signs: linear within ±`linear`, logarithmic outside, with ticks at
     /// powers of ten.
     pub(crate) fn symmetric(label: &str, (low, high): (f64, f64), linear: f64) -> Axis {
         let (low, high) = if high > low { (low, high) } else { (low - linear, high + linear) };
@@ -97,12 +97,12 @@ impl Axis {
         Axis { spacing: Spacing::Symmetric(linear), ..Axis::plain(label, (low, high), ticks) }
     }
 
-    /// An axis with ticks of one's own, as of numbered rows.
+    /// An axis with custom ticks, e.g. for numbered rows.
     pub(crate) fn ticked(label: &str, (low, high): (f64, f64), ticks: Vec<Tick>) -> Axis {
         Axis::plain(label, (low, high), ticks)
     }
 
-    /// Names of rows at 0, 1, 2…, the first on top.
+    /// Row names at 0, 1, 2…, the first at the top.
     pub(crate) fn rows(names: &[String]) -> Axis {
         let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() });
         Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks.collect()) }
@@ -112,7 +112,7 @@ impl Axis {
         Axis { label: label.to_owned(), low, high, ticks, spacing: Spacing::Linear }
     }
 
-    /// Where a value stands between the ends: 0 at the lower, 1 at the upper one; beyond them, at the end.
+    /// Where a value lies between the ends: 0 at the lower, 1 at the upper one; clamped outside them.
     pub(crate) fn share(&self, value: f64) -> f64 {
         let between = |of: fn(f64) -> f64, unit: f64| {
             let [value, low, high] = [value, self.low, self.high].map(|v| of(v / unit));
@@ -126,7 +126,7 @@ impl Axis {
         share.clamp(0.0, 1.0)
     }
 
-    /// An axis of seconds, labelled as a clock.
+    /// An axis in seconds with clock labels.
     pub(crate) fn time(what: &str, (low, high): (f64, f64), most_ticks: u32) -> Axis {
         let (low, high) = if high > low { (low, high) } else { (low - 0.5, high + 0.5) };
         let step = clock_step((high - low) / f64::from(most_ticks));
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_ticked_in_ones_twos_and_fives() {
+    fn lengths_have_ticks_in_steps_of_1_2_and_5() {
         assert_eq!(
             labels(&Axis::exactly("north (m)", (-61.0, 42.0), 6)),
             ["\u{2212}60", "\u{2212}40", "\u{2212}20", "0", "20", "40"]
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn time_is_ticked_as_a_clock() {
+    fn time_has_clock_ticks() {
         let minutes = Axis::time("time", (0.0, 725.0), 10);
         assert_eq!(labels(&minutes)[..4], ["0:00", "2:00", "4:00", "6:00"]);
         assert_eq!(minutes.label, "time (m:ss)");
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_logarithmic_axis_has_equal_lengths_for_equal_ratios() {
+    fn a_logarithmic_axis_shows_equal_ratios_as_equal_lengths() {
         let axis = Axis::logarithmic("frequency (Hz)", (0.1, 10.0));
         assert_eq!(labels(&axis), ["0.1", "0.2", "0.5", "1", "2", "5", "10"]);
         assert!((axis.share(1.0) - 0.5).abs() < 1e-12 && axis.share(0.01) == 0.0 && axis.share(99.0) == 1.0);

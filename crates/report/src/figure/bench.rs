@@ -25,16 +25,16 @@ pub(crate) struct BenchFigures {
     pub(crate) side: Option<Figure>,
     /// The rig from above.
     pub(crate) above: Option<Figure>,
-    /// In the order of the channels of the record, one for each.
+    /// One for each channel, in the order of the record.
     pub(crate) channels: Vec<ChannelFigures>,
     /// Bar angle.
     pub(crate) angle: Option<Figure>,
-    /// Tangential acceleration, smoothed and as the paper has it.
+    /// Tangential acceleration, smoothed and as in the paper.
     pub(crate) acceleration: Option<Figure>,
 }
 
 impl BenchFigures {
-    /// Figures of what was found.
+    /// Figures of the results.
     pub(crate) fn of(findings: &BenchFindings) -> BenchFigures {
         let channels = &findings.channels;
         let anchors = anchors(channels.iter().map(|c| c.name.as_str()));
@@ -61,7 +61,7 @@ impl BenchFigures {
         paper::zoom(&findings.channels)
     }
 
-    /// From the first to the last.
+    /// All figures in order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Figure> {
         let channels = self.channels.iter().flat_map(ChannelFigures::slots);
         let first = [&self.zoom, &self.whole, &self.side, &self.above];
@@ -78,15 +78,15 @@ impl BenchFigures {
     }
 }
 
-/// The component that says most of the delay: of the excited ones that with the smallest uncertainty, else the first.
+/// The most informative component for the delay: the excited one with the smallest uncertainty, otherwise the first.
 pub(crate) fn main_component(channel: &ChannelDynamics) -> Option<&ComponentDynamics> {
     let uncertainty = |c: &ComponentDynamics| c.delay_s.and_then(|d| d.standard_uncertainty).unwrap_or(f64::INFINITY);
     let excited = || channel.components.iter().filter(|c| c.excited);
     excited().min_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b))).or(channel.components.first())
 }
 
-/// What a curve of a component stands for, by its place: the reference first, the measured values last, between them
-/// the reference delayed as found.
+/// The role of a component's curve, by its position: the reference first, the reference shifted by the estimated delay
+/// next, the measured values last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
     Reference,
@@ -106,7 +106,7 @@ fn roles(curves: &[Curve]) -> impl Iterator<Item = (Role, &Curve)> {
     })
 }
 
-/// A name for each channel that can be part of an `id`, no two alike.
+/// A unique name for each channel, valid as part of an `id`.
 pub(crate) fn anchors<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let free = |name| {
@@ -122,7 +122,7 @@ pub(crate) fn anchors<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     names.map(free).collect()
 }
 
-/// Small letters and digits of a name, everything else as one dash.
+/// Lower-case letters and digits of a name; anything else becomes one dash.
 fn slug(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' };
     let dashed: String = name.chars().take(60).map(plain).collect();
@@ -135,14 +135,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn anchors_are_plain_and_no_two_are_alike() {
+    fn anchors_are_plain_and_unique() {
         let names = ["position.ins", "position ins", "<b>", "\u{202e}", "", "position-ins-2"];
         let expected = ["position-ins", "position-ins-2", "b", "unnamed", "unnamed-2", "position-ins-2-2"];
         assert_eq!(anchors(names.into_iter()), expected);
     }
 
     #[test]
-    fn curves_are_known_by_their_place() {
+    fn curves_are_identified_by_their_position() {
         let curve = || Curve { name: String::new(), t_s: vec![], y: vec![], breaks: vec![], stands_for: 0 };
         let of = |n| roles(&vec![curve(); n]).map(|(role, _)| role).collect::<Vec<_>>();
         assert_eq!(of(3), [Role::Reference, Role::Delayed, Role::Measured]);

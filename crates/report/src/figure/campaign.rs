@@ -1,4 +1,4 @@
-//! The figures of a campaign: what the removal did to each flight, and what one delay for a group would cost.
+//! The figures of a campaign: how the removal affected each flight, and the error of one delay for a whole group.
 
 use super::forest::{flights_axis, missing_words, newest};
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, pieces, stroke};
@@ -6,7 +6,7 @@ use crate::number;
 use crate::text::label;
 use record::{CampaignDelay, CampaignRecord, EffectVerdict, Estimate, FlightRow, GroupLateness, PooledSweep};
 
-/// Error of the position as it was logged and after the removal, m.
+/// Error of the position as logged and after the removal, m.
 fn errors(row: &FlightRow) -> Option<[f64; 2]> {
     row.delay_s?;
     let effect = row.effect.as_ref()?;
@@ -25,7 +25,7 @@ fn effect_lines(all: &[(f64, [f64; 2])]) -> Vec<Line> {
     ]
 }
 
-/// Error of each flight before and after a delay was removed: what was made worse first.
+/// Error of each flight before and after a delay was removed; flights that got worse come first.
 pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
     let is_harmed = |row: &FlightRow| row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed);
     let (mut rows, missing) = newest(&record.flights, |row| errors(row).is_some(), is_harmed);
@@ -55,8 +55,8 @@ pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
     })
 }
 
-/// `Least error 0.031 m; the best delay is 203.1 ± 1.2 ms`. The delays of the curve are a grid: the best is that of the
-/// flights' own optima.
+/// `Least error 0.031 m; the best delay is 203.1 ± 1.2 ms`. The curve only has grid delays, so the best
+/// delay comes from the flights' own optima.
 fn least_words(pooled: &PooledSweep, best: Option<&Estimate>) -> String {
     let what = if pooled.against_reference { "error" } else { "step at a fix" };
     let least = pooled.rms_m.iter().filter(|m| is_drawable(**m)).min_by(|a, b| a.total_cmp(b));
@@ -67,7 +67,7 @@ fn least_words(pooled: &PooledSweep, best: Option<&Estimate>) -> String {
     format!("Least {what} {}\u{a0}m{best}", number::significant(*least, 2))
 }
 
-/// Delays that are known of a group, s, and those that were removed.
+/// Known delays of a group, s, and the delays that were removed.
 fn known_delays(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[f64]) -> Vec<(&'static str, Pen, f64)> {
     let mut known = vec![];
     if let Some(card) = &delay.card_s {

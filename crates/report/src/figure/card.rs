@@ -1,4 +1,4 @@
-//! The forest plot of a sensor card: all channels, each with its combined delay and that of each record.
+//! The forest plot of a sensor card: for each channel the combined delay and the delay of each record.
 
 use super::axis::Tick;
 use super::{Axis, Figure, Line, Panel, Pen, is_drawable, outline, stroke};
@@ -6,7 +6,7 @@ use crate::number::COVERAGE_FACTOR;
 use crate::text::label;
 use record::{CardChannel, Estimate};
 
-/// What one record says of one channel.
+/// Result of one record for one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Forest {
     /// Number of the record in the table of the page, from 1.
@@ -19,24 +19,24 @@ pub(crate) struct Forest {
     pub(crate) left_out: Option<LeftOut>,
 }
 
-/// Why a delay is no part of the combined one.
+/// Why a delay is excluded from the combined one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LeftOut {
-    /// It does not belong to the others.
+    /// It is an outlier.
     Outlier,
-    /// It was measured with other stamps or against another clock, or without a verdict.
+    /// It was measured with other timestamps or against another clock, or has no verdict.
     NotComparable,
 }
 
 /// A channel of the card, its margin of equivalence (s), and its records.
 pub(crate) type ForestRow<'a> = (&'a CardChannel, f64, &'a [Forest]);
 
-/// Most channels that one figure holds; the table has all.
+/// Maximum number of channels in one figure; the table has all.
 const MOST: usize = 40;
-/// Delays up to this are drawn to scale, larger ones by their ratios, ms.
+/// Delays up to this are drawn on a linear scale, larger ones on a logarithmic one, ms.
 const TO_SCALE_MS: f64 = 1.0;
 
-/// Delays of all channels, the first at the top; `None` without a delay that can be drawn.
+/// Delays of all channels, the first at the top; `None` if no delay can be drawn.
 pub(crate) fn card_forest(channels: &[ForestRow]) -> Option<Figure> {
     let shown = &channels[..channels.len().min(MOST)];
     let mut lines = forest_lines(shown);
@@ -75,7 +75,7 @@ fn height(shown: &[ForestRow], row: usize) -> f64 {
     shown.len() as f64 - row as f64
 }
 
-/// What is drawn of the channels, in the order of the legend.
+/// The lines drawn for the channels, in the order of the legend.
 fn forest_lines(shown: &[ForestRow]) -> Vec<Line> {
     let (mut combined, mut kept, mut left_out, mut margins) = (vec![], vec![], vec![], vec![]);
     for (row, (channel, margin_s, records)) in shown.iter().enumerate() {
@@ -104,7 +104,7 @@ fn forest_lines(shown: &[ForestRow]) -> Vec<Line> {
     lines
 }
 
-/// A delay (s) at a height, ms, with the ends of its uncertainty; `None` if it cannot be drawn.
+/// A delay (s) as a point at a height, ms, with the ends of its error bar; `None` if it cannot be drawn.
 fn level(delay: &Estimate, at: f64) -> Option<Vec<(f64, f64)>> {
     let half = 1e3 * COVERAGE_FACTOR * delay.standard_uncertainty.unwrap_or(0.0);
     let value = delay.value * 1e3;

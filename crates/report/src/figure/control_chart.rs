@@ -1,14 +1,14 @@
-//! A control chart: flights in the order in which they were flown, the mean of each stretch, its limits, and the steps.
+//! A control chart: flights in flying order, the mean and limits of each stretch, and the steps.
 
 use super::forest::{date_axis, late_mark, late_point, seconds};
 use super::{Axis, Figure, Line, Mark, Panel, Pen, Span, extent, is_drawable, stroke};
 use crate::number;
 use record::{TrendChart, TrendPoint};
 
-/// Most flights whose names show.
+/// Maximum number of flights with a name on hover.
 const MOST_NAMED: usize = 100;
 
-/// The chart; `None` if nothing of it can be drawn.
+/// The chart; `None` if there is nothing to draw.
 pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
     let dates: Option<Vec<f64>> = chart.points.iter().map(|point| seconds(point.flown_at.as_deref()?)).collect();
     let by_date = dates.is_some();
@@ -74,7 +74,7 @@ fn lines(placed: &[(f64, &TrendPoint)]) -> Vec<Line> {
     lines
 }
 
-/// Where each step is: from the flight before it to the first one after it, or over the places where it may be.
+/// Each step as a span: from the last flight before it to the first one after it, or over its possible positions.
 fn spans(chart: &TrendChart, placed: &[(f64, &TrendPoint)]) -> Vec<Span> {
     let place = |flight: &record::NamedFlight| placed.iter().position(|(_, point)| point.flight == *flight);
     let span = |change: &record::TrendChange| {

@@ -3,10 +3,10 @@
 use super::Figure;
 use std::fmt::Write;
 
-/// Rows of comma-separated values: the panel, counted from the top; the curve; its piece, counted from 1, for
-/// the pen is lifted between pieces; then the two coordinates, whose heads are the words of the axes.
+/// Rows of comma-separated values: the panel, counted from the top; the curve; its piece, counted from 1 (the curve is
+/// interrupted between pieces); then the two coordinates. The column names of the coordinates are the axis labels.
 ///
-/// Nine significant digits. The curves are those that are drawn, decimated as the caption says.
+/// Nine significant digits. The curves are as drawn, decimated as stated in the caption.
 pub(crate) fn csv(figure: &Figure) -> String {
     let words = |of: fn(&super::Panel) -> &str| {
         let mut all: Vec<&str> = figure.panels.iter().map(of).collect();
@@ -21,7 +21,7 @@ pub(crate) fn csv(figure: &Figure) -> String {
             for (piece_number, piece) in (1..).zip(&line.pieces) {
                 for &(x, y) in piece {
                     let (x, y) = (nine_digits(x), nine_digits(y));
-                    // A String cannot refuse a write.
+                    // Writing to a String cannot fail.
                     let _ = writeln!(out, "{panel_number},{curve},{piece_number},{x},{y}");
                 }
             }
@@ -30,7 +30,7 @@ pub(crate) fn csv(figure: &Figure) -> String {
     out
 }
 
-/// In quotes, with an apostrophe before what a spreadsheet would take for a formula.
+/// Quoted, and prefixed with an apostrophe where a spreadsheet might evaluate it as a formula.
 fn quoted(text: &str) -> String {
     let guard = if text.starts_with(['=', '+', '-', '@', '\t']) { "'" } else { "" };
     format!("\"{guard}{}\"", text.replace('"', "\"\""))
@@ -46,7 +46,7 @@ mod tests {
     use crate::figure::{Axis, Line, Panel, Pen};
 
     #[test]
-    fn a_table_holds_every_point_of_every_piece_with_the_words_of_the_axes() {
+    fn a_table_holds_every_point_of_every_piece_with_the_axis_labels() {
         let line = Line {
             name: "=1+\"1\"".to_owned(),
             pen: Pen::Raw,

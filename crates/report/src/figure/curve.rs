@@ -1,14 +1,14 @@
-//! Curves of a record as lines of a figure, and what their caption must own up to.
+//! Curves of a record as lines of a figure, and what their caption must disclose.
 
 use super::{Line, Pen, Shape, pieces};
 use crate::number;
 use crate::text::label;
 use record::{Curve, PathCurve};
 
-/// Most curves of one panel. More cannot be distinguished.
+/// Maximum number of curves in one panel. More cannot be distinguished.
 const MOST_CURVES: usize = 8;
 
-/// How many samples the curves of a figure stand for, and what of them is not drawn.
+/// How many samples the curves of a figure represent, and how many of them are not drawn.
 #[derive(Default)]
 pub(super) struct Tally {
     points: u64,
@@ -39,7 +39,7 @@ impl Tally {
     }
 }
 
-/// What [`Curve`] and [`PathCurve`] have in common.
+/// The common part of [`Curve`] and [`PathCurve`].
 pub(super) trait Drawable {
     fn name(&self) -> &str;
     fn points(&self) -> (&[f64], &[f64], &[u32]);
@@ -70,7 +70,7 @@ impl Drawable for PathCurve {
     }
 }
 
-/// Lines of the curves that a panel holds, with the pens in the same order.
+/// Lines for the curves of a panel, with the pens in the same order.
 pub(super) fn lines(curves: &[impl Drawable], pens: &[Pen], tally: &mut Tally) -> Vec<Line> {
     tally.left_out += curves.len().saturating_sub(MOST_CURVES) as u64;
     let mut lines = Vec::new();

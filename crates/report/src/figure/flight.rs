@@ -13,7 +13,7 @@ const RAW: &str = "raw, newest fix held";
 const EXACT: &str = "compensated (exact form)";
 const REFERENCE: &str = "reference";
 
-/// All figures of a flight that have something to show, not numbered yet.
+/// All figures of a flight that have something to show, not yet numbered.
 pub(crate) fn flight_figures(record: &FlightRecord) -> Vec<Figure> {
     let Some(replay) = record.drawable() else { return vec![] };
     let is_trial = record.replay.is_none();
@@ -66,10 +66,10 @@ fn millis(seconds: &Estimate) -> String {
     format!("{}\u{a0}ms", number::with_uncertainty(&in_millis(seconds)))
 }
 
-/// How late the position was found to be, and against what.
+/// Measured lateness of the position, and its reference.
 struct Late<'a> {
     lateness_s: Estimate,
-    /// The channel that it is later than, where how late both are is not known.
+    /// The channel it is compared with, if the lateness of both is unknown.
     than: Option<&'a str>,
 }
 
@@ -95,7 +95,7 @@ impl Late<'_> {
     }
 }
 
-/// What the figures are about, in a line.
+/// The subject of the figures, in one line.
 fn finding(replay: &ReplayRecord, late: Option<&Late>, is_trial: bool) -> String {
     match late {
         Some(late) if is_trial => {
@@ -115,7 +115,7 @@ fn fig_7(replay: &ReplayRecord, late: Option<&Late>, is_trial: bool) -> Option<F
     let of_axes: Vec<(&AxisCurves, Vec<Line>)> =
         axes.iter().take(2).map(|axis| (axis, drawn(replay, &axis.position_m, &mut tally))).collect();
     let time = Axis::time(TIME, extent(of_axes.iter().flat_map(|(_, lines)| lines), |p| p.0)?, 10);
-    // One bracket in each panel: what is removed, and how late the position was measured to be.
+    // One bracket in each panel: the removed delay, and the measured lateness of the position.
     let brackets = [
         Some((
             replay.settings.delay.seconds(),
@@ -151,7 +151,7 @@ fn window_words(zoom: &Zoom) -> String {
     format!("{} to {}, {why}. ", number::clock(zoom.start_s, 1), number::clock(zoom.end_s, 1))
 }
 
-/// A bracket from the time of a fix back by a delay, where the position changes fastest.
+/// A bracket from the timestamp of a fix back by a delay, where the position changes fastest.
 fn bracket_at(axis: &AxisCurves, replay: &ReplayRecord, time: &Axis, delay_s: f64, label: String) -> Option<Dimension> {
     let all = chosen(replay, &axis.position_m);
     let of = |name: &str| all.iter().find(|(n, _, _)| *n == name).map(|(_, _, curve)| *curve);
@@ -171,7 +171,7 @@ fn bracket_at(axis: &AxisCurves, replay: &ReplayRecord, time: &Axis, delay_s: f6
     Some(Dimension { from: t - delay_s, to: t, at: y, label })
 }
 
-/// Times and values at which a held curve takes a new value; every point of one that is not held.
+/// Times and values at which a held curve changes; every point of a curve that is not held.
 fn fixes(raw: &Curve) -> Vec<(f64, f64)> {
     let points = raw.t_s.iter().copied().zip(raw.y.iter().copied());
     let mut out: Vec<(f64, f64)> = vec![];
@@ -183,7 +183,7 @@ fn fixes(raw: &Curve) -> Vec<(f64, f64)> {
     out
 }
 
-/// Value of a curve at a time, on the line between its points; `None` beyond its ends and in its breaks.
+/// Value of a curve at a time, interpolated linearly; `None` outside its ends and in its breaks.
 fn value_at(curve: &Curve, t: f64) -> Option<f64> {
     let after = curve.t_s.partition_point(|x| *x < t);
     if curve.t_s.get(after) == Some(&t) {
@@ -228,8 +228,8 @@ impl<'a> Plane<'a> {
         steps.filter_map(|k| self.at(zoom.start_s + f64::from(k) * STEP_S)).collect()
     }
 
-    /// Times of its fixes. The first point is the edge of the window, and its fix is older. Of fixes on a line, each axis
-    /// keeps others.
+    /// Times of its fixes. The first point is the edge of the window; its fix is older. Thinning keeps different fixes
+    /// for each axis.
     fn fix_times(&self) -> Vec<f64> {
         let of_axis = |curve: &Curve| fixes(curve).into_iter().skip(1).map(|(t, _)| t).collect::<Vec<f64>>();
         let mut at = [of_axis(self.north), of_axis(self.east)].concat();
@@ -239,7 +239,7 @@ impl<'a> Plane<'a> {
     }
 }
 
-/// From raw to compensated, once each second, at the first fix in it.
+/// Links from raw to compensated, one per second, at the first fix in that second.
 fn each_second(at: &[f64], raw: &Plane, exact: &Plane) -> Vec<Vec<(f64, f64)>> {
     let mut ticks = vec![];
     let mut second = f64::NEG_INFINITY;
@@ -332,7 +332,7 @@ fn lead_over_time(replay: &ReplayRecord, lead: &LeadCurves, late: Option<&Late>)
     })
 }
 
-/// The measured lateness with its uncertainty, in ms, over the whole time.
+/// The measured lateness with its uncertainty, ms, over the whole flight.
 fn measured_band(late: &Late, time: &Axis) -> Option<Line> {
     let Estimate { value, standard_uncertainty } = late.lateness_s;
     let half = COVERAGE_FACTOR * standard_uncertainty? * 1e3;
@@ -390,12 +390,12 @@ fn track(track: &LeadTrack, replay: &ReplayRecord) -> Option<Figure> {
     })
 }
 
-/// Width and height of the track beside a page's head, CSS pixels.
+/// Width and height of the small track next to a page's heading, CSS pixels.
 pub(crate) const THUMBNAIL: (f64, f64) = (240.0, 150.0);
-/// Most points of it.
+/// Maximum number of its points.
 const MOST_THUMBNAIL: usize = 600;
 
-/// The track in small: the number of each colour and its path, in CSS pixels, equal scales. Empty if nothing can be drawn.
+/// The small track: index of each colour and its path, in CSS pixels, equal scales. Empty if nothing can be drawn.
 pub(crate) fn thumbnail(track: &LeadTrack) -> Vec<(u8, String)> {
     let most = track.lead_m.iter().fold(0.0, |most: f64, lead| most.max(lead.abs()));
     let (lines, _) = coloured(track, most);
@@ -425,7 +425,7 @@ pub(crate) fn thumbnail(track: &LeadTrack) -> Vec<(u8, String)> {
     lines.iter().filter_map(path).collect()
 }
 
-/// The track in pieces of one colour each, and the gaps between its strokes; how many points cannot be drawn.
+/// The track in pieces of one colour each, the gaps between them, and the number of points that cannot be drawn.
 fn coloured(track: &LeadTrack, most: f64) -> (Vec<Line>, usize) {
     let step = most / f64::from(LEADS);
     let bin = |lead: f64| ((lead.abs() / step) as u8).min(LEADS - 1);
@@ -473,7 +473,7 @@ fn ends(track: &LeadTrack) -> Vec<Mark> {
 
 // The ground
 
-/// A panel of the ground with equal scales, a scale bar and north at its top; km where it is wide.
+/// A map panel with equal scales, a scale bar and north up; in km if it is wide.
 fn ground(lines: Vec<Line>, width: f64) -> Option<(Panel, (u32, u32))> {
     let (east, north) = (extent(&lines, |p| p.0)?, extent(&lines, |p| p.1)?);
     let largest = [east.0, east.1, north.0, north.1].into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -488,7 +488,7 @@ fn ground(lines: Vec<Line>, width: f64) -> Option<(Panel, (u32, u32))> {
     Some((Panel { ground: Some(ground), ..Panel::of(x, y, lines) }, panel_size))
 }
 
-/// The largest of 1, 2 and 5 times a power of ten that is not longer.
+/// The largest of 1, 2 and 5 times a power of ten that does not exceed the length.
 fn nice_length(most: f64) -> f64 {
     let power = 10f64.powf(most.log10().floor());
     [5.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|length| *length <= most).unwrap_or(power)
@@ -501,7 +501,7 @@ fn scaled(mut line: Line, scale: f64) -> Line {
     line
 }
 
-/// A plotting area and ranges in which a metre east is as long as a metre north.
+/// A plotting area and ranges with equal scales east and north.
 fn equal_axes(east: (f64, f64), north: (f64, f64), width: f64) -> ((u32, u32), (f64, f64), (f64, f64)) {
     let with_air = |(low, high): (f64, f64)| ((low + high) / 2.0, ((high - low) * 1.12).max(1e-6));
     let ((east_middle, east_span), (north_middle, north_span)) = (with_air(east), with_air(north));
@@ -516,7 +516,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_metre_is_as_long_east_as_north() {
+    fn a_metre_has_the_same_length_east_and_north() {
         for (east, north) in [((0.0, 1000.0), (0.0, 10.0)), ((-5.0, 5.0), (0.0, 9000.0)), ((3.0, 3.0), (1.0, 1.0))] {
             let ((width, height), e, n) = equal_axes(east, north, 430.0);
             let (per_x, per_y) = ((e.1 - e.0) / f64::from(width), (n.1 - n.0) / f64::from(height));
@@ -526,12 +526,12 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_bar_is_a_round_length() {
+    fn a_scale_bar_has_a_round_length() {
         assert_eq!([0.9, 1.0, 4.99, 730.0].map(nice_length), [0.5, 1.0, 2.0, 500.0]);
     }
 
     #[test]
-    fn a_track_is_one_line_in_pieces_of_one_colour_and_dots_where_fixes_are_missing() {
+    fn a_track_is_split_by_colour_and_dotted_where_fixes_are_missing() {
         let track = LeadTrack {
             east_m: vec![0.0, 1.0, 2.0, 3.0, 9.0, 10.0],
             north_m: vec![0.0; 6],
@@ -542,14 +542,14 @@ mod tests {
         let (lines, lost) = coloured(&track, 10.0);
         let pieces = |pen| lines.iter().find(|l| l.pen == pen).map(|l| l.pieces.clone()).unwrap_or_default();
         assert_eq!(pieces(Pen::Lead(0)), [vec![(0.0, 0.0), (1.0, 0.0)]]);
-        // The colour of a line is that of its end.
+        // A line has the colour of its end.
         let last = [vec![(1.0, 0.0), (2.0, 0.0), (3.0, 0.0)], vec![(9.0, 0.0), (10.0, 0.0)]];
         assert_eq!(pieces(Pen::Lead(LEADS - 1)), last);
         assert_eq!((pieces(Pen::Dotted), lost), (vec![vec![(3.0, 0.0), (9.0, 0.0)]], 0));
     }
 
     #[test]
-    fn a_value_between_two_points_is_on_their_line_and_there_is_none_in_a_break() {
+    fn values_are_interpolated_between_points_but_not_across_a_break() {
         let curve = Curve {
             name: String::new(),
             t_s: vec![0.0, 1.0, 3.0],

@@ -1,14 +1,14 @@
-//! The delay that a flight itself shows, over its time.
+//! The delay estimated from a flight itself, over time.
 
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, outline, stroke, upright};
 use crate::number::{self, COVERAGE_FACTOR};
 use crate::text::label;
 use record::{MeasuredDelay, PairDelay, WindowDelay};
 
-/// Most windows drawn; the record holds all.
+/// Maximum number of windows drawn; the record holds all.
 const MOST_WINDOWS: usize = 300;
 
-/// Delay of a pair in windows over the flight; `None` without a window that can be drawn.
+/// Delay of a pair in windows over the flight; `None` if no window can be drawn.
 pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay) -> Option<Figure> {
     let windows = || found.over_time.iter().take(MOST_WINDOWS);
     let pieces: Vec<_> = windows().filter_map(point).collect();

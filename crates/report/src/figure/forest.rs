@@ -1,4 +1,4 @@
-//! How late each flight of a campaign is: one row for each, and over its date.
+//! Lateness of each flight of a campaign: one row per flight, and over the date.
 
 use super::axis::Tick;
 use super::{Axis, Figure, Line, Mark, Panel, Pen, extent, is_drawable, outline, stroke, upright};
@@ -7,19 +7,19 @@ use crate::text::label;
 use crate::verdict::{has_no_common_delay, in_millis, is_relative};
 use record::{CampaignRecord, ControlPoint, Estimate, FlightRow, GroupLateness};
 
-/// Most flights of a trend that are drawn.
+/// Maximum number of flights drawn in a trend.
 const MOST_OF_TREND: usize = 2_000;
 
-/// Flights in a figure with a row for each: the newest. The table has all.
+/// Number of flights in a figure with one row per flight: the newest. The table has all.
 const NEWEST: usize = 60;
-/// Most older flights beside them, because they stand out.
+/// Maximum number of older flights shown in addition because they stand out.
 const MOST_OTHERS: usize = 60;
-/// Most groups over the date, each in a panel of its own.
+/// Maximum number of groups over the date, each in its own panel.
 const MOST_PANELS: usize = 4;
-/// Most points of a group whose names show when one points at them: the newest.
+/// Maximum number of points of a group with a name on hover: the newest.
 const MOST_NAMED: usize = 30;
 
-/// The newest flights, and every older one that stands out, the newest first; and how many are left out.
+/// The newest flights and every older one that stands out, newest first, and the number of flights left out.
 pub(super) fn newest(
     flights: &[FlightRow],
     is_shown: impl Fn(&FlightRow) -> bool,
@@ -45,7 +45,7 @@ fn rows_axis(names: Vec<String>) -> Axis {
     Axis::ticked("", (0.4, count as f64 + 0.6), names.into_iter().enumerate().map(tick).collect())
 }
 
-/// The file's name without its ending; of a long one the end, in which names of logs differ.
+/// The file name without its extension. Long names are shortened to their end, which is where names of logs differ.
 fn row_name(flight: &str) -> String {
     const MOST: usize = 24;
     let name = flight.rsplit('/').next().unwrap_or(flight);
@@ -64,11 +64,11 @@ pub(super) fn missing_words(missing: usize, which: &str) -> String {
 /// A row of the forest.
 enum Row<'a> {
     Flight(&'a FlightRow, Estimate),
-    /// After the flights of a group; without a number where none describes them all.
+    /// After the flights of a group; without a number if no single one describes them all.
     Mean(&'a GroupLateness, Option<Estimate>),
 }
 
-/// Flights by group, the newest first, each group with its mean.
+/// Flights by group, newest first, each group followed by its mean.
 struct Forest<'a> {
     rows: Vec<Row<'a>>,
     flights: usize,
@@ -120,7 +120,7 @@ impl<'a> Forest<'a> {
         self.rows.iter().map(name).collect()
     }
 
-    /// Points of the flights with their expanded uncertainties, of those that differ from their group or of the others.
+    /// Points with expanded uncertainties, either of the flights that differ from their group or of the others.
     fn points(&self, record: &CampaignRecord, outside: bool) -> Vec<Vec<(f64, f64)>> {
         let is_outlier = |row: &FlightRow| record.groups.iter().any(|g| g.outliers.contains(&row.flight));
         let point = |(y, row): (f64, &Row<'_>)| match row {
@@ -133,7 +133,7 @@ impl<'a> Forest<'a> {
         self.placed().filter_map(point).collect()
     }
 
-    /// Delays that were removed.
+    /// The removed delays.
     fn removed(&self) -> Vec<Vec<(f64, f64)>> {
         let point = |(y, row): (f64, &Row<'_>)| match row {
             Row::Flight(row, _) => row.delay_s.map(|s| 1e3 * s).filter(|ms| is_drawable(*ms)).map(|x| vec![(x, y); 3]),
@@ -154,7 +154,7 @@ impl<'a> Forest<'a> {
         self.placed().filter_map(bar).collect()
     }
 
-    /// What the sensor card says, with its expanded uncertainty, behind each run of flights with one card.
+    /// Delay from the sensor card with its expanded uncertainty, drawn behind each run of flights with one card.
     fn cards(&self) -> Vec<Vec<(f64, f64)>> {
         let card = |row: &Row<'_>| match row {
             Row::Flight(row, _) => row.card_delay_s.map(|e| in_millis(&e)),
@@ -181,7 +181,7 @@ impl<'a> Forest<'a> {
     }
 }
 
-/// How late each position is, with its expanded uncertainty, and the mean of its group.
+/// Lateness of each position with its expanded uncertainty, and the mean of its group.
 pub(crate) fn forest(record: &CampaignRecord) -> Option<Figure> {
     let forest = Forest::of(record);
     let mut lines = vec![
@@ -216,7 +216,7 @@ pub(crate) fn forest(record: &CampaignRecord) -> Option<Figure> {
     })
 }
 
-/// The end of a long name: names of groups begin alike.
+/// The end of a long name: names of groups differ at the end.
 fn ending(name: &str, most: usize) -> String {
     match name.chars().count().checked_sub(most) {
         None | Some(0) => name.to_owned(),
@@ -224,12 +224,12 @@ fn ending(name: &str, most: usize) -> String {
     }
 }
 
-/// The flights of a group on its chart: where along it, and the flight.
+/// The flights of a group on its chart: horizontal position and flight.
 type Points<'a> = Vec<(f64, &'a ControlPoint)>;
 
 type Chart<'a> = (&'a GroupLateness, Points<'a>);
 
-/// Whether the groups' own limits are kept, flight after flight: one panel for each group.
+/// Whether each group keeps its limits, flight by flight: one panel per group.
 pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     let (mut groups, by_date) = largest_first(record);
     let left_out = groups.len().saturating_sub(MOST_PANELS);
@@ -271,7 +271,7 @@ fn trend_title(outside: usize) -> String {
     format!("Position − velocity: {flights} outside the limits of its group")
 }
 
-/// The charts of the groups, by date if any flight has one, else in the order of names.
+/// The charts of the groups, by date if any flight has one, otherwise by name.
 fn largest_first(record: &CampaignRecord) -> (Vec<Chart<'_>>, bool) {
     let dated = charts(record, &|_, point| seconds(point.flown_at.as_deref()?));
     let by_date = !dated.is_empty();
@@ -280,7 +280,7 @@ fn largest_first(record: &CampaignRecord) -> (Vec<Chart<'_>>, bool) {
     (groups, by_date)
 }
 
-/// The charts of the groups that have three flights and more.
+/// The charts of the groups with at least three flights.
 fn charts<'a>(record: &'a CampaignRecord, place: &dyn Fn(usize, &ControlPoint) -> Option<f64>) -> Vec<Chart<'a>> {
     let of = |group: &'a GroupLateness| {
         let control = &group.consistency.as_ref()?.control;
@@ -290,7 +290,7 @@ fn charts<'a>(record: &'a CampaignRecord, place: &dyn Fn(usize, &ControlPoint) -
     record.groups.iter().filter_map(of).collect()
 }
 
-/// Keeps the newest points, those outside their limits first; says how many others there were.
+/// Keeps the newest points, prioritising those outside their limits; returns the number dropped.
 fn keep_newest(points: &mut Points<'_>, most: usize) -> usize {
     let before = points.len();
     for outside in [false, true] {
@@ -304,7 +304,7 @@ fn keep_newest(points: &mut Points<'_>, most: usize) -> usize {
     before - points.len()
 }
 
-/// What the trend leaves out.
+/// Note on what the trend omits.
 fn trend_rest(record: &CampaignRecord, drawn: usize, older: usize, groups: usize) -> String {
     let rest = record.flights.len() - drawn - older;
     let mut words = String::new();
@@ -327,13 +327,13 @@ fn trend_rest(record: &CampaignRecord, drawn: usize, older: usize, groups: usize
     words
 }
 
-/// A lateness (s) with the ends of its uncertainty, ms; `None` if it cannot be drawn.
+/// A lateness (s) with the ends of its error bar, ms; `None` if it cannot be drawn.
 pub(super) fn late_point(at: f64, late_s: &Estimate) -> Option<Vec<(f64, f64)>> {
     let half = COVERAGE_FACTOR * late_s.standard_uncertainty.unwrap_or(0.0);
     upright(at, late_s.value * 1e3, half * 1e3)
 }
 
-/// The flight of such a point.
+/// The flight of a point.
 pub(super) fn late_mark(at: f64, flight: &str, late_s: &Estimate) -> Option<Mark> {
     let mark = |height: f64| Mark {
         at: (at, height),
@@ -351,7 +351,7 @@ fn trend_panel(group: &GroupLateness, points: &Points<'_>, x: &Axis) -> Option<P
         let place = |(at, p): &(f64, &ControlPoint)| Some((*at, of(p) * 1e3)).filter(|(_, y)| is_drawable(*y));
         points.iter().filter_map(place).collect::<Vec<_>>()
     };
-    // A cap for each flight: flights of one day would join to an upright line.
+    // A cap for each flight: flights of one day would otherwise merge into a vertical line.
     let half = 0.006 * (x.high - x.low);
     let caps = |name: &str, of: &dyn Fn(&ControlPoint) -> f64| {
         let pieces = level(of).into_iter().map(|(at, y)| vec![(at - half, y), (at + half, y)]).collect();
@@ -372,12 +372,12 @@ fn trend_panel(group: &GroupLateness, points: &Points<'_>, x: &Axis) -> Option<P
     Some(Panel { names, heading: label(&group.group.name), ..Panel::of(x.clone(), y, lines) })
 }
 
-/// Seconds since 1970 of an instant as records hold it.
+/// Seconds since 1970 of an instant in the format of records.
 pub(super) fn seconds(instant: &str) -> Option<f64> {
     Some(instant.parse::<jiff::Timestamp>().ok()?.as_second() as f64)
 }
 
-/// An axis of dates, or of times of day where all are within two days.
+/// An axis of dates, or of times of day if all are within two days.
 pub(super) fn date_axis((low, high): (f64, f64)) -> Axis {
     const DAY: f64 = 86_400.0;
     const STEPS_H: [f64; 8] = [0.25, 1.0, 3.0, 6.0, 24.0, 48.0, 168.0, 336.0];
@@ -402,13 +402,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_named_by_what_tells_logs_apart() {
+    fn rows_are_named_by_the_distinctive_part_of_the_log_name() {
         assert_eq!(row_name("data/00000130.BIN"), "00000130");
         assert_eq!(row_name("a/flightlogstats_log_220622_125002_LFQA.csv"), "…_log_220622_125002_LFQA");
     }
 
     #[test]
-    fn dates_are_ticked_by_days_and_flights_of_one_day_by_hours() {
+    fn dates_have_daily_ticks_and_flights_of_one_day_hourly_ticks() {
         let at = |text: &str| seconds(text).unwrap();
         let labels = |low: &str, high: &str| {
             let axis = date_axis((at(low), at(high)));

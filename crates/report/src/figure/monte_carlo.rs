@@ -6,10 +6,10 @@ use crate::number::COVERAGE_FACTOR;
 use crate::text::{label, short_label};
 use record::MonteCarloGroup;
 
-/// Panels of one figure at most.
+/// Maximum number of panels in one figure.
 const MOST: usize = 8;
 
-/// Columns of a group, one panel each, over the numbers of the cases. `None` without a number.
+/// Columns of a group, one panel each, over the case numbers. `None` if there are no numbers.
 pub(crate) fn group_figure(group: &MonteCarloGroup, number: u32) -> Option<Figure> {
     let columns = group.columns.iter().enumerate().take(MOST);
     let panels: Vec<Panel> = columns.filter_map(|(i, name)| panel(group, i, name)).collect();
@@ -21,7 +21,7 @@ pub(crate) fn group_figure(group: &MonteCarloGroup, number: u32) -> Option<Figur
         how_to_read: "Good: blue, at any place. Red and hollow does not meet the goal of its column; the error of \
                       the study is the bar.",
         panels,
-        // High enough for the longest label of a column, which stands upright.
+        // High enough for the longest column label, which is vertical.
         panel_size: (760, 150),
         fine: false,
     })

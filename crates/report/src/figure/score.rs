@@ -1,4 +1,4 @@
-//! Where each compensator helps, over what the flight moved at.
+//! The frequencies at which each compensator helps, over the spectrum of the flight's motion.
 
 use super::axis::Tick;
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, outline, stroke};
@@ -6,10 +6,10 @@ use crate::number::{self, COVERAGE_FACTOR};
 use crate::text::{label, short_label};
 use record::{BudgetTerm, Estimate, HelpfulBand, MotionSpectrum, ReplayScores};
 
-/// Most compensators drawn; the table has all.
+/// Maximum number of compensators drawn; the table has all.
 const MOST_ROWS: usize = 8;
 
-/// Delays that are drawn, s: an axis over other frequencies has no ticks that anybody could read.
+/// Range of delays that are drawn, s: outside it, the frequency axis would have no readable ticks.
 const SHORTEST_S: f64 = 1e-4;
 const LONGEST_S: f64 = 1e4;
 
@@ -56,7 +56,7 @@ pub(crate) fn bands_figure(scores: &ReplayScores) -> Option<Figure> {
     })
 }
 
-/// Below which frequency the exact form, or the first that has one, helps.
+/// Frequency below which the exact form, or else the first compensator with a limit, helps.
 fn finding(rows: &[(&str, &HelpfulBand)]) -> String {
     let of = rows.iter().find(|(name, _)| *name == "exact-async").or(rows.first());
     match of.and_then(|(name, band)| Some((name, band.helps_below_hz?, band.motion_share))) {
@@ -69,12 +69,12 @@ fn finding(rows: &[(&str, &HelpfulBand)]) -> String {
     }
 }
 
-/// Name of a term as an axis has room for it; the table has its formula.
+/// Name of a term, short enough for an axis; the table has its formula.
 fn without_formula(name: &str) -> String {
     label(name.split(',').next().unwrap_or_default()).chars().take(30).collect()
 }
 
-/// Terms of the error of the exact form as bars, their sum and what was measured; `None` without a term that is known.
+/// Error terms of the exact form as bars, their sum and the measured error; `None` if no term is known.
 pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
     let of = scores.compensators.iter().find(|c| c.name == "exact-async")?;
     let known = |t: &BudgetTerm| Some((without_formula(&t.name), *t.size_m.found()?)).filter(|(_, m)| is_drawable(*m));
@@ -112,7 +112,7 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
     })
 }
 
-/// Names of the rows from the top, and what is drawn in them: the terms, their sum and what was measured.
+/// Row names from the top, and the contents of the rows: the terms, their sum and the measured error.
 fn budget_rows(
     terms: &[(String, f64)],
     (together, sum): (&str, f64),

@@ -1,14 +1,14 @@
-//! The ground track in the row of a table, packed: a page has up to two thousand of them.
+//! Packed ground track for a table row: a page has up to two thousand of them.
 
 use super::pieces;
 
 /// Width and height in steps.
 const SIZE: (usize, usize) = (LETTERS.len() - 1, 33);
-/// The letter of each step: none is escaped in an attribute. `table.js` reads the same.
+/// The letter of each step: none needs escaping in an attribute. `table.js` uses the same letters.
 const LETTERS: &[u8; 88] = b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%()*+,-./:;=?@[]^_`{|}~";
 
-/// A sketch (`east,north east,north;…`, m) as two letters for each point, steps from the left and from the top, north up, with
-/// equal scales; a blank lifts the pen. `None` if there is nothing to draw.
+/// A sketch (`east,north east,north;…`, m) as two letters per point: steps from the left and from the top. North is up,
+/// scales are equal, and a space starts a new stroke. `None` if there is nothing to draw.
 pub(crate) fn packed_sketch(sketch: &str) -> Option<String> {
     let point = |text: &str| {
         let (east, north) = text.split_once(',')?;
@@ -53,14 +53,14 @@ mod tests {
     }
 
     #[test]
-    fn north_is_up_scales_are_equal_and_a_gap_lifts_the_pen() {
-        // 100 m east and 50 m north: height is what limits, 33 steps of 50 m, 66 of 100 m about the middle, 43.5.
+    fn north_is_up_scales_are_equal_and_a_gap_starts_a_new_stroke() {
+        // 100 m east and 50 m north: limited by the height. 50 m are 33 steps; 100 m are 66 steps, centred at 43.5.
         let found = steps(&packed_sketch("0,0 100,0 100,50;0,50 0,40").unwrap());
         assert_eq!(found, [vec![(11, 33), (77, 33), (77, 0)], vec![(11, 0), (11, 7)]]);
     }
 
     #[test]
-    fn letters_are_told_apart_and_none_is_escaped() {
+    fn letters_are_distinct_and_need_no_escaping() {
         let different: std::collections::BTreeSet<&u8> = LETTERS.iter().collect();
         assert_eq!(different.len(), LETTERS.len());
         assert!(!LETTERS.iter().any(|letter| b" \"'&<>\\".contains(letter)));
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_drawn_of_a_place_or_of_what_is_no_sketch() {
+    fn nothing_is_drawn_for_a_single_point_or_an_invalid_sketch() {
         for text in ["", "3,4", "x", "1,2 1,2", "nan,1 2,inf"] {
             assert_eq!(packed_sketch(text), None, "{text}");
         }

@@ -1,4 +1,4 @@
-//! What other delays would have done to a flight, and what the delay estimator saw.
+//! The effect that other delays would have had on a flight, and the objective of the delay estimator.
 
 use super::bench::objective_panel;
 use super::{Axis, Figure, Line, Panel, Pen, Span, extent, is_drawable, pieces, stroke, upright};
@@ -7,7 +7,7 @@ use crate::text::label;
 use crate::verdict::source_phrase;
 use record::{DelayChoice, DelaySource, DelaySweep, MeasuredDelay, PairDelay, SweepScore};
 
-/// Score over delay, with the delays that somebody says. `None` if nothing can be drawn.
+/// Score over delay, with the delays from all sources. `None` if nothing can be drawn.
 pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> Option<Figure> {
     let x_ms: Vec<f64> = sweep.delay_s.iter().map(|s| s * 1e3).collect();
     let (curve, lost) = pieces(&x_ms, &sweep.rms_m, &[]);
@@ -43,7 +43,7 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> 
     })
 }
 
-/// The delays that somebody says.
+/// The delays from all sources.
 fn stated(sweep: &DelaySweep) -> Vec<Line> {
     let with_card = sweep.score_at(DelaySource::Card).is_some();
     let pens = [
@@ -92,9 +92,9 @@ fn title(score: &SweepScore) -> String {
     }
 }
 
-/// What the delay estimator minimised, near its least. `None` without a curve.
+/// Objective of the delay estimator near its minimum. `None` without a curve.
 pub(crate) fn objective_figure(pair: &PairDelay, found: &MeasuredDelay) -> Option<Figure> {
-    /// 95 % of chi-squared with one degree of freedom.
+    /// 95 % quantile of chi-squared with one degree of freedom.
     const LIMIT: f64 = 3.841;
     let curve = found.objective.as_ref()?;
     let at = (found.delay_s.value, found.interval_95_s);

@@ -6,10 +6,10 @@ use crate::text::short_label;
 use flight::{ChannelHealth, Clock, StampHealth};
 use record::FlightRecord;
 
-/// Most channels drawn; the table has all.
+/// Maximum number of channels drawn; the table has all.
 const MOST_ROWS: usize = 12;
 
-/// Rows of the channels over time; `None` without a channel whose stamps are known.
+/// Rows of the channels over time; `None` if no channel has known timestamps.
 pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
     let (clock, origin_ns) = time_zero(record)?;
     let timed = timed(record, clock);
@@ -46,10 +46,10 @@ pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
     })
 }
 
-/// A channel and what is known of its stamps.
+/// A channel and its known timestamps.
 type Timed<'a> = (&'a ChannelHealth, &'a StampHealth);
 
-/// Channels with stamps of this clock, those that the page is about first.
+/// Channels with timestamps of this clock, the subjects of the page first.
 fn timed(record: &FlightRecord, clock: Clock) -> Vec<Timed<'_>> {
     let channels = record.binding.iter().flat_map(|b| &b.channels);
     let mut timed: Vec<Timed<'_>> =
@@ -62,7 +62,7 @@ fn timed(record: &FlightRecord, clock: Clock) -> Vec<Timed<'_>> {
     timed
 }
 
-/// What is drawn of `gaps` gaps, and how many channels are not.
+/// Note on how many of `gaps` gaps are drawn, and how many channels are not.
 fn caption(drawn: &[Timed<'_>], gaps: u64, not_drawn: usize) -> String {
     let mut caption = "Rows of each channel over time; a gap is a step of more than 2.5 median steps.".to_owned();
     let listed = drawn.iter().map(|(_, stamps)| stamps.gaps.len() as u64).sum::<u64>();
@@ -99,7 +99,7 @@ fn draw_row(
     gaps.extend(drawable.map(|g| vec![(g.0, middle - 0.42), (g.0, middle + 0.42)]));
 }
 
-/// Clock and stamp of time zero: that of the replay, else of the first stamp of any channel.
+/// Clock and timestamp of time zero: that of the replay, otherwise the first timestamp of any channel.
 fn time_zero(record: &FlightRecord) -> Option<(Clock, i64)> {
     if let Some(replay) = record.drawable() {
         return Some((replay.clock, replay.origin_ns));
@@ -110,7 +110,7 @@ fn time_zero(record: &FlightRecord) -> Option<(Clock, i64)> {
     Some((clock, first))
 }
 
-/// Damaged stretches whose place in time is known, in a row of their own.
+/// Damaged stretches whose time is known, in a separate row.
 fn damage(record: &FlightRecord, clock: Clock, seconds: &dyn Fn(i64) -> f64, row: f64) -> Vec<Vec<(f64, f64)>> {
     let Some(log) = &record.log else { return vec![] };
     let first = log.topics.iter().flat_map(|t| &t.stamps).filter(|s| s.clock == clock).map(|s| s.first_ns).min();

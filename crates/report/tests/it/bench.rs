@@ -1,4 +1,4 @@
-//! What the pages of a bench, a card and a study say is what their records hold.
+//! The pages of a bench, a card and a study agree with their records.
 
 use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
 use crate::html::{Tag, points, read, shows};
@@ -49,20 +49,20 @@ fn all_sites() -> Vec<Site> {
     sites
 }
 
-/// What a person reads: the page without its tags.
+/// The visible text: the page without its tags.
 fn words(html: &str) -> String {
     let after_tags = html.split('<').map(|part| part.split_once('>').map_or(part, |(_, text)| text));
     after_tags.collect()
 }
 
-/// Bits and words of every number in the markup.
+/// Bits and text of every number in the markup.
 fn data(html: &str) -> Vec<(f64, String)> {
     let tags = read(html);
     let with_bits = tags.iter().filter(|t| t.name == "data").filter_map(|t| Some((t.get("value")?, &t.text)));
     with_bits.map(|(value, text)| (value.parse().unwrap(), text.clone())).collect()
 }
 
-/// The number that a text shows.
+/// The number shown by a text.
 fn shown(text: &str) -> f64 {
     let first = text.split("\u{a0}±").next().unwrap();
     first.replace('\u{2212}', "-").replace('\u{202f}', "").parse().unwrap()
@@ -109,7 +109,7 @@ fn the_estimates_of_every_channel_are_on_the_page() {
 }
 
 #[test]
-fn the_answer_comes_first_with_its_interval_and_what_it_is_relative_to() {
+fn the_answer_comes_first_with_its_interval_and_its_reference() {
     let html = page(&bench_record());
     let words = words(&html);
     // u = 0.8 ms; Student with 1.97.
@@ -117,12 +117,12 @@ fn the_answer_comes_first_with_its_interval_and_what_it_is_relative_to() {
     let answer = &words[value..value + 200];
     assert!(answer.contains("398.7\u{a0}to\u{a0}401.9") && answer.contains("relative to angular-rate.imu"), "{answer}");
     assert!(html.find("class=\"answer\"") < html.find("id=\"results\""));
-    // An early channel is early by a positive number.
+    // The earliness of an early channel is positive.
     assert!(words.contains("is early by 0.60\u{a0}±\u{a0}0.22"));
 }
 
 #[test]
-fn every_verdict_is_a_word_in_the_strip_and_in_the_row_of_its_channel() {
+fn every_verdict_is_a_word_in_the_strip_and_in_its_channel_row() {
     let record = bench_record();
     let html = page(&record);
     let words = [
@@ -144,7 +144,7 @@ fn every_verdict_is_a_word_in_the_strip_and_in_the_row_of_its_channel() {
 }
 
 #[test]
-fn what_cannot_be_told_is_said_with_its_reason() {
+fn unknown_results_are_shown_with_their_reason() {
     let record = bench_record();
     let html = page(&record);
     for c in &record.findings.as_ref().unwrap().channels {
@@ -160,7 +160,7 @@ fn what_cannot_be_told_is_said_with_its_reason() {
 }
 
 #[test]
-fn a_record_without_result_begins_with_its_reason_and_keeps_its_provenance() {
+fn a_record_without_a_result_starts_with_its_reason_and_has_provenance() {
     for (record, reason) in [
         (silent_bench_record(), "The bar moves by 0.4°"),
         (failed_bench_record(), "swing-09.csv: line 3: column &quot;count&quot;"),
@@ -180,7 +180,7 @@ fn curves(svg: &str, name: &str) -> Vec<Vec<(f64, f64)>> {
 }
 
 #[test]
-fn fig_4_has_the_panels_of_the_paper_in_its_order_with_both_axes_of_position_and_then_height() {
+fn fig_4_has_the_panels_of_the_paper_in_order_and_then_height() {
     let site = site(&bench_record());
     for path in ["figures/fig-4.svg", "figures/fig-4-whole.svg"] {
         let svg = text(&site, path);
@@ -202,7 +202,7 @@ fn fig_4_has_the_panels_of_the_paper_in_its_order_with_both_axes_of_position_and
 }
 
 #[test]
-fn the_drawn_delay_is_as_long_as_the_delay() {
+fn the_delay_is_drawn_to_scale() {
     let svg = text(&site(&bench_record()), "figures/fig-4.svg");
     let dimension: Vec<(f64, f64)> = read(&svg)
         .iter()
@@ -214,17 +214,17 @@ fn the_drawn_delay_is_as_long_as_the_delay() {
         dimension.iter().map(|p| p.0).fold(f64::INFINITY, f64::min),
         dimension.iter().map(|p| p.0).fold(0.0, f64::max),
     );
-    // Seven seconds across the panel, 860 pixels of two units each.
+    // The panel shows seven seconds in 860 pixels of two units each.
     let seconds = (to - from) / (860.0 * 2.0) * 7.0;
     assert!((seconds - 0.4003).abs() < 7.0 / 860.0, "{seconds}");
-    // And the late reference lies that much to the right of the true one: compare where each is highest.
+    // The late reference is shifted right of the true one by the delay: compare the positions of the peaks.
     let highest = |name: &str| curves(&svg, name)[0].iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
     let late = (highest("reference, late as found").0 - highest("reference at the true time").0) / 1720.0 * 7.0;
     assert!((late - 0.4003).abs() < 0.05, "{late}");
 }
 
 #[test]
-fn every_figure_of_every_page_is_named_described_numbered_and_in_the_page() {
+fn every_figure_is_named_described_numbered_and_shown_on_its_page() {
     for site in all_sites() {
         let html = text(&site, "index.html");
         let tags = read(&html);
@@ -243,7 +243,7 @@ fn every_figure_of_every_page_is_named_described_numbered_and_in_the_page() {
         let numbers: Vec<String> = (1..=figures).map(|n| format!("<b>Figure {n}. ")).collect();
         let places: Vec<usize> = numbers.iter().map(|n| html.find(n).unwrap_or_else(|| panic!("{n}"))).collect();
         assert!(places.is_sorted(), "figures are numbered in the order of the page");
-        // Figures of channels are explained once for each kind, drawings of the rig explain themselves.
+        // Channel figures are explained once for each kind; drawings of the rig need no explanation.
         let kinds = "components hysteresis response residuals autocorrelation objective minimum stationarity latency";
         let explained_once = |path: &&String| {
             let name = path.trim_end_matches(".svg");
@@ -273,7 +273,7 @@ fn anchors_resolve_ids_are_unique_and_nothing_is_fetched() {
         assert_eq!(ids.len(), count);
         for (path, bytes) in &site.files {
             let text = std::str::from_utf8(bytes).unwrap().replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
-            // Scripts are named by their hash in the policy, and a real browser watches what they ask for.
+            // The policy lists scripts by hash, and a browser test checks their requests.
             let text: String = text.split("<script").map(|part| part.rsplit("</script>").next().unwrap()).collect();
             for word in ["http:", "https:", "url(", "@import", " src=", "<link", "<img"] {
                 assert!(!text.contains(word), "{path}: {word}");
@@ -284,7 +284,7 @@ fn anchors_resolve_ids_are_unique_and_nothing_is_fetched() {
 }
 
 #[test]
-fn channels_whose_names_differ_in_signs_alone_have_their_own_sections() {
+fn channels_whose_names_differ_only_in_punctuation_get_separate_sections() {
     let mut record = bench_record();
     let channels = &mut record.findings.as_mut().unwrap().channels;
     channels[0].name = "position-ins".into();
@@ -297,7 +297,7 @@ fn channels_whose_names_differ_in_signs_alone_have_their_own_sections() {
 }
 
 #[test]
-fn the_method_is_written_from_the_options_that_were_used() {
+fn the_method_text_reflects_the_options_used() {
     let with = page(&bench_record());
     for text in [
         "Ornstein–Uhlenbeck process and white noise together",
@@ -330,7 +330,7 @@ fn the_method_is_written_from_the_options_that_were_used() {
 }
 
 #[test]
-fn what_was_read_and_with_which_rig_stands_under_provenance() {
+fn provenance_lists_the_inputs_and_the_rig() {
     let record = bench_record();
     let html = page(&record);
     let provenance = html.split("id=\"provenance\"").nth(1).unwrap();
@@ -344,15 +344,15 @@ fn what_was_read_and_with_which_rig_stands_under_provenance() {
 }
 
 #[test]
-fn a_channel_whose_rig_the_data_contradict_is_marked_with_what_they_contradict() {
+fn a_channel_is_marked_if_the_data_contradict_its_rig_values() {
     let html = text(&the_card(), "index.html");
     assert_eq!(html.matches("in doubt").count(), 3, "the reason, the answer and one row");
     assert!(html.contains("swing-07: azimuth by &lt;imu&gt;") && html.contains("; slow motion "));
 }
 
-/// The number is never without what puts it in doubt, and a lag does not explain a delay that changes.
+/// The number always comes with the reason for doubt, and a lag does not explain a changing delay.
 #[test]
-fn a_delay_in_doubt_is_so_in_the_first_sentence_and_where_it_is_used() {
+fn a_delay_in_doubt_is_marked_in_the_first_sentence_and_where_it_is_used() {
     let (mut card, records) = card();
     let changes = format!("swing-07: {DELAY_CHANGES}, from 350.0 to 450.0 ms in windows");
     for channel in card.channels.iter_mut().filter(|c| c.name.starts_with("position")) {
@@ -369,7 +369,7 @@ fn a_delay_in_doubt_is_so_in_the_first_sentence_and_where_it_is_used() {
 }
 
 #[test]
-fn records_that_disagree_are_in_the_answer() {
+fn the_answer_reports_records_that_disagree() {
     let (card, records) = card();
     let why = "the records disagree: a 400.7 ± 2.2 ms against b 600.0 ± 1.8 ms";
     let record = CardRecord { name: "swing-07", record: &records[0], href: None };
@@ -390,7 +390,7 @@ fn records_that_disagree_are_in_the_answer() {
 }
 
 #[test]
-fn a_record_says_first_that_its_delay_changes_or_its_encoder_slipped() {
+fn a_changing_delay_or_a_slipped_encoder_is_reported_first() {
     let mut record = bench_record();
     let findings = record.findings.as_mut().unwrap();
     let has_windows = |c: &&mut ChannelDynamics| c.verdict == Verdict::Delayed && c.stationarity.found().is_some();
@@ -423,7 +423,7 @@ fn channels_of(record: &BenchRecord) -> &[ChannelDynamics] {
 }
 
 #[test]
-fn lags_and_what_a_loop_sees_of_a_held_channel_have_their_uncertainty() {
+fn lags_and_the_loop_delay_of_a_held_channel_have_an_uncertainty() {
     let (mut card, records) = card();
     let position = card.channels.iter_mut().find(|c| c.name == "position.gps").unwrap();
     (position.delay_s, position.delay_standard_uncertainty_s) = (0.4, 0.0065);
@@ -438,7 +438,7 @@ fn lags_and_what_a_loop_sees_of_a_held_channel_have_their_uncertainty() {
 }
 
 #[test]
-fn the_page_above_cards_says_how_many_records_the_position_is_from() {
+fn the_index_of_cards_counts_the_records_behind_the_position() {
     let (card, _) = card();
     let used = card.channels.iter().find(|c| c.name == "position.gps").unwrap().records;
     let html = |records: u64| {
@@ -450,7 +450,7 @@ fn the_page_above_cards_says_how_many_records_the_position_is_from() {
 }
 
 #[test]
-fn an_outlier_of_a_card_is_named_and_drawn_apart() {
+fn an_outlier_of_a_card_is_named_and_drawn_differently() {
     let site = the_card();
     let html = text(&site, "index.html");
     let left_out = html.split("Left out of the mean").nth(2).unwrap().split("</table>").next().unwrap();
@@ -459,9 +459,9 @@ fn an_outlier_of_a_card_is_named_and_drawn_apart() {
     let svg = text(&site, "figures/forest.svg");
     let (kept, out) = (curves(&svg, "one record, ± U"), curves(&svg, "left out"));
     let channels = card().0.channels.len();
-    // Each dot is a move and a line of no length.
+    // Each dot is a move and a zero-length line.
     assert_eq!((kept[0].len() / 2, out[0].len() / 2), (3 * channels, channels));
-    // Position comes first. Third of its four records, and to the right: 14 u late.
+    // Position comes first. The outlier is the third of its four records, shifted right: 14 u late.
     let ins = 1;
     let dots = |dots: &[(f64, f64)], from: usize, n: usize| {
         dots.iter().step_by(2).skip(from).take(n).copied().collect::<Vec<_>>()
@@ -472,7 +472,7 @@ fn an_outlier_of_a_card_is_named_and_drawn_apart() {
 }
 
 #[test]
-fn channels_of_a_card_stand_by_how_many_margins_they_are_late_and_say_against_what() {
+fn card_channels_are_sorted_by_margins_of_lateness_and_name_a_reference() {
     let html = text(&the_card(), "index.html");
     let words = words(&html);
     let answer = words.split("Validity: ").next().unwrap();
@@ -501,7 +501,7 @@ fn channels_of_a_card_stand_by_how_many_margins_they_are_late_and_say_against_wh
 }
 
 #[test]
-fn what_is_taken_out_of_a_drawn_position_is_said_above_its_panel() {
+fn the_wander_removed_from_a_drawn_position_is_stated_above_its_panel() {
     let svg = text(&site(&bench_record()), "figures/fig-4.svg");
     // Range within the few swings and rms over the record of the fixture, two digits.
     assert!(svg.contains("position.ins, north: late by 400.3\u{a0}±\u{a0}1.6 ms; wander of 0.23 m taken out here (0.43 m rms over the record)"));
@@ -509,7 +509,7 @@ fn what_is_taken_out_of_a_drawn_position_is_said_above_its_panel() {
 }
 
 #[test]
-fn a_goal_that_is_not_met_stands_at_the_head_of_the_study() {
+fn an_unmet_goal_is_reported_at_the_top_of_the_study() {
     let html = text(&monte_carlo_site(&study()), "index.html");
     assert!(html.contains("23 of 24 goals</b>") || html.contains("23 of 24 goals met</b>"));
     let head = html.split("id=\"group-1\"").next().unwrap();
@@ -527,14 +527,14 @@ fn a_bench_page_stays_small_and_the_same_record_gives_the_same_bytes() {
 }
 
 #[test]
-fn numbers_that_a_json_file_kept_give_the_same_page() {
+fn a_json_round_trip_gives_the_same_page() {
     let record = bench_record();
     let json = serde_json::to_string(&record).unwrap();
     assert_eq!(page(&serde_json::from_str(&json).unwrap()), page(&record));
 }
 
 #[test]
-fn a_swing_of_pure_noise_at_a_kilohertz_does_not_swell_the_page() {
+fn a_swing_of_pure_noise_at_1_khz_does_not_bloat_the_page() {
     let mut record = bench_record();
     for c in record.findings.as_mut().unwrap().channels.iter_mut().flat_map(|c| &mut c.components) {
         for curve in c.zoom.iter_mut().take(3).skip(2) {
@@ -546,7 +546,7 @@ fn a_swing_of_pure_noise_at_a_kilohertz_does_not_swell_the_page() {
 }
 
 #[test]
-fn a_record_whose_stamps_are_of_another_kind_is_drawn_apart_and_said() {
+fn a_record_with_other_timestamps_is_drawn_differently_and_explained() {
     let (card, mut records) = card();
     for channel in &mut records[1].findings.as_mut().unwrap().channels {
         channel.stamp_kind = flight::StampKind::Measured;
@@ -557,7 +557,7 @@ fn a_record_whose_stamps_are_of_another_kind_is_drawn_apart_and_said() {
         "all {} channels</td><td class=\"any\">its timestamps are measured, those of the card ",
         card.channels.len()
     );
-    assert_eq!(html.matches("its timestamps are measured").count(), 1, "the reason stands once");
+    assert_eq!(html.matches("its timestamps are measured").count(), 1, "the reason appears once");
     assert!(html.contains(&said), "{said}");
     let svg = text(&site, "figures/forest.svg");
     let dots = |name: &str| curves(&svg, name)[0].len() / 2;
@@ -566,7 +566,7 @@ fn a_record_whose_stamps_are_of_another_kind_is_drawn_apart_and_said() {
 }
 
 #[test]
-fn the_iron_of_a_card_is_a_table_in_microtesla_or_the_reason_why_there_is_none() {
+fn the_iron_of_a_card_is_a_table_in_microtesla_or_a_reason() {
     let (mut card, records) = card();
     let data = data(&text(&card_of(&card, &records), "index.html"));
     for value in [1.21e-5 * 1e6, 1.041, 1.009, 6.52] {
@@ -580,7 +580,7 @@ fn the_iron_of_a_card_is_a_table_in_microtesla_or_the_reason_why_there_is_none()
 }
 
 #[test]
-fn an_injection_without_a_result_and_a_latency_that_is_not_logged_have_their_reasons_on_the_page() {
+fn a_failed_injection_and_an_unlogged_latency_have_a_reason() {
     let html = page(&bench_record());
     assert!(html.contains("the first half alone cannot be fitted: the reference rests"));
     assert!(html.contains("the log holds no later stamp than the logged one"));

@@ -1,5 +1,5 @@
 //! A bench record with known numbers: a hand-driven swing of a 1.3 m bar, sensor above the pivot,
-//! position 400.3 ms late, everything else about on time. Noise from a fixed sequence.
+//! position 400.3 ms late, everything else roughly on time. Noise from a fixed sequence.
 
 use flight::{
     Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, Code, Delay, Distribution, Held, LogHealth, Notices,
@@ -25,7 +25,7 @@ fn bar(t: f64) -> [f64; 3] {
     sum
 }
 
-/// What a perfect sensor shows: the components of a channel.
+/// Output of a perfect sensor: the components of a channel.
 fn truth(quantity: Quantity, t: f64) -> Vec<f64> {
     let [x, v, a] = bar(t);
     let (s, c) = x.sin_cos();
@@ -41,7 +41,7 @@ fn truth(quantity: Quantity, t: f64) -> Vec<f64> {
     }
 }
 
-/// About normal, from a linear congruence: twelve uniform numbers less six.
+/// Roughly normal, from a linear congruential generator: the sum of twelve uniform numbers minus six.
 struct Noise(u32);
 
 impl Noise {
@@ -65,7 +65,7 @@ pub fn estimate(value: f64, u: f64) -> Estimate {
     Estimate { value, standard_uncertainty: Some(u) }
 }
 
-/// What the channels of the fixture are.
+/// The channels of the fixture.
 struct Kind {
     name: &'static str,
     quantity: Quantity,
@@ -135,7 +135,7 @@ fn component(kind: &Kind, index: usize) -> ComponentDynamics {
     }
 }
 
-/// Rms of `gain · (truth(t − delay) − truth(t − shift))` and noise: what a shifted reference leaves.
+/// Rms of `gain · (truth(t − delay) − truth(t − shift))` and noise: the residual of a shifted reference.
 fn overlay(kind: &Kind, index: usize) -> Overlay {
     let mut noise = Noise(index as u32 + 5);
     let value = |t: f64| truth(kind.quantity, t)[index];
@@ -368,7 +368,7 @@ fn channel(kind: &Kind) -> ChannelDynamics {
     }
 }
 
-/// A channel of which nothing could be said.
+/// A channel without any result.
 fn silent_channel() -> ChannelDynamics {
     let cannot = || "no row of it falls into the swing".to_owned();
     ChannelDynamics {
@@ -664,7 +664,7 @@ pub fn bench_record() -> BenchRecord {
     }
 }
 
-/// The same with curves short enough for tests that check every change of it.
+/// The same with curves short enough for tests that change every value in turn.
 pub fn light_bench_record() -> BenchRecord {
     light_bench(bench_record())
 }
@@ -696,7 +696,7 @@ pub fn light_bench(mut record: BenchRecord) -> BenchRecord {
     record
 }
 
-/// A record that was read and shows nothing: no channel, nothing told.
+/// A readable record without channels or results.
 pub fn silent_bench_record() -> BenchRecord {
     let mut record = bench_record();
     record.outcome =
@@ -800,7 +800,7 @@ pub fn card() -> (SensorCard, Vec<BenchRecord>) {
     (card, records)
 }
 
-/// A study with a goal that is not met and numbers that were not asked for.
+/// A study with an unmet goal and with numbers that have no goal.
 pub fn study() -> MonteCarloRecord {
     let mut noise = Noise(5);
     let mut case = |i: usize| MonteCarloCase {
@@ -828,7 +828,7 @@ pub fn study() -> MonteCarloRecord {
     }
 }
 
-/// So many samples of noise over the zoom.
+/// The given number of noise samples over the zoom.
 pub fn noise_curve(samples: usize) -> Curve {
     let mut noise = Noise(11);
     let step = 7.0 / samples as f64;

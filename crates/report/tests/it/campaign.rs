@@ -1,4 +1,4 @@
-//! The page of a campaign, of few flights and of many.
+//! The page of a campaign with few flights and with many.
 
 use crate::campaign_fixture::{REMOVED_S, row, varied};
 use crate::fixture;
@@ -17,14 +17,14 @@ fn text(site: &Site, path: &str) -> String {
     String::from_utf8(site.files[path].clone()).unwrap()
 }
 
-/// Without markup and figures, spaces as they are read.
+/// Page text without markup and figures, with whitespace normalised.
 fn words(html: &str) -> String {
     let html: String = html.split("<svg").map(|part| part.split_once("</svg>").map_or(part, |p| p.1)).collect();
     let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
     text.replace(['\u{a0}', '\u{202f}'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Names that show when one points at a place of a figure.
+/// Names shown on hover in a figure.
 fn pointed_at(site: &Site, figure: &str) -> Vec<String> {
     let tags = read(&text(site, figure));
     let titles = tags.windows(2).filter(|w| w[0].name == "circle" && w[1].name == "title");
@@ -32,7 +32,7 @@ fn pointed_at(site: &Site, figure: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_newest_flights_and_every_one_that_differs_are_drawn_by_name() {
+fn the_newest_flights_and_all_outliers_are_drawn_by_name() {
     let record = varied(400);
     let site = site(&record);
     let names = pointed_at(&site, "figures/lateness.svg");
@@ -50,7 +50,7 @@ fn the_newest_flights_and_every_one_that_differs_are_drawn_by_name() {
 }
 
 #[test]
-fn no_flight_is_missing_over_the_date_and_limits_are_those_of_its_group() {
+fn the_trend_shows_every_flight_and_the_limits_of_its_group() {
     let record = varied(1000);
     let site = site(&record);
     let svg = text(&site, "figures/trend.svg");
@@ -58,7 +58,7 @@ fn no_flight_is_missing_over_the_date_and_limits_are_those_of_its_group() {
     let dots: usize =
         drawn.map(|l| points(l.split(" d=\"").nth(1).unwrap().split('"').next().unwrap()).len() / 2).sum();
     let timed = record.groups.iter().map(|g| g.consistency.as_ref().unwrap().control.len()).sum::<usize>();
-    // Dots that a screen cannot tell apart are one; a hollow one is drawn twice.
+    // Dots that a screen cannot distinguish are merged; a hollow dot is drawn twice.
     assert!(dots > timed / 2 && timed > 900, "{dots} of {timed}");
     assert_eq!(svg.matches("VN-200").count(), 1, "one panel for each group: {svg:.0}");
     let newest = record.flights.iter().rev().find(|r| r.delay_s.is_some()).unwrap();
@@ -66,7 +66,7 @@ fn no_flight_is_missing_over_the_date_and_limits_are_those_of_its_group() {
 }
 
 #[test]
-fn the_index_of_many_flights_does_not_grow_with_them_and_says_which_are_not_drawn() {
+fn the_index_of_many_flights_stays_small_and_says_which_are_not_drawn() {
     let size = |flights| {
         let site = site(&varied(flights));
         (text(&site, "index.html").len(), words(&text(&site, "index.html")))
@@ -77,21 +77,21 @@ fn the_index_of_many_flights_does_not_grow_with_them_and_says_which_are_not_draw
 }
 
 #[test]
-fn no_number_is_a_mean_over_receivers_that_differ() {
+fn no_mean_is_taken_over_different_receivers() {
     let record = varied(200);
     let text = words(&text(&site(&record), "index.html"));
     for group in &record.groups {
         let mean = 1e3 * group.lateness_s.unwrap().value;
         assert!(text.contains(&format!("{mean:.1} ± 1.0 ms late, against the IMU")), "{mean}");
     }
-    // Over all flights it would be between those of the groups.
+    // A mean over all flights would lie between the means of the groups.
     let all: Vec<f64> = record.flights.iter().filter_map(|r| Some(r.lateness.as_ref()?.lateness_s()?.value)).collect();
     let mean = 1e3 * all.iter().sum::<f64>() / all.len() as f64;
     assert!(!text.contains(&format!("{mean:.1} ±")), "{mean}");
 }
 
 #[test]
-fn flights_that_are_not_one_group_have_a_range_and_no_mean() {
+fn flights_that_do_not_form_one_group_have_a_range_and_no_mean() {
     let mut record = varied(40);
     let group: &mut GroupLateness = &mut record.groups[0];
     group.split = Some("two clusters, 45 ms apart".into());
@@ -103,7 +103,7 @@ fn flights_that_are_not_one_group_have_a_range_and_no_mean() {
     assert!(card.contains("two clusters, 45 ms apart") && !card.contains(&format!("{:.1} ±", 1e3 * mean)), "{card}");
 }
 
-/// The delay of a group is wrong for a second receiver of its flights, and an error after nothing was removed is none.
+/// The delay of a group is wrong for a second receiver on board. If no delay was removed, no error after it is shown.
 #[test]
 fn another_receiver_is_named_on_the_card_of_the_group() {
     let mut record = varied(8);
@@ -118,7 +118,7 @@ fn another_receiver_is_named_on_the_card_of_the_group() {
 }
 
 #[test]
-fn a_group_that_differs_in_the_log_alone_says_so() {
+fn a_group_that_differs_only_in_the_log_says_so() {
     let mut record = varied(40);
     let part = |what: &str, value: &str| GroupPart { what: what.into(), value: value.into(), from: "test".into() };
     let of = [("MCAP", "5 Hz"), ("CSV", "5 Hz"), ("CSV", "10 Hz")];
@@ -133,7 +133,7 @@ fn a_group_that_differs_in_the_log_alone_says_so() {
 }
 
 #[test]
-fn flights_of_which_only_a_difference_is_known_have_a_way_to_know_more() {
+fn flights_with_only_a_known_difference_get_advice_on_logging() {
     let mut record = varied(40);
     for group in &mut record.groups {
         group.against = "relative to velocity.ekf".into();
@@ -156,7 +156,7 @@ fn flights_of_which_only_a_difference_is_known_have_a_way_to_know_more() {
 }
 
 #[test]
-fn the_first_thing_to_do_is_the_setting_that_saves_most_metres() {
+fn the_first_todo_is_the_setting_that_saves_the_most_metres() {
     let record = varied(200);
     let html = text(&site(&record), "index.html");
     let todo: Vec<String> = html
@@ -171,18 +171,18 @@ fn the_first_thing_to_do_is_the_setting_that_saves_most_metres() {
         .map(words)
         .collect();
     assert!((2..=5).contains(&todo.len()), "{todo:?}");
-    // M8: 118 ms, and 200 were removed from 30 % of the flights. VN-200: 154 ms too many, from 15 %.
+    // M8: 118 ms late, but 200 ms were removed, from 30 % of the flights. VN-200: 154 ms too much, from 15 %.
     let place = |words: &str| todo.iter().position(|line| line.contains(words)).unwrap();
     assert!(todo[0].contains("instead of what was removed"), "{todo:?}");
     assert!(place("M8") < place("F9P"), "{todo:?}");
 }
 
 #[test]
-fn effects_are_sorted_by_harm_and_none_that_was_harmed_is_missing() {
+fn effects_are_sorted_by_harm_and_every_harmed_flight_is_drawn() {
     let record = varied(400);
     let site = site(&record);
     let svg = text(&site, "figures/effect.svg");
-    // Labels stand from the bottom to the top.
+    // Labels run from bottom to top.
     let drawn: Vec<usize> = svg.split("flight-").skip(1).filter_map(|part| part.get(..4)?.parse().ok()).collect();
     let worse = |i: &usize| {
         let effect = row(*i).effect.unwrap();
@@ -196,7 +196,7 @@ fn effects_are_sorted_by_harm_and_none_that_was_harmed_is_missing() {
 }
 
 #[test]
-fn criteria_are_a_matrix_of_flights_and_of_many_flights_a_table_of_groups() {
+fn criteria_form_a_matrix_of_flights_or_a_table_of_groups_if_many() {
     let record = varied(40);
     let html = text(&site(&record), "index.html");
     let tags = read(&html);
@@ -219,7 +219,7 @@ fn criteria_are_a_matrix_of_flights_and_of_many_flights_a_table_of_groups() {
 }
 
 #[test]
-fn each_reason_is_one_line_that_leads_to_its_flights() {
+fn each_reason_is_one_line_that_links_to_its_flights() {
     let record = varied(200);
     let html = text(&site(&record), "index.html");
     let tags = read(&html);
@@ -239,7 +239,7 @@ fn each_reason_is_one_line_that_leads_to_its_flights() {
 }
 
 #[test]
-fn a_campaign_of_very_many_flights_has_them_in_pages_of_a_thousand_and_says_so() {
+fn a_very_large_campaign_is_split_into_pages_of_a_thousand_flights() {
     let record = varied(2500);
     let site = site(&record);
     let index = text(&site, "index.html");
@@ -263,19 +263,19 @@ fn a_campaign_of_very_many_flights_has_them_in_pages_of_a_thousand_and_says_so()
 }
 
 #[test]
-fn a_page_with_everything_on_it_keeps_within_its_size() {
+fn a_full_page_stays_within_its_size_limit() {
     for (flights, most) in [(12, 300_000), (200, 500_000), (1000, 1_500_000)] {
         let record = varied(flights);
         let page = text(&site(&record), "index.html");
         assert!(page.len() < most, "{flights} flights: {} bytes", page.len());
-        // With the track of every flight that has one.
+        // Including the track of every flight that has one.
         let drawn = record.flights.iter().filter(|row| row.track_sketch_m.is_some()).count();
         assert_eq!(page.matches(" data-track=").count(), drawn);
     }
 }
 
 #[test]
-fn the_tracks_of_the_newest_flights_are_there_on_demand() {
+fn the_tracks_of_the_newest_flights_are_available_on_demand() {
     let record = varied(100);
     let html = text(&site(&record), "index.html");
     let section = html.split("id=\"excerpts\"").nth(1).unwrap().split("<h2").next().unwrap();
@@ -290,7 +290,7 @@ fn the_tracks_of_the_newest_flights_are_there_on_demand() {
 }
 
 #[test]
-fn what_was_removed_is_said_for_each_group() {
+fn the_removed_delay_is_stated_for_each_group() {
     let text = words(&text(&site(&varied(200)), "index.html"));
     assert_eq!(text.matches(&format!("Removed: {} ms (stated in the pipeline)", 1e3 * REMOVED_S)).count(), 4);
 }

@@ -1,4 +1,4 @@
-//! Large campaigns with receivers, dates, alarms, criteria and effects that differ, for the tests, the specimen and the browser.
+//! Large campaigns with varied receivers, dates, alarms, criteria and effects, for tests, specimen and browser.
 
 use record::{
     CampaignCriteria, CampaignDelay, CampaignRecord, CampaignTotals, ChannelLateness, ControlPoint, CriteriaUse,
@@ -8,7 +8,7 @@ use record::{
     RECORD_VERSION, ReceiverGroup, RowVerdict, RowVerdicts, VerdictTally,
 };
 
-/// Name and lateness (s) of each receiver: half the flights have the first.
+/// Name and lateness (s) of each receiver; half the flights have the first.
 const RECEIVERS: [(&str, f64); 4] = [
     ("u-blox F9P 1.32, 5 Hz, 115200 baud, ArduPilot DataFlash", 0.203),
     ("u-blox M8 3.01, 5 Hz, 38400 baud, PX4 ULog", 0.118),
@@ -30,7 +30,7 @@ fn estimate(value: f64, u: f64) -> Estimate {
     Estimate { value, standard_uncertainty: Some(u) }
 }
 
-/// A number between 0 and 1 that only its arguments decide.
+/// A number between 0 and 1, determined by the arguments alone.
 fn chance(i: usize, salt: u64) -> f64 {
     let mut x = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ salt.wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 31)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -141,7 +141,7 @@ fn verdicts(i: usize) -> RowVerdicts {
     RowVerdicts { overall: each.iter().map(|v| v.verdict).min().unwrap(), each }
 }
 
-/// Flight `i`: one in 29 cannot be read, one in 31 gives no delay, one in 13 is damaged.
+/// Flight `i`: one in 29 is unreadable, one in 31 has no delay, one in 13 is damaged.
 pub fn row(i: usize) -> FlightRow {
     let outcome = match i {
         _ if i % 29 == 28 => Outcome::Failed { reason: format!("no channel map fits flight-{i:04}; nearest is g1000") },
@@ -208,7 +208,7 @@ pub fn row(i: usize) -> FlightRow {
     }
 }
 
-/// Four circuits of eight corners, as many points as a sketch has.
+/// Four circuits with eight corners each: the number of points in a sketch.
 fn track_sketch(i: usize) -> String {
     let corner = |k: usize| {
         let angle = std::f64::consts::TAU * k as f64 / 8.0;
@@ -313,7 +313,7 @@ fn criteria(rows: &[FlightRow]) -> CampaignCriteria {
     }
 }
 
-/// A campaign of so many flights.
+/// A campaign with the given number of flights.
 pub fn varied(flights: usize) -> CampaignRecord {
     let rows: Vec<FlightRow> = (0..flights).map(row).collect();
     let count = |wanted: &dyn Fn(&FlightRow) -> bool| rows.iter().filter(|r| wanted(r)).count() as u64;

@@ -1,4 +1,4 @@
-//! The page of what changed since the run before.
+//! The page of changes since the previous run.
 
 use crate::campaign_fixture::varied;
 use crate::html::read;
@@ -45,7 +45,7 @@ fn words(changes: &CampaignChanges) -> String {
 }
 
 #[test]
-fn the_page_says_what_is_new_rerun_and_why_moved_and_newly_failing() {
+fn the_page_lists_new_rerun_moved_and_newly_failing_flights() {
     let text = words(&all_kinds());
     for said in [
         "1 newly failing, 1 with a lateness that moved by more than 2 σ, 2 with another result, 1 new, 1 gone, 1 no longer failing.",
@@ -60,7 +60,7 @@ fn the_page_says_what_is_new_rerun_and_why_moved_and_newly_failing() {
 }
 
 #[test]
-fn a_first_run_and_one_that_changed_nothing_say_so() {
+fn a_first_run_and_an_unchanged_run_say_so() {
     let nothing = CampaignChanges {
         now: made_with("0.1.0"),
         new: vec![],

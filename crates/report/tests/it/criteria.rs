@@ -1,4 +1,4 @@
-//! What pages say of criteria: numbers, words, and no more than the record.
+//! What pages say about criteria: numbers and verdicts, all from the record.
 
 use crate::fixture::{campaign_record, failed_record, flight_record};
 use crate::html::read;
@@ -22,7 +22,7 @@ fn page(record: &FlightRecord) -> String {
     String::from_utf8(site.files["index.html"].clone()).unwrap()
 }
 
-/// Without markup.
+/// Page text without markup.
 fn words(html: &str) -> String {
     let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
     text.replace('\u{a0}', " ")
@@ -68,7 +68,7 @@ fn criteria() -> FlightCriteria {
 }
 
 #[test]
-fn the_verdicts_stand_at_the_top_of_the_flight_the_gravest_first_in_words() {
+fn verdicts_are_at_the_top_of_the_flight_page_worst_first_in_words() {
     let html = page(&FlightRecord { criteria: Some(criteria()), ..flight_record() });
     read(&html);
     let top = words(html.split(">Evidence</h2>").next().unwrap().split("<main").nth(1).unwrap());
@@ -85,14 +85,14 @@ fn the_verdicts_stand_at_the_top_of_the_flight_the_gravest_first_in_words() {
     ]
     .map(|text| top.find(text).unwrap_or_else(|| panic!("{text} is not in:\n{top}")));
     assert!(places.is_sorted(), "{places:?}");
-    assert!(html.contains(r#"<data value="0.209">"#), "every bit of the number is on the page");
+    assert!(html.contains(r#"<data value="0.209">"#), "the page has the number at full precision");
     assert!(top.contains("would PASS with U below 2.0 ms"), "{top}");
     assert!(top.contains("Limit: because of four &amp; &lt;b&gt;"), "{top}");
     assert!(top.contains("Decision rule. PASS: the whole 95 % interval") && top.contains("autumn.toml"), "{top}");
 }
 
 #[test]
-fn a_page_without_criteria_says_nothing_of_them() {
+fn a_page_without_criteria_does_not_mention_them() {
     assert!(!page(&flight_record()).contains("riteria"));
     let campaign = campaign_site(&campaign_record(5), &[]).files["index.html"].clone();
     let campaign = String::from_utf8(campaign).unwrap();
@@ -100,14 +100,14 @@ fn a_page_without_criteria_says_nothing_of_them() {
 }
 
 #[test]
-fn a_flight_that_could_not_be_read_shows_its_verdicts_all_the_same() {
+fn an_unreadable_flight_still_shows_its_verdicts() {
     let html = page(&FlightRecord { criteria: Some(criteria()), ..failed_record() });
     read(&html);
     assert!(words(&html).contains("1 NOT EVALUATED"));
 }
 
 #[test]
-fn a_campaign_shows_pass_rates_with_intervals_and_a_verdict_for_each_flight() {
+fn a_campaign_shows_pass_rates_with_intervals_and_flight_verdicts() {
     let mut record = campaign_record(4);
     let verdicts = [CriterionVerdict::Fail, CriterionVerdict::Pass, CriterionVerdict::Pass, CriterionVerdict::Pass];
     for (row, verdict) in record.flights.iter_mut().zip(verdicts) {

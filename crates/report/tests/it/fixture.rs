@@ -2,7 +2,7 @@
 //!
 //! The aircraft flies a sum of two harmonics, so every compensator has a closed form: for
 //! a motion `a e^(iωt)` the raw position is `a e^(iω(t − Td))`, Padé [1/1] adds
-//! `iω Td / (1 + iωTd/2)` times the motion, and the exact form gives the motion back.
+//! `iω Td / (1 + iωTd/2)` times the motion, and the exact form recovers the motion.
 
 use flight::{
     Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, Code, DamagedRange, Delay, Distribution, Gap, Geodetic,
@@ -31,7 +31,7 @@ pub const EXACT: &str = "exact asynchronous, p + ∫v";
 /// Amplitude m and angular rate rad/s of the motion: 17.5 m/s on a 30 m circle, and a slow drift.
 const HARMONICS: [(f64, f64); 2] = [(30.0, 17.5 / 30.0), (220.0, 0.021)];
 
-/// Real part for north, imaginary for east, of what a compensator shows at `t`.
+/// Output of a compensator at `t`: the real part is north, the imaginary part is east.
 fn position(kind: &str, t: f64) -> (f64, f64) {
     HARMONICS.iter().fold((0.0, 0.0), |sum, &(a, w)| {
         let rotated = |angle: f64| (a * angle.cos(), a * angle.sin());
@@ -97,7 +97,7 @@ fn path(kind: &str) -> PathCurve {
     }
 }
 
-/// Way from raw to exact along the track at `t`, m, and the ground speed, m/s.
+/// Distance from raw to exact along the track at `t`, m, and the ground speed, m/s.
 fn ahead(t: f64) -> (f64, f64) {
     let (now, next) = (position(EXACT, t - 5e-4), position(EXACT, t + 5e-4));
     let (vn, ve) = ((next.0 - now.0) / 1e-3, (next.1 - now.1) / 1e-3);
@@ -197,7 +197,7 @@ pub fn replay() -> ReplayRecord {
     }
 }
 
-/// Scores of the three: raw without lead, the paper's with a residual delay that is its truncation.
+/// Scores of the three: raw without lead, the paper's with a residual delay due to its truncation.
 pub fn scores() -> ReplayScores {
     let compensator = |name: &str, left_s: f64, expected_s: f64, error: f64| {
         let is_raw = name == "raw";
@@ -308,7 +308,7 @@ pub fn scores() -> ReplayScores {
     }
 }
 
-/// The paper's filter, found again.
+/// The onboard output, identified as the paper's filter.
 pub fn onboard() -> OnboardComparison {
     let against = |name: &str, rms_m: f64, delay_s: f64| OnboardAgainst {
         name: name.into(),
@@ -335,7 +335,7 @@ pub fn onboard() -> OnboardComparison {
     }
 }
 
-/// Three pairs: the replay's own, one that gives nothing, one against the reference.
+/// Three pairs: the replay's own, one without a result, one against the reference.
 pub fn delays() -> FlightDelays {
     let against_truth = PairDelay {
         kind: DelayPairKind::PositionAgainstReference,
@@ -376,7 +376,7 @@ fn replayed_pair() -> PairDelay {
     }
 }
 
-/// A pair that was tried and says nothing.
+/// A pair that was tried without a result.
 fn still_pair() -> PairDelay {
     PairDelay {
         kind: DelayPairKind::VelocityAgainstAcceleration,
@@ -597,7 +597,7 @@ fn pipeline() -> PipelineUse {
     }
 }
 
-/// A flight with everything: results, damage, notices.
+/// A flight with results, damage and notices.
 pub fn flight_record() -> FlightRecord {
     FlightRecord {
         record_version: RECORD_VERSION,
@@ -622,7 +622,7 @@ pub fn flight_record() -> FlightRecord {
     }
 }
 
-/// An effect that is judged by the truth.
+/// An effect judged against the truth.
 pub fn helped() -> Effect {
     Effect {
         verdict: EffectVerdict::Helped,
@@ -652,7 +652,7 @@ pub fn failed_record() -> FlightRecord {
     }
 }
 
-/// A flight that was read and says nothing.
+/// A readable flight without results.
 pub fn parked_record() -> FlightRecord {
     FlightRecord {
         outcome: Outcome::NotMeasurable {
@@ -666,7 +666,7 @@ pub fn parked_record() -> FlightRecord {
     }
 }
 
-/// A row of the campaign's table; every seventh flight lost data, every eleventh failed, every thirteenth stood still.
+/// A row of the campaign table; every 7th flight lost data, every 11th failed, every 13th did not move.
 pub fn row(i: usize) -> FlightRow {
     let outcome = match i {
         _ if i % 11 == 10 => {
@@ -721,7 +721,7 @@ pub fn row(i: usize) -> FlightRow {
     }
 }
 
-/// A campaign of so many flights.
+/// A campaign with the given number of flights.
 pub fn campaign_record(flights: usize) -> CampaignRecord {
     let rows: Vec<FlightRow> = (0..flights).map(row).collect();
     let count = |wanted: fn(&FlightRow) -> bool| rows.iter().filter(|r| wanted(r)).count() as u64;

@@ -1,4 +1,4 @@
-//! What a flight's page says of the delays that the flight itself shows.
+//! What a flight's page says about the delays estimated from the flight itself.
 
 use crate::fixture::{failed_record, flight_record, parked_record};
 use crate::html::read;
@@ -19,14 +19,14 @@ fn page(record: &FlightRecord) -> String {
     String::from_utf8(site.files["index.html"].clone()).unwrap()
 }
 
-/// From the section's head to that of the next.
+/// From the section's heading to the next one.
 fn section(record: &FlightRecord) -> String {
     let html = page(record);
     let section = html.split("<h2 id=\"delay\">").nth(1).unwrap();
     section.split("<h2").next().unwrap().to_owned()
 }
 
-/// Without markup.
+/// Page text without markup.
 fn words(html: &str) -> String {
     let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
     text.replace('\u{a0}', " ")
@@ -40,21 +40,21 @@ fn main_delay(record: &mut FlightRecord) -> &mut MeasuredDelay {
 }
 
 #[test]
-fn the_replays_pair_comes_first_as_a_difference_and_tests_no_removed_delay() {
+fn the_replay_pair_comes_first_as_a_difference_and_tests_no_removed_delay() {
     let text = words(&section(&flight_record()));
     // 409.3 ms, U = 2 × 2.1 ms.
     assert!(
         text.contains("position.gps is 409.3 ± 4.2 ms later than velocity.ekf (k = 2). How late both are is"),
         "{text}"
     );
-    assert!(!text.contains("Removed was") && !text.contains("E_n"), "a pair is no lateness: {text}");
+    assert!(!text.contains("Removed was") && !text.contains("E_n"), "a pair has a difference, not a lateness: {text}");
     let html = page(&flight_record());
     let places = [">Evidence</h2>", "<h2 id=\"delay\">", ">Data health</h2>"].map(|t| html.find(t).unwrap());
     assert!(places.is_sorted(), "{places:?}");
 }
 
 #[test]
-fn a_difference_is_never_said_to_be_late_early_or_on_time() {
+fn a_difference_is_never_called_late_early_or_on_time() {
     let mut record = flight_record();
     for ms in [-12.3, 0.1, 12.3] {
         main_delay(&mut record).delay_s.value = ms / 1e3;
@@ -77,12 +77,12 @@ fn every_pair_has_a_row_with_its_numbers_or_its_reason() {
         };
         assert!(text.contains(said.as_str()), "{said}");
     }
-    // 1.96 × 2.1 ms to either side, 2.8 × 2.1 ms, and both axes.
+    // 1.96 × 2.1 ms on either side, 2.8 × 2.1 ms, and both axes.
     assert!(text.contains("405.2 to 413.4") && text.contains("5.9") && text.contains("5\u{202f}780"), "{text}");
 }
 
 #[test]
-fn operating_points_injections_and_pieces_of_the_main_pair_are_in_tables() {
+fn the_main_pair_has_tables_of_operating_points_injections_and_pieces() {
     let text = words(&section(&flight_record()));
     for wanted in [
         "ground speed, m/s",
@@ -112,7 +112,7 @@ fn an_alarm_and_a_rival_are_warnings_and_the_step_is_drawn() {
 }
 
 #[test]
-fn a_pair_of_the_replay_that_gives_no_delay_leads_with_its_reason() {
+fn a_replay_pair_without_a_delay_leads_with_its_reason() {
     let mut record = flight_record();
     let reason = "the flight is too straight: fly two circles";
     record.delays.as_mut().unwrap().pairs[0].delay = Finding::CannotTell(reason.into());
@@ -122,7 +122,7 @@ fn a_pair_of_the_replay_that_gives_no_delay_leads_with_its_reason() {
 }
 
 #[test]
-fn without_a_replay_the_first_pair_that_was_measured_leads() {
+fn without_a_replay_the_first_measured_pair_leads() {
     let mut record = flight_record();
     record.replay = None;
     record.delays.as_mut().unwrap().pairs.swap(0, 2);
@@ -133,7 +133,7 @@ fn without_a_replay_the_first_pair_that_was_measured_leads() {
 }
 
 #[test]
-fn no_pair_and_no_search_are_told_apart() {
+fn no_pair_and_no_search_are_distinguished() {
     assert!(words(&section(&parked_record())).contains("No pair of channels gives a delay; the table says why."));
     let mut record = flight_record();
     record.delays.as_mut().unwrap().pairs.clear();
@@ -141,9 +141,9 @@ fn no_pair_and_no_search_are_told_apart() {
     assert!(!page(&failed_record()).contains("Delays of pairs of channels"));
 }
 
-/// Thousands of everything, and names without end.
+/// Thousands of everything, with overlong names.
 #[test]
-fn a_flood_of_pairs_windows_and_pieces_stays_within_the_page_and_is_counted() {
+fn a_flood_of_pairs_windows_and_pieces_is_truncated_and_counted() {
     let mut record = flight_record();
     let found = main_delay(&mut record);
     found.over_time = vec![found.over_time[1]; 5_000];
@@ -160,7 +160,7 @@ fn a_flood_of_pairs_windows_and_pieces_stays_within_the_page_and_is_counted() {
     let html = page(&record);
     read(&html);
     assert!(html.len() < 700_000, "{}", html.len());
-    // 40 rows of 5003 pairs, of 5000 pieces and injections, of 15000 groups; 299 windows of 5000.
+    // 40 rows each of 5003 pairs, 5000 pieces, 5000 injections and 15000 groups; 299 of 5000 windows.
     assert_eq!(html.matches("and 4\u{202f}960 more").count(), 2);
     assert!(html.contains("and 4\u{202f}963 more") && html.contains("and 14\u{202f}960 more"));
     assert!(html.contains("Not drawn, but in the record: 4\u{202f}701."));

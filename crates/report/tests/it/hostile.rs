@@ -1,4 +1,4 @@
-//! Records with every text hostile, every option absent, every list long.
+//! Records with hostile text everywhere, all options absent, or very long lists.
 
 use crate::bench_fixture::{card, failed_bench_record, light_bench, light_bench_record, silent_bench_record, study};
 use crate::campaign_fixture::varied;
@@ -23,8 +23,8 @@ const PAYLOADS: [&str; 9] = [
     "\0\u{1}\u{1b}[31m\u{7f}\r\n",
 ];
 
-/// Changes every place of a record for which `change` has a proposal and that still reads as
-/// a record afterwards: names of enum variants stay what they are.
+/// Applies `change` to every value of a record, and keeps each change that still parses as a record:
+/// names of enum variants stay unchanged.
 fn change_everywhere<T>(record: &T, change: &dyn Fn(&Value) -> Option<Value>) -> (T, usize)
 where
     T: serde::Serialize + serde::de::DeserializeOwned,
@@ -46,7 +46,7 @@ where
     (serde_json::from_value(root).unwrap(), changed)
 }
 
-/// The same of a campaign, with what its JSON leaves out: rows, and points of the control charts.
+/// The same for a campaign, including what its JSON omits: rows, and points of the control charts.
 fn change_campaign(record: &CampaignRecord, change: &dyn Fn(&Value) -> Option<Value>) -> (CampaignRecord, usize) {
     let (mut changed, mut count) = change_everywhere(record, change);
     for row in &record.flights {
@@ -62,7 +62,7 @@ fn change_campaign(record: &CampaignRecord, change: &dyn Fn(&Value) -> Option<Va
     (changed, count)
 }
 
-/// JSON pointers of everything below; two items of a list stand for all.
+/// JSON pointers of all descendants; two items represent each list.
 fn collect(value: &Value, path: String, out: &mut Vec<String>) {
     match value {
         Value::Object(fields) => fields.iter().for_each(|(name, v)| collect(v, format!("{path}/{name}"), out)),
@@ -74,7 +74,7 @@ fn collect(value: &Value, path: String, out: &mut Vec<String>) {
     out.push(path);
 }
 
-/// A record whose curves are short, since every change is checked on the whole.
+/// A record with short curves, because every change is checked on the whole record.
 fn light_record() -> FlightRecord {
     let mut record = flight_record();
     let replay = record.replay.as_mut().unwrap();
@@ -129,7 +129,7 @@ fn card_page(card: &SensorCard, records: &[BenchRecord], text: &str) -> Site {
 fn is_harmless(site: &Site, payload: &str) {
     for (path, bytes) in &site.files {
         let text = std::str::from_utf8(bytes).unwrap();
-        // Reading it fails on any tag, attribute or link that is not ours. In a table `<` is a character like others.
+        // Parsing fails on any tag, attribute or link that is not ours. In CSV, `<` is an ordinary character.
         let is_table = path.ends_with(".csv");
         if is_table {
             assert!(text.lines().all(|line| line.matches('"').count() % 2 == 0), "{path}: a quote is left open");
@@ -185,7 +185,7 @@ fn no_text_of_a_bench_record_becomes_markup() {
 }
 
 #[test]
-fn no_text_of_a_bench_record_without_result_becomes_markup() {
+fn no_text_of_a_bench_record_without_a_result_becomes_markup() {
     let records = [light_bench(silent_bench_record()), failed_bench_record()];
     for payload in PAYLOADS {
         for record in &records {
@@ -209,7 +209,7 @@ fn no_text_of_a_card_or_a_study_becomes_markup() {
 }
 
 #[test]
-fn a_bench_record_of_which_parts_are_absent_or_empty_has_a_page() {
+fn a_bench_record_with_absent_or_empty_parts_has_a_page() {
     let light = light_bench_record();
     let null = |value: &Value| (!value.is_null()).then_some(Value::Null);
     let inner = |value: &Value| null(value).filter(|_| !value.is_object() && !value.is_array());
@@ -231,7 +231,7 @@ fn a_bench_record_of_which_parts_are_absent_or_empty_has_a_page() {
 }
 
 #[test]
-fn bench_numbers_beyond_all_measure_have_a_page() {
+fn a_bench_record_with_extreme_numbers_has_a_page() {
     let light = light_bench_record();
     let (sensor_card, _) = card();
     for extreme in [1e300, -1e300, 5e-324, 0.0] {
@@ -247,9 +247,9 @@ fn bench_numbers_beyond_all_measure_have_a_page() {
 }
 
 #[test]
-fn a_record_of_which_every_option_is_absent_has_a_page() {
+fn a_record_without_any_optional_value_has_a_page() {
     let absent = |value: &Value| (!value.is_null()).then_some(Value::Null);
-    // Once the options inside, once those outside: a replay that is absent hides what it holds.
+    // First the inner options, then the outer ones: an absent replay hides its contents.
     let inner = |value: &Value| absent(value).filter(|_| !value.is_object() && !value.is_array());
     let (record, changed) = change_everywhere::<FlightRecord>(&light_record(), &inner);
     assert!(changed >= 10 && record.replay.is_some());
@@ -273,7 +273,7 @@ fn empty_lists_and_curves_have_a_page() {
 }
 
 #[test]
-fn numbers_beyond_all_measure_have_a_page() {
+fn a_record_with_extreme_numbers_has_a_page() {
     for extreme in [1e300, -1e300, 5e-324, f64::MAX] {
         let change = |value: &Value| value.is_f64().then(|| Value::from(extreme));
         let (record, changed) = change_everywhere(&light_record(), &change);
@@ -294,7 +294,7 @@ fn numbers_beyond_all_measure_have_a_page() {
 }
 
 #[test]
-fn values_that_are_not_finite_are_left_out_and_counted() {
+fn non_finite_values_are_left_out_and_counted() {
     let mut record = flight_record();
     let replay = record.replay.as_mut().unwrap();
     let axes = &mut replay.zoom.as_mut().unwrap().axes;
@@ -304,11 +304,11 @@ fn values_that_are_not_finite_are_left_out_and_counted() {
     let html = String::from_utf8(site(&record, "n").files["index.html"].clone()).unwrap();
     assert!(html.contains("Not drawn, because not finite or beyond 10¹²: 2."));
     let sentence = html.split("Velocity predicts a change of").nth(1).unwrap();
-    assert!(sentence[..sentence.find("</p>").unwrap()].contains(">not finite<"), "the number says so");
+    assert!(sentence[..sentence.find("</p>").unwrap()].contains(">not finite<"), "a non-finite number is labelled");
 }
 
 #[test]
-fn a_flood_of_topics_notices_and_long_names_stays_within_the_page() {
+fn a_flood_of_topics_notices_and_long_names_does_not_bloat_the_page() {
     let mut record = flight_record();
     let log = record.log.as_mut().unwrap();
     let mut topic = log.topics[0].clone();
@@ -321,6 +321,6 @@ fn a_flood_of_topics_notices_and_long_names_stays_within_the_page() {
     binding.channels = vec![binding.channels[0].clone(); 500];
     let html = String::from_utf8(site(&record, "n").files["index.html"].clone()).unwrap();
     assert!(html.len() < 1_500_000, "{}", html.len());
-    // What is not shown is counted.
+    // Items that are not shown are counted.
     assert!(html.contains("and 2\u{202f}700 more") && html.contains("(9700 characters more)"));
 }

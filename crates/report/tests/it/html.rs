@@ -1,4 +1,4 @@
-//! A small strict reader of our own pages: every tag, attribute and link is on a list.
+//! A small strict parser for our own pages: every tag, attribute and link must be on a list.
 
 use std::fmt::Write;
 
@@ -119,7 +119,7 @@ const ATTRIBUTES: [&str; 61] = [
     "xmlns",
 ];
 
-/// One start tag with its attributes, values still escaped.
+/// One start tag with its attributes; values are still escaped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tag {
     pub name: String,
@@ -134,7 +134,7 @@ impl Tag {
     }
 }
 
-/// Reads a page or a figure: balanced tags, all from the list, links that stay inside.
+/// Parses a page or a figure. Tags must be balanced and on the list, and links must stay inside the report.
 ///
 /// Panics with what is wrong and where.
 pub fn read(text: &str) -> Vec<Tag> {
@@ -155,7 +155,7 @@ pub fn read(text: &str) -> Vec<Tag> {
             let tag = start_tag(inside, after);
             let closes = inside.ends_with('/') || VOID.contains(&tag.name.as_str());
             if matches!(tag.name.as_str(), "script" | "style") {
-                // Raw text: no tag inside until its own end.
+                // Raw text: contains no tags before its own end tag.
                 rest = &after[after.find(&format!("</{}>", tag.name)).unwrap()..];
                 open.push(tag.name.clone());
                 tags.push(tag);
@@ -211,7 +211,7 @@ fn check(tag: &Tag) {
     }
 }
 
-/// Whether a page shows the figure of a file: the same words and curves, in the colours of the page's style sheet.
+/// Whether a page shows the figure of a file: the same text and curves, in the colours of the page's style sheet.
 pub fn shows(html: &str, svg: &str) -> bool {
     let is_there = |tag: &Tag| match tag.name.as_str() {
         "path" => tag.get("d").is_none_or(|d| html.contains(&format!(" d=\"{d}\""))),

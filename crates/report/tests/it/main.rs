@@ -1,4 +1,4 @@
-//! Pages and figures against the records they are made from.
+//! Compares pages and figures with the records they are made from.
 
 mod bench;
 mod bench_fixture;

@@ -21,14 +21,14 @@ fn page(record: &FlightRecord) -> String {
     String::from_utf8(site.files["index.html"].clone()).unwrap()
 }
 
-/// Without markup and figures, spaces as they are read.
+/// Page text without markup and figures, with whitespace normalised.
 fn words(html: &str) -> String {
     let html: String = html.split("<svg").map(|part| part.split_once("</svg>").map_or(part, |p| p.1)).collect();
     let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
     text.replace(['\u{a0}', '\u{202f}'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What stands above the first table.
+/// The text above the first table.
 fn top(record: &FlightRecord) -> String {
     words(page(record).split("<h2").next().unwrap())
 }
@@ -106,7 +106,7 @@ fn record() -> FlightRecord {
 }
 
 #[test]
-fn every_alarm_is_above_the_first_table_the_gravest_first_and_counted_beside_the_verdict() {
+fn alarms_are_above_the_first_table_worst_first_and_counted() {
     let text = top(&record());
     let places = ["two delays fit", "9 % of the samples", "is contradicted: measured is 203"]
         .map(|alarm| text.find(alarm).unwrap_or_else(|| panic!("{alarm}: {text}")));
@@ -115,7 +115,7 @@ fn every_alarm_is_above_the_first_table_the_gravest_first_and_counted_beside_the
 }
 
 #[test]
-fn every_alarm_of_a_flight_is_counted_in_its_row_of_the_campaign() {
+fn the_campaign_row_of_a_flight_counts_all_its_alarms() {
     let mut campaign = campaign_record(3);
     (campaign.flights[1].lateness, campaign.flights[1].decision) = (Some(lateness()), Some(decision()));
     campaign.flights[1].attention = vec!["two delays fit: 203 and 500 ms".into()];
@@ -127,12 +127,12 @@ fn every_alarm_of_a_flight_is_counted_in_its_row_of_the_campaign() {
     assert!(row.contains("! 1 alarm! 2 warnings"), "{row}");
     assert_eq!(attention.matches("! Alarm 1 flight").count(), 1, "{attention}");
     assert_eq!(attention.matches("flight-0001").count(), 3, "{attention}");
-    // A red alarm is graver than what is merely worth a look.
+    // A red alarm ranks above what is merely worth a look.
     assert!(attention.find("flight-0001") < attention.find("flight-0000"), "{attention}");
 }
 
 #[test]
-fn of_a_flight_that_was_not_replayed_nothing_was_removed() {
+fn a_flight_that_was_not_replayed_has_no_removed_delay() {
     let parked = FlightRecord {
         outcome: Outcome::NotMeasurable { reason: "the vehicle does not travel".into() },
         replay: None,
@@ -143,7 +143,7 @@ fn of_a_flight_that_was_not_replayed_nothing_was_removed() {
 }
 
 #[test]
-fn sentences_end_once_and_a_verdict_is_said_once() {
+fn sentences_end_with_one_full_stop_and_verdicts_appear_once() {
     let text = top(&record());
     assert!(!text.contains("..") && !text.contains("helped: "), "{text}");
     assert!(text.contains("What was measured contradicts it.") && text.contains("Fly 2 minutes of turns."), "{text}");
@@ -152,7 +152,7 @@ fn sentences_end_once_and_a_verdict_is_said_once() {
 }
 
 #[test]
-fn a_figure_says_late_only_where_the_lateness_itself_is_known() {
+fn a_figure_says_late_only_if_the_lateness_is_known() {
     let title = |relative_to: Option<&str>| {
         let mut one = record();
         let channel = one.lateness.as_mut().unwrap().lateness.as_mut().unwrap();
@@ -167,14 +167,14 @@ fn a_figure_says_late_only_where_the_lateness_itself_is_known() {
 }
 
 #[test]
-fn no_page_calls_a_velocity_on_time_that_its_network_finds_late() {
+fn no_page_calls_a_velocity_on_time_if_its_network_finds_it_late() {
     let text = words(&page(&record()));
     assert!(!text.contains("is on time"), "{text}");
     assert!(text.contains("than which it is 143 ± 14 ms later"), "{text}");
 }
 
 #[test]
-fn where_the_effect_cannot_be_told_no_table_says_at_which_frequencies_it_helps() {
+fn an_unknown_effect_has_no_table_of_helpful_frequencies() {
     let section = |record: &FlightRecord| {
         let html = page(record);
         words(html.split("<h3>At which frequencies</h3>").nth(1).unwrap().split("<h2").next().unwrap())
@@ -192,7 +192,7 @@ fn where_the_effect_cannot_be_told_no_table_says_at_which_frequencies_it_helps()
 }
 
 #[test]
-fn what_the_network_answers_is_no_fallback_of_the_network() {
+fn a_delay_from_the_network_is_not_labelled_a_fallback() {
     let mut record = record();
     let choice = record.replay.as_mut().unwrap().choice.as_mut().unwrap();
     for (used, is_fallback) in
@@ -209,7 +209,7 @@ fn what_the_network_answers_is_no_fallback_of_the_network() {
 }
 
 #[test]
-fn channels_without_a_datum_have_differences_and_no_lateness() {
+fn channels_without_a_datum_have_differences_but_no_lateness() {
     let network = |relative_to: Option<&str>| DelayNetwork {
         channels: vec![ChannelLateness { relative_to: relative_to.map(str::to_owned), ..channel() }],
         covariance_s2: vec![vec![6.4e-5]],
@@ -241,7 +241,7 @@ fn channels_without_a_datum_have_differences_and_no_lateness() {
 }
 
 #[test]
-fn a_campaign_names_one_error_before_and_one_after() {
+fn a_campaign_shows_one_error_before_and_one_after() {
     let html = String::from_utf8(campaign_site(&campaign_record(4), &[]).files["index.html"].clone()).unwrap();
     let head = words(
         html.split("<thead>").find(|part| part.contains("Error before")).unwrap().split("</thead>").next().unwrap(),

@@ -1,4 +1,4 @@
-//! What the pages say is what the records hold.
+//! The pages agree with the records.
 
 use crate::fixture::{self, campaign_record, failed_record, flight_record, parked_record};
 use crate::html::{Tag, points, read, shows};
@@ -27,12 +27,12 @@ fn page(record: &FlightRecord) -> String {
     text(&site(record), "index.html")
 }
 
-/// The number that a text shows, and half of its last digit.
+/// The number shown by a text, and half of its last digit.
 fn shown_number(text: &str) -> (f64, f64) {
     let plain: String = text.replace('\u{2212}', "-").chars().filter(|c| *c != '\u{202f}').collect();
     let decimals = plain.split_once('.').map_or(0, |(_, d)| d.len());
-    // A whole number may be rounded to tens or hundreds: two digits of uncertainty decide that, so
-    // allow for what the trailing zeros hide.
+    // A whole number may be rounded to tens or hundreds, depending on its uncertainty: allow for the
+    // digits that the trailing zeros hide.
     let zeros = if decimals == 0 { plain.len() - plain.trim_end_matches('0').len() } else { 0 };
     (plain.parse().unwrap(), 0.5 * 10f64.powi(zeros as i32 - decimals as i32))
 }
@@ -44,9 +44,9 @@ fn curve(svg: &str, name: &str) -> Vec<(f64, f64)> {
     tags.windows(2).filter(is_named).flat_map(|pair| points(pair[0].get("d").unwrap())).collect()
 }
 
-/// Curves keep no point that lies on the line of its neighbours, and north and east keep others.
+/// Thinning drops points on the line between their neighbours, and north and east keep different points.
 #[test]
-fn the_delay_as_a_length_is_speed_times_delay_whatever_points_the_curves_keep() {
+fn the_delay_as_a_length_is_speed_times_delay_despite_thinned_curves() {
     let mut record = flight_record();
     let zoom = record.replay.as_mut().unwrap().zoom.as_mut().unwrap();
     let line = |name: &str, lag_s: f64, t_s: &[f64]| {
@@ -56,7 +56,7 @@ fn the_delay_as_a_length_is_speed_times_delay_whatever_points_the_curves_keep() 
     for (axis, kept) in zoom.axes.iter_mut().zip([[232.0, 240.3, 262.0], [232.0, 251.7, 262.0]]) {
         axis.position_m = vec![line(fixture::RAW, 0.4, &kept), line(fixture::EXACT, 0.0, &[232.0, 262.0])];
     }
-    // 0.4 s at 10 m/s in each of two axes.
+    // 0.4 s at 10 m/s on each of two axes.
     assert!(page(&record).contains("The delay as a length: up to 5.7\u{a0}m in the hardest turn"));
 }
 
@@ -83,7 +83,7 @@ fn every_number_with_its_bits_on_the_page_is_rounded_from_them() {
 }
 
 #[test]
-fn the_effect_stands_in_the_answer_and_the_correction_in_the_table_of_compensators() {
+fn the_effect_is_in_the_answer_and_the_correction_in_the_table() {
     let record = flight_record();
     let html = page(&record);
     let answer = html.split("<h2").next().unwrap();
@@ -95,7 +95,7 @@ fn the_effect_stands_in_the_answer_and_the_correction_in_the_table_of_compensato
 }
 
 #[test]
-fn the_verdict_is_a_word_and_lost_data_has_its_own() {
+fn the_verdict_is_a_word_and_lost_data_has_its_own_word() {
     let words = |html: &str| {
         ["Helped", "Not measurable", "Failed", "LOG DAMAGED"].map(|w| html.contains(&format!("</span>{w}</span>")))
     };
@@ -108,7 +108,7 @@ fn the_verdict_is_a_word_and_lost_data_has_its_own() {
 }
 
 #[test]
-fn a_flight_without_result_begins_with_its_reason_and_keeps_its_provenance() {
+fn a_flight_without_a_result_starts_with_its_reason_and_has_provenance() {
     for record in [failed_record(), parked_record()] {
         let html = page(&record);
         let (Outcome::Failed { reason } | Outcome::NotMeasurable { reason }) = &record.outcome else { panic!() };
@@ -133,21 +133,21 @@ fn a_spike_of_ten_sigma_is_drawn_at_its_full_height() {
     }
     let svg = text(&site(&record), "figures/fig-7.svg");
     let all = curve(&svg, "raw, newest fix held");
-    // Upper panel alone: the lower one begins where the abscissa falls back.
+    // Upper panel only: the lower one starts where the abscissa jumps back.
     let end = all.windows(2).position(|w| w[1].0 < w[0].0 - 100.0).unwrap() + 1;
     let mut heights: Vec<f64> = all[..end].iter().map(|p| p.1).collect();
     heights.sort_by(f64::total_cmp);
     let (spike, plus, minus) = (heights[0], heights[1], heights[heights.len() - 1]);
     let ratio = (plus - spike) / (minus - plus);
-    assert!((ratio - 4.5).abs() < 0.1, "the spike stands {ratio} times the peak-to-peak noise above it, not 4.5");
-    // And it stands at its time: 123.45 s of 199.99 s.
+    assert!((ratio - 4.5).abs() < 0.1, "the spike is {ratio} times the peak-to-peak noise above it, not 4.5");
+    // It is at the right time: 123.45 s of 199.99 s.
     let (left, right) = (all[0].0, all[end - 1].0);
     let at = all.iter().find(|p| p.1 == spike).unwrap().0;
     assert!(((at - left) / (right - left) - 123.45 / 199.99).abs() < 0.002);
 }
 
 #[test]
-fn raw_and_compensated_are_solid_in_two_colours_and_no_other_curve_hides_them() {
+fn raw_and_compensated_are_solid_in_two_colours_and_never_hidden() {
     let svg = text(&site(&flight_record()), "figures/fig-7.svg");
     let tags = read(&svg);
     let dashes = |name: &str| {
@@ -160,14 +160,14 @@ fn raw_and_compensated_are_solid_in_two_colours_and_no_other_curve_hides_them() 
 }
 
 #[test]
-fn the_pen_is_lifted_where_the_record_says() {
+fn curves_are_interrupted_at_the_breaks_of_the_record() {
     let svg = text(&site(&flight_record()), "figures/lead.svg");
     let starts = svg.lines().filter(|l| l.contains("<title>compensated (exact form)")).map(|l| l.matches('M').count());
     assert_eq!(starts.collect::<Vec<_>>(), [2, 2]);
 }
 
 #[test]
-fn every_figure_is_named_described_and_in_the_page() {
+fn every_figure_is_named_described_and_on_the_page() {
     let site = site(&flight_record());
     let html = text(&site, "index.html");
     for name in ["fig-7", "turn", "lead", "track", "delay-over-time", "budget", "timeline"] {
@@ -181,7 +181,7 @@ fn every_figure_is_named_described_and_in_the_page() {
 }
 
 #[test]
-fn nothing_on_a_page_asks_for_anything_outside() {
+fn pages_make_no_external_requests() {
     let campaign = campaign_site(&campaign_record(30), &[]);
     for (path, bytes) in site(&flight_record()).files.iter().chain(&campaign.files) {
         let text = std::str::from_utf8(bytes).unwrap();
@@ -195,7 +195,7 @@ fn nothing_on_a_page_asks_for_anything_outside() {
 }
 
 #[test]
-fn every_head_has_a_scope_and_every_id_is_unique() {
+fn every_table_header_has_a_scope_and_every_id_is_unique() {
     for html in [page(&flight_record()), text(&campaign_site(&campaign_record(30), &[]), "index.html")] {
         let tags = read(&html);
         assert_eq!(tags[0].get("lang"), Some("en"));
@@ -217,7 +217,7 @@ fn the_same_record_gives_the_same_bytes() {
 }
 
 #[test]
-fn troubled_flights_stand_first_with_their_reason() {
+fn flights_with_problems_come_first_with_their_reason() {
     let record = campaign_record(40);
     let html = text(&campaign_site(&record, &[]), "index.html").replace("<wbr>", "");
     let (attention, all) = html.split_once(">All flights</h2>").unwrap();
@@ -231,16 +231,16 @@ fn troubled_flights_stand_first_with_their_reason() {
         assert!(troubled || !attention.contains(&link(&row.flight)), "{}", row.flight);
     }
     assert!(attention.contains("flight-0010.bag: no index and no record at byte 13"));
-    // A failed flight before a lossy one before one that stands still.
+    // Order: failed, data lost, not moving.
     let place = |i: usize| attention.find(&link(&record.flights[i].flight)).unwrap();
     assert!(place(10) < place(6) && place(13) < place(12));
-    // The table too begins with the gravest.
+    // The table also starts with the worst.
     let row = |i: usize| all.find(&link(&record.flights[i].flight)).unwrap();
     assert!(row(10) < row(6) && row(6) < row(0));
 }
 
 #[test]
-fn the_table_sorts_by_the_bits_of_the_record() {
+fn the_table_sorts_by_the_exact_values_of_the_record() {
     let record = campaign_record(40);
     let tags = read(&text(&campaign_site(&record, &[]), "index.html"));
     let bits: Vec<f64> = tags.iter().filter(|t| t.name == "td").filter_map(|t| t.get("data-v")?.parse().ok()).collect();
@@ -266,7 +266,7 @@ fn pages_stay_small() {
 }
 
 #[test]
-fn curves_of_pure_noise_do_not_swell_the_page() {
+fn curves_of_pure_noise_do_not_bloat_the_page() {
     let mut record = flight_record();
     let replay = record.replay.as_mut().unwrap();
     let mut state = 1_u32;
@@ -286,7 +286,7 @@ fn curves_of_pure_noise_do_not_swell_the_page() {
 }
 
 #[test]
-fn what_the_log_says_of_the_vehicle_is_on_the_page_and_nothing_where_it_says_nothing() {
+fn vehicle_data_from_the_log_is_shown_only_if_present() {
     let mut record = flight_record();
     assert!(!page(&record).contains("What the log says of the vehicle"));
     let delay = flight::ConfiguredDelay {
@@ -313,7 +313,7 @@ fn what_the_log_says_of_the_vehicle_is_on_the_page_and_nothing_where_it_says_not
 }
 
 #[test]
-fn beside_the_gaps_of_a_channel_stand_the_longest_hole_and_what_a_gap_is() {
+fn the_gaps_of_a_channel_come_with_the_longest_gap_and_the_definition() {
     let mut record = flight_record();
     let gaps_of = |record: &FlightRecord| {
         let page = page(record);
@@ -325,7 +325,7 @@ fn beside_the_gaps_of_a_channel_stand_the_longest_hole_and_what_a_gap_is() {
     let stamps = record.binding.as_mut().unwrap().channels[0].stamps.as_mut().unwrap();
     (stamps.gap_count, stamps.gaps) = (0, vec![]);
     assert_eq!(gaps_of(&record), "0; longest step 1250 ms");
-    // Where no step is known, no gap can be counted.
+    // Without a known step, gaps cannot be counted.
     record.binding.as_mut().unwrap().channels[0].stamps.as_mut().unwrap().steps_s = None;
     assert!(gaps_of(&record).contains("—"));
 }

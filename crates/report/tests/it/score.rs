@@ -1,4 +1,4 @@
-//! What a flight's page says of the worth of the compensators, and of what the aircraft computed.
+//! What a flight's page says about the performance of the compensators, and about what the aircraft computed.
 
 use crate::fixture::{flight_record, onboard};
 use crate::html::read;
@@ -19,50 +19,50 @@ fn page(record: &FlightRecord) -> String {
     String::from_utf8(site.files["index.html"].clone()).unwrap()
 }
 
-/// From the section's head to that of the next.
+/// From the section's heading to the next one.
 fn section(record: &FlightRecord, id: &str) -> String {
     let html = page(record);
     let section = html.split(&format!("<h2 id=\"{id}\">")).nth(1).unwrap();
     section.split("<h2").next().unwrap().to_owned()
 }
 
-/// Without markup.
+/// Page text without markup.
 fn words(html: &str) -> String {
     let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
     text.replace('\u{a0}', " ")
 }
 
 #[test]
-fn each_output_is_told_to_agree_with_what_is_expected_of_it_or_not() {
+fn each_output_is_labelled_as_agreeing_with_its_expected_delay_or_not() {
     let html = section(&flight_record(), "score");
     let row = |name: &str| {
         let rows = html.split("<tr>").filter(|row| row.contains(&format!("<code>{name}</code>")));
         words(rows.take(1).next().unwrap())
     };
-    // 400 ± 1.2 of 400; 1.8 ± 1.2 of 1.3 (its truncation); 3.1 ± 1.2 of 0 ms.
+    // Measured against expected, ms: 400 ± 1.2, 400; 1.8 ± 1.2, 1.3 (its truncation); 3.1 ± 1.2, 0.
     assert!(row("raw").contains("✓ agrees") && row("raw").contains("400.0 ± 1.2"), "{}", row("raw"));
     assert!(row("pade-1-1").contains("✓ agrees"), "{}", row("pade-1-1"));
     assert!(row("exact-async").contains("! differs"), "{}", row("exact-async"));
 }
 
 #[test]
-fn a_number_that_cannot_be_told_is_a_dash_with_its_reason_below() {
+fn an_unknown_number_is_a_dash_with_its_reason_below() {
     let html = section(&flight_record(), "score");
     let text = words(&html);
     assert!(text.contains("ref.") && !text.contains("the lead is that over raw"), "{text}");
     assert!(text.contains("— not known, "), "{text}");
     assert!(text.contains("not known"), "{text}");
-    // What a log says is text, here in the reason of an unknown term.
+    // Text from a log is escaped, here in the reason of an unknown term.
     assert!(html.contains("&lt;the flight is too straight&gt;") && !html.contains("<the flight"), "{html}");
 }
 
 #[test]
-fn the_budget_stands_beside_the_measured_error() {
+fn the_error_budget_is_shown_next_to_the_measured_error() {
     let html = section(&flight_record(), "score");
     let budget = words(html.split("<h3 id=\"error-budget\">Error budget</h3>").nth(1).unwrap());
     let (total, measured) = budget.split_once("Measured against the reference").unwrap();
     assert!(total.contains("0.0105") || total.contains("0.011"), "{total}");
-    assert!(total.contains("0.0193 from the others"), "0.98 × 0.0197, and one term is not known: {total}");
+    assert!(total.contains("0.0193 from the others"), "0.98 × 0.0197, and one term is unknown: {total}");
     assert!(measured.contains("0.01970 ± 0.00083"), "{measured}");
 }
 
@@ -94,7 +94,7 @@ fn the_figure_of_the_bands_is_drawn_below_the_motion() {
 }
 
 #[test]
-fn what_the_aircraft_computed_is_said_to_be_reproduced_or_by_how_much_it_is_not() {
+fn the_onboard_result_is_reported_as_reproduced_or_with_its_difference() {
     let text = words(&section(&flight_record(), "onboard"));
     assert!(text.contains("✓ reproduced position.compensated is what pade-1-1 gives in the replay"), "{text}");
     let mut record = flight_record();
@@ -106,7 +106,7 @@ fn what_the_aircraft_computed_is_said_to_be_reproduced_or_by_how_much_it_is_not(
 }
 
 #[test]
-fn a_record_from_before_the_scores_still_makes_a_page() {
+fn an_older_record_without_scores_still_has_a_page() {
     let mut record = flight_record();
     let replay = record.replay.as_mut().unwrap();
     (replay.scores, replay.onboard) = (None, None);

@@ -1,4 +1,4 @@
-//! Which delay was removed, what others would have done, and the flights together.
+//! The removed delay, the effect of other delays, and the flights of a campaign combined.
 
 use crate::campaign_fixture::varied;
 use crate::fixture::sweep::{error, estimate};
@@ -9,7 +9,7 @@ use record::{
 };
 use report::{FlightPage, Site, campaign_site, flight_site};
 
-/// Twelve flights, the eighth of which is late by more.
+/// Twelve flights; the eighth is later than the others.
 fn campaign() -> CampaignRecord {
     let control = (0..12).map(|i| {
         let late = if i == 7 { 0.031 } else { 0.001 * f64::from(i % 3) };
@@ -61,7 +61,7 @@ fn site(record: &FlightRecord) -> Site {
     })
 }
 
-/// The text of a page without its markup, spaces as they are read.
+/// Page text without markup, with whitespace normalised.
 fn words(site: &Site) -> String {
     let html = String::from_utf8(site.files["index.html"].clone()).unwrap();
     let mut text = String::new();
@@ -81,7 +81,7 @@ fn assert_said(text: &str, said: &[&str]) {
 }
 
 #[test]
-fn the_page_says_which_delay_was_removed_why_and_what_the_others_say() {
+fn the_page_shows_the_removed_delay_its_reason_and_the_alternatives() {
     let site = site(&flight_record());
     let text = words(&site);
     assert_said(
@@ -94,7 +94,7 @@ fn the_page_says_which_delay_was_removed_why_and_what_the_others_say() {
             "95 % interval 399.30 to 401.10 ms",
         ],
     );
-    // (400.2 − 400)/√(13² + 0.8²). Position against velocity is no lateness: it is not held against one.
+    // (400.2 − 400)/√(13² + 0.8²). Position against velocity is not a lateness, so it is not compared.
     assert_said(&text, &["agrees 0.015"]);
     assert!(!text.contains("agrees 0.68"), "{text}");
     for figure in ["figures/delay-sweep.svg", "figures/delay-objective.svg"] {
@@ -103,7 +103,7 @@ fn the_page_says_which_delay_was_removed_why_and_what_the_others_say() {
 }
 
 #[test]
-fn a_delay_from_the_flight_itself_is_said_to_be_no_test_of_itself() {
+fn a_delay_from_the_flight_itself_is_marked_as_not_a_test() {
     let mut record = flight_record();
     let found = record.delays.as_ref().unwrap().pairs[0].delay.found().unwrap().delay_s;
     let replay = record.replay.as_mut().unwrap();
@@ -129,7 +129,7 @@ fn a_fallback_is_marked_and_gives_its_reason() {
 }
 
 #[test]
-fn a_record_from_before_the_sweep_has_a_page_without_it() {
+fn an_older_record_without_a_sweep_has_a_page_without_it() {
     let mut record = flight_record();
     let replay = record.replay.as_mut().unwrap();
     (replay.choice, replay.sweep) = (None, None);
@@ -138,7 +138,7 @@ fn a_record_from_before_the_sweep_has_a_page_without_it() {
 }
 
 #[test]
-fn the_campaign_says_what_the_flights_show_together_and_which_is_outside() {
+fn the_campaign_shows_the_combined_result_and_the_outlier() {
     let site = campaign_site(&campaign(), &[]);
     let text = words(&site);
     assert_said(

@@ -1,4 +1,4 @@
-//! A choice of delays and a sweep with known numbers.
+//! A delay choice and a sweep with known numbers.
 
 use super::TD;
 use record::{
@@ -40,12 +40,12 @@ pub fn choice() -> DelayChoice {
     choice
 }
 
-/// Errors of 17.5 m/s times what the delay is wrong by, over a floor of 2 cm.
+/// Errors of 17.5 m/s times the delay error, over a floor of 2 cm.
 pub fn error(delay_s: f64) -> f64 {
     0.02_f64.hypot(17.5 * (delay_s - TD))
 }
 
-/// A sweep whose best delay is the truth.
+/// A sweep whose best delay is the true one.
 pub fn swept() -> DelaySweep {
     let delay_s: Vec<f64> = (60..=102).map(|k| 0.005 * f64::from(k)).collect();
     let point = |source, delay_s: f64, u: f64| SweepPoint {
@@ -71,7 +71,7 @@ pub fn swept() -> DelaySweep {
     }
 }
 
-/// A parabola about a delay.
+/// A parabola centred on a delay.
 pub fn objective(delay_s: f64, u: f64) -> ObjectiveCurve {
     let grid = |half: f64| (-10..=10).map(|k| delay_s + half * f64::from(k) / 10.0).collect::<Vec<f64>>();
     let value = |x: &[f64]| x.iter().map(|d| ((d - delay_s) / u).powi(2)).collect::<Vec<f64>>();

@@ -1,4 +1,4 @@
-//! What the details of one channel show.
+//! The figures in the details of one channel.
 
 use super::super::curve::{Tally, lines};
 use super::super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, outline, pieces, stroke, upright};
@@ -10,11 +10,11 @@ use record::{
     Stationarity,
 };
 
-/// Two of these stand side by side.
+/// Two of these fit side by side.
 const SMALL: (u32, u32) = (420, 150);
 const TIME: &str = "time since the encoder's first sample";
 
-/// Figures that every channel has, and how to read them: said once on a page.
+/// Figures that every channel has, and how to read them: explained once on a page.
 pub(crate) const KINDS: [(&str, &str); 9] = [
     (
         "components over a few swings",
@@ -80,7 +80,7 @@ pub(crate) struct ChannelFigures {
     pub(crate) minimum: Option<Figure>,
     /// Delay over the record.
     pub(crate) stationarity: Option<Figure>,
-    /// Arrival less device time.
+    /// Arrival time minus device time.
     pub(crate) latency: Option<Figure>,
 }
 
@@ -103,7 +103,7 @@ impl ChannelFigures {
         }
     }
 
-    /// One place for each of [`KINDS`].
+    /// One slot for each of [`KINDS`].
     pub(crate) fn slots(&self) -> [&Option<Figure>; 9] {
         [
             &self.components,
@@ -133,7 +133,7 @@ impl ChannelFigures {
     }
 }
 
-/// How the figures of one channel are called.
+/// Names of the figures of one channel.
 struct Named<'a> {
     channel: String,
     anchor: &'a str,
@@ -144,7 +144,7 @@ impl Named<'_> {
         format!("{}-{what}", self.anchor)
     }
 
-    /// A small figure with this title, still without panels.
+    /// A small figure with this title, without panels.
     fn figure(&self, id: &str, title: &str, caption: String, panels: Vec<Panel>) -> Figure {
         Figure {
             id: self.id(id),
@@ -182,7 +182,7 @@ fn response(named: &Named, found: &ResponseFinding) -> Option<Figure> {
         let (pale, mut lines): (Vec<Line>, Vec<Line>) =
             bins(found, value).into_iter().partition(|l| l.pen == Pen::DoubtfulPoints);
         lines.extend(model_line(found, &model));
-        // Bins that nobody relies on must not set the scale.
+        // Unreliable bins must not set the scale.
         let y = Axis::linear(label, extent(&lines, |p| p.1).unwrap_or_else(|| range(&pale)), 5);
         for mut line in pale {
             let count = line.pieces.len();
@@ -236,10 +236,10 @@ fn model_line(found: &ResponseFinding, model: &[f64]) -> Option<Line> {
     (!pieces.is_empty()).then(|| Line { name: "fitted model".to_owned(), pen: Pen::Dashed, pieces })
 }
 
-// The fit from outside
+// Checks of the fit
 
 fn residuals(named: &Named, components: &[ComponentDynamics]) -> Option<Figure> {
-    /// Panels at most.
+    /// Maximum number of panels.
     const MOST: usize = 4;
     let mut tally = Tally::default();
     let with_curve = components.iter().filter_map(|c| Some((c, c.residual.as_ref()?))).take(MOST);
@@ -306,7 +306,7 @@ fn objective(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) ->
 }
 
 fn minimum(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) -> Option<Figure> {
-    /// 95 % of chi-squared with one degree of freedom.
+    /// 95 % quantile of chi-squared with one degree of freedom.
     const LIMIT: f64 = 3.841;
     let curve = &checks.objective;
     let mut panel = objective_panel(&curve.near_delay_s, &curve.near_value, delay.map(found))?;
@@ -319,7 +319,7 @@ fn found(delay: &DelayFinding) -> (f64, [f64; 2]) {
     (delay.delay.seconds(), delay.interval_95_s)
 }
 
-/// An objective over ms, with the delay and its interval (s).
+/// An objective over delay (ms), with the estimated delay and its interval (s).
 pub(in crate::figure) fn objective_panel(
     delay_s: &[f64],
     value: &[f64],
@@ -327,7 +327,7 @@ pub(in crate::figure) fn objective_panel(
 ) -> Option<Panel> {
     let delay_ms: Vec<f64> = delay_s.iter().copied().map(millis).collect();
     let (mut pieces, _) = pieces(&delay_ms, value, &[]);
-    // An axis has room for five digits.
+    // Axis labels have room for five digits.
     let largest = value.iter().copied().filter(|v| is_drawable(*v)).fold(0.0, f64::max);
     let (scale, label) = match largest {
         v if v >= 1e8 => (1e-9, "−2 ln L above least (10⁹)"),

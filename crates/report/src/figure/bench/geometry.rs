@@ -7,7 +7,7 @@ use record::{ReferenceFinding, RigGeometry, RigPart};
 
 /// Width and height of a drawing, CSS pixels.
 const SIZE: (u32, u32) = (420, 300);
-/// The bar is drawn a second time at this angle, rad.
+/// Angle of the second drawing of the bar, rad.
 const SHOWN_ANGLE: f64 = 0.5;
 
 /// Letters for the parts, in the order of the record.
@@ -24,7 +24,7 @@ fn turned([x, _, z]: [f64; 3], angle: f64) -> (f64, f64) {
     (x * cos + z * sin, x * sin - z * cos)
 }
 
-/// From the side: along the swing's plane and up, m.
+/// Side view: along the swing plane and up, m.
 pub(super) fn side(geometry: &RigGeometry, reference: &ReferenceFinding) -> Option<Figure> {
     let [x, _, z] = tip(geometry)?;
     let bar = |angle| vec![(0.0, 0.0), turned([x, 0.0, z], angle)];
@@ -66,7 +66,7 @@ pub(super) fn side(geometry: &RigGeometry, reference: &ReferenceFinding) -> Opti
     )
 }
 
-/// From above: east and north, m.
+/// Top view: east and north, m.
 pub(super) fn above(geometry: &RigGeometry, reference: &ReferenceFinding) -> Option<Figure> {
     let azimuth = reference.azimuth_rad.as_ref()?.value;
     let [x, _, z] = tip(geometry)?;
@@ -114,12 +114,12 @@ fn tip(geometry: &RigGeometry) -> Option<[f64; 3]> {
     is_drawable.then_some([0.0, 0.0, if is_below { length } else { -length }])
 }
 
-/// Which way the encoder counts along the arrow of the positive angle.
+/// Counting direction of the encoder along the arrow of the positive angle.
 fn sense(reference: &ReferenceFinding) -> &'static str {
     if reference.sign < 0.0 { "angle +, counts fall" } else { "angle +, counts rise" }
 }
 
-/// The letters of the parts; those nearer to one another than `least` share a mark.
+/// The letters of the parts; parts closer together than `least` share a mark.
 fn named(parts: &[RigPart], least: f64, at: impl Fn([f64; 3]) -> (f64, f64)) -> Vec<Mark> {
     let mut marks: Vec<Mark> = vec![];
     for (i, part) in parts.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Fig. 4 of Park and Lee: each output of the sensor against what the encoder says it should be.
+//! Fig. 4 of Park and Lee: each output of the sensor against the reference from the encoder.
 
 use super::super::curve::{Tally, lines};
 use super::super::{Axis, Dimension, Figure, Line, Panel, Pen, extent, is_drawable, stroke};
@@ -10,11 +10,11 @@ use flight::Quantity;
 use record::{ChannelDynamics, ComponentDynamics, Curve, DelayFinding};
 
 const TIME: &str = "time since the encoder's first sample";
-/// Ticks of the time axis at most.
+/// Maximum number of ticks on the time axis.
 const TICKS: u32 = 12;
 
-/// Position, velocity, acceleration, attitude and magnetic field as in the paper, then the angular rate that its abstract
-/// promises, then height. Channels stand in this order on all pages of a bench.
+/// Position, velocity, acceleration, attitude and magnetic field as in the paper, then the angular rate announced in
+/// its abstract, then height. All pages of a bench list channels in this order.
 pub(crate) fn place_in_paper(quantity: Quantity) -> Option<usize> {
     match quantity {
         Quantity::PositionGeodetic | Quantity::PositionNed => Some(0),
@@ -31,8 +31,8 @@ pub(crate) fn place_in_paper(quantity: Quantity) -> Option<usize> {
 /// A channel and the component of it that is shown.
 pub(crate) type Family<'a> = (&'a ChannelDynamics, &'a ComponentDynamics);
 
-/// One channel of each family in the paper's order: the one whose delay is known best, else the first. Of a position north
-/// and east as far as the swing moves them, of the others the component that says most of the delay.
+/// One channel of each family in the paper's order: the one with the best-known delay, otherwise the first. For
+/// position, north and east if the swing moves them; for the others, the most informative component for the delay.
 pub(crate) fn families(channels: &[ChannelDynamics]) -> Vec<Family<'_>> {
     let family = |place| {
         let members = || channels.iter().filter(move |c| place_in_paper(c.quantity) == Some(place));
@@ -92,7 +92,7 @@ pub(super) fn zoom(channels: &[ChannelDynamics]) -> Option<Figure> {
     })
 }
 
-/// What the figure shows, in a few words: how late position is, if there is one.
+/// Short title of the figure: the lateness of the position, if there is one.
 fn first_words(shown: &[Family]) -> String {
     match shown.first() {
         Some((channel, _)) if place_in_paper(channel.quantity) == Some(0) => {
@@ -102,8 +102,8 @@ fn first_words(shown: &[Family]) -> String {
     }
 }
 
-/// Reference, late reference and measured values of a component, without what has nothing to do with the delay; as logged
-/// where the record holds no more.
+/// Reference, late reference and measured values of a component, without what is unrelated to the delay; as logged if
+/// the record holds nothing else.
 fn laid_lines(channel: &ChannelDynamics, component: &ComponentDynamics, tally: &mut Tally) -> Vec<Line> {
     let Some(overlay) = &component.overlay else { return component_lines(&component.zoom, Pen::Samples, tally) };
     let view = view(&overlay.measured);
@@ -122,14 +122,14 @@ fn view(curve: &Curve) -> (f64, f64) {
     curve.t_s.first().copied().zip(curve.t_s.last().copied()).unwrap_or((0.0, 0.0))
 }
 
-/// The part of a curve between two times, after it was shifted and scaled.
+/// The part of a curve between two times, shifted and scaled.
 fn within(curve: &Curve, (from, to): (f64, f64), shift_s: f64, gain: f64) -> Curve {
     let points = curve.t_s.iter().zip(&curve.y).map(|(t, y)| (t + shift_s, y * gain));
     let (t_s, y): (Vec<f64>, Vec<f64>) = points.filter(|(t, _)| (from..=to).contains(t)).unzip();
     Curve { t_s, y, breaks: vec![], ..curve.clone() }
 }
 
-/// Measured over reference, at the same time and with the delay taken out: a loop and a line.
+/// Measured over reference, at the same time (a loop) and with the delay removed (a line).
 pub(super) fn hysteresis(channel: &ChannelDynamics) -> Option<(String, Vec<Panel>)> {
     let component = main_component(channel)?;
     let (overlay, delay) = (component.overlay.as_ref()?, channel.delay.as_ref()?);
@@ -156,7 +156,7 @@ fn millis_of(delay: &DelayFinding) -> String {
     number::with_uncertainty(&verdict::in_millis(&verdict::delay(delay)))
 }
 
-/// A curve at a time between two of its points.
+/// A curve interpolated at a time between two of its points.
 fn between(curve: &Curve, t: f64) -> Option<f64> {
     let after = curve.t_s.partition_point(|&x| x < t);
     let before = after.checked_sub(1)?;
@@ -193,7 +193,7 @@ pub(super) fn whole(channels: &[ChannelDynamics]) -> Option<Figure> {
 
 /// All components of one channel over a few swings.
 pub(super) fn components(channel: &ChannelDynamics, id: String) -> Option<Figure> {
-    /// Panels of one channel at most.
+    /// Maximum number of panels of one channel.
     const MOST: usize = 4;
     let mut tally = Tally::default();
     let row = |component: &ComponentDynamics| {
@@ -216,14 +216,14 @@ pub(super) fn components(channel: &ChannelDynamics, id: String) -> Option<Figure
 
 /// One panel before its time axis is known.
 struct Row {
-    /// Of the vertical axis.
+    /// Label of the vertical axis.
     label: String,
     lines: Vec<Line>,
     heading: String,
     dimension: Option<Dimension>,
 }
 
-/// Panels over a common time; those without a point are left out. `None` if all are.
+/// Panels over a common time axis; those without points are omitted. `None` if no panel is left.
 fn stacked(mut rows: Vec<Row>) -> Option<Vec<Panel>> {
     rows.retain(|row| extent(&row.lines, |p| p.1).is_some());
     let time = Axis::record_time(TIME, extent(rows.iter().flat_map(|row| &row.lines), |p| p.0)?, TICKS);
@@ -240,7 +240,7 @@ fn heading(channel: &ChannelDynamics, component: &ComponentDynamics) -> String {
     [Some(found), taken_out(component)].into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
-/// How much slow wander is not drawn.
+/// Note on how much slow wander is not drawn.
 fn taken_out(component: &ComponentDynamics) -> Option<String> {
     let wander = component.overlay.as_ref()?.wander.as_ref()?;
     let unit = short_label(&component.unit);
@@ -275,8 +275,8 @@ fn component_lines(curves: &[Curve], measured: Pen, tally: &mut Tally) -> Vec<Li
     drawn
 }
 
-/// The delay as a length (the number stands in the heading): from where the reference passes half its height to where it does so a delay later. Of all
-/// such places the one nearest the middle.
+/// The delay as a dimension line (the number is in the heading): from where the reference passes half its height to
+/// where the delayed one does. Of all such places, the one nearest the middle.
 fn dimension(channel: &ChannelDynamics, lines: &[Line]) -> Option<Dimension> {
     let found = channel.delay.as_ref()?;
     let reference = lines.iter().find(|line| line.pen == Pen::TrueBand)?;

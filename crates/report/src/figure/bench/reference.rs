@@ -1,4 +1,4 @@
-//! The motion that the encoder says.
+//! The motion measured by the encoder.
 
 use super::super::curve::{Tally, lines};
 use super::super::{Axis, Figure, Line, Panel, Pen, extent};
@@ -6,7 +6,7 @@ use record::{Curve, ReferenceFinding};
 
 const SIZE: (u32, u32) = (860, 170);
 
-/// Bar angle, encoder and smoothed.
+/// Bar angle, as encoded and smoothed.
 pub(super) fn angle(reference: &ReferenceFinding) -> Option<Figure> {
     let mut tally = Tally::default();
     let drawn = drawn(&reference.angle, [Pen::Band, Pen::Raw], &mut tally);
@@ -23,7 +23,7 @@ pub(super) fn angle(reference: &ReferenceFinding) -> Option<Figure> {
     })
 }
 
-/// Tangential acceleration: with the paper's second central difference, and alone.
+/// Tangential acceleration, with and without the paper's second central difference.
 pub(super) fn acceleration(reference: &ReferenceFinding) -> Option<Figure> {
     let mut tally = Tally::default();
     let both = drawn(&reference.acceleration, [Pen::Raw, Pen::Faint], &mut tally);
