@@ -48,7 +48,7 @@ fn caption(chart: &TrendChart, by_date: bool) -> String {
     )
 }
 
-/// Of the newest flights.
+/// Names of the newest flights.
 fn names(placed: &[(f64, &TrendPoint)]) -> Vec<Mark> {
     let newest = placed.iter().rev().take(MOST_NAMED);
     newest.filter_map(|(at, point)| late_mark(*at, &point.flight.flight, &point.lateness_s)).collect()

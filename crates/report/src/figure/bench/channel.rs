@@ -72,7 +72,7 @@ pub(crate) struct ChannelFigures {
     pub(crate) response: Option<Figure>,
     /// Measured − fitted.
     pub(crate) residuals: Option<Figure>,
-    /// Of the whitened residuals.
+    /// Autocorrelation of the whitened residuals.
     pub(crate) autocorrelation: Option<Figure>,
     /// Objective over the range of the search.
     pub(crate) objective: Option<Figure>,
