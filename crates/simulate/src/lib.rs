@@ -14,7 +14,7 @@
 //! ```
 //! use simulate::{FlightSettings, simulate};
 //! let flight = simulate(&FlightSettings { duration_s: 20.0, ..FlightSettings::default() })?;
-//! Position is 0.4 s late: the value with timestamp 10.0 s was true at 9.6 s.
+//! // Position is 0.4 s late: the value with timestamp 10.0 s was true at 9.6 s.
 //! let row = flight.position.at_s.iter().position(|&t| t == 10.0).unwrap();
 //! let truth = flight.truth.at(9.6).position;
 //! assert!((flight.position.ned[row][0] - truth[0]).abs() < 1e-9);
