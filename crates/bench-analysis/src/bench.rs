@@ -85,7 +85,6 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let (encoder_name, encoder) = encoder_channel(input.encoder, rig)?;
     let series = EncoderSeries::of(encoder_name, encoder, rig)?;
     let mut notices = series.notices.clone();
-    let counts_source = series.counts_source.clone();
     let raw = smoothed(encoder_name, series)?;
     let clock = encoder.series.timeline().clock();
     let tied = tied(input, &raw, clock, rig)?;
@@ -114,7 +113,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let findings = BenchFindings {
         origin_ns: motion.origin().0,
         clock,
-        reference: reference_finding(encoder_name, counts_source, &motion, &alignment, &around, arm),
+        reference: reference_finding(&motion, &alignment, &around, arm),
         mount,
         flexibility: bending(&channels, &references, &motion, rig),
         gate: quality,
@@ -419,14 +418,8 @@ fn geometry(rig: &Rig, channels: &[ChannelDynamics]) -> RigGeometry {
     RigGeometry { bar_length_m: rig.bar.length_m, mount: rig.bar.mount.to_string(), parts }
 }
 
-fn reference_finding(
-    channel: &str,
-    counts_source: String,
-    motion: &Motion,
-    alignment: &Alignment,
-    around: &Surroundings,
-    arm: [f64; 3],
-) -> ReferenceFinding {
+fn reference_finding(motion: &Motion, alignment: &Alignment, around: &Surroundings, arm: [f64; 3]) -> ReferenceFinding {
+    let encoder = motion.encoder();
     let (first, last) = motion.span();
     let length_m = arm.iter().map(|x| x * x).sum::<f64>().sqrt();
     let (t, encoder_angle) = motion.encoder_angle();
@@ -436,12 +429,12 @@ fn reference_finding(
     let (raw_t, raw) = motion.second_central_difference();
     let raw: Vec<f64> = raw.iter().map(|a| length_m * a).collect();
     ReferenceFinding {
-        channel: channel.to_owned(),
+        channel: encoder.channel.clone(),
         samples: t.len() as u64,
         rate_hz: motion.rate_hz(),
         duration_s: last - first,
-        counts_per_rev: motion.encoder().counts_per_rev,
-        counts_source,
+        counts_per_rev: encoder.counts_per_rev,
+        counts_source: encoder.counts_source.clone(),
         sign: alignment.sign,
         sign_source: alignment.sign_source.clone(),
         zero_rad: alignment.zero_rad,

@@ -13,7 +13,7 @@ use crate::verdict::{Evidence, millis};
 use flight::{Delay, RejectCount};
 use record::{
     ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, NoiseFinding, ObjectiveCurve,
-    TimeBasis, Verdict,
+    Stationarity, TimeBasis, Verdict,
 };
 use signal::{
     ComponentFit, DelayFit, DelaySettings, Measurement, NoiseRule, Uncertain, autocorrelation,
@@ -54,9 +54,7 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     let reference_std = updates.reference_std(channel);
     found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));
     if let Some(reason) = no_answer(&measurements, &fit, &settings, found.model.found()) {
-        found.model = Finding::CannotTell(NOT_TRIED.to_owned());
-        found.reason = reason;
-        return found;
+        return ChannelDynamics { reason, model: Finding::CannotTell(NOT_TRIED.to_owned()), ..found };
     }
     let Constancy { finding, change_s } = constancy(&measurements, &fit, &settings, found.model.found());
     let reference_s = bench.errors.of_delay(&measurements, &fit, &updates.sensitivities(channel));
@@ -64,12 +62,10 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     let delay = delay_finding(channel, bench, &updates, &fit, beyond);
     found.predicted_s = Some(fit.crlb_s);
     (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
+    found.reason = with_change(found.reason, change_s.and(finding.found()));
+    found.reason = with_model(&found.reason, fit.delay_s, found.model.found());
     found.rejected.extend(unused(&updates, &fit));
     found.components = components(channel, bench, &updates, &fit);
-    if change_s.is_some() {
-        found.reason += &finding.found().map(|f| format!("; {}", f.text)).unwrap_or_default();
-    }
-    found.reason = with_model(&found.reason, fit.delay_s, found.model.found());
     found.response = response(channel, &updates, &fit, &found.model);
     found.checks = Some(checks(&measurements, &fit, bench.search_s));
     found.stationarity = finding;
@@ -77,6 +73,10 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     found.injections = inject(&measurements, &settings, bench);
     found.delay = Some(delay);
     found
+}
+
+fn with_change(reason: String, change: Option<&Stationarity>) -> String {
+    change.map_or(reason.clone(), |change| format!("{reason}; {}", change.text))
 }
 
 fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates) -> ChannelDynamics {

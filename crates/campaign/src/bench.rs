@@ -15,7 +15,7 @@ use crate::event::Event;
 use crate::lock::OutputLock;
 use crate::logs::Library;
 use crate::manifest::FLIGHTLAG_VERSION;
-use crate::plan::{Desk, check_out, refuse_other_kind};
+use crate::plan::{RunContext, check_out, refuse_other_kind};
 use crate::reports::{self, Summary};
 use crate::s3;
 use crate::source;
@@ -122,8 +122,8 @@ struct Measured {
 /// # Errors
 /// See [`CampaignError`]: a missing log, a wrong rig file, records of different sensors, an output that cannot be
 /// written. A record that cannot be read or measured is not an error: it is a row of the table.
-pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
-    source::leaving_no_empty_folder(&order.out, || run_here(order, desk))
+pub fn bench_run(order: &BenchOrder, context: &RunContext<'_>) -> Result<BenchVerdict, CampaignError> {
+    source::leaving_no_empty_folder(&order.out, || run_here(order, context))
 }
 
 /// Writes `index.html` into `folder`: a page over the reports of several sensors, each in its own folder below it.
@@ -149,7 +149,7 @@ pub fn bench_index(folder: &Path, verdicts: &[BenchVerdict]) -> Result<PathBuf, 
     Ok(store.root().join("index.html"))
 }
 
-fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
+fn run_here(order: &BenchOrder, context: &RunContext<'_>) -> Result<BenchVerdict, CampaignError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
     let mut paths = order.records.iter().chain(&order.encoder).chain([&order.out]);
     if let Some(path) = paths.find(|path| s3::is_in_bucket(path)) {
@@ -166,19 +166,19 @@ fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Campaig
     let shared_rig = order.rig.as_deref().map(Rig::read).transpose()?;
 
     let store = Store::open(&order.out)?;
-    let _lock = OutputLock::take(&store, desk)?;
+    let _lock = OutputLock::take(&store, context)?;
     store.clean();
     source::claim(&store, &order.records)?;
-    let logs = logs::read(&sources, &library, order.forced_map.as_deref(), desk)?;
+    let logs = logs::read(&sources, &library, order.forced_map.as_deref(), context)?;
     let swings = pair::pair(&logs, order.encoder.is_some());
     let rigs = rigs::of(&swings, &logs, shared_rig)?;
     one_sensor(&swings, &rigs)?;
-    let measured = measure(&swings, &rigs, &logs, desk)?;
+    let measured = measure(&swings, &rigs, &logs, context)?;
     let valid_days = rigs.iter().filter_map(|rig| rig.card_valid_days).min();
     let verdict = carded(order, measured, valid_days, &store)?;
-    output::write_run(&store, desk, clock, &verdict)?;
-    reports::list(&store, &summary_of(&verdict), desk)?;
-    desk.send(Event::Carded {
+    output::write_run(&store, context, clock, &verdict)?;
+    reports::list(&store, &summary_of(&verdict), context)?;
+    context.send(Event::Carded {
         sensor: rigs.first().map(|rig| bench_analysis::sensor_name(&rig.sensor)).unwrap_or_default(),
         card: verdict.card_file.as_ref().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned())),
         report: verdict.page.clone(),
@@ -225,14 +225,19 @@ fn one_sensor(swings: &[Swing], rigs: &[Rig]) -> Result<(), CampaignError> {
     Ok(())
 }
 
-fn measure(swings: &[Swing], rigs: &[Rig], logs: &[ReadLog], desk: &Desk<'_>) -> Result<Vec<Measured>, CampaignError> {
+fn measure(
+    swings: &[Swing],
+    rigs: &[Rig],
+    logs: &[ReadLog],
+    context: &RunContext<'_>,
+) -> Result<Vec<Measured>, CampaignError> {
     let slugs = crate::slug::slugs(swings.iter().map(|s| s.name.as_str()));
-    desk.send(Event::Measuring { records: swings.len() });
+    context.send(Event::Measuring { records: swings.len() });
     let work: Vec<(&Swing, &Rig)> = swings.iter().zip(rigs).collect();
     let one = |(): &mut (), (swing, rig): &(&Swing, &Rig)| {
         let (record, magnetic) = caught(|| study::record_of(swing, rig, logs))
             .unwrap_or_else(|panic| (study::defect(swing, rig, logs, &panic), None));
-        desk.send(Event::Measured {
+        context.send(Event::Measured {
             record: swing.name.clone(),
             outcome: study::outcome_name(&record.outcome),
             reason: study::outcome_reason(&record.outcome),
@@ -241,8 +246,8 @@ fn measure(swings: &[Swing], rigs: &[Rig], logs: &[ReadLog], desk: &Desk<'_>) ->
         let slug = slugs.get(&swing.name).cloned().unwrap_or_default();
         Measured { name: swing.name.clone(), slug, record, magnetic }
     };
-    let measured = Workers::start(desk.threads)?.each(&work, desk.cancel, || (), one);
-    desk.stopped()?;
+    let measured = Workers::start(context.threads)?.each(&work, context.cancel, || (), one);
+    context.stopped()?;
     Ok(measured.into_iter().flatten().collect())
 }
 

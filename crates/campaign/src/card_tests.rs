@@ -3,7 +3,7 @@
 use crate::config::Pipeline;
 use crate::event::Event;
 use crate::manifest::Why;
-use crate::plan::{Desk, Order};
+use crate::plan::{Order, RunContext};
 use crate::run::run;
 use bench_analysis::{card_text, parse_card};
 use record::{CampaignRecord, FlightRecord, Outcome, SensorCard, Verdict};
@@ -60,7 +60,7 @@ impl Case {
             command: "c".into(),
             settle: None,
         };
-        run(&order, &Desk { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
+        run(&order, &RunContext { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
         let json = crate::record_beside(&self.path("out").join("flights/f.mcap/index.html")).unwrap().unwrap();
         let flight = serde_json::from_slice(&json).unwrap();
         (crate::read_report(&self.path("out")).unwrap().unwrap(), flight, why.into_inner().unwrap())
@@ -126,7 +126,7 @@ fn a_flight_whose_position_is_not_on_the_card_stays_uncompensated() {
 fn shards_of_a_cluster_need_the_manifest_but_no_card() {
     let case = Case::new(|_| {});
     let quiet = |_: &Event| {};
-    let desk = Desk { threads: 1, cancel: &AtomicBool::new(false), events: &quiet };
+    let context = RunContext { threads: 1, cancel: &AtomicBool::new(false), events: &quiet };
     let order = Order {
         flights: case.path("flights"),
         out: case.path("out"),
@@ -138,14 +138,14 @@ fn shards_of_a_cluster_need_the_manifest_but_no_card() {
     };
     std::fs::remove_file(case.path("m.card.toml")).unwrap();
     let planned = || {
-        let kept = crate::plan_shards(&order, &desk, 4).unwrap().keep().unwrap();
+        let kept = crate::plan_shards(&order, &context, 4).unwrap().keep().unwrap();
         crate::Manifest::read(&kept).unwrap()
     };
     for stage in [crate::Stage::Measure, crate::Stage::Replay] {
         let manifest = planned();
         assert_eq!(manifest.stage(), Some(stage));
-        assert_eq!(crate::task(&manifest, 0, &desk).unwrap().made, 1);
+        assert_eq!(crate::task(&manifest, 0, &context).unwrap().made, 1);
     }
     let manifest = planned();
-    assert_eq!(crate::reduce(&manifest, &desk).unwrap().totals.compensated, 1);
+    assert_eq!(crate::reduce(&manifest, &context).unwrap().totals.compensated, 1);
 }

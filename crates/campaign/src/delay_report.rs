@@ -10,7 +10,7 @@ use crate::filter_values;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
 use crate::losses;
-use crate::plan::{Desk, why_no_logs};
+use crate::plan::{RunContext, why_no_logs};
 use crate::reference::{FlightFiles, ReferenceLog, settle, with_references};
 use crate::slug::slugs;
 use crate::task::caught;
@@ -161,19 +161,19 @@ struct Measured {
 /// # Errors
 /// A missing path, a folder without a flight, a wrong map, or the user stopped. An unreadable log is a line of the
 /// report instead.
-pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, CampaignError> {
+pub fn delay_report(order: &DelayOrder, context: &RunContext<'_>) -> Result<DelayReport, CampaignError> {
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
     let places: Vec<Logs> = order.paths.iter().map(|path| Logs::below(path)).collect::<Result<_, _>>()?;
-    places.iter().try_for_each(|logs| logs.fetch_heads(desk.threads, desk.cancel))?;
+    places.iter().try_for_each(|logs| logs.fetch_heads(context.threads, context.cancel))?;
     let units = units_of(order, &places, &library)?;
     places.iter().for_each(Logs::drop_heads);
     let sizes: Vec<u64> = units.iter().map(|(_, unit)| size_of(unit)).collect();
     let bytes = sizes.iter().sum();
     let stage = Some(crate::manifest::Stage::Measure);
-    desk.send(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
-    let reader = Reader { library: &library, places: &places, order, desk, keep: bytes <= KEPT_BYTES };
-    let workers = Workers::start(desk.threads)?;
+    context.send(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
+    let reader = Reader { library: &library, places: &places, order, context, keep: bytes <= KEPT_BYTES };
+    let workers = Workers::start(context.threads)?;
     let measured = reader.measure_all(&units, &sizes, &workers)?;
     let named: Vec<(&str, &FlightLateness)> =
         units.iter().zip(&measured).map(|((name, _), m)| (name.as_str(), &m.lateness)).collect();
@@ -181,8 +181,8 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
     let all: Vec<(&(String, FlightFiles), &Measured)> = units.iter().zip(&measured).collect();
     let line =
         |(): &mut (), (unit, measured): &(&(String, FlightFiles), &Measured)| reader.line(unit, measured, &decided);
-    let flights = workers.each(&all, desk.cancel, || (), line).into_iter().flatten().collect();
-    desk.stopped()?;
+    let flights = workers.each(&all, context.cancel, || (), line).into_iter().flatten().collect();
+    context.stopped()?;
     let groups = decided.groups.iter().map(GroupLine::of).collect();
     Ok(DelayReport { schema: 1, flights, groups, filter_values: by_folder(&units, &measured) })
 }
@@ -237,7 +237,7 @@ struct Reader<'a> {
     library: &'a Library,
     places: &'a [Logs],
     order: &'a DelayOrder,
-    desk: &'a Desk<'a>,
+    context: &'a RunContext<'a>,
     /// Whether logs stay in memory until they are judged.
     keep: bool,
 }
@@ -270,15 +270,15 @@ const AT_REST_MPS: f64 = 0.3;
 
 impl Reader<'_> {
     fn load(&self, files: &FlightFiles) -> Result<(Loaded, Option<ReferenceLog>), String> {
-        let on_bytes = |bytes| self.desk.send(Event::Read { bytes });
-        let context = ReadContext { limits: Limits::default(), cancel: self.desk.cancel, on_bytes: &on_bytes };
+        let on_bytes = |bytes| self.context.send(Event::Read { bytes });
+        let reading = ReadContext { limits: Limits::default(), cancel: self.context.cancel, on_bytes: &on_bytes };
         let paths: Vec<PathBuf> = files.all().cloned().collect();
         // Each place provides the files below it; those of a folder are local already.
-        let here = self.places.iter().map(|logs| logs.bring(&paths, self.desk.cancel));
+        let here = self.places.iter().map(|logs| logs.bring(&paths, self.context.cancel));
         let _here: Vec<Vec<Brought<'_>>> = here.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
-        let loaded = self.library.load(&files.unit, self.order.pipeline.forced_map(), &context);
+        let loaded = self.library.load(&files.unit, self.order.pipeline.forced_map(), &reading);
         let loaded = loaded.map_err(|e| e.to_string())?;
-        let read = |found| ReferenceLog::read(found, self.library, &context);
+        let read = |found| ReferenceLog::read(found, self.library, &reading);
         let reference = files.reference.as_ref().map(read).transpose().map_err(|e| e.to_string())?;
         Ok((loaded, reference))
     }
@@ -293,8 +293,8 @@ impl Reader<'_> {
         let mut queue: Vec<usize> = (0..units.len()).collect();
         queue.sort_by_key(|&i| std::cmp::Reverse(sizes[i]));
         let one = |(): &mut (), &i: &usize| self.measure(&units[i].0, &units[i].1);
-        let answers = workers.each(&queue, self.desk.cancel, || (), one);
-        self.desk.stopped()?;
+        let answers = workers.each(&queue, self.context.cancel, || (), one);
+        self.context.stopped()?;
         let mut measured: Vec<Option<Measured>> = units.iter().map(|_| None).collect();
         for (&i, answer) in queue.iter().zip(answers) {
             measured[i] = answer;
@@ -306,7 +306,7 @@ impl Reader<'_> {
         let measured = caught(|| self.measured(files))
             .unwrap_or_else(|panic| Measured::failed(&format!("a defect in flightlag, please report it: {panic}")));
         let lateness = &measured.lateness;
-        self.desk.send(Event::DelayMeasured {
+        self.context.send(Event::DelayMeasured {
             flight: name.to_owned(),
             kind: lateness.kind,
             lateness_s: lateness.lateness_s(),

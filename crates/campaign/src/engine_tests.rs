@@ -8,7 +8,7 @@ mod store;
 use crate::config::Pipeline;
 use crate::event::Event;
 use crate::manifest::{Manifest, Planned, Stage, Why};
-use crate::plan::{Desk, Order};
+use crate::plan::{Order, RunContext};
 use crate::reduce::Verdict;
 use crate::run::{plan_shards, run_with};
 use crate::status::status;
@@ -35,10 +35,10 @@ struct Scripted {
 }
 
 impl Study for Scripted {
-    fn measure(&self, flight: &Planned, _: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted> {
+    fn measure(&self, flight: &Planned, _: &Manifest, context: &RunContext<'_>) -> Result<MeasuredFlight, Interrupted> {
         let text = fs::read_to_string(&flight.files[0].path).map_err(|e| Interrupted::Trouble(e.to_string()))?;
         if self.stop_at == Some(flight.flight.as_str()) {
-            desk.cancel.store(true, Ordering::Relaxed);
+            context.cancel.store(true, Ordering::Relaxed);
             return Err(Interrupted::Cancelled);
         }
         let key = flight.measure_key.as_deref().unwrap();
@@ -56,7 +56,7 @@ impl Study for Scripted {
         flight: &Planned,
         measured: MeasuredFlight,
         manifest: &Manifest,
-        _: &Desk<'_>,
+        _: &RunContext<'_>,
     ) -> Result<Studied, Interrupted> {
         let text = fs::read_to_string(&flight.files[0].path).map_err(|e| Interrupted::Trouble(e.to_string()))?;
         let failed = failed_record(flight, manifest, "cut before the first message".into());
@@ -172,9 +172,9 @@ impl Bench {
         let sink = |event: &Event| events.lock().unwrap().push(event.clone());
         let cancel = AtomicBool::new(false);
         let order = self.order(out, verify);
-        let desk = Desk { threads, cancel: &cancel, events: &sink };
+        let context = RunContext { threads, cancel: &cancel, events: &sink };
         let stop_at = self.stop_at;
-        let verdict = run_with(&order, &desk, &|_| Ok(Box::new(Scripted { stop_at })));
+        let verdict = run_with(&order, &context, &|_| Ok(Box::new(Scripted { stop_at })));
         Ran { verdict, events: events.into_inner().unwrap() }
     }
 
@@ -419,21 +419,21 @@ fn shards_of_both_stages_give_the_same_bytes_as_one_machine() {
     let out = bench.folder.path().join("cluster");
     let (store, cancel) = (crate::store::Store::open(&out).unwrap(), AtomicBool::new(false));
     let sink = |_: &Event| {};
-    let desk = Desk { threads: 1, cancel: &cancel, events: &sink };
+    let context = RunContext { threads: 1, cancel: &cancel, events: &sink };
     let order = bench.order(&out, false);
     let mut stages = vec![];
     let manifest = loop {
-        let manifest = plan_shards(&order, &desk, 3).unwrap();
+        let manifest = plan_shards(&order, &context, 3).unwrap();
         let Some(stage) = manifest.stage() else { break manifest };
         stages.push((stage, manifest.shards()));
         for shard in 0..manifest.shards() {
             let flights = manifest.of_shard(shard);
-            make(&flights, &manifest, &Scripted { stop_at: None }, &store, &desk).unwrap();
+            make(&flights, &manifest, &Scripted { stop_at: None }, &store, &context).unwrap();
         }
         assert_eq!(status(&manifest).unwrap().exit(), Exit::Well, "{stage}");
     };
     assert_eq!(stages, [(Stage::Measure, 3), (Stage::Replay, 3)]);
-    crate::reduce::reduce(&manifest, &desk).unwrap();
+    crate::reduce::reduce(&manifest, &context).unwrap();
     assert_eq!(bench.tree(&out), alone);
 }
 

@@ -3,7 +3,7 @@
 use crate::error::CampaignError;
 use crate::lock::{LOCK, OutputLock};
 use crate::manifest::Manifest;
-use crate::plan::{BENCH_MARK, Desk, refuse_other_kind};
+use crate::plan::{BENCH_MARK, RunContext, refuse_other_kind};
 use crate::reduce::previous_record;
 use crate::state::State;
 use crate::store::{Store, read_unopened};
@@ -26,14 +26,14 @@ pub struct Garbage {
 ///
 /// # Errors
 /// The folder holds no report, its record was changed, another process uses it, or a file cannot be removed.
-pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
+pub fn gc(out: &Path, dry_run: bool, context: &RunContext<'_>) -> Result<Garbage, CampaignError> {
     let refused = |what: &str| CampaignError::Asked(format!("{}: {what}", out.display()));
     if read_unopened(out, LOCK)?.is_none() {
         return Err(refused("is not an output folder of a campaign"));
     }
     refuse_other_kind(out, BENCH_MARK, "a bench")?;
     let store = if dry_run { Store::open_to_read(out) } else { Store::open(out) }?;
-    let _lock = if dry_run { None } else { Some(OutputLock::take(&store, desk)?) };
+    let _lock = if dry_run { None } else { Some(OutputLock::take(&store, context)?) };
     let state = State::recall(&store);
     let record = previous_record(&store).filter(|record| record.blake3 == state.record_blake3);
     let run_first = "its campaign.json is missing or not as it was written; run the campaign again first";
@@ -44,13 +44,18 @@ pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, Campaig
     if !dry_run {
         Manifest::remove_old(&store)?;
     }
-    sweep(&store, &used, dry_run, desk)
+    sweep(&store, &used, dry_run, context)
 }
 
-fn sweep(store: &Store, used: &BTreeSet<String>, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
+fn sweep(
+    store: &Store,
+    used: &BTreeSet<String>,
+    dry_run: bool,
+    context: &RunContext<'_>,
+) -> Result<Garbage, CampaignError> {
     let mut garbage = Garbage::default();
     for (key, files) in by_key(store)? {
-        desk.stopped()?;
+        context.stopped()?;
         if used.contains(&key) {
             garbage.kept += 1;
             continue;

@@ -85,7 +85,7 @@ pub use gc::{Garbage, gc};
 pub use group::{content_of, duplicates, fingerprint, group_of, receiver_number, shared_content, usual_rate_hz};
 pub use line::{DelayLine, LineAlarm, LineSetting};
 pub use manifest::{Manifest, Stage, Why};
-pub use plan::{Desk, EMPTY_FOLDER, Order, STILL_WRITTEN};
+pub use plan::{EMPTY_FOLDER, Order, RunContext, STILL_WRITTEN};
 pub use reduce::{Verdict, reduce};
 pub use results::record_beside;
 pub use rows::read_report;

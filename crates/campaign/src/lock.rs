@@ -6,7 +6,7 @@ mod bucket;
 use crate::error::CampaignError;
 use crate::event::Event;
 use crate::memory::is_still_at;
-use crate::plan::Desk;
+use crate::plan::RunContext;
 use crate::process::Process;
 use crate::store::{Store, StoreError};
 use serde::{Deserialize, Serialize};
@@ -62,17 +62,17 @@ struct Owner {
 
 impl OutputLock {
     /// Takes the lock, or reports its owner.
-    pub(crate) fn take(store: &Store, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
+    pub(crate) fn take(store: &Store, context: &RunContext<'_>) -> Result<OutputLock, CampaignError> {
         #[cfg(feature = "s3")]
         if let Some(storage) = store.bucket() {
-            return bucket::take(store.root(), storage, desk);
+            return bucket::take(store.root(), storage, context);
         }
-        OutputLock::take_after(store, desk, SILENCE)
+        OutputLock::take_after(store, context, SILENCE)
     }
 
-    fn take_after(store: &Store, desk: &Desk<'_>, silence: Duration) -> Result<OutputLock, CampaignError> {
+    fn take_after(store: &Store, context: &RunContext<'_>, silence: Duration) -> Result<OutputLock, CampaignError> {
         for _ in 1..ATTEMPTS {
-            match OutputLock::try_take(store, desk, silence) {
+            match OutputLock::try_take(store, context, silence) {
                 Ok(Some(lock)) => return Ok(lock),
                 // A failed run removed its new folder at this moment.
                 Ok(None) => {}
@@ -80,11 +80,15 @@ impl OutputLock {
                 Err(error) => return Err(error),
             }
         }
-        OutputLock::try_take(store, desk, silence)?.ok_or_else(|| busy(store, None))
+        OutputLock::try_take(store, context, silence)?.ok_or_else(|| busy(store, None))
     }
 
     /// Takes the lock; `None` if its file was removed meanwhile.
-    fn try_take(store: &Store, desk: &Desk<'_>, silence: Duration) -> Result<Option<OutputLock>, CampaignError> {
+    fn try_take(
+        store: &Store,
+        context: &RunContext<'_>,
+        silence: Duration,
+    ) -> Result<Option<OutputLock>, CampaignError> {
         let path = store.path(LOCK)?;
         let failed = |doing| move |source| StoreError { path: path.clone(), doing, source };
         let folder = store.path(".flightlag")?;
@@ -96,7 +100,7 @@ impl OutputLock {
             Err(TryLockError::WouldBlock) => return Err(busy(store, read(&mut file))),
             Err(TryLockError::Error(_)) => false,
         };
-        if let Some(owner) = owner_at_work(&mut file, silence, desk)? {
+        if let Some(owner) = owner_at_work(&mut file, silence, context)? {
             return Err(busy(store, Some(owner)));
         }
         let mine = Owner::this();
@@ -178,7 +182,7 @@ impl Owner {
 }
 
 /// The owner, if one is running although the file could be locked.
-fn owner_at_work(file: &mut File, silence: Duration, desk: &Desk<'_>) -> Result<Option<Owner>, CampaignError> {
+fn owner_at_work(file: &mut File, silence: Duration, context: &RunContext<'_>) -> Result<Option<Owner>, CampaignError> {
     let Some(owner) = read(file).filter(|owner| !owner.released) else { return Ok(None) };
     match owner.has_ended() {
         Some(true) => return Ok(None),
@@ -186,10 +190,10 @@ fn owner_at_work(file: &mut File, silence: Duration, desk: &Desk<'_>) -> Result<
         None => {}
     }
     let text = format!("{} did not release this folder; checking whether it still runs", owner.owner);
-    desk.send(Event::Remark { text });
+    context.send(Event::Remark { text });
     let since = Instant::now();
     while since.elapsed() < silence {
-        desk.stopped()?;
+        context.stopped()?;
         std::thread::sleep(LOOK);
         match read(file) {
             Some(now) if now.released => return Ok(None),
@@ -224,7 +228,7 @@ mod tests {
 
     fn take(store: &Store) -> Result<OutputLock, CampaignError> {
         let cancel = AtomicBool::new(false);
-        OutputLock::take_after(store, &Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} }, SHORT)
+        OutputLock::take_after(store, &RunContext { threads: 1, cancel: &cancel, events: &|_: &Event| {} }, SHORT)
     }
 
     fn store() -> (tempfile::TempDir, Store) {

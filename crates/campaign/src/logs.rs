@@ -6,7 +6,7 @@ use crate::fetch::Logs;
 use crate::losses;
 use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
 use crate::memory::FileStamp;
-use crate::plan::Desk;
+use crate::plan::RunContext;
 use crate::store::Store;
 use compensation_replay::{REFERENCE_POSITION, REFERENCE_VELOCITY};
 use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, discover, load};
@@ -126,8 +126,8 @@ impl Found {
     }
 }
 
-fn look(logs: &Logs, library: &Library, desk: &Desk<'_>) -> Result<Found, CampaignError> {
-    logs.fetch_heads(desk.threads, desk.cancel)?;
+fn look(logs: &Logs, library: &Library, context: &RunContext<'_>) -> Result<Found, CampaignError> {
+    logs.fetch_heads(context.threads, context.cancel)?;
     let found = library.discover(logs.root())?;
     let inputs = |list: Vec<(String, String)>| {
         list.into_iter().map(|(path, reason)| IgnoredInput { path, reason }).collect::<Vec<_>>()
@@ -152,9 +152,9 @@ pub(crate) fn find(
     library: &Library,
     store: &Store,
     fresh: bool,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
 ) -> Result<Found, CampaignError> {
-    find_by(logs, library, store, fresh, || look(logs, library, desk))
+    find_by(logs, library, store, fresh, || look(logs, library, context))
 }
 
 fn find_by(
@@ -237,8 +237,8 @@ mod tests {
         let found = find_by(&logs, &library, &store, false, || Ok(failing.clone())).unwrap();
         assert_eq!(found, failing);
         let cancel = std::sync::atomic::AtomicBool::new(false);
-        let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
-        let found = find(&logs, &library, &store, false, &desk).unwrap();
+        let context = RunContext { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
+        let found = find(&logs, &library, &store, false, &context).unwrap();
         assert_eq!((found.units.len(), found.unreadable.len()), (1, 0));
         let again = find_by(&logs, &library, &store, false, || panic!("nothing has changed")).unwrap();
         assert_eq!(again, found);

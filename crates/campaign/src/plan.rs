@@ -65,7 +65,7 @@ pub const STILL_WRITTEN: &str = "still being written: left for the next run";
 pub const EMPTY_FOLDER: &str = "the folder is empty";
 
 /// The run context: how to execute, and where to report. Does not affect any result.
-pub struct Desk<'a> {
+pub struct RunContext<'a> {
     /// Number of threads.
     pub threads: usize,
     /// Set when the user wants to stop.
@@ -74,7 +74,7 @@ pub struct Desk<'a> {
     pub events: &'a dyn EventSink,
 }
 
-impl Desk<'_> {
+impl RunContext<'_> {
     pub(crate) fn send(&self, event: Event) {
         self.events.event(&event);
     }
@@ -85,13 +85,18 @@ impl Desk<'_> {
 }
 
 /// The plan of a campaign: which results exist, which to make, and why.
-pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State) -> Result<Manifest, CampaignError> {
+pub(crate) fn plan(
+    order: &Order,
+    context: &RunContext<'_>,
+    store: &Store,
+    state: &State,
+) -> Result<Manifest, CampaignError> {
     let (root, out) = folders(order)?;
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
     let logs = Logs::below(&root)?;
-    let planner = Planner { order, desk, store, state, root, library, logs };
-    let mut found = logs::find(&planner.logs, &planner.library, store, order.verify, desk)?;
+    let planner = Planner { order, context, store, state, root, library, logs };
+    let mut found = logs::find(&planner.logs, &planner.library, store, order.verify, context)?;
     let kept = match order.settle {
         Some(settle) => planner.leave_unsettled(&mut found, settle)?,
         None => BTreeSet::new(),
@@ -101,16 +106,12 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     if units.is_empty() && unreadable.is_empty() {
         return Err(CampaignError::NoFlights { path: planner.root, what: no_logs(&manifest.ignored) });
     }
-    let names = units.iter().map(|unit| unit.id.as_str());
-    let test_cards = TestCardFiles::find(planner.logs.root(), names, &mut manifest.ignored);
-    manifest.test_cards = test_cards.map_err(|error| planner.as_shown(error))?;
+    manifest.test_cards = planner.test_cards(&units, &mut manifest.ignored)?;
     let cases = planner.with_references(units)?;
     let mut contents = Contents::look_at(&planner, &cases, &kept);
-    desk.send(contents.found(cases.len() + unreadable.len(), manifest.ignored.len()));
+    context.send(contents.found(cases.len() + unreadable.len(), manifest.ignored.len()));
     contents.learn(&planner)?;
-    manifest.flights = cases.into_iter().map(|case| contents.planned(case)).collect();
-    manifest.flights.extend(unreadable.into_iter().map(unreadable_flight));
-    manifest.flights.sort_by(|a, b| a.flight.cmp(&b.flight));
+    manifest.flights = contents.flights(cases, unreadable);
     judge(&mut manifest, &order.pipeline, store, state, Retry::Troubled)?;
     Ok(manifest)
 }
@@ -118,7 +119,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
 /// Plans one campaign.
 struct Planner<'a> {
     order: &'a Order,
-    desk: &'a Desk<'a>,
+    context: &'a RunContext<'a>,
     store: &'a Store,
     /// State of the last run.
     state: &'a State,
@@ -129,6 +130,15 @@ struct Planner<'a> {
 }
 
 impl Planner<'_> {
+    fn test_cards(
+        &self,
+        units: &[FlightUnit],
+        ignored: &mut Vec<IgnoredInput>,
+    ) -> Result<TestCardFiles, CampaignError> {
+        let names = units.iter().map(|unit| unit.id.as_str());
+        TestCardFiles::find(self.logs.root(), names, ignored).map_err(|error| self.as_shown(error))
+    }
+
     /// A manifest without flights.
     fn manifest(&self, out: PathBuf, ignored: Vec<IgnoredInput>) -> Result<Manifest, CampaignError> {
         let pipeline = &self.order.pipeline;
@@ -151,7 +161,7 @@ impl Planner<'_> {
     fn with_references(&self, units: Vec<FlightUnit>) -> Result<Vec<FlightFiles>, CampaignError> {
         let wanted = self.order.pipeline.reference_file();
         if wanted.is_some() {
-            self.logs.fetch_heads(self.desk.threads, self.desk.cancel)?;
+            self.logs.fetch_heads(self.context.threads, self.context.cancel)?;
         }
         let cases = with_references(units, wanted, &self.library).map_err(|error| self.as_shown(error))?;
         self.logs.drop_heads();
@@ -210,7 +220,7 @@ impl Planner<'_> {
     /// Lists flights as ignored, and reports them.
     fn ignore(&self, units: &[FlightUnit], reason: &str, found: &mut Found) {
         for unit in units {
-            self.desk.send(Event::Remark { text: format!("{}: {reason}", unit.id) });
+            self.context.send(Event::Remark { text: format!("{}: {reason}", unit.id) });
             found.ignored.push(IgnoredInput { path: unit.id.clone(), reason: reason.to_owned() });
         }
     }
@@ -453,28 +463,28 @@ impl<'a> Contents<'a> {
 
     /// Hashes all unknown contents. Hashes made before the user stopped are kept.
     fn learn(&mut self, planner: &Planner<'_>) -> Result<(), CampaignError> {
-        self.read_unknown(planner.desk)?;
+        self.read_unknown(planner.context)?;
         self.memory.save_if_changed(planner.store)?;
-        planner.desk.stopped()
+        planner.context.stopped()
     }
 
     /// Hashes every file with unknown content.
-    fn read_unknown(&mut self, desk: &Desk<'_>) -> Result<(), CampaignError> {
+    fn read_unknown(&mut self, context: &RunContext<'_>) -> Result<(), CampaignError> {
         let unknown: Vec<&Looked> = self.files.values().filter(|f| f.stamp.is_ok() && f.blake3.is_none()).collect();
         if unknown.is_empty() {
             return Ok(());
         }
         let bytes = unknown.iter().map(|f| f.bytes()).sum();
-        desk.send(Event::Hashing { files: unknown.len(), bytes });
+        context.send(Event::Hashing { files: unknown.len(), bytes });
         let advance = |bytes| {
-            desk.send(Event::Hashed { bytes });
-            !desk.cancel.load(Ordering::Relaxed)
+            context.send(Event::Hashed { bytes });
+            !context.cancel.load(Ordering::Relaxed)
         };
         let hash = |piece: &mut Vec<u8>, file: &&Looked| {
-            let _here = self.logs.bring(std::slice::from_ref(&file.path), desk.cancel)?;
+            let _here = self.logs.bring(std::slice::from_ref(&file.path), context.cancel)?;
             hash_file(&file.path, piece, advance)
         };
-        let hashes = Workers::start(desk.threads)?.each(&unknown, desk.cancel, || vec![0; PIECE], hash);
+        let hashes = Workers::start(context.threads)?.each(&unknown, context.cancel, || vec![0; PIECE], hash);
         let paths: Vec<PathBuf> = unknown.iter().map(|f| f.path.clone()).collect();
         for (path, hash) in paths.iter().zip(hashes) {
             self.note(path, hash);
@@ -494,6 +504,14 @@ impl<'a> Contents<'a> {
             Some(Err(e)) => file.stamp = Err(format!("{}: {e}", file.name)),
             Some(Ok(None)) | None => {}
         }
+    }
+
+    /// All flights by name.
+    fn flights(&self, cases: Vec<FlightFiles>, unreadable: Vec<IgnoredInput>) -> Vec<Planned> {
+        let readable = cases.into_iter().map(|case| self.planned(case));
+        let mut flights: Vec<Planned> = readable.chain(unreadable.into_iter().map(unreadable_flight)).collect();
+        flights.sort_by(|a, b| a.flight.cmp(&b.flight));
+        flights
     }
 
     fn planned(&self, case: FlightFiles) -> Planned {

@@ -13,7 +13,7 @@ use crate::line::DelayLine;
 use crate::lock::OutputLock;
 use crate::losses;
 use crate::manifest::{Manifest, Planned, hash_of_parts};
-use crate::plan::Desk;
+use crate::plan::RunContext;
 use crate::rate::rate_of;
 use crate::reports::{self, Summary};
 use crate::results;
@@ -82,21 +82,21 @@ impl Verdict {
 ///
 /// # Errors
 /// An output cannot be written, another process uses the folder, or the user stopped.
-pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
+pub fn reduce(manifest: &Manifest, context: &RunContext<'_>) -> Result<Verdict, CampaignError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
     let store = Store::open_planned(manifest.out(), &manifest.out_id)?;
-    let _lock = OutputLock::take(&store, desk)?;
+    let _lock = OutputLock::take(&store, context)?;
     store.clean();
     let mut state = State::recall(&store);
     let of_plan: Vec<&str> = manifest.keys().filter(|key| state.results.contains_key(*key)).collect();
-    compare(&mut state, &store, Check::Quick, desk)?;
+    compare(&mut state, &store, Check::Quick, context)?;
     let damaged = of_plan.iter().filter(|key| !state.results.contains_key(**key)).count();
     if damaged > 0 {
         return Err(plan_again(damaged));
     }
-    match reduce_locked(manifest, desk, &store, &mut state)? {
+    match reduce_locked(manifest, context, &store, &mut state)? {
         Reduction::Finished(verdict) => {
-            write_run(&store, desk, clock, None, &verdict)?;
+            write_run(&store, context, clock, None, &verdict)?;
             Ok(*verdict)
         }
         Reduction::Damaged(flights) => Err(plan_again(flights.len())),
@@ -111,8 +111,13 @@ fn plan_again(count: usize) -> CampaignError {
 const MOST_CHANGED: usize = 3;
 
 /// Compares the outputs of an earlier run with the disk, and reports which files are made again.
-pub(crate) fn compare(state: &mut State, store: &Store, check: Check, desk: &Desk<'_>) -> Result<(), CampaignError> {
-    let changed = state.compare(store, check, desk)?;
+pub(crate) fn compare(
+    state: &mut State,
+    store: &Store,
+    check: Check,
+    context: &RunContext<'_>,
+) -> Result<(), CampaignError> {
+    let changed = state.compare(store, check, context)?;
     let more = match changed.len().saturating_sub(MOST_CHANGED) {
         0 => String::new(),
         n => format!(" and {n} more"),
@@ -120,7 +125,7 @@ pub(crate) fn compare(state: &mut State, store: &Store, check: Check, desk: &Des
     let names: Vec<&str> = changed.iter().take(MOST_CHANGED).map(String::as_str).collect();
     if !names.is_empty() {
         let text = format!("missing or changed since they were written, and made again: {}{more}", names.join(", "));
-        desk.send(Event::Remark { text });
+        context.send(Event::Remark { text });
     }
     Ok(())
 }
@@ -135,7 +140,7 @@ pub(crate) enum Reduction {
 /// Reduces while the caller holds the lock.
 pub(crate) fn reduce_locked(
     manifest: &Manifest,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
     store: &Store,
     state: &mut State,
 ) -> Result<Reduction, CampaignError> {
@@ -148,7 +153,7 @@ pub(crate) fn reduce_locked(
         if state.refreshed {
             state.save(store)?;
         }
-        return nothing_changed(&lines, &old.record, store, desk);
+        return nothing_changed(&lines, &old.record, store, context);
     }
     let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
     let is_usable = old.is_some();
@@ -158,7 +163,7 @@ pub(crate) fn reduce_locked(
     let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
     let test_cards = TestCards::of_files(&manifest.test_cards)?;
     let rows = Mutex::new(rows);
-    let reducer = Reducer { manifest, pipeline, criteria, test_cards, desk, store, before, rows };
+    let reducer = Reducer { manifest, pipeline, criteria, test_cards, context, store, before, rows };
     reducer.reduce(&lines, made_from, state)
 }
 
@@ -167,14 +172,14 @@ fn nothing_changed(
     lines: &[Line<'_>],
     record: &CampaignRecord,
     store: &Store,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
 ) -> Result<Reduction, CampaignError> {
-    desk.send(Event::NothingChanged);
+    context.send(Event::NothingChanged);
     let verdict = verdict(store, record, troubled(lines), true);
     if reports::is_unlisted(store) {
-        reports::list(store, &summary_of(&verdict), desk)?;
+        reports::list(store, &summary_of(&verdict), context)?;
     }
-    report_end(desk, store, record, &verdict);
+    report_end(context, store, record, &verdict);
     Ok(Reduction::Finished(Box::new(verdict)))
 }
 
@@ -286,7 +291,7 @@ struct Reducer<'a> {
     pipeline: Pipeline,
     criteria: Option<Criteria>,
     test_cards: TestCards,
-    desk: &'a Desk<'a>,
+    context: &'a RunContext<'a>,
     store: &'a Store,
     /// Record of an earlier run, without the rows that may be reused.
     before: Option<CampaignRecord>,
@@ -339,7 +344,7 @@ impl Reducer<'_> {
         }
         let reduced: Vec<Reduced> = reduced.into_iter().flatten().collect();
         let pages = reduced.iter().filter(|r| r.page.is_some()).count();
-        self.desk.send(Event::Reduced { pages, kept: reduced.len() - pages });
+        self.context.send(Event::Reduced { pages, kept: reduced.len() - pages });
         self.finish(lines, reduced, made_from, state)
     }
 
@@ -371,8 +376,8 @@ impl Reducer<'_> {
             }
             Ok(reduced)
         };
-        let answers = Workers::start(self.desk.threads)?.each(lines, self.desk.cancel, || (), one);
-        if let Err(stopped) = self.desk.stopped() {
+        let answers = Workers::start(self.context.threads)?.each(lines, self.context.cancel, || (), one);
+        if let Err(stopped) = self.context.stopped() {
             progress.into_inner().unwrap_or_else(|e| e.into_inner()).state.save(self.store)?;
             return Err(stopped);
         }
@@ -531,8 +536,8 @@ impl Reducer<'_> {
         state.record_blake3 = record_blake3;
         state.learn(self.manifest);
         state.save(self.store)?;
-        reports::list(self.store, &summary_of(&verdict), self.desk)?;
-        report_end(self.desk, self.store, &record, &verdict);
+        reports::list(self.store, &summary_of(&verdict), self.context)?;
+        report_end(self.context, self.store, &record, &verdict);
         Ok(Reduction::Finished(Box::new(verdict)))
     }
 
@@ -554,7 +559,7 @@ impl Reducer<'_> {
             let text = format!(
                 "removed pages of flights that are no longer in the folder: {pages}; their results stay in by-key"
             );
-            self.desk.send(Event::Remark { text });
+            self.context.send(Event::Remark { text });
         }
         Ok(())
     }
@@ -716,9 +721,9 @@ fn summary_of(verdict: &Verdict) -> Summary {
 }
 
 /// Sends one event for each flight, then the totals.
-fn report_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
+fn report_end(context: &RunContext<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
     for (row, line) in record.flights.iter().zip(&verdict.lines) {
-        desk.send(Event::Flight {
+        context.send(Event::Flight {
             outcome: row.outcome.word(),
             reason: row.outcome.reason().map(str::to_owned),
             page: store.root().join(&row.page),
@@ -726,7 +731,7 @@ fn report_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: 
         });
     }
     let Verdict { totals, criteria, page, nothing_changed, .. } = verdict.clone();
-    desk.send(Event::Done { report: page, nothing_changed, totals, verdicts: criteria.map(|c| c.flights) });
+    context.send(Event::Done { report: page, nothing_changed, totals, verdicts: criteria.map(|c| c.flights) });
 }
 
 /// The table row of a record.

@@ -2,7 +2,7 @@
 //! report below that folder is written.
 
 use crate::event::Event;
-use crate::plan::{BENCH_MARK, Desk};
+use crate::plan::{BENCH_MARK, RunContext};
 use crate::source;
 use crate::store::{Keep, Store, StoreError};
 use report::{REPORTS_TITLE, ReportEntry, reports_page};
@@ -32,13 +32,13 @@ pub(crate) struct Summary {
 ///
 /// # Errors
 /// The summary cannot be written.
-pub(crate) fn list(store: &Store, summary: &Summary, desk: &Desk<'_>) -> Result<(), StoreError> {
+pub(crate) fn list(store: &Store, summary: &Summary, context: &RunContext<'_>) -> Result<(), StoreError> {
     // A summary has text keys and cannot fail.
     let text = serde_json::to_vec(summary).unwrap_or_default();
     store.write(SUMMARY, &text, Keep::Renewable)?;
     let Some(folder) = folder_of(store.root()) else { return Ok(()) };
     if let Err(error) = write(&folder) {
-        desk.send(Event::Remark { text: format!("the page over all reports is not written: {error}") });
+        context.send(Event::Remark { text: format!("the page over all reports is not written: {error}") });
     }
     Ok(())
 }
@@ -110,10 +110,10 @@ mod tests {
         let store = Store::open(&folder.join(name)).unwrap();
         store.write(INDEX, b"<p>a report", Keep::Renewable).unwrap();
         let cancel = AtomicBool::new(false);
-        let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
+        let context = RunContext { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
         let summary = Summary { size: 2, answers: vec![answer.to_owned()] };
         assert!(is_unlisted(&store));
-        list(&store, &summary, &desk).unwrap();
+        list(&store, &summary, &context).unwrap();
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::error::CampaignError;
 use crate::event::Event;
 use crate::lock::OutputLock;
 use crate::manifest::{FLIGHTLAG_VERSION, Manifest, Stage};
-use crate::plan::{Desk, Order, Retry, check_output, judge, plan};
+use crate::plan::{Order, Retry, RunContext, check_output, judge, plan};
 use crate::process::host_name;
 use crate::reduce::{Reduction, Verdict, compare, reduce_locked};
 use crate::source;
@@ -19,34 +19,38 @@ use std::time::Instant;
 ///
 /// # Errors
 /// See [`CampaignError`]. An unreadable flight is not an error: it is a row of the table.
-pub fn run(order: &Order, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
-    run_with(order, desk, &|manifest| Ok(Box::new(Replaying::prepare(manifest)?)))
+pub fn run(order: &Order, context: &RunContext<'_>) -> Result<Verdict, CampaignError> {
+    run_with(order, context, &|manifest| Ok(Box::new(Replaying::prepare(manifest)?)))
 }
 
 /// Creates the study for a manifest.
 pub(crate) type Prepare<'a> = &'a dyn Fn(&Manifest) -> Result<Box<dyn Study>, CampaignError>;
 
-pub(crate) fn run_with(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verdict, CampaignError> {
-    source::leaving_no_empty_folder(&order.out, || run_here(order, desk, prepare))
+pub(crate) fn run_with(
+    order: &Order,
+    context: &RunContext<'_>,
+    prepare: Prepare<'_>,
+) -> Result<Verdict, CampaignError> {
+    source::leaving_no_empty_folder(&order.out, || run_here(order, context, prepare))
 }
 
-fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verdict, CampaignError> {
+fn run_here(order: &Order, context: &RunContext<'_>, prepare: Prepare<'_>) -> Result<Verdict, CampaignError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
-    let (store, _lock) = enter(order, desk)?;
+    let (store, _lock) = enter(order, context)?;
     let mut state = State::recall(&store);
-    let round = |state: &mut State| round(order, desk, &store, state, prepare);
+    let round = |state: &mut State| round(order, context, &store, state, prepare);
     let (report, reduction) = round(&mut state)?;
     let (report, reduction) = match reduction {
         Reduction::Damaged(flights) => {
             let text = format!("damaged results are computed again: {}", flights.join(", "));
-            desk.send(Event::Remark { text });
+            context.send(Event::Remark { text });
             round(&mut state)?
         }
         finished => (report, finished),
     };
     match reduction {
         Reduction::Finished(verdict) => {
-            write_run(&store, desk, clock, Some(report.made), &verdict)?;
+            write_run(&store, context, clock, Some(report.made), &verdict)?;
             Ok(*verdict)
         }
         Reduction::Damaged(flights) => {
@@ -60,29 +64,29 @@ fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verd
 /// Plan, measure, decide, replay, reduce, once.
 fn round(
     order: &Order,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
     store: &Store,
     state: &mut State,
     prepare: Prepare<'_>,
 ) -> Result<(TaskReport, Reduction), CampaignError> {
-    compare(state, store, order.check(), desk)?;
-    let mut manifest = planned(order, desk, store, state, 1)?;
+    compare(state, store, order.check(), context)?;
+    let mut manifest = planned(order, context, store, state, 1)?;
     let mut report = TaskReport::default();
     if manifest.stale_count() > 0 {
         let study = prepare(&manifest)?;
         let to_measure = manifest.stale(Stage::Measure);
         if !to_measure.is_empty() {
-            report.add(make(&to_measure, &manifest, study.as_ref(), store, desk)?);
+            report.add(make(&to_measure, &manifest, study.as_ref(), store, context)?);
             judge(&mut manifest, &order.pipeline, store, state, Retry::Nobody)?;
             manifest.deal(1);
-            report_plan(&manifest, desk);
+            report_plan(&manifest, context);
         }
         let to_replay = manifest.stale(Stage::Replay);
         if !to_replay.is_empty() {
-            report.add(make(&to_replay, &manifest, study.as_ref(), store, desk)?);
+            report.add(make(&to_replay, &manifest, study.as_ref(), store, context)?);
         }
     }
-    Ok((report, reduce_locked(&manifest, desk, store, state)?))
+    Ok((report, reduce_locked(&manifest, context, store, state)?))
 }
 
 /// Plans a campaign for a cluster: at most `max_shards` shards of roughly equal size, all of one stage. Plan again
@@ -90,23 +94,24 @@ fn round(
 ///
 /// # Errors
 /// See [`CampaignError`].
-pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Manifest, CampaignError> {
+pub fn plan_shards(order: &Order, context: &RunContext<'_>, max_shards: u32) -> Result<Manifest, CampaignError> {
     source::leaving_no_empty_folder(&order.out, || {
-        let (store, _lock) = enter(order, desk)?;
+        let (store, _lock) = enter(order, context)?;
         let mut state = State::recall(&store);
-        compare(&mut state, &store, order.check(), desk)?;
-        planned(order, desk, &store, &state, max_shards)
+        compare(&mut state, &store, order.check(), context)?;
+        planned(order, context, &store, &state, max_shards)
     })
 }
 
 /// Opens the output folder exclusively and removes leftovers of a killed run.
-fn enter(order: &Order, desk: &Desk<'_>) -> Result<(Store, OutputLock), CampaignError> {
+fn enter(order: &Order, context: &RunContext<'_>) -> Result<(Store, OutputLock), CampaignError> {
     check_output(order)?;
     let store = Store::open(&order.out)?;
-    let lock = OutputLock::take(&store, desk)?;
+    let lock = OutputLock::take(&store, context)?;
     let leftovers = store.clean();
     if leftovers > 0 {
-        desk.send(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
+        context
+            .send(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
     }
     source::claim(&store, std::slice::from_ref(&order.flights))?;
     Ok((store, lock))
@@ -114,23 +119,23 @@ fn enter(order: &Order, desk: &Desk<'_>) -> Result<(Store, OutputLock), Campaign
 
 fn planned(
     order: &Order,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
     store: &Store,
     state: &State,
     max_shards: u32,
 ) -> Result<Manifest, CampaignError> {
-    let mut manifest = plan(order, desk, store, state)?;
+    let mut manifest = plan(order, context, store, state)?;
     manifest.deal(max_shards);
     for flight in manifest.flights.iter().filter(|f| f.stage.is_none() && f.key.is_some()) {
-        desk.send(Event::Reused { flight: flight.flight.clone() });
+        context.send(Event::Reused { flight: flight.flight.clone() });
     }
-    report_plan(&manifest, desk);
+    report_plan(&manifest, context);
     Ok(manifest)
 }
 
-fn report_plan(manifest: &Manifest, desk: &Desk<'_>) {
+fn report_plan(manifest: &Manifest, context: &RunContext<'_>) {
     let work = manifest.flights.iter().filter(|f| f.shard.is_some());
-    desk.send(Event::Planned {
+    context.send(Event::Planned {
         stage: manifest.stage(),
         flights: manifest.flights.len(),
         reused: manifest.flights.iter().filter(|f| f.stage.is_none() && f.key.is_some()).count(),
@@ -157,7 +162,7 @@ struct RunRecord {
 
 pub(crate) fn write_run(
     store: &Store,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
     (started, clock): (jiff::Timestamp, Instant),
     results_made: Option<usize>,
     verdict: &Verdict,
@@ -167,7 +172,7 @@ pub(crate) fn write_run(
         started: started.to_string(),
         seconds: clock.elapsed().as_secs_f64(),
         host: host_name(),
-        threads: desk.threads,
+        threads: context.threads,
         flights: verdict.totals.flights,
         results_made,
         flights_in_trouble: verdict.troubled,

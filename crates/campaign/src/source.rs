@@ -160,8 +160,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("reports/data");
         let cancel = std::sync::atomic::AtomicBool::new(false);
-        let desk = crate::plan::Desk { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
-        let take = || OutputLock::take(&Store::open(&out).unwrap(), &desk);
+        let context = crate::plan::RunContext { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
+        let take = || OutputLock::take(&Store::open(&out).unwrap(), &context);
         let mut first = None;
         let refused = leaving_no_empty_folder(&out, || {
             first = Some(take()?);

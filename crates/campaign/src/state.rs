@@ -6,7 +6,7 @@
 use crate::error::CampaignError;
 use crate::manifest::{Manifest, Planned, Stage, Why};
 use crate::memory::FileStamp;
-use crate::plan::Desk;
+use crate::plan::RunContext;
 use crate::results;
 use crate::store::{Check, Files, Kept, Store};
 use crate::work::Workers;
@@ -107,14 +107,14 @@ impl State {
         &mut self,
         store: &Store,
         check: Check,
-        desk: &Desk<'_>,
+        context: &RunContext<'_>,
     ) -> Result<Vec<String>, CampaignError> {
         self.check = check;
         let of_results = self.results.values_mut().flatten();
         let of_pages = self.pages.values_mut().flat_map(|page| &mut page.files);
         let of_whole = self.whole.iter_mut().flat_map(|whole| &mut whole.files);
         let files: Vec<(&String, &mut Kept)> = of_results.chain(of_pages).chain(of_whole).collect();
-        let (changed, refreshed) = compared(files, store, check, desk)?;
+        let (changed, refreshed) = compared(files, store, check, context)?;
         self.refreshed = refreshed;
         if changed.is_empty() {
             return Ok(vec![]);
@@ -213,7 +213,7 @@ fn compared(
     files: Vec<(&String, &mut Kept)>,
     store: &Store,
     check: Check,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
 ) -> Result<(BTreeSet<String>, bool), CampaignError> {
     if check == Check::Quick {
         let (mut changed, mut refreshed) = (BTreeSet::new(), false);
@@ -229,8 +229,8 @@ fn compared(
     }
     let differs =
         |(): &mut (), (name, kept): &(&String, &mut Kept)| !store.is_as_kept(name, &mut (**kept).clone(), check);
-    let answers = Workers::start(desk.threads)?.each(&files, desk.cancel, || (), differs);
-    desk.stopped()?;
+    let answers = Workers::start(context.threads)?.each(&files, context.cancel, || (), differs);
+    context.stopped()?;
     let changed = files.iter().zip(answers).filter(|(_, differs)| *differs == Some(true));
     Ok((changed.map(|((name, _), _)| (*name).clone()).collect(), false))
 }

@@ -7,7 +7,7 @@ use crate::error::CampaignError;
 use crate::event::Event;
 use crate::logs::Library;
 use crate::manifest::{Manifest, Planned, PlannedReference};
-use crate::plan::Desk;
+use crate::plan::RunContext;
 use crate::reference::{ReferenceLog, settle};
 use compensation_replay::{Replay, Sweeper, TrackRows, TruthEffect, effect, replay, sketch};
 use flight::{Code, Notices};
@@ -42,7 +42,12 @@ pub(crate) enum Interrupted {
 /// Makes the results of one flight. There is one real study; tests replace it.
 pub(crate) trait Study: Sync {
     /// Measures the delays of the flight.
-    fn measure(&self, flight: &Planned, manifest: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted>;
+    fn measure(
+        &self,
+        flight: &Planned,
+        manifest: &Manifest,
+        context: &RunContext<'_>,
+    ) -> Result<MeasuredFlight, Interrupted>;
 
     /// Its record with the delay removed that the plan decided.
     fn study(
@@ -50,7 +55,7 @@ pub(crate) trait Study: Sync {
         flight: &Planned,
         measured: MeasuredFlight,
         manifest: &Manifest,
-        desk: &Desk<'_>,
+        context: &RunContext<'_>,
     ) -> Result<Studied, Interrupted>;
 }
 
@@ -75,14 +80,14 @@ impl Replaying {
     fn load(
         &self,
         planned: &Planned,
-        desk: &Desk<'_>,
+        context: &RunContext<'_>,
     ) -> Result<Result<(Loaded, Option<ReferenceLog>), String>, Interrupted> {
-        let on_bytes = |bytes| desk.send(Event::Read { bytes });
-        let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
+        let on_bytes = |bytes| context.send(Event::Read { bytes });
+        let reading = ReadContext { limits: Limits::default(), cancel: context.cancel, on_bytes: &on_bytes };
         let trouble = || Interrupted::Lasting("its format is not known".to_owned());
         let unit = planned.unit().ok_or_else(trouble)?;
-        let read = |found: PlannedReference| ReferenceLog::read(&found.found(), &self.library, &context);
-        let both = self.library.load(&unit, self.pipeline.forced_map(), &context).and_then(|loaded| {
+        let read = |found: PlannedReference| ReferenceLog::read(&found.found(), &self.library, &reading);
+        let both = self.library.load(&unit, self.pipeline.forced_map(), &reading).and_then(|loaded| {
             let reference = planned.reference.clone().map(read).transpose()?;
             Ok((loaded, reference))
         });
@@ -205,9 +210,14 @@ impl Replaying {
 }
 
 impl Study for Replaying {
-    fn measure(&self, planned: &Planned, _manifest: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted> {
+    fn measure(
+        &self,
+        planned: &Planned,
+        _manifest: &Manifest,
+        context: &RunContext<'_>,
+    ) -> Result<MeasuredFlight, Interrupted> {
         let key = planned.measure_key.as_deref().unwrap_or_default();
-        Ok(match self.load(planned, desk)? {
+        Ok(match self.load(planned, context)? {
             Ok((Loaded { companion: Some(what), .. }, _)) => answer::companion(key, what),
             Ok((Loaded { mut flight, health, binding: Ok(binding), .. }, reference)) => {
                 let reference = reference.map(|reference| reference.join(&mut flight, &self.pipeline));
@@ -222,9 +232,9 @@ impl Study for Replaying {
         planned: &Planned,
         measured: MeasuredFlight,
         manifest: &Manifest,
-        desk: &Desk<'_>,
+        context: &RunContext<'_>,
     ) -> Result<Studied, Interrupted> {
-        let (mut loaded, reference) = match self.load(planned, desk)? {
+        let (mut loaded, reference) = match self.load(planned, context)? {
             Ok(both) => both,
             Err(reason) => return Ok(Studied::without_track(failed_record(planned, manifest, reason))),
         };

@@ -5,7 +5,7 @@ use crate::event::Event;
 use crate::fetch::{Brought, Logs};
 use crate::manifest::{Manifest, Planned, PlannedFile, Stage};
 use crate::memory::{FileStamp, hash_file};
-use crate::plan::Desk;
+use crate::plan::RunContext;
 use crate::results;
 use crate::store::{Check, Store};
 use crate::study::{Interrupted, Replaying, Study, failed_record};
@@ -55,7 +55,7 @@ impl TaskReport {
 ///
 /// # Errors
 /// No such shard, maps or logs that changed since the plan, an output that cannot be written, or the user stopped.
-pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskReport, CampaignError> {
+pub fn task(manifest: &Manifest, shard: u32, context: &RunContext<'_>) -> Result<TaskReport, CampaignError> {
     if shard >= manifest.shards {
         let count = manifest.shards;
         return Err(CampaignError::Asked(format!("no shard {shard}: this manifest has {count}, counted from 0")));
@@ -64,14 +64,14 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
     let flights = manifest.of_shard(shard);
     let study = Replaying::prepare(manifest)?;
     let to_do: Vec<&&Planned> = flights.iter().filter(|flight| is_to_do(flight, &store)).collect();
-    desk.send(Event::Planned {
+    context.send(Event::Planned {
         stage: manifest.stage(),
         flights: flights.len(),
         reused: flights.len() - to_do.len(),
         to_run: to_do.len(),
         bytes: to_do.iter().map(|flight| flight.bytes()).sum(),
     });
-    make(&flights, manifest, &study, &store, desk)
+    make(&flights, manifest, &study, &store, context)
 }
 
 /// Whether a flight has work left: its result is missing, or the plan marks it as damaged.
@@ -86,15 +86,16 @@ pub(crate) fn make(
     manifest: &Manifest,
     study: &dyn Study,
     store: &Store,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
 ) -> Result<TaskReport, CampaignError> {
     let (broken, logs) = (AtomicBool::new(false), Logs::planned(&manifest.root)?);
-    let worker = Worker { manifest, study, store, desk, logs, broken, error: Mutex::new(None) };
-    let answers = Workers::start(desk.threads)?.each(flights, desk.cancel, || (), |(), flight| worker.attempt(flight));
+    let worker = Worker { manifest, study, store, context, logs, broken, error: Mutex::new(None) };
+    let answers =
+        Workers::start(context.threads)?.each(flights, context.cancel, || (), |(), flight| worker.attempt(flight));
     if let Some(error) = worker.error.into_inner().unwrap_or_else(|e| e.into_inner()) {
         return Err(error);
     }
-    desk.stopped()?;
+    context.stopped()?;
     let mut report = TaskReport::default();
     for (flight, answer) in flights.iter().zip(answers.into_iter().flatten()) {
         report.count(&flight.flight, answer);
@@ -126,7 +127,7 @@ struct Worker<'a> {
     manifest: &'a Manifest,
     study: &'a dyn Study,
     store: &'a Store,
-    desk: &'a Desk<'a>,
+    context: &'a RunContext<'a>,
     logs: Logs,
     /// Whether an output could not be written: no thread starts another flight.
     broken: AtomicBool,
@@ -154,7 +155,7 @@ impl Worker<'_> {
             return Ok(Attempt::Found);
         }
         let (name, why) = (flight.flight.clone(), flight.why.clone());
-        self.desk.send(Event::Started { flight: name, stage, why, bytes: flight.bytes() });
+        self.context.send(Event::Started { flight: name, stage, why, bytes: flight.bytes() });
         let work = || match stage {
             Stage::Measure => self.measured(flight),
             Stage::Replay => self.studied(flight),
@@ -173,11 +174,11 @@ impl Worker<'_> {
 
     fn measured(&self, flight: &Planned) -> Result<Attempt, Stop> {
         let (flight, files, _here) = self.here(flight)?;
-        let measured = self.study.measure(&flight, self.manifest, self.desk)?;
+        let measured = self.study.measure(&flight, self.manifest, self.context)?;
         self.refuse_changed(&flight, &files)?;
         results::write_measured(self.store, &measured)?;
         let lateness = &measured.lateness;
-        self.desk.send(Event::DelayMeasured {
+        self.context.send(Event::DelayMeasured {
             flight: flight.flight.clone(),
             kind: lateness.kind,
             lateness_s: lateness.lateness_s(),
@@ -191,11 +192,11 @@ impl Worker<'_> {
         let key = flight.measure_key.as_deref().unwrap_or_default();
         let measured = results::read_measured(self.store, key)?.ok_or_else(again)?;
         let (flight, files, _here) = self.here(flight)?;
-        let studied = self.study.study(&flight, measured, self.manifest, self.desk)?;
+        let studied = self.study.study(&flight, measured, self.manifest, self.context)?;
         self.refuse_changed(&flight, &files)?;
         results::write(self.store, &studied)?;
         let record = &studied.record;
-        self.desk.send(Event::Finished {
+        self.context.send(Event::Finished {
             flight: flight.flight.clone(),
             outcome: record.outcome.word(),
             reason: record.outcome.reason().map(str::to_owned),
@@ -211,7 +212,7 @@ impl Worker<'_> {
         let reason = &trouble.reason;
         let key = flight.work_key().unwrap_or_default();
         results::write_trouble(self.store, key, &failed_record(flight, self.manifest, reason.clone()))?;
-        self.desk.send(Event::Troubled { flight: flight.flight.clone(), reason: reason.clone() });
+        self.context.send(Event::Troubled { flight: flight.flight.clone(), reason: reason.clone() });
         Ok(Attempt::Troubled(trouble))
     }
 }
@@ -238,7 +239,7 @@ impl Worker<'_> {
         let files: Vec<FileStamp> =
             flight.all_files().map(|file| self.stamp_of_planned(file)).collect::<Result<_, Stop>>()?;
         let paths: Vec<PathBuf> = flight.all_files().map(|file| file.path.clone()).collect();
-        let here = self.logs.bring(&paths, self.desk.cancel).map_err(|e| self.unreadable(&flight.flight, &e))?;
+        let here = self.logs.bring(&paths, self.context.cancel).map_err(|e| self.unreadable(&flight.flight, &e))?;
         Ok((flight, files, here))
     }
 
@@ -255,7 +256,7 @@ impl Worker<'_> {
         let is_planned = stamp == file.stamp
             || stamp.bytes == file.stamp.bytes && {
                 let paths = std::slice::from_ref(&file.path);
-                let _here = self.logs.bring(paths, self.desk.cancel).map_err(unreadable)?;
+                let _here = self.logs.bring(paths, self.context.cancel).map_err(unreadable)?;
                 let hash = hash_file(&file.path, &mut vec![0; 1 << 16], |_| true).map_err(unreadable)?;
                 hash.as_ref() == Some(&file.blake3)
             };

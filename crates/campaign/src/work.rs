@@ -22,12 +22,12 @@ impl Workers {
         &self,
         items: &[T],
         cancel: &AtomicBool,
-        desk: impl Fn() -> S + Sync,
+        context: impl Fn() -> S + Sync,
         work: impl Fn(&mut S, &T) -> R + Sync,
     ) -> Vec<Option<R>> {
         let next = AtomicUsize::new(0);
         let of_thread = self.pool.broadcast(|_| {
-            let mut own = desk();
+            let mut own = context();
             let mut done = vec![];
             while !cancel.load(Ordering::Relaxed) {
                 let i = next.fetch_add(1, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! `flightlag bench`: reads records of a swing bench, writes a sensor card and pages.
 
-use crate::arguments::{BenchArguments, DeskArguments};
-use crate::campaign_command::{desk, name_for_shell, quoted, say};
+use crate::arguments::{BenchArguments, RunArguments};
+use crate::campaign_command::{name_for_shell, quoted, run_context, say};
 use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{Table, count, visible};
@@ -27,14 +27,14 @@ pub(crate) fn run(arguments: &BenchArguments, stop: &Stop) -> Result<End, Failur
         card: arguments.card.clone(),
         command: command_of(arguments),
     };
-    let verdict = run_order(&order, &arguments.desk, stop)?;
+    let verdict = run_order(&order, &arguments.run, stop)?;
     Ok(verdict.exit().into())
 }
 
 /// Runs a bench and reports the result.
-pub(crate) fn run_order(order: &BenchOrder, arguments: &DeskArguments, stop: &Stop) -> Result<BenchVerdict, Failure> {
+pub(crate) fn run_order(order: &BenchOrder, arguments: &RunArguments, stop: &Stop) -> Result<BenchVerdict, Failure> {
     let events = listener(arguments);
-    let verdict = bench_run(order, &desk(arguments, stop, events.as_ref()))?;
+    let verdict = bench_run(order, &run_context(arguments, stop, events.as_ref()))?;
     if !arguments.json && !arguments.quiet {
         write_all(&summary(&verdict))?;
     }

@@ -1,15 +1,15 @@
 //! `flightlag campaign`: a whole campaign on this machine, or one step of it on a cluster.
 
 use crate::aircraft;
-use crate::arguments::{AircraftArguments, CampaignArguments, DeskArguments, OrderArguments, Step, clock_rule_name};
+use crate::arguments::{AircraftArguments, CampaignArguments, OrderArguments, RunArguments, Step, clock_rule_name};
 use crate::delay_command;
 use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{count, visible};
 use crate::stop::Stop;
 use campaign::{
-    CampaignError, ClockRule, Criteria, Desk, EventSink, Exit, GroupLine, LogCache, Manifest, Order, Pipeline, Status,
-    TaskReport, Verdict,
+    CampaignError, ClockRule, Criteria, EventSink, Exit, GroupLine, LogCache, Manifest, Order, Pipeline, RunContext,
+    Status, TaskReport, Verdict,
 };
 use record::{CampaignCriteria, CriterionSummary, VerdictTally};
 use std::io::Write;
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Failure> {
     match (arguments.step, arguments.order) {
         (Some(step), _) => take(step, stop),
-        (None, Some(order)) => whole(&order, &arguments.aircraft, &arguments.desk, stop),
+        (None, Some(order)) => whole(&order, &arguments.aircraft, &arguments.run, stop),
         (None, None) => {
             let usage = "which campaign? flightlag campaign FLIGHTS [--out DIR] (more: flightlag campaign --help)";
             Err(Failure::new(Exit::Wrong, usage))
@@ -26,25 +26,30 @@ pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Fail
     }
 }
 
-fn whole(order: &OrderArguments, files: &AircraftArguments, desk: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
-    let verdict = run_order(&order_of(order)?, desk, stop)?;
+fn whole(
+    order: &OrderArguments,
+    files: &AircraftArguments,
+    arguments: &RunArguments,
+    stop: &Stop,
+) -> Result<End, Failure> {
+    let verdict = run_order(&order_of(order)?, arguments, stop)?;
     aircraft::write(files, &verdict.groups)?;
     Ok(verdict.exit().into())
 }
 
 /// Runs a campaign and reports how it went.
-pub(crate) fn run_order(order: &Order, arguments: &DeskArguments, stop: &Stop) -> Result<Verdict, Failure> {
+pub(crate) fn run_order(order: &Order, arguments: &RunArguments, stop: &Stop) -> Result<Verdict, Failure> {
     let events = listener(arguments);
-    let verdict = campaign::run(order, &desk(arguments, stop, events.as_ref()))?;
+    let verdict = campaign::run(order, &run_context(arguments, stop, events.as_ref()))?;
     print_verdict(&verdict, &order.out, arguments)?;
     Ok(verdict)
 }
 
 fn take(step: Step, stop: &Stop) -> Result<End, Failure> {
     match step {
-        Step::Plan { order, manifest, max_shards, desk } => plan(&order, manifest.as_deref(), max_shards, &desk, stop),
-        Step::Task { manifest, shard, desk } => task(&manifest, shard, &desk, stop),
-        Step::Reduce { manifest, aircraft, desk } => reduce(&manifest, &aircraft, &desk, stop),
+        Step::Plan { order, manifest, max_shards, run } => plan(&order, manifest.as_deref(), max_shards, &run, stop),
+        Step::Task { manifest, shard, run } => task(&manifest, shard, &run, stop),
+        Step::Reduce { manifest, aircraft, run } => reduce(&manifest, &aircraft, &run, stop),
         Step::Status { manifest, json } => status(&manifest, json),
     }
 }
@@ -53,12 +58,12 @@ fn plan(
     order: &OrderArguments,
     path: Option<&Path>,
     max_shards: u32,
-    arguments: &DeskArguments,
+    arguments: &RunArguments,
     stop: &Stop,
 ) -> Result<End, Failure> {
     let events = listener(arguments);
     let order = order_of(order)?;
-    let manifest = campaign::plan_shards(&order, &desk(arguments, stop, events.as_ref()), max_shards)?;
+    let manifest = campaign::plan_shards(&order, &run_context(arguments, stop, events.as_ref()), max_shards)?;
     let kept = manifest.keep()?;
     path.map_or(Ok(()), |path| manifest.write(path))?;
     let path = path.unwrap_or(&kept);
@@ -73,18 +78,18 @@ fn plan(
     Ok(Exit::Well.into())
 }
 
-fn task(path: &Path, shard: u32, arguments: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
+fn task(path: &Path, shard: u32, arguments: &RunArguments, stop: &Stop) -> Result<End, Failure> {
     let events = listener(arguments);
-    let report = campaign::task(&Manifest::read(path)?, shard, &desk(arguments, stop, events.as_ref()))?;
+    let report = campaign::task(&Manifest::read(path)?, shard, &run_context(arguments, stop, events.as_ref()))?;
     let TaskReport { made, found, troubled, lasting } = &report;
     say(arguments, &format!("made={made} found={found} troubled={}", troubled.len() + lasting.len()))?;
     Ok(report.exit().into())
 }
 
-fn reduce(path: &Path, files: &AircraftArguments, arguments: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
+fn reduce(path: &Path, files: &AircraftArguments, arguments: &RunArguments, stop: &Stop) -> Result<End, Failure> {
     let events = listener(arguments);
     let manifest = Manifest::read(path)?;
-    let verdict = campaign::reduce(&manifest, &desk(arguments, stop, events.as_ref()))?;
+    let verdict = campaign::reduce(&manifest, &run_context(arguments, stop, events.as_ref()))?;
     print_verdict(&verdict, manifest.out(), arguments)?;
     if let Some(next) = next_step(&verdict, &manifest) {
         say(arguments, &next)?;
@@ -135,7 +140,7 @@ fn status_text(status: &Status) -> String {
     text
 }
 
-fn print_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Result<(), Failure> {
+fn print_verdict(verdict: &Verdict, out: &Path, arguments: &RunArguments) -> Result<(), Failure> {
     let totals = &verdict.totals;
     let groups: Vec<GroupLine> = verdict.groups.clone();
     for line in delay_command::short_text(&verdict.lines, &groups).lines() {
@@ -166,7 +171,7 @@ fn print_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Re
 const MOST_NAMES: usize = 3;
 
 /// A line for all flights, and one for each criterion that some flight fails.
-fn print_criteria(criteria: &CampaignCriteria, arguments: &DeskArguments) -> Result<(), Failure> {
+fn print_criteria(criteria: &CampaignCriteria, arguments: &RunArguments) -> Result<(), Failure> {
     say(arguments, &format!("criteria, flights by worst verdict: {}", tally(&criteria.flights)))?;
     for failed in criteria.each.iter().filter(|each| each.tally.fail > 0) {
         let names: Vec<&str> = failed.failed.iter().take(MOST_NAMES).map(String::as_str).collect();
@@ -194,7 +199,7 @@ fn tally(tally: &VerdictTally) -> String {
 }
 
 /// Reports to a person on standard output; machines have events.
-pub(crate) fn say(arguments: &DeskArguments, text: &str) -> Result<(), Failure> {
+pub(crate) fn say(arguments: &RunArguments, text: &str) -> Result<(), Failure> {
     if arguments.json || arguments.quiet {
         return Ok(());
     }
@@ -204,15 +209,15 @@ pub(crate) fn say(arguments: &DeskArguments, text: &str) -> Result<(), Failure> 
     }
 }
 
-pub(crate) fn desk<'a>(arguments: &DeskArguments, stop: &'a Stop, events: &'a dyn EventSink) -> Desk<'a> {
+pub(crate) fn run_context<'a>(arguments: &RunArguments, stop: &'a Stop, events: &'a dyn EventSink) -> RunContext<'a> {
     let usual = LogCache::default();
     let folder = arguments.cache.cache.clone();
     campaign::keep_logs_in(LogCache { folder, most_bytes: arguments.cache.cache_size.unwrap_or(usual.most_bytes) });
-    Desk { threads: threads(arguments), cancel: stop.flag(), events }
+    RunContext { threads: threads(arguments), cancel: stop.flag(), events }
 }
 
 /// As requested, otherwise as allocated by the cluster, otherwise every core.
-fn threads(arguments: &DeskArguments) -> usize {
+fn threads(arguments: &RunArguments) -> usize {
     let of_cluster =
         || std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok()).filter(|n| *n > 0);
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);

@@ -1,8 +1,8 @@
 //! `flightlag delay`: how late the positions of logs are.
 
 use crate::aircraft;
-use crate::arguments::{DelayArguments, DeskArguments};
-use crate::campaign_command::{desk, pipeline_of, with_reference};
+use crate::arguments::{DelayArguments, RunArguments};
+use crate::campaign_command::{pipeline_of, run_context, with_reference};
 use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{Table, count, visible};
@@ -24,9 +24,9 @@ pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failur
     let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock)?;
     let order = DelayOrder { paths: arguments.logs.clone(), pipeline, filter_values: arguments.ekf.is_some() };
     let quiet = arguments.quiet || arguments.logs.iter().all(|path| path.is_file());
-    let asked = DeskArguments { threads: arguments.threads, json: false, quiet, cache: arguments.cache.clone() };
+    let asked = RunArguments { threads: arguments.threads, json: false, quiet, cache: arguments.cache.clone() };
     let events = listener(&asked);
-    let report = delay_report(&order, &desk(&asked, stop, events.as_ref()))?;
+    let report = delay_report(&order, &run_context(&asked, stop, events.as_ref()))?;
     drop(events);
     match (arguments.json, arguments.csv) {
         (true, _) => writeln!(out, "{}", serde_json::to_string_pretty(&report).unwrap_or_default())?,

@@ -1,7 +1,7 @@
 //! `flightlag diff`: compares two reports, or two pipelines over the same flights.
 
 use crate::arguments::DiffArguments;
-use crate::campaign_command::{desk, name_for_shell, pipeline_of};
+use crate::campaign_command::{name_for_shell, pipeline_of, run_context};
 use crate::failure::{End, Failure};
 use crate::files::write_site;
 use crate::listen::listener;
@@ -26,9 +26,9 @@ pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure
         write_site(out, &report::diff_site(&found), &[("diff.json", &json)])?;
     }
     let mut stdout = std::io::stdout().lock();
-    match arguments.desk.json {
+    match arguments.run.json {
         true => writeln!(stdout, "{}", serde_json::to_string(&found).unwrap_or_default())?,
-        false if arguments.desk.quiet => {}
+        false if arguments.run.quiet => {}
         false => {
             write!(stdout, "{}", text(&found))?;
             if let Some(out) = &arguments.out {
@@ -48,10 +48,10 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
         ));
     };
     // Standard output is reserved for the comparison.
-    let quiet = crate::arguments::DeskArguments {
-        quiet: arguments.desk.quiet || arguments.desk.json,
+    let quiet = crate::arguments::RunArguments {
+        quiet: arguments.run.quiet || arguments.run.json,
         json: false,
-        ..arguments.desk.clone()
+        ..arguments.run.clone()
     };
     let events = listener(&quiet);
     let (mut reports, mut exit) = (vec![], Exit::Well);
@@ -69,7 +69,7 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
             ),
             settle: None,
         };
-        exit = campaign::run(&order, &desk(&quiet, stop, events.as_ref()))?.exit();
+        exit = campaign::run(&order, &run_context(&quiet, stop, events.as_ref()))?.exit();
         reports.push(order.out);
     }
     match reports.as_slice() {

@@ -4,12 +4,12 @@ use crate::arguments::GcArguments;
 use crate::failure::{End, Failure};
 use crate::show::{bytes, count};
 use crate::stop::Stop;
-use campaign::{Desk, Event, Exit, Garbage, gc};
+use campaign::{Event, Exit, Garbage, RunContext, gc};
 use std::io::Write;
 
 pub(crate) fn run(arguments: &GcArguments, stop: &Stop) -> Result<End, Failure> {
-    let desk = Desk { threads: 1, cancel: stop.flag(), events: &|_: &Event| {} };
-    let garbage = gc(&arguments.out, arguments.dry_run, &desk)?;
+    let context = RunContext { threads: 1, cancel: stop.flag(), events: &|_: &Event| {} };
+    let garbage = gc(&arguments.out, arguments.dry_run, &context)?;
     writeln!(std::io::stdout(), "{}", line(&garbage, arguments.dry_run))?;
     Ok(Exit::Well.into())
 }

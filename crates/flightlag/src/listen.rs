@@ -1,6 +1,6 @@
 //! Event listeners: a progress bar on a terminal, lines elsewhere, JSON for machines.
 
-use crate::arguments::DeskArguments;
+use crate::arguments::RunArguments;
 use crate::show::{bytes, count, visible};
 use campaign::{Event, EventSink, Stage, Why};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 const OFTEN: Duration = Duration::from_millis(500);
 
 /// The listener that the user wants.
-pub(crate) fn listener(desk: &DeskArguments) -> Box<dyn EventSink> {
-    match (desk.json, desk.quiet, std::io::stderr().is_terminal()) {
+pub(crate) fn listener(arguments: &RunArguments) -> Box<dyn EventSink> {
+    match (arguments.json, arguments.quiet, std::io::stderr().is_terminal()) {
         (true, _, _) => Box::new(JsonLines::default()),
         (_, true, _) => Box::new(|_: &Event| {}),
         (_, _, true) => Box::new(Bar::default()),

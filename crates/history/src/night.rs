@@ -11,7 +11,7 @@ use crate::proof::proofs;
 use crate::row::{Dimension, Row};
 use crate::summary;
 use crate::trend::{Trend, new_changes, trend};
-use campaign::{CampaignError, Desk, EMPTY_FOLDER, Event, Exit, Order, STILL_WRITTEN, Verdict};
+use campaign::{CampaignError, EMPTY_FOLDER, Event, Exit, Order, RunContext, STILL_WRITTEN, Verdict};
 use record::{
     CampaignRecord, GroupLateness, IgnoredInput, LeftLog, NamedFlight, NightCampaign, NightGroup, NightRecord,
     ProofVerdict, RECORD_VERSION, TrendRecord,
@@ -49,7 +49,7 @@ pub struct Night {
 /// # Errors
 /// The user stopped, another night is running on the same folder, or an output cannot be written. A campaign that fails
 /// is a row of the night's page.
-pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, HistoryError> {
+pub fn nightly(config: &NightlyConfig, run_context: &RunContext<'_>) -> Result<Night, HistoryError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
     std::fs::create_dir_all(&config.out).map_err(|e| HistoryError::io(&config.out, "make this folder", e))?;
     let _lock = lock(&config.out)?;
@@ -60,17 +60,17 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
     let since = if known.rows.is_empty() { None } else { history.last_run()? };
     let mut made = Made { since, problems: known.unreadable, ..Made::default() };
     for (name, order) in &config.campaigns {
-        desk.events.event(&Event::Campaign { name: name.clone(), flights: order.flights.clone() });
-        made.campaign(name, order, &Context { run: &run, config, history: &history, desk })?;
+        run_context.events.event(&Event::Campaign { name: name.clone(), flights: order.flights.clone() });
+        made.campaign(name, order, &Context { run: &run, config, history: &history, run_context })?;
     }
-    let fresh: Vec<Row> = made.rows.iter().filter(|row| !is_recorded(row, &made.before)).cloned().collect();
+    let fresh = made.fresh();
     let record = record(config, &run, clock, known.rows, &fresh, made);
     let exit = exit_of(record.exit);
     let folder = config.out.join(NIGHTS).join(&run.id);
     write(&record, config, &folder)?;
     let history = history.append(&run, &fresh)?;
     let night = Night { page: config.out.join(MORNING), record, folder, history, exit };
-    desk.events.event(&night.event());
+    run_context.events.event(&night.event());
     Ok(night)
 }
 
@@ -127,7 +127,7 @@ struct Context<'a> {
     run: &'a Run,
     config: &'a NightlyConfig,
     history: &'a History,
-    desk: &'a Desk<'a>,
+    run_context: &'a RunContext<'a>,
 }
 
 /// Results so far.
@@ -148,12 +148,17 @@ struct Made {
 }
 
 impl Made {
+    /// Rows that the history does not have yet.
+    fn fresh(&self) -> Vec<Row> {
+        self.rows.iter().filter(|row| !is_recorded(row, &self.before)).cloned().collect()
+    }
+
     /// Runs one campaign and records its results. Only a stop by the user ends the night.
     fn campaign(&mut self, name: &str, order: &Order, context: &Context<'_>) -> Result<(), HistoryError> {
         let earlier = read_campaign(&order.out).ok();
         let is_there = campaign::is_in_bucket(&order.flights) || order.flights.is_dir();
         let ran = match is_there {
-            true => campaign::run(order, context.desk),
+            true => campaign::run(order, context.run_context),
             // A disk that is not mounted: the other campaigns continue.
             false => Err(CampaignError::TryAgain(format!("{}: the folder does not exist", order.flights.display()))),
         };

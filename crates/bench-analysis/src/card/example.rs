@@ -95,6 +95,29 @@ pub(crate) fn card() -> SensorCard {
     }
 }
 
+/// A delay with this standard uncertainty.
+fn delay(delay_s: f64, u_s: f64) -> DelayFinding {
+    DelayFinding {
+        delay: Delay::from_seconds(delay_s).unwrap(),
+        standard_uncertainty_s: u_s,
+        hessian_s: u_s,
+        hac_s: u_s,
+        reference_s: 0.0,
+        stamps_s: 0.0,
+        anchor_s: 0.0,
+        change_s: 0.0,
+        interval_95_s: [delay_s - 2.0 * u_s, delay_s + 2.0 * u_s],
+        degrees_of_freedom: 100.0,
+        crlb_s: u_s,
+        as_seen_s: Some(Estimate { value: delay_s + 0.125, standard_uncertainty: Some(u_s) }),
+        held_fit_s: None,
+        minimum_detectable_s: 2.8 * u_s,
+        margin_s: 0.005,
+        strict_margin_s: 0.005,
+        deciding_length_s: None,
+    }
+}
+
 /// A channel measured with this delay.
 pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
     let estimate = |value, u| Estimate { value, standard_uncertainty: Some(u) };
@@ -112,25 +135,7 @@ pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
         verdict: Verdict::Delayed,
         reason: "late".into(),
         predicted_s: None,
-        delay: Some(DelayFinding {
-            delay: Delay::from_seconds(delay_s).unwrap(),
-            standard_uncertainty_s: u_s,
-            hessian_s: u_s,
-            hac_s: u_s,
-            reference_s: 0.0,
-            stamps_s: 0.0,
-            anchor_s: 0.0,
-            change_s: 0.0,
-            interval_95_s: [delay_s - 2.0 * u_s, delay_s + 2.0 * u_s],
-            degrees_of_freedom: 100.0,
-            crlb_s: u_s,
-            as_seen_s: Some(estimate(delay_s + 0.125, u_s)),
-            held_fit_s: None,
-            minimum_detectable_s: 2.8 * u_s,
-            margin_s: 0.005,
-            strict_margin_s: 0.005,
-            deciding_length_s: None,
-        }),
+        delay: Some(delay(delay_s, u_s)),
         components: vec![ComponentDynamics {
             name: "north".into(),
             unit: "m".into(),

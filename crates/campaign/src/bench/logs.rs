@@ -5,7 +5,7 @@ use crate::error::CampaignError;
 use crate::event::Event;
 use crate::logs::Library;
 use crate::memory::{FileStamp, hash_file};
-use crate::plan::{Desk, why_no_logs};
+use crate::plan::{RunContext, why_no_logs};
 use crate::work::Workers;
 use flight::Quantity;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
@@ -133,14 +133,14 @@ pub(super) fn read(
     sources: &[Source],
     library: &Library,
     forced: Option<&str>,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
 ) -> Result<Vec<ReadLog>, CampaignError> {
     let files = sources.iter().flat_map(|s| &s.unit.files);
     let bytes = files.filter_map(|f| std::fs::metadata(f).ok()).map(|about| about.len()).sum();
-    desk.send(Event::Logs { logs: sources.len(), bytes });
-    let one = |piece: &mut Vec<u8>, source: &Source| read_one(source, library, forced, desk, piece);
-    let logs = Workers::start(desk.threads)?.each(sources, desk.cancel, || vec![0; PIECE], one);
-    desk.stopped()?;
+    context.send(Event::Logs { logs: sources.len(), bytes });
+    let one = |piece: &mut Vec<u8>, source: &Source| read_one(source, library, forced, context, piece);
+    let logs = Workers::start(context.threads)?.each(sources, context.cancel, || vec![0; PIECE], one);
+    context.stopped()?;
     logs.into_iter().map(|log| log.unwrap_or(Err(CampaignError::Cancelled))).collect()
 }
 
@@ -148,14 +148,14 @@ fn read_one(
     source: &Source,
     library: &Library,
     forced: Option<&str>,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
     piece: &mut [u8],
 ) -> Result<ReadLog, CampaignError> {
     let stamps: Vec<_> = source.unit.files.iter().map(|f| FileStamp::of(f).ok()).collect();
-    let (inputs, trouble) = hash_inputs(source, &stamps, desk, piece)?;
-    let on_bytes = |bytes| desk.send(Event::Read { bytes });
-    let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
-    let loaded = match (trouble, library.load(&source.unit, forced, &context)) {
+    let (inputs, trouble) = hash_inputs(source, &stamps, context, piece)?;
+    let on_bytes = |bytes| context.send(Event::Read { bytes });
+    let reading = ReadContext { limits: Limits::default(), cancel: context.cancel, on_bytes: &on_bytes };
+    let loaded = match (trouble, library.load(&source.unit, forced, &reading)) {
         (Some(trouble), _) => Err(trouble),
         (None, Err(IngestError::Cancelled)) => return Err(CampaignError::Cancelled),
         (None, Err(e)) => Err(e.to_string()),
@@ -173,14 +173,14 @@ fn read_one(
 fn hash_inputs(
     source: &Source,
     stamps: &[Option<FileStamp>],
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
     piece: &mut [u8],
 ) -> Result<(Vec<InputFile>, Option<String>), CampaignError> {
     let mut inputs = vec![];
     let mut trouble = None;
     for (path, stamp) in source.unit.files.iter().zip(stamps) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        match hash_file(path, piece, |_| !desk.cancel.load(Ordering::Relaxed)) {
+        match hash_file(path, piece, |_| !context.cancel.load(Ordering::Relaxed)) {
             Ok(Some(blake3)) => {
                 let bytes = stamp.as_ref().map(|s| s.bytes).unwrap_or_default();
                 inputs.push(InputFile { name, bytes, blake3 });

@@ -4,7 +4,7 @@ use super::{BenchOrder, BenchVerdict, Measured};
 use crate::cards::CARD_ENDING;
 use crate::error::CampaignError;
 use crate::manifest::FLIGHTLAG_VERSION;
-use crate::plan::{BENCH_MARK, Desk};
+use crate::plan::{BENCH_MARK, RunContext};
 use crate::process::host_name;
 use crate::slug::slugs;
 use crate::store::{Keep, Store};
@@ -220,7 +220,7 @@ struct BenchRun {
 
 pub(super) fn write_run(
     store: &Store,
-    desk: &Desk<'_>,
+    context: &RunContext<'_>,
     (started, clock): (jiff::Timestamp, Instant),
     verdict: &BenchVerdict,
 ) -> Result<(), CampaignError> {
@@ -229,7 +229,7 @@ pub(super) fn write_run(
         started: started.to_string(),
         seconds: clock.elapsed().as_secs_f64(),
         host: host_name(),
-        threads: desk.threads,
+        threads: context.threads,
         records: verdict.rows.len(),
         measured: verdict.rows.iter().filter(|r| r.outcome == BenchOutcome::Measured).count(),
     };

@@ -154,7 +154,7 @@ fn order(folder: &Path, records: &[&str], out: &str) -> BenchOrder {
 
 fn go(order: &BenchOrder, threads: usize) -> Result<BenchVerdict, CampaignError> {
     let quiet = |_: &Event| {};
-    bench_run(order, &Desk { threads, cancel: &AtomicBool::new(false), events: &quiet })
+    bench_run(order, &RunContext { threads, cancel: &AtomicBool::new(false), events: &quiet })
 }
 
 /// Every file below a folder except `run.json` and internal files.

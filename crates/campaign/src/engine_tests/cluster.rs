@@ -16,17 +16,17 @@ impl Cluster<'_> {
         Cluster { bench, cancel: AtomicBool::new(false) }
     }
 
-    fn desk(&self) -> Desk<'_> {
-        Desk { threads: 1, cancel: &self.cancel, events: &|_: &Event| {} }
+    fn context(&self) -> RunContext<'_> {
+        RunContext { threads: 1, cancel: &self.cancel, events: &|_: &Event| {} }
     }
 
     fn plan(&self, shards: u32) -> Manifest {
-        plan_shards(&self.bench.order(&self.bench.out(), false), &self.desk(), shards).unwrap()
+        plan_shards(&self.bench.order(&self.bench.out(), false), &self.context(), shards).unwrap()
     }
 
     fn task(&self, manifest: &Manifest, shard: u32) -> TaskReport {
         let store = Store::open(&self.bench.out()).unwrap();
-        make(&manifest.of_shard(shard), manifest, &Scripted { stop_at: None }, &store, &self.desk()).unwrap()
+        make(&manifest.of_shard(shard), manifest, &Scripted { stop_at: None }, &store, &self.context()).unwrap()
     }
 
     /// Runs all tasks of both stages.
@@ -54,15 +54,15 @@ fn a_task_without_its_output_folder_mounted_ends_with_75_without_work() {
         assert_eq!(error.exit(), Exit::TryAgain, "{error}");
         assert!(error.to_string().contains("not be mounted"), "{error}");
     };
-    refused(crate::task(&manifest, 0, &cluster.desk()).map(drop));
-    refused(reduce(&manifest, &cluster.desk()).map(drop));
+    refused(crate::task(&manifest, 0, &cluster.context()).map(drop));
+    refused(reduce(&manifest, &cluster.context()).map(drop));
     refused(status(&manifest).map(drop));
     // The plan is in that folder.
     refused(Manifest::read(&kept).map(drop));
     assert!(!out.exists(), "nothing is made where nothing is mounted");
     // The mount point exists and is empty.
     fs::create_dir(&out).unwrap();
-    refused(crate::task(&manifest, 0, &cluster.desk()).map(drop));
+    refused(crate::task(&manifest, 0, &cluster.context()).map(drop));
     refused(Manifest::read(&kept).map(drop));
     assert_eq!(fs::read_dir(&out).unwrap().count(), 0);
     fs::remove_dir(&out).unwrap();
@@ -97,7 +97,7 @@ fn a_log_changed_since_the_plan_is_not_retried_until_the_next_plan() {
     let report = cluster.task(&manifest, 0);
     assert_eq!((report.made, report.lasting.len(), report.exit()), (6, 1, Exit::Incomplete), "{report:?}");
     assert!(report.lasting[0].1.contains("has changed since it was planned"), "{report:?}");
-    let verdict = reduce(&cluster.work(), &cluster.desk()).unwrap();
+    let verdict = reduce(&cluster.work(), &cluster.context()).unwrap();
     assert_eq!((verdict.totals.compensated, verdict.exit()), (7, Exit::Well));
 }
 
@@ -140,12 +140,12 @@ fn a_damaged_result_that_no_plan_needs_does_not_stop_a_reduction() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     let first = cluster.work();
-    reduce(&first, &cluster.desk()).unwrap();
+    reduce(&first, &cluster.context()).unwrap();
     let key = first.flights[1].key.clone().unwrap();
     fs::write(bench.out().join(format!("by-key/{}/{key}/track.parquet", &key[..2])), "short").unwrap();
-    assert_eq!(reduce(&first, &cluster.desk()).unwrap_err().exit(), Exit::Failed, "it is needed: plan again");
+    assert_eq!(reduce(&first, &cluster.context()).unwrap_err().exit(), Exit::Failed, "it is needed: plan again");
     fs::remove_file(bench.flights().join("b.csv")).unwrap();
-    let verdict = reduce(&cluster.work(), &cluster.desk()).unwrap();
+    let verdict = reduce(&cluster.work(), &cluster.context()).unwrap();
     assert_eq!((verdict.totals.flights, verdict.exit()), (6, Exit::Well));
 }
 
@@ -153,12 +153,12 @@ fn a_damaged_result_that_no_plan_needs_does_not_stop_a_reduction() {
 fn gc_keeps_what_a_recent_plan_names() {
     let bench = group();
     let cluster = Cluster::of(&bench);
-    reduce(&cluster.work(), &cluster.desk()).unwrap();
+    reduce(&cluster.work(), &cluster.context()).unwrap();
     bench.log("b.csv", "late 0.25");
     let manifest = cluster.plan(1);
     manifest.keep().unwrap();
     cluster.task(&manifest, 0);
-    let gc = || crate::gc(&bench.out(), false, &cluster.desk()).unwrap();
+    let gc = || crate::gc(&bench.out(), false, &cluster.context()).unwrap();
     let before = gc();
     assert_eq!(before.results, 0, "the measurement that was just made is of a plan");
     fs::remove_dir_all(bench.out().join(".flightlag/plans")).unwrap();
@@ -169,7 +169,7 @@ fn gc_keeps_what_a_recent_plan_names() {
 fn a_reduction_records_when_and_where_it_was_made() {
     let bench = group();
     let cluster = Cluster::of(&bench);
-    reduce(&cluster.work(), &cluster.desk()).unwrap();
+    reduce(&cluster.work(), &cluster.context()).unwrap();
     let run: serde_json::Value = serde_json::from_slice(&fs::read(bench.out().join("run.json")).unwrap()).unwrap();
     assert_eq!((&run["flights"], &run["nothing_changed"]), (&7.into(), &false.into()));
     assert!(run["host"].is_string() && run["started"].is_string() && run.get("results_made").is_none(), "{run}");

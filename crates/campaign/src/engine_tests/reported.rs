@@ -33,16 +33,16 @@ fn unstarted_flights_are_pending_and_a_task_reports_its_number_of_flights() {
     let events = Mutex::new(vec![]);
     let sink = |event: &Event| events.lock().unwrap().push(event.clone());
     let cancel = AtomicBool::new(false);
-    let desk = Desk { threads: 2, cancel: &cancel, events: &sink };
-    let manifest = plan_shards(&bench.order(&bench.out(), false), &desk, 1).unwrap();
-    let verdict = crate::reduce::reduce(&manifest, &desk).unwrap();
+    let context = RunContext { threads: 2, cancel: &cancel, events: &sink };
+    let manifest = plan_shards(&bench.order(&bench.out(), false), &context, 1).unwrap();
+    let verdict = crate::reduce::reduce(&manifest, &context).unwrap();
     assert_eq!((verdict.totals.pending, verdict.totals.failed, verdict.exit()), (5, 0, Exit::Incomplete));
     assert!(verdict.lines.iter().all(|line| line.data == "pending"), "{:?}", verdict.lines);
     events.lock().unwrap().clear();
-    crate::task(&manifest, 0, &desk).unwrap();
+    crate::task(&manifest, 0, &context).unwrap();
     let planned = |e: &Event| if let Event::Planned { to_run, .. } = e { Some(*to_run) } else { None };
     assert_eq!(events.lock().unwrap().iter().find_map(planned), Some(5));
     events.lock().unwrap().clear();
-    crate::task(&manifest, 0, &desk).unwrap();
+    crate::task(&manifest, 0, &context).unwrap();
     assert_eq!(events.lock().unwrap().iter().find_map(planned), Some(0), "all of its results are there");
 }

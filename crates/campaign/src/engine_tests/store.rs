@@ -226,29 +226,29 @@ fn a_truncated_track_between_task_and_reduce_is_not_a_result() {
     let bench = group();
     let (store, cancel) = (Store::open(&bench.out()).unwrap(), AtomicBool::new(false));
     let sink = |_: &Event| {};
-    let desk = Desk { threads: 1, cancel: &cancel, events: &sink };
+    let context = RunContext { threads: 1, cancel: &cancel, events: &sink };
     let order = bench.order(&bench.out(), false);
     let work = || loop {
-        let manifest = plan_shards(&order, &desk, 2).unwrap();
+        let manifest = plan_shards(&order, &context, 2).unwrap();
         if manifest.stage().is_none() {
             break manifest;
         }
         for shard in 0..manifest.shards() {
-            make(&manifest.of_shard(shard), &manifest, &Scripted { stop_at: None }, &store, &desk).unwrap();
+            make(&manifest.of_shard(shard), &manifest, &Scripted { stop_at: None }, &store, &context).unwrap();
         }
     };
     for damage in [halve as fn(&Path), flip] {
         let manifest = work();
         let key = manifest.flights[2].key.clone().unwrap();
         damage(&bench.out().join(format!("by-key/{}/{key}/track.parquet", &key[..2])));
-        let mut reduced = crate::reduce::reduce(&manifest, &desk);
+        let mut reduced = crate::reduce::reduce(&manifest, &context);
         if let Ok(verdict) = &reduced {
             // Its size alone shows that it is truncated: the flight has no result yet.
             assert_eq!(verdict.totals.pending, 1);
         } else {
             assert!(reduced.as_ref().unwrap_err().to_string().contains("plan again"), "{reduced:?}");
         }
-        reduced = crate::reduce::reduce(&work(), &desk);
+        reduced = crate::reduce::reduce(&work(), &context);
         assert_eq!(reduced.unwrap().totals.compensated, 7);
         assert!(crate::results::is_there(&store, &key, Check::Full));
         fs::remove_dir_all(bench.out().join("flights")).unwrap();
@@ -269,10 +269,10 @@ fn gc_removes_only_results_that_no_report_refers_to() {
     bench.run();
     let tree = bench.tree(&bench.out());
     let cancel = AtomicBool::new(false);
-    let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
-    let gc = |dry_run| crate::gc(&bench.out(), dry_run, &desk).unwrap();
+    let context = RunContext { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
+    let gc = |dry_run| crate::gc(&bench.out(), dry_run, &context).unwrap();
     // A count needs no lock, and does not wait for one.
-    let held = crate::lock::OutputLock::take(&crate::store::Store::open(&bench.out()).unwrap(), &desk).unwrap();
+    let held = crate::lock::OutputLock::take(&crate::store::Store::open(&bench.out()).unwrap(), &context).unwrap();
     let would = gc(true);
     drop(held);
     assert_eq!((would.results, would.kept), (5, 10), "{would:?}");
@@ -290,9 +290,9 @@ fn gc_rejects_a_folder_with_a_changed_report() {
     let bench = Bench::five();
     bench.run();
     let cancel = AtomicBool::new(false);
-    let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
-    assert_eq!(crate::gc(&bench.flights(), false, &desk).unwrap_err().exit(), Exit::Wrong);
+    let context = RunContext { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
+    assert_eq!(crate::gc(&bench.flights(), false, &context).unwrap_err().exit(), Exit::Wrong);
     flip(&bench.out().join("campaign.json"));
-    let refusal = crate::gc(&bench.out(), false, &desk).unwrap_err().to_string();
+    let refusal = crate::gc(&bench.out(), false, &context).unwrap_err().to_string();
     assert!(refusal.contains("campaign.json"), "{refusal}");
 }

@@ -8,7 +8,7 @@
 use super::{LOCK, OutputLock, Owner};
 use crate::error::CampaignError;
 use crate::event::Event;
-use crate::plan::Desk;
+use crate::plan::RunContext;
 use crate::s3::{Bucket, Object, Written};
 use crate::store::StoreError;
 use crate::store::bucket::{BucketStorage, Fence};
@@ -28,18 +28,22 @@ const ATTEMPTS: usize = 5;
 const LONGEST_COMMAND: usize = 200;
 
 /// Takes the lock, or reports its owner.
-pub(super) fn take(root: &Path, storage: &BucketStorage, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
+pub(super) fn take(
+    root: &Path,
+    storage: &BucketStorage,
+    context: &RunContext<'_>,
+) -> Result<OutputLock, CampaignError> {
     let failed = |source| StoreError { path: root.join(LOCK), doing: "take the lock", source };
     let bucket = storage.objects();
     let mine = Owner { owner: described(), ..Owner::this() };
     let text = text_of(&mine);
     for _ in 0..ATTEMPTS {
-        desk.stopped()?;
+        context.stopped()?;
         let sent = Instant::now();
         let mut tag = bucket.write(LOCK, &text, Written::IfAbsent).map_err(failed)?;
         if tag.is_none() {
             let Some((there, object)) = bucket.read(LOCK).map_err(failed)? else { continue };
-            if let Some(busy) = at_work(&there, &object, storage, desk).map_err(failed)? {
+            if let Some(busy) = at_work(&there, &object, storage, context).map_err(failed)? {
                 return Err(CampaignError::Busy { out: root.to_owned(), owner: busy });
             }
             tag = bucket.write(LOCK, &text, Written::IfTagged(&object.tag)).map_err(failed)?;
@@ -54,14 +58,20 @@ pub(super) fn take(root: &Path, storage: &BucketStorage, desk: &Desk<'_>) -> Res
 }
 
 /// The owner of the lock, if it is running.
-fn at_work(text: &[u8], object: &Object, storage: &BucketStorage, desk: &Desk<'_>) -> io::Result<Option<String>> {
+fn at_work(
+    text: &[u8],
+    object: &Object,
+    storage: &BucketStorage,
+    context: &RunContext<'_>,
+) -> io::Result<Option<String>> {
     let owner = serde_json::from_slice::<Owner>(text).ok();
     if owner.as_ref().is_some_and(|owner| owner.released) {
         return Ok(None);
     }
     let name = owner.as_ref().map_or("its process is not known", |owner| owner.owner.as_str());
-    let remark =
-        |why: &str| desk.send(Event::Remark { text: format!("the lock of this output is taken over: {name} {why}") });
+    let remark = |why: &str| {
+        context.send(Event::Remark { text: format!("the lock of this output is taken over: {name} {why}") })
+    };
     if owner.as_ref().and_then(Owner::has_ended) == Some(true) {
         remark("has ended without letting go");
         return Ok(None);

@@ -131,7 +131,24 @@ void {prefix}_step({prefix}_t *c, {real} velocity)
     c->velocity[c->newest] = velocity;
 }}
 
-int {prefix}_fix({prefix}_t *c, {real} late_position, {real} age)
+{fix}
+{real} {prefix}_position(const {prefix}_t *c)
+{{
+    return c->late_position + c->displacement;
+}}
+",
+        upper = prefix.to_ascii_uppercase(),
+        half_step = literal(0.5 * export.step_s),
+        fix = fix(export),
+    )
+}
+
+/// The function that takes a late position: the distance flown since it was true, by trapezoids.
+fn fix(export: &CExport) -> String {
+    let (prefix, real) = (&export.prefix, export.real.c_name());
+    let literal = |x: f64| export.real.literal(x);
+    format!(
+        "int {prefix}_fix({prefix}_t *c, {real} late_position, {real} age)
 {{
     {real} steps, share, older, flown = 0;
     {real} newer = c->velocity[c->newest];
@@ -154,13 +171,7 @@ int {prefix}_fix({prefix}_t *c, {real} late_position, {real} age)
     c->has_fix = 1;
     return 1;
 }}
-
-{real} {prefix}_position(const {prefix}_t *c)
-{{
-    return c->late_position + c->displacement;
-}}
 ",
-        upper = prefix.to_ascii_uppercase(),
         half_step = literal(0.5 * export.step_s),
         step = literal(export.step_s),
         td = literal(export.delay_s),

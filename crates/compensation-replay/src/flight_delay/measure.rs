@@ -202,20 +202,32 @@ impl<'a> Known<'a> {
         let (fit, skew) = mean_of_skewed(&record.measurements(), &delay_settings, fit);
         offer.predicted_s = Some(fit.crlb_s);
         let compared = foreign::Compared { first, pieces: &cut, stretches, delay_s: fit.delay_s };
-        offer.unexplained_share = compared.unexplained_share();
-        if let Some(reason) = compared.refusal(offer.unexplained_share, &self.names) {
-            // If channels do not move alike, no scatter or drift is reported, unless a change is detected.
-            finding.varies.take_if(|varies| !varies.kind.varies());
-            return Err(refusal(reason, finding.varies.as_ref()).into());
-        }
-        if let Some(reason) = gate::refuse_fit(&fit, offer, &motion, settings, &self.names) {
-            return Err(refusal(reason, finding.varies.as_ref()).into());
-        }
+        self.check_fit(&fit, &compared, offer, &motion, &mut finding.varies)?;
         let view = View { flight, prepared, pieces: &cut, record: &record, fit: &fit, settings };
         let wanted = |(p, v): &(String, String)| finding.first == *p && finding.second == *v;
         let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
         doubt::doubt(&mut measured, &view, finding.varies.as_ref(), (self.pair.kind, skew.as_ref()));
         Ok(measured)
+    }
+
+    /// Fails with the reason if the channels do not move alike or the fit does not pass the gate. Sets the unexplained
+    /// share of `offer`.
+    fn check_fit(
+        &self,
+        fit: &DelayFit,
+        compared: &foreign::Compared<'_>,
+        offer: &mut DelayExcitation,
+        motion: &Motion,
+        varies: &mut Option<DelayOverTime>,
+    ) -> Result<(), String> {
+        offer.unexplained_share = compared.unexplained_share();
+        let unlike = compared.refusal(offer.unexplained_share, &self.names);
+        if unlike.is_some() {
+            // If channels do not move alike, no scatter or drift is reported, unless a change is detected.
+            varies.take_if(|varies| !varies.kind.varies());
+        }
+        let reason = unlike.or_else(|| gate::refuse_fit(fit, offer, motion, self.settings, &self.names));
+        reason.map_or(Ok(()), |reason| Err(refusal(reason, varies.as_ref())))
     }
 
     /// The motion, if it can show a delay at all.

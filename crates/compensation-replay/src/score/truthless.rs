@@ -224,6 +224,16 @@ impl Legs {
         Legs { runs, duration_s }
     }
 
+    /// Squared scatter across the straight legs of `track` and of raw, m², of the legs where `track` has all outputs.
+    fn squared_scatter(&self, updates: &Updates, raw: &Positions, track: &Positions) -> Vec<[f64; 2]> {
+        let legs = self.runs.iter().filter(|run| (run.start..run.end).all(|i| updates.has_own_output(track, i)));
+        let of_leg = |run: &std::ops::Range<usize>| {
+            let [of_track, of_raw] = [track, raw].map(|p| scatter_across(updates, p, run));
+            of_track.into_iter().zip(of_raw).map(|(a, b)| [a * a, b * b])
+        };
+        legs.flat_map(of_leg).collect()
+    }
+
     pub(crate) fn finding(&self) -> Finding<StraightLegs> {
         if self.runs.is_empty() {
             let text = format!(
@@ -251,17 +261,8 @@ impl Legs {
         let travelled = fixes().map(|i| (moved(i), updates.travelled(i, updates.extrapolated_s(track, i))));
         let (excess, across): (Vec<f64>, Vec<f64>) =
             travelled.map(|(d, w)| (dot(d, w) / length(w) - length(w), to_the_right(w, d) / length(w))).unzip();
-        let noise: Vec<[f64; 2]> = self
-            .runs
-            .iter()
-            .filter(|run| (run.start..run.end).all(|i| updates.has_own_output(track, i)))
-            .flat_map(|run| {
-                let [of_track, of_raw] = [track, raw].map(|p| scatter_across(updates, p, run));
-                of_track.into_iter().zip(of_raw).map(|(a, b)| [a * a, b * b])
-            })
-            .collect();
-        let all = (mean(&excess), rms(&across), jackknife(&noise, |[a, b]| (a / b).sqrt()));
-        match all {
+        let noise = self.squared_scatter(updates, raw, track);
+        match (mean(&excess), rms(&across), jackknife(&noise, |[a, b]| (a / b).sqrt())) {
             (Some(along_excess_m), Some(across_rms_m), Some(noise_ratio)) => {
                 Finding::Found(StraightScore { along_excess_m, across_rms_m, noise_ratio })
             }

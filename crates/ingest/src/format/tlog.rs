@@ -47,10 +47,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
     let mut log = Log::default();
     let framings = files.iter_mut().map(|file| Framing::of_file(file, context)).collect::<Result<Vec<_>, _>>()?;
-    let main = match files.first_mut().zip(framings.first()) {
-        Some((first, framing)) => main_vehicle(first, *framing)?,
-        None => Sender::default(),
-    };
+    let main = main_vehicle(&mut files, &framings)?;
     // Times that only some of the frames have are not used as the log's.
     let stamped = !framings.contains(&Framing::Bare);
     log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
@@ -94,7 +91,8 @@ impl Default for Sender {
 }
 
 /// The autopilot with the lowest system ID among those with a heartbeat near the start of the log.
-fn main_vehicle(file: &mut LogFile, framing: Framing) -> Result<Sender, IngestError> {
+fn main_vehicle(files: &mut [LogFile], framings: &[Framing]) -> Result<Sender, IngestError> {
+    let Some((file, framing)) = files.first_mut().zip(framings.first()) else { return Ok(Sender::default()) };
     let bytes = file.up_to(0, BEGIN)?;
     let (mut main, mut at) = (None, 0);
     while let Some(rest) = bytes.get(at..).filter(|rest| !rest.is_empty()) {

@@ -44,18 +44,16 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
     let columns: Vec<&String> = head.names.iter().filter(|path| *path != time && varies(table, path)).collect();
     let follow = |at: usize| columns.get(at).copied();
     let pairs = || columns.windows(2).enumerate().filter_map(|(at, pair)| Some((at, *pair.first()?, *pair.get(1)?)));
-    let mut positions = vec![];
-    for (at, a, b) in pairs() {
-        for (latitude, longitude) in [(a, b), (b, a)].into_iter().filter(|(a, b)| may_be_place(table, a, b)) {
-            positions.push(Position {
-                source: String::new(),
-                is_geodetic: true,
-                first: named(latitude, Role::Latitude),
-                second: named(longitude, Role::Longitude),
-                third: follow(at + 2).map(|path| named(path, Role::Height)),
-            });
-        }
-    }
+    let position = |at: usize, latitude: &String, longitude: &String| Position {
+        source: String::new(),
+        is_geodetic: true,
+        first: named(latitude, Role::Latitude),
+        second: named(longitude, Role::Longitude),
+        third: follow(at + 2).map(|path| named(path, Role::Height)),
+    };
+    let either_way = pairs().flat_map(|(at, a, b)| [(at, a, b), (at, b, a)]);
+    let places = either_way.filter(|(_, latitude, longitude)| may_be_place(table, latitude, longitude));
+    let positions: Vec<Position> = places.map(|(at, latitude, longitude)| position(at, latitude, longitude)).collect();
     let is_place = |path: &String| positions.iter().any(|p| p.first.path == *path || p.second.path == *path);
     let velocities = pairs().filter(|(_, a, b)| !is_place(a) && !is_place(b)).map(|(at, a, b)| Velocity {
         source: String::new(),

@@ -442,25 +442,32 @@ fn verticals(
         (Some(_), Some(false)) => Vertical::Down,
         _ => Vertical::LeftOut,
     });
-    let mut counts = third.map(|t| side(t).unwrap_or(Vertical::LeftOut));
-    match (height.zip(height_up), third, measured) {
-        (Some((h, height_up)), Some(t), Some((agreement, _))) => {
-            let up = (agreement > 0.0) == height_up;
-            let shown = if up { Vertical::Up } else { Vertical::Down };
-            if side(t).is_some_and(|named| named != shown) {
-                let word = if up { "up" } else { "down" };
-                notes.push(format!("{} counts {word}, as {} shows, and not as its name says", t.path, h.path));
-            }
-            counts = Some(shown);
-        }
-        (_, Some(t), _) if counts == Some(Vertical::LeftOut) => {
-            notes.push(format!("{} is left out: nothing shows whether it counts up or down", t.path));
-        }
-        (_, Some(t), _) => notes.push(format!("the sign of {} is by its name alone", t.path)),
-        _ => {}
-    }
+    let (counts, note) = third.map(|t| direction(t, height.zip(height_up), measured)).unzip();
+    notes.extend(note.flatten());
     let height = height_unit.or(unit("m")).zip(place_side);
     (height, third_unit.zip(counts), notes)
+}
+
+/// Direction in which a vertical velocity counts: shown by a height whose direction is known, otherwise by its name.
+fn direction(
+    third: &Named,
+    height: Option<(&Named, bool)>,
+    measured: Option<(f64, f64)>,
+) -> (Vertical, Option<String>) {
+    let path = &third.path;
+    match (height.zip(measured), side(third)) {
+        (Some(((height, height_up), (agreement, _))), by_name) => {
+            let up = (agreement > 0.0) == height_up;
+            let (shown, word) = if up { (Vertical::Up, "up") } else { (Vertical::Down, "down") };
+            let differs = by_name.is_some_and(|named| named != shown);
+            let note = || format!("{path} counts {word}, as {} shows, and not as its name says", height.path);
+            (shown, differs.then(note))
+        }
+        (None, None) => {
+            (Vertical::LeftOut, Some(format!("{path} is left out: nothing shows whether it counts up or down")))
+        }
+        (None, Some(named)) => (named, Some(format!("the sign of {path} is by its name alone"))),
+    }
 }
 
 /// How the reason of an assumed unit ends.

@@ -68,12 +68,11 @@ impl<'t> Sentence<'t> {
         match *rest {
             // Non-digits after a right checksum are not part of this sentence, unless another checksum follows.
             [b'*', high, low, ref behind @ ..] if ends(behind) || is_apart(behind) => {
-                let sum = body.bytes().fold(0, |sum, b| sum ^ b);
-                let stated = hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low);
-                match stated {
-                    Some(stated) if stated == sum => Ok(Sentence { body, length: end + 4, checked: true }),
+                let computed = body.bytes().fold(0, |sum, b| sum ^ b);
+                match hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low) {
+                    Some(stated) if stated == computed => Ok(Sentence { body, length: end + 4, checked: true }),
                     Some(_) if !ends(behind) => Err(Fault::Cut),
-                    Some(stated) => Err(Fault::Sum { stated, computed: sum }),
+                    Some(stated) => Err(Fault::Sum { stated, computed }),
                     None => Err(Fault::NoNumber),
                 }
             }
