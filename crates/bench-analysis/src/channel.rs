@@ -7,8 +7,9 @@ use crate::lag_words::{model, with_model};
 use crate::overlay::Laid;
 use crate::reference_error::{Sensitivity, with_reference};
 use crate::response::response;
+use crate::sampling::rate_hz;
 use crate::search_window::no_answer;
-use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement, rate_hz};
+use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement};
 use crate::verdict::{Evidence, millis};
 use flight::{Delay, RejectCount};
 use record::{

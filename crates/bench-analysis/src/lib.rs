@@ -26,6 +26,7 @@ mod references;
 mod response;
 mod rig;
 mod rig_file;
+mod sampling;
 mod search_window;
 mod sensed;
 mod sensor_rows;

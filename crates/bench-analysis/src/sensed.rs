@@ -3,6 +3,7 @@
 use crate::clock::ChannelTime;
 use crate::gap::Hidden;
 use crate::reference_error::{ReferenceErrors, Sensitivity};
+use crate::sampling::{median_step, rate_hz};
 use flight::Channel;
 use record::TimeBasis;
 use signal::{DelaySettings, Gain, Measurement, Reference, Sign};
@@ -129,15 +130,6 @@ pub(crate) fn measurement<'m>(component: &SensedComponent<'m>, t: &'m [f64], y: 
         gain: Gain::Free { sign: Sign::Positive },
         drift: component.drift,
     }
-}
-
-pub(crate) fn median_step(t: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    signal::median_in_place(&mut steps)
-}
-
-pub(crate) fn rate_hz(t: &[f64]) -> Option<f64> {
-    median_step(t).filter(|step| *step > 0.0).map(|step| 1.0 / step)
 }
 
 /// Mean over all rows of the age of the repeated update, s.

@@ -5,10 +5,7 @@
 //! The error in metres is that lateness times the rms ground speed. Both evaluate the position at its own timestamps:
 //! the age of a held fix is not included.
 
-use crate::input::Refusal;
-use crate::settings::Settings;
-use crate::sweep::Sweeper;
-use flight::Flight;
+use crate::sweep::TruthEffect;
 use record::{Effect, EffectVerdict, Estimate, JudgedBy};
 
 /// Standard uncertainties that a change must exceed to be shown.
@@ -19,34 +16,6 @@ const LEAST_SHARE: f64 = 0.05;
 const SHORT: f64 = 1.3;
 /// Errors below this are not compared as a ratio, m.
 const LEAST_ERROR_M: f64 = 0.02;
-
-/// Error of the position against a reference, before and after removing a delay.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TruthEffect {
-    /// The reference channel.
-    pub reference: String,
-    /// 2-D rms before, m.
-    pub raw_m: Estimate,
-    /// 2-D rms after, m.
-    pub compensated_m: Estimate,
-    /// After less before, m; its uncertainty accounts for the noise that both share.
-    pub change_m: Estimate,
-    /// 2-D rms with the best delay, m; `None` if this flight cannot show it.
-    pub best_m: Option<f64>,
-}
-
-impl TruthEffect {
-    /// Effect of removing `delay_s` (0 for nothing), with the channels in `settings`; `None` without a reference.
-    ///
-    /// # Errors
-    /// As [`crate::replay`], when the channels cannot be compared.
-    pub fn of(flight: &Flight, settings: &Settings, delay_s: f64) -> Result<Option<TruthEffect>, Refusal> {
-        if flight.first_of(&settings.reference).is_none() {
-            return Ok(None);
-        }
-        Ok(Sweeper::of(flight, settings)?.truth_effect(delay_s))
-    }
-}
 
 /// Known lateness of a position.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,7 +4,8 @@ mod further;
 
 use crate::compensator::CompensatorKind;
 use crate::exact::ExactAsync;
-use crate::input::{AXES, Input};
+use crate::horizontal::AXES;
+use crate::input::Input;
 use crate::pade::PadeTustin;
 use crate::rows::Rows;
 use crate::settings::Settings;

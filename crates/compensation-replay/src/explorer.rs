@@ -1,10 +1,11 @@
 //! The rows of a replay in compact form, see [`ExplorerRows`].
 
 use crate::estimate::{EXACT_ASYNC, PAPER, Positions};
-use crate::input::{AXES, Input};
+use crate::horizontal::AXES;
+use crate::input::Input;
+use crate::rows::RowState;
 use crate::rows::Rows;
 use crate::score::Reference;
-use crate::track::RowState;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;

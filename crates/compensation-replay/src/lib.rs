@@ -20,6 +20,7 @@ mod exact;
 mod explorer;
 mod export;
 mod flight_delay;
+mod horizontal;
 mod input;
 mod lever_arm;
 mod pade;
@@ -39,7 +40,7 @@ pub use compensator::{
     PadeRefusal, Replayed, Smoothed, StateValue, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis,
     rts_smooth,
 };
-pub use effect::{KnownLateness, TruthEffect, effect, error_words};
+pub use effect::{KnownLateness, effect, error_words};
 pub use ekf_values::{EkfChannelFacts, ekf_values, ekf_values_toml};
 pub use exact::ExactAsync;
 pub use export::{
@@ -57,7 +58,8 @@ pub use reference_file::{
     ClockRule, Likeness, REFERENCE_POSITION, REFERENCE_VELOCITY, join_reference, likeness, relate_clocks,
 };
 pub use replay::{Replay, replay, sketch};
+pub use rows::RowState;
 pub use settings::Settings;
-pub use sweep::Sweeper;
-pub use track::{ReplayedTrack, RowState, Track, TrackColumn, TrackRows};
+pub use sweep::{Sweeper, TruthEffect};
+pub use track::{ReplayedTrack, Track, TrackColumn, TrackRows};
 pub use validity::{DelayModel, Delays, MotionShare, ValidityBand, compensation_error};

@@ -1,11 +1,48 @@
 //! The instants of a replay, with the inputs known at each.
 
-use crate::input::{AXES, Input, Refusal};
+use crate::horizontal::AXES;
+use crate::input::{Input, Refusal};
 use crate::settings::Settings;
-use crate::track::RowState;
 use flight::{Code, Notices, RejectCount};
 use record::{Coverage, StartRule};
 use std::ops::Range;
+
+/// Validity of the compensated position of a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RowState {
+    /// All inputs were measured.
+    Valid,
+    /// Less than Td of velocity has been seen since the start: the start rule applies.
+    WarmUp,
+    /// No fix yet since the velocity started, or restarted after a long gap.
+    NoFix,
+    /// No velocity: inside a gap too long to bridge. (Only with rows at a fixed rate.)
+    NoVelocity,
+}
+
+impl RowState {
+    /// Name in the track's `state` column.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            RowState::Valid => "valid",
+            RowState::WarmUp => "warm-up",
+            RowState::NoFix => "no-fix",
+            RowState::NoVelocity => "no-velocity",
+        }
+    }
+
+    /// In words, for counts.
+    #[must_use]
+    pub fn reason(self) -> &'static str {
+        match self {
+            RowState::Valid => "valid",
+            RowState::WarmUp => "less than Td of velocity since the start",
+            RowState::NoFix => "no position fix since the velocity started",
+            RowState::NoVelocity => "velocity gap too long to bridge",
+        }
+    }
+}
 
 /// The instants of a replay, with the inputs known at each. There may be half a million, so derived values are computed
 /// on demand.

@@ -14,8 +14,8 @@ mod objective;
 
 pub(crate) use objective::objective;
 
-use crate::effect::TruthEffect;
-use crate::input::{AXES, Input, Refusal};
+use crate::horizontal::AXES;
+use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
 use crate::score::{Blocks, root_mean};
 use crate::settings::Settings;
@@ -38,6 +38,21 @@ const LONGEST_S: f64 = 2.0;
 /// Fewer rows or fixes give no score.
 const LEAST_ITEMS: usize = 3;
 
+/// Error of the position against a reference, before and after removing a delay.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TruthEffect {
+    /// The reference channel.
+    pub reference: String,
+    /// 2-D rms before, m.
+    pub raw_m: Estimate,
+    /// 2-D rms after, m.
+    pub compensated_m: Estimate,
+    /// After less before, m; its uncertainty accounts for the noise that both share.
+    pub change_m: Estimate,
+    /// 2-D rms with the best delay, m; `None` if this flight cannot show it.
+    pub best_m: Option<f64>,
+}
+
 /// A flight prepared for scoring with any delay.
 #[derive(Debug)]
 pub struct Sweeper {
@@ -46,6 +61,19 @@ pub struct Sweeper {
     rows: Rows,
     /// ∫ velocity from the first sample on, north and east, m; differences across segments are meaningless.
     flown: [Vec<f64>; 2],
+}
+
+impl TruthEffect {
+    /// Effect of removing `delay_s` (0 for nothing), with the channels in `settings`; `None` without a reference.
+    ///
+    /// # Errors
+    /// As [`crate::replay`], when the channels cannot be compared.
+    pub fn of(flight: &Flight, settings: &Settings, delay_s: f64) -> Result<Option<TruthEffect>, Refusal> {
+        if flight.first_of(&settings.reference).is_none() {
+            return Ok(None);
+        }
+        Ok(Sweeper::of(flight, settings)?.truth_effect(delay_s))
+    }
 }
 
 impl Sweeper {

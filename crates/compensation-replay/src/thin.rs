@@ -1,7 +1,7 @@
 //! Reduces long records: measured channels are thinned, channels compared with are averaged. The memory of a pair then
 //! does not grow with the length of a flight.
 
-use crate::input::Horizontal;
+use crate::horizontal::Horizontal;
 use flight::{Channel, Code, Notices, Severity, Stamp};
 
 /// Every n-th update row of a channel, so that at most `most` remain, and at most about `most_hz` per second; and n. A

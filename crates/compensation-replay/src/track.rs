@@ -6,43 +6,6 @@ use flight::{Geodetic, LocalFrame, Stamp};
 use std::fmt::Debug;
 use std::ops::Range;
 
-/// Validity of the compensated position of a row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum RowState {
-    /// All inputs were measured.
-    Valid,
-    /// Less than Td of velocity has been seen since the start: the start rule applies.
-    WarmUp,
-    /// No fix yet since the velocity started, or restarted after a long gap.
-    NoFix,
-    /// No velocity: inside a gap too long to bridge. (Only with rows at a fixed rate.)
-    NoVelocity,
-}
-
-impl RowState {
-    /// Name in the track's `state` column.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            RowState::Valid => "valid",
-            RowState::WarmUp => "warm-up",
-            RowState::NoFix => "no-fix",
-            RowState::NoVelocity => "no-velocity",
-        }
-    }
-
-    /// In words, for counts.
-    #[must_use]
-    pub fn reason(self) -> &'static str {
-        match self {
-            RowState::Valid => "valid",
-            RowState::WarmUp => "less than Td of velocity since the start",
-            RowState::NoFix => "no position fix since the velocity started",
-            RowState::NoVelocity => "velocity gap too long to bridge",
-        }
-    }
-}
-
 /// A column of the track.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TrackColumn {
@@ -50,7 +13,7 @@ pub enum TrackColumn {
     I64(Vec<i64>),
     /// Numbers; `None` if missing.
     F64(Vec<Option<f64>>),
-    /// Names, see [`RowState::name`].
+    /// Names, see [`RowState::name`](crate::RowState::name).
     Text(Vec<&'static str>),
 }
 

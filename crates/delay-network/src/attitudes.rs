@@ -1,7 +1,7 @@
 //! One attitude source per velocity: all accelerations of one vehicle are one witness.
 
-use crate::graph::Usable;
 use crate::lineage::Role;
+use crate::observation::Usable;
 use record::UnusedPair;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -3,6 +3,7 @@
 use crate::attitudes::one_per_velocity;
 use crate::lineage::{Lineage, Role, acceleration_name, effect_kind, family};
 use crate::observation::PairObservation;
+use crate::observation::Usable;
 use crate::settings::{NetworkSettings, ReferenceUse};
 use record::{DelayPairKind, EffectName, Estimate, Finding, UnusedPair};
 use std::collections::{BTreeMap, BTreeSet};
@@ -63,17 +64,6 @@ pub(crate) struct Prepared {
     pub(crate) graph: Graph,
     pub(crate) unused: Vec<UnusedPair>,
     pub(crate) judges: Vec<Judge>,
-}
-
-/// Pair with its node names and a usable number.
-#[derive(Debug)]
-pub(crate) struct Usable {
-    pub(crate) kind: DelayPairKind,
-    pub(crate) first: String,
-    pub(crate) second: String,
-    pub(crate) delay: Estimate,
-    pub(crate) uncertainty_s: f64,
-    pub(crate) widened_s: f64,
 }
 
 /// Sorts pairs into usable ones, judges and others. The result does not depend on the order of `pairs`.

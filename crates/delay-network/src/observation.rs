@@ -90,6 +90,17 @@ pub fn acceleration_gate(imu_rate_hz: f64, acceleration_95_hz: Option<f64>) -> O
         .then(|| format!("the IMU is logged at {imu_rate_hz:.1} Hz, and this motion needs at least {least_hz:.1} Hz"))
 }
 
+/// Pair with its node names and a usable number.
+#[derive(Debug)]
+pub(crate) struct Usable {
+    pub(crate) kind: DelayPairKind,
+    pub(crate) first: String,
+    pub(crate) second: String,
+    pub(crate) delay: Estimate,
+    pub(crate) uncertainty_s: f64,
+    pub(crate) widened_s: f64,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

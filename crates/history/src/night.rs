@@ -417,8 +417,3 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), HistoryError> {
     file.persist(path).map_err(|e| failed(e.error))?;
     Ok(())
 }
-
-/// The name of a flight, as text.
-pub(crate) fn flight_name(flight: &NamedFlight) -> String {
-    if flight.campaign.is_empty() { flight.flight.clone() } else { format!("{}/{}", flight.campaign, flight.flight) }
-}

@@ -1,9 +1,9 @@
 //! The summary of a night in five lines, as text, JSON, Markdown and JUnit.
 
-use crate::night::flight_name;
 use crate::proof::with_u;
 use record::{
-    ChangeCause, Estimate, FlightWords, MovedNumber, NightGroup, NightRecord, ProofVerdict, RunChanges, SettingProof,
+    ChangeCause, Estimate, FlightWords, MovedNumber, NamedFlight, NightGroup, NightRecord, ProofVerdict, RunChanges,
+    SettingProof,
 };
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -343,7 +343,7 @@ fn counted(n: usize, what: &str) -> String {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use record::{LeftLog, NamedFlight, NightCampaign, RECORD_VERSION, TrendRecord};
+    use record::{LeftLog, NightCampaign, RECORD_VERSION, TrendRecord};
 
     pub(crate) fn night() -> NightRecord {
         let campaign = NightCampaign {
@@ -488,4 +488,9 @@ pub(crate) mod tests {
         assert_eq!(value["lines"].as_array().unwrap().len(), 5);
         assert_eq!((&value["moved"], &value["left"]), (&1.into(), &1.into()));
     }
+}
+
+/// The name of a flight, as text.
+pub(crate) fn flight_name(flight: &NamedFlight) -> String {
+    if flight.campaign.is_empty() { flight.flight.clone() } else { format!("{}/{}", flight.campaign, flight.flight) }
 }

@@ -7,6 +7,7 @@ mod objective;
 mod rounds;
 mod search;
 mod segments;
+mod shape;
 mod uncertainty;
 mod windows;
 

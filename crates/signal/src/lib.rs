@@ -20,6 +20,7 @@ mod hermite;
 mod hull;
 mod integral;
 mod lag;
+mod log_product;
 mod minimise;
 mod noise;
 mod path;

@@ -1,6 +1,6 @@
 //! Noise that wanders, and a filter to whiten it.
 
-use crate::noise::LogProduct;
+use crate::log_product::LogProduct;
 
 /// Stationary noise: an Ornstein–Uhlenbeck process plus white noise, in the unit of the series.
 ///

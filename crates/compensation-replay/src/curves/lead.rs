@@ -2,7 +2,8 @@
 
 use super::{BINS, PATH_RESOLUTION};
 use crate::estimate::{EXACT_ASYNC, Positions};
-use crate::input::{AXES, Input};
+use crate::horizontal::AXES;
+use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::score::Reference;
 use record::{Curve, Lead, LeadCurves, LeadTrack};

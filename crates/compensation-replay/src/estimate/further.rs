@@ -4,7 +4,8 @@ use crate::compensator::{
     AxisSamples, CompensatorError, CompensatorKind, CompensatorOptions, Replayed, VelocityView, fit_kalman,
 };
 use crate::estimate::Positions;
-use crate::input::{AXES, Input};
+use crate::horizontal::AXES;
+use crate::input::Input;
 use crate::rows::{Rows, bridge, median_step};
 use crate::settings::Settings;
 use flight::{Code, Notices, Severity};

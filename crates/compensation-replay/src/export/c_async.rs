@@ -1,6 +1,7 @@
 //! The exact asynchronous form in C: a ring of the last velocities, with the age of the fix as an input.
 
 use super::c_source::{CExport, CSource, ExportError, provenance};
+use crate::compensator::CompensatorOptions;
 
 /// Maximum number of velocities for a small C file.
 const MOST_SAMPLES: f64 = 65_535.0;
@@ -12,6 +13,7 @@ const MOST_SAMPLES: f64 = 65_535.0;
 /// length of the flight. It differs from the replay by rounding: below 1e-11 m in `double` and 1e-4 m in `float` for Td
 /// = 0.4 s at 100 Hz and velocities to 20 m/s (test `the_ring_in_c_agrees_with_the_replay`).
 pub(super) fn export(export: &CExport) -> Result<CSource, ExportError> {
+    export.kind.build(&CompensatorOptions::new(export.delay_s, export.step_s))?;
     let samples = ((export.delay_s + export.max_age_s) / export.step_s).ceil() + 2.0;
     if !(export.max_age_s >= 0.0 && samples <= MOST_SAMPLES) {
         return Err(ExportError::Age { max_age_s: export.max_age_s, most: MOST_SAMPLES as u32 });

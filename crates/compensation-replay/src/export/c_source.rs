@@ -1,7 +1,6 @@
 //! A compensator as a C header and a small C file.
 
-use super::c_async;
-use crate::compensator::{CompensatorError, CompensatorKind, CompensatorOptions, Discretisation, StepGains};
+use crate::compensator::{CompensatorError, CompensatorKind, Discretisation, StepGains};
 use crate::export::c_float::CFloat;
 use nalgebra::Complex;
 use std::fmt::Write;
@@ -70,37 +69,14 @@ pub enum ExportError {
     Prefix(String),
 }
 
-/// The compensator as C99: a struct with its state, `init_warm`, `init_cold`, `step` and `position`, and for
-/// `exact-async` also `fix`. It needs no library, not even `libm`: a step is additions, multiplications and, for the
-/// paper's, one division.
-///
-/// With `double` and without fused multiply-add it gives the same bits as the replay at the same step (test
-/// `double_in_c_gives_the_bits_of_the_replay`, on x86-64 with cc -std=c99). With `float` it differs by the rounding of
-/// 24 bits: for Td = 0.4 s at 100 Hz and velocities to 20 m/s by 5e-6 m for \[1/1\] and 1.2e-5 m for \[4/4\] (test
-/// `float_in_c_differs_by_rounding`).
-///
-/// The same settings give the same text: it contains no date and no host.
-///
-/// # Errors
-/// Compensators that are not a Padé form, rejected forms, and invalid steps and names.
-pub fn export_c(export: &CExport) -> Result<CSource, ExportError> {
-    if !(export.step_s > 0.0 && export.step_s.is_finite()) {
-        return Err(ExportError::Step(export.step_s));
-    }
-    if !is_c_name(&export.prefix) {
-        return Err(ExportError::Prefix(export.prefix.clone()));
-    }
+/// A Padé form.
+pub(super) fn export(export: &CExport) -> Result<CSource, ExportError> {
     let body = match export.kind {
         CompensatorKind::Pade { m: 1, n: 1, rule: Discretisation::Tustin } => {
             export.kind.filter(export.delay_s)?;
             paper(export)
         }
-        CompensatorKind::Pade { .. } => modal(export)?,
-        CompensatorKind::ExactAsync => {
-            export.kind.build(&CompensatorOptions::new(export.delay_s, export.step_s))?;
-            return c_async::export(export);
-        }
-        other => return Err(ExportError::NotAFilter { name: other.to_string() }),
+        _ => modal(export)?,
     };
     let prefix = &export.prefix;
     Ok(CSource {
@@ -374,10 +350,4 @@ pub(super) fn provenance(export: &CExport, title: &str, usage: &[String], method
 fn comment_text(text: &str) -> String {
     let plain: String = text.chars().map(|c| if c.is_ascii_graphic() || c == ' ' { c } else { '?' }).collect();
     plain.replace("*/", "* /").replace("/*", "/ *")
-}
-
-fn is_c_name(name: &str) -> bool {
-    name.len() <= 31
-        && name.starts_with(|c: char| c.is_ascii_alphabetic())
-        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }

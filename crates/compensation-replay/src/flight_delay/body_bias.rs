@@ -4,7 +4,7 @@
 use super::fit::fit_shared;
 use super::local::BodyAxes;
 use super::pieces::references;
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;

@@ -1,7 +1,7 @@
 //! A first delay that is robust against offsets, resets and outliers.
 
 use super::pieces::Stretch;
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 use signal::Reference;
 
 /// Displacements span at least this, s, and at most three times this.

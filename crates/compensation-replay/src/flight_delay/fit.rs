@@ -3,7 +3,7 @@
 use super::FlightDelaySettings;
 use super::local::Prepared;
 use super::pieces::{Piece, Stretch};
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 use flight::Flight;
 use record::Estimate;
 use signal::{DelayError, DelayFit, DelaySettings, FoundNoise, Gain, Measurement, NoiseModel, fit_delay_with_noise};

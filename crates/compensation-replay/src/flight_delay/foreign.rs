@@ -1,7 +1,7 @@
 //! Whether one channel moves like another, and if not, what change would make it match.
 
 use super::pieces::{Names, Piece, Stretch};
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 
 /// Channels whose displacements disagree by more than this share do not belong together.
 const MOST_UNEXPLAINED: f64 = 0.5;

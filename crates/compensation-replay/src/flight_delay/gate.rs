@@ -1,8 +1,9 @@
 //! Whether a flight can show a delay at all (design note 4).
 
 use super::FlightDelaySettings;
+use super::disturbance::percentile;
 use super::pieces::{LEAST_ROWS, Names, Piece, Stretch};
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 use record::DelayExcitation;
 use signal::DelayFit;
 
@@ -112,15 +113,6 @@ pub(crate) fn excitation(
         unexplained_share: None,
         predicted_s: None,
     }
-}
-
-pub(crate) fn percentile(values: &[f64], share: f64) -> f64 {
-    let mut values = values.to_vec();
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-    let position = share.clamp(0.0, 1.0) * last as f64;
-    let (_, below, above) = values.select_nth_unstable_by(position as usize, f64::total_cmp);
-    let next = above.iter().copied().min_by(f64::total_cmp).unwrap_or(*below);
-    *below + position.fract() * (next - *below)
 }
 
 /// Sum of squares of `y` about its best-fit straight line over `t`.

@@ -1,7 +1,7 @@
 //! The two channels of a pair in seconds and metres: local north and east, held rows skipped.
 
 use super::pairs::{Pair, Second};
-use crate::input::Horizontal;
+use crate::horizontal::Horizontal;
 use crate::thin::{Averaged, thinned_rows};
 use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Stamp};
 use nalgebra::Vector3;

@@ -7,7 +7,7 @@ use super::local::{BodyAxes, Most, Prepared, prepare};
 use super::pairs::{Pair, Second};
 use super::pieces::{self, Names, Piece, Stretch};
 use super::{FlightDelaySettings, doubt, foreign, injection, over_time, skew, split, varies};
-use crate::input::Horizontal;
+use crate::horizontal::Horizontal;
 use flight::{Flight, Notices};
 use record::{DelayExcitation, DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
 use signal::{ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, OtherMinimum};

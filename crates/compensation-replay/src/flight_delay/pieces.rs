@@ -4,7 +4,7 @@ use super::FlightDelaySettings;
 use super::disturbance::disturbances;
 use super::local::{BodyAxes, Prepared};
 use super::reference::{Integral, Interpolated};
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 use flight::{Code, Notices, Severity};
 use signal::Reference;
 use std::ops::Range;

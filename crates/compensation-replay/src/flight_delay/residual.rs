@@ -8,7 +8,7 @@ use super::local::{LEAST_SAMPLES, Prepared};
 use super::measure::{about, settings_about};
 use super::pieces::{self, Names};
 use super::{foreign, gate};
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 use flight::{Clock, Notices};
 use record::DelayOrigin;
 use signal::{DelayFit, NoiseModel};

@@ -6,7 +6,7 @@ use super::local::Prepared;
 use super::pairs::{Pair, Second};
 use super::pieces::Piece;
 use super::reference::Interpolated;
-use crate::input::Horizontal;
+use crate::horizontal::Horizontal;
 use delay_over_time::{OverTimeSettings, PositionAgainstVelocity, analyse};
 use record::{DelayOverTime, DelayPairKind};
 use std::borrow::Cow;

@@ -5,7 +5,7 @@ use super::jackknife::{Blocks, jackknife, percentiles, rms, root_mean};
 use super::truthless::found;
 use super::updates::{both_at, dot, length, to_the_right};
 use crate::estimate::Positions;
-use crate::input::{AXES, Horizontal};
+use crate::horizontal::{AXES, Horizontal};
 use crate::rows::{Rows, median_step};
 use record::{Estimate, Finding, ReferenceScore};
 

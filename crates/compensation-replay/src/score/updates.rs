@@ -2,7 +2,8 @@
 
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions};
-use crate::input::{AXES, Horizontal, Input};
+use crate::horizontal::{AXES, Horizontal};
+use crate::input::Input;
 use crate::rows::Rows;
 use signal::CumulativeIntegral;
 use std::ops::Range;

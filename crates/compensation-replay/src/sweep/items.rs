@@ -1,7 +1,7 @@
 //! Scored items: the rows of each fix against a reference, or the step at each fix.
 
 use super::Sweeper;
-use crate::input::AXES;
+use crate::horizontal::AXES;
 use crate::score::Reference;
 
 /// ∫ y from the first sample on, linear between samples.

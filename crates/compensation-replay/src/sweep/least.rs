@@ -2,7 +2,7 @@
 
 use super::Sweeper;
 use super::items::{Items, Miss};
-use crate::input::AXES;
+use crate::horizontal::AXES;
 use record::{Estimate, Finding, SweepMethod, SweepOptimum};
 
 /// Search range, s.

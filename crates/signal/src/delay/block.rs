@@ -1,9 +1,22 @@
 //! The used rows of one component, whitened, and the linear part of the fit.
 
-use super::descent::Lateness;
 use super::{Gain, Measurement, Sign};
 use crate::noise::{dot, orthonormal_to, remove};
 use crate::whiten::{NoiseModel, WhiteningFilter};
+
+/// The nonlinear parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lateness {
+    pub(crate) delay_s: f64,
+    pub(crate) skew: f64,
+}
+
+impl Lateness {
+    /// True instant of a sample with timestamp `t`.
+    pub(crate) fn true_instant(&self, t: f64, middle_s: f64) -> f64 {
+        t - self.delay_s + self.skew * (t - middle_s)
+    }
+}
 
 /// One component under one noise: holds what does not change during the search for the delay.
 pub(crate) struct Block {

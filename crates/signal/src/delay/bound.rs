@@ -1,7 +1,8 @@
 //! The lower bound on the uncertainty of a delay.
 
 use super::block::Block;
-use super::descent::{Alignment, Lateness};
+use super::block::Lateness;
+use super::descent::Alignment;
 use super::uncertainty::information_of_delay;
 use super::{Gain, Measurement, Sign};
 use crate::reference::Reference;

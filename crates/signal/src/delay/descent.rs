@@ -2,21 +2,7 @@
 //! (Golub and Pereyra 1973, in Kaufman's form).
 
 use super::Measurement;
-use super::block::{Block, MOST_CURVED, Normal};
-
-/// The nonlinear parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Lateness {
-    pub(crate) delay_s: f64,
-    pub(crate) skew: f64,
-}
-
-impl Lateness {
-    /// True instant of a sample with timestamp `t`.
-    pub(crate) fn true_instant(&self, t: f64, middle_s: f64) -> f64 {
-        t - self.delay_s + self.skew * (t - middle_s)
-    }
-}
+use super::block::{Block, Lateness, MOST_CURVED, Normal};
 
 /// All components on their used rows.
 pub(crate) struct Alignment<'a> {

@@ -1,7 +1,8 @@
 //! The objective as a curve.
 
 use super::block::Block;
-use super::descent::{Alignment, Lateness};
+use super::block::Lateness;
+use super::descent::Alignment;
 use super::{DelayFit, Measurement};
 
 /// −2 log likelihood (without its constants) at each of `delays` (s), gain, offset and drift profiled out; noise,

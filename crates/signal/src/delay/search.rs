@@ -1,7 +1,8 @@
 //! Initial scan: the objective over all allowed delays, on few samples.
 
 use super::block::Block;
-use super::descent::{Alignment, Lateness};
+use super::block::Lateness;
+use super::descent::Alignment;
 use super::{DelayError, DelaySettings, LEAST_SAMPLES, Measurement};
 use crate::whiten::NoiseModel;
 

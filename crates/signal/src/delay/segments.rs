@@ -1,7 +1,8 @@
 //! Checks whether the delay is constant over the record.
 
 use super::block::Block;
-use super::descent::{Alignment, Lateness};
+use super::block::Lateness;
+use super::descent::Alignment;
 use super::{DelayFit, LEAST_SAMPLES, Measurement};
 
 /// The delay in one segment of the record.

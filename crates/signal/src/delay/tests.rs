@@ -1,7 +1,8 @@
 //! Acceptance vectors, closed formulas and odd input.
 
 use super::block::Block;
-use super::descent::{Alignment, Lateness};
+use super::block::Lateness;
+use super::descent::Alignment;
 use super::uncertainty::{Conditions, uncertainties};
 use super::*;
 use std::f64::consts::TAU;

@@ -1,8 +1,9 @@
 //! Uncertainties of the parameters: from the curvature, and from the scores for any noise.
 
+use super::block::Lateness;
 use super::block::{Normal, nuisance_columns};
-use super::descent::{Alignment, Lateness};
-use super::rounds::Shape;
+use super::descent::Alignment;
+use super::shape::Shape;
 use super::{Gain, Uncertain};
 use nalgebra::DMatrix;
 
