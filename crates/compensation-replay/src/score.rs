@@ -1,11 +1,11 @@
 //! Scores of the compensators, with and without an independent reference.
 
+mod against_reference;
 mod all;
 mod budget;
 mod jackknife;
 mod motion;
 mod onboard;
-mod reference;
 mod truthless;
 mod updates;
 

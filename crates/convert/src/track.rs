@@ -2,7 +2,7 @@
 
 mod layouts;
 mod map_files;
-mod recording;
+mod track_recording;
 
 use crate::error::ConvertError;
 use crate::guard::may_write;
@@ -138,7 +138,7 @@ pub fn export_track(order: &TrackOrder<'_>) -> Result<WrittenTrack, ConvertError
         TrackTo::Kml => map_files::kml(&track, &mut file).map_err(failed)?,
         TrackTo::Gpx => map_files::gpx(&track, &mut file).map_err(failed)?,
         TrackTo::Csv => write_csv(&sheet(&track), &mut file).map_err(failed)?,
-        TrackTo::Mcap => recording::write(&track, order.out, output.file()?)?,
+        TrackTo::Mcap => track_recording::write(&track, order.out, output.file()?)?,
     }
     file.flush().map_err(failed)?;
     drop(file);

@@ -1,34 +1,34 @@
 //! A figure as data: what is drawn, in which units, and how to read it. Pixels are left to `draw`.
 
 mod axis;
-mod bench;
-mod campaign;
-mod card;
+mod bench_figures;
+mod campaign_figures;
+mod card_figures;
 mod control_chart;
 mod csv;
 mod curve;
-mod flight;
-mod flight_delay;
+mod flight_delay_figures;
+mod flight_figures;
 mod forest;
-mod monte_carlo;
-mod score;
+mod monte_carlo_figures;
+mod score_figures;
 mod sketch;
-mod sweep;
+mod sweep_figures;
 mod timeline;
 
 pub(crate) use axis::Axis;
-pub(crate) use bench::{BenchFigures, ChannelFigures, KINDS, families, letter, main_component, place_in_paper};
-pub(crate) use campaign::{effects, valley};
-pub(crate) use card::{Forest, ForestRow, LeftOut, card_forest};
+pub(crate) use bench_figures::{BenchFigures, ChannelFigures, KINDS, families, letter, main_component, place_in_paper};
+pub(crate) use campaign_figures::{effects, valley};
+pub(crate) use card_figures::{Forest, ForestRow, LeftOut, card_forest};
 pub(crate) use control_chart::control_chart;
 pub(crate) use csv::csv;
-pub(crate) use flight::{THUMBNAIL, flight_figures, thumbnail};
-pub(crate) use flight_delay::delay_over_time;
+pub(crate) use flight_delay_figures::delay_over_time;
+pub(crate) use flight_figures::{THUMBNAIL, flight_figures, thumbnail};
 pub(crate) use forest::{forest, trend};
-pub(crate) use monte_carlo::group_figure;
-pub(crate) use score::{bands_figure, budget_figure};
+pub(crate) use monte_carlo_figures::group_figure;
+pub(crate) use score_figures::{bands_figure, budget_figure};
 pub(crate) use sketch::packed_sketch;
-pub(crate) use sweep::{objective_figure, sweep_figure};
+pub(crate) use sweep_figures::{objective_figure, sweep_figure};
 pub(crate) use timeline::timeline;
 
 /// Stacked panels with one legend.

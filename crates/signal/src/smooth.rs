@@ -4,7 +4,7 @@
 mod backward;
 mod chain;
 mod filter;
-mod search;
+mod smoothing_search;
 
 use crate::hermite;
 use backward::smooth_back;
@@ -244,8 +244,8 @@ impl Scaled {
             filtered.run(&self.series, self.rho(log10_q), false);
             filtered.minus_two_log_likelihood
         };
-        let likely = search::least(&mut minus_two_log_likelihood, low, high, 0.1);
-        search::least(
+        let likely = smoothing_search::least(&mut minus_two_log_likelihood, low, high, 0.1);
+        smoothing_search::least(
             |x| self.score(&mut filtered, x).log_gcv(self.series.z.len()),
             (likely - 4.0).max(low),
             likely + 1.5,

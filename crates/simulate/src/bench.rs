@@ -5,7 +5,8 @@
 //! be off ([`BenchClocks`]).
 
 mod bar;
-mod demo;
+mod bench_demo;
+mod bench_samples;
 mod lag;
 mod logbook;
 mod motion;
@@ -13,7 +14,6 @@ mod observe;
 mod part;
 mod quantity;
 mod rig;
-mod samples;
 mod settings;
 mod swing;
 #[cfg(test)]
@@ -21,11 +21,11 @@ mod tests;
 mod wide;
 
 pub use bar::{Bar, FlexibleBar, Mount};
-pub use demo::{BenchDemo, BenchDemoRecord, write_bench_demo};
+pub use bench_demo::{BenchDemo, BenchDemoRecord, write_bench_demo};
+pub use bench_samples::{BenchSamples, EncoderSamples, PulseSamples, SimulatedBench};
 pub use motion::{BarMotion, BenchTruth};
 pub use quantity::BenchChannel;
 pub use rig::RigText;
-pub use samples::{BenchSamples, EncoderSamples, PulseSamples, SimulatedBench};
 pub use settings::{
     BenchClocks, BenchSensor, BenchSettings, ClockError, Encoder, EncoderOutput, Outliers, Pulses, Site,
 };

@@ -1,9 +1,9 @@
 //! All scores of a replay.
 
+use super::against_reference::Judge;
 use super::budget::{Ground, StandIn};
 use super::jackknife::{Blocks, root_mean};
 use super::motion::{self, Motion};
-use super::reference::Judge;
 use super::truthless::{self, Legs, Passes};
 use super::updates::Updates;
 use super::{Innovations, Reference};

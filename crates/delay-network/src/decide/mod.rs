@@ -1,9 +1,9 @@
 //! Which delay is removed (section 6).
 
+mod decision_words;
 mod grid;
 mod group;
 mod table;
-mod words;
 
 use self::group::GroupFlights;
 use self::table::Table;

@@ -1,7 +1,7 @@
 //! The decision table, row by row.
 
 use super::group::Evidence;
-use super::{AskedSource, FlightSources, RelativeLateness, grid, words};
+use super::{AskedSource, FlightSources, RelativeLateness, decision_words, grid};
 use crate::isolate::K95;
 use crate::solve::trusted;
 use record::{Estimate, NetworkDatum, RemovedDelay, RemovedFrom};
@@ -101,7 +101,7 @@ impl Table<'_> {
         let source = if row % 2 == 1 { RemovedFrom::OthersFlights } else { RemovedFrom::OwnNetwork };
         let mut choice = Choice::new(row, source, Some(delay_s), String::new());
         choice.pooled = self.evidence.others.map_or(0, |others| others.flights);
-        choice.words = words::by_flights(self.flight, &self.evidence, &choice);
+        choice.words = decision_words::by_flights(self.flight, &self.evidence, &choice);
         Some(choice)
     }
 
@@ -117,7 +117,7 @@ impl Table<'_> {
             (None, Some(stated)) => (RemovedFrom::Stated, Some(stated)),
             (None, None) => (RemovedFrom::None, None),
         };
-        let mut choice = Choice::new(8, source, delay_s, words::without_own_delay(self.flight, &self.evidence, source));
+        let mut choice = Choice::new(8, source, delay_s, decision_words::without_own_delay(self.flight, &self.evidence, source));
         choice.contradicted = delay_s.and_then(|number| {
             let what = if source == RemovedFrom::Card { "The card" } else { "The stated delay" };
             self.contradiction(what, number)
@@ -128,7 +128,7 @@ impl Table<'_> {
     /// Row 9.
     fn pair(&self) -> Choice {
         match self.relative() {
-            Some(pair) => Choice::new(9, RemovedFrom::Pair, Some(pair.delay_s), words::pair(pair)),
+            Some(pair) => Choice::new(9, RemovedFrom::Pair, Some(pair.delay_s), decision_words::pair(pair)),
             None => {
                 Choice::nothing(9, "Position against velocity was not measured in this flight. Nothing is removed.")
             }
@@ -213,7 +213,7 @@ impl Table<'_> {
     fn contradiction(&self, what: &str, number: Estimate) -> Option<String> {
         let by_others = self.evidence.own.is_none() && self.evidence.others.is_some();
         let by = if by_others { "other flights of its group" } else { "this flight" };
-        words::contradiction(what, number, (self.measured(), by))
+        decision_words::contradiction(what, number, (self.measured(), by))
     }
 }
 

@@ -1,13 +1,13 @@
 //! The page of one bench record.
 
+mod bench_method;
+mod bench_provenance;
 mod channel;
 mod clocks;
 mod explore;
 mod geometry;
-mod method;
 mod mount;
 mod overview;
-mod provenance;
 mod reference;
 
 pub(super) use mount::soft_iron;
@@ -132,8 +132,8 @@ fn body(page: &BenchPage, figures: &BenchFigures, shift: Option<&Markup>) -> Mar
             @if let Some(findings) = &record.findings { (found(findings, figures, shift, &doubts)) }
             (logs(record))
             (health::notices_section(&record.notices))
-            @if let Some(findings) = &record.findings { (method::section(findings)) }
-            (provenance::section(page))
+            @if let Some(findings) = &record.findings { (bench_method::section(findings)) }
+            (bench_provenance::section(page))
         }
     }
 }

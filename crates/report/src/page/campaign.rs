@@ -1,15 +1,15 @@
 //! The page of a campaign: the answer, what to do, and all flights, most severe first.
 
 mod attention;
-mod cards;
 mod excerpts;
 mod flights;
+mod group_cards;
 mod matrix;
 mod todo;
 
-pub(super) use cards::p_value;
 pub use excerpts::{TrackExcerpt, excerpt_flights};
 pub use flights::TABLE_FOLDER;
+pub(super) use group_cards::p_value;
 
 use super::Head::Text;
 use super::{
@@ -130,7 +130,7 @@ fn body(record: &CampaignRecord, figures: &Figures<'_>, excerpts: &[TrackExcerpt
             (answer(record))
             (todo::todo(record))
             p { a href="since-last-run.html" { "What changed since the last run" } }
-            (cards::others(record))
+            (group_cards::others(record))
             div.side-by-side {
                 @for column in figures.columns(record.flights.len()) { div { @for of in column { (figure(of)) } } }
             }
@@ -178,7 +178,7 @@ fn answer(record: &CampaignRecord) -> Markup {
             @if t.duration_s > 0.0 { ", " (number::lasting(t.duration_s)) " compensated" }
             ". ± is U with k\u{a0}=\u{a0}2."
         }
-        (cards::first(record))
+        (group_cards::first(record))
     }
 }
 
@@ -302,7 +302,7 @@ fn no_common_delay(found: &DelayOverFlights, test: &FlightHomogeneity, card: Opt
             b { "No common delay" }
             @if let Some(between) = found.between_s { ": the flights differ by " (plain(between * 1e3, 2)) "\u{a0}ms, 1\u{a0}σ" }
             " (χ² = " (plain(test.chi2, 3)) ", " (number::counted(test.degrees_of_freedom, "degree", "degrees")) " of freedom, "
-            (cards::p_value(test.p)) "). Their mean, " (estimate(&in_millis(&found.delay_s))) "\u{a0}ms over "
+            (group_cards::p_value(test.p)) "). Their mean, " (estimate(&in_millis(&found.delay_s))) "\u{a0}ms over "
             (number::counted(found.flights, "flight", "flights")) ", describes none of them"
             (against_card(found, card)) "."
         }
@@ -338,7 +338,7 @@ fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
         @if let Some(h) = found.and_then(|f| f.homogeneity) {
             p {
                 "One difference for all flights: χ² = " (plain(h.chi2, 3)) " with "
-                (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, " (cards::p_value(h.p)) ": "
+                (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, " (group_cards::p_value(h.p)) ": "
                 "nothing speaks against it."
             }
         }

@@ -1,8 +1,8 @@
 //! The logs of a simulated bench.
 
+use super::bench_samples::{BenchSamples, SimulatedBench};
 use super::part::Part;
 use super::quantity::BenchChannel;
-use super::samples::{BenchSamples, SimulatedBench};
 use super::settings::EncoderOutput;
 use super::wide;
 use crate::error::SimulateError;

@@ -1,9 +1,9 @@
 //! Observations of the truth by encoder, sensor and pulses.
 
+use super::bench_samples::{BenchSamples, EncoderSamples, PulseSamples, SimulatedBench};
 use super::lag::Lagged;
 use super::motion::BenchTruth;
 use super::quantity::BenchChannel;
-use super::samples::{BenchSamples, EncoderSamples, PulseSamples, SimulatedBench};
 use super::settings::{BenchSensor, BenchSettings, Outliers, Pulses};
 use crate::error::SimulateError;
 use crate::random::{generator, normal};

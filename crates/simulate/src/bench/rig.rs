@@ -1,8 +1,8 @@
 //! The rig file of a simulated bench.
 
 use super::bar::Mount;
+use super::bench_samples::SimulatedBench;
 use super::quantity::BenchChannel;
-use super::samples::SimulatedBench;
 
 /// Contents of a rig file of a simulated bench.
 #[derive(Debug, Clone, PartialEq, Eq)]

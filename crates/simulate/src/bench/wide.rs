@@ -1,8 +1,8 @@
 //! The bench as one wide table.
 
+use super::bench_samples::{BenchSamples, SimulatedBench, columns, held};
 use super::part::Part;
 use super::quantity::BenchChannel;
-use super::samples::{BenchSamples, SimulatedBench, columns, held};
 use super::settings::EncoderOutput;
 use crate::error::SimulateError;
 use flight::{Clock, Flight, Series, Stamp, StampKind, Timeline};

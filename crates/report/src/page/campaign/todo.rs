@@ -1,7 +1,7 @@
 //! What to do, ranked by how much it reduces the error in metres.
 
 use super::attention::{names, varies};
-use super::cards::settings;
+use super::group_cards::settings;
 use super::{is_harmed, members};
 use crate::number;
 use crate::text::{ended, shown};

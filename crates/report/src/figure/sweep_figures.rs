@@ -1,6 +1,6 @@
 //! The effect that other delays would have had on a flight, and the objective of the delay estimator.
 
-use super::bench::objective_panel;
+use super::bench_figures::objective_panel;
 use super::{Axis, Figure, Line, Panel, Pen, Span, extent, is_drawable, pieces, stroke, upright};
 use crate::number::{self, COVERAGE_FACTOR};
 use crate::text::label;

@@ -1,13 +1,13 @@
 //! The figures of a bench: Fig. 4 of the paper, the reference motion, and what each channel does.
 
-mod channel;
-mod geometry;
+mod channel_figures;
+mod geometry_figures;
 mod paper;
-mod reference;
+mod reference_figures;
 
-pub(super) use channel::objective_panel;
-pub(crate) use channel::{ChannelFigures, KINDS};
-pub(crate) use geometry::letter;
+pub(super) use channel_figures::objective_panel;
+pub(crate) use channel_figures::{ChannelFigures, KINDS};
+pub(crate) use geometry_figures::letter;
 pub(crate) use paper::{families, place_in_paper};
 
 use super::Figure;
@@ -44,11 +44,11 @@ impl BenchFigures {
         let mut figures = BenchFigures {
             zoom: paper::zoom(channels),
             whole: paper::whole(channels),
-            side: geometry(geometry::side),
-            above: geometry(geometry::above),
+            side: geometry(geometry_figures::side),
+            above: geometry(geometry_figures::above),
             channels: channels.iter().zip(anchors).map(|(c, anchor)| ChannelFigures::of(c, anchor)).collect(),
-            angle: reference::angle(&findings.reference),
-            acceleration: reference::acceleration(&findings.reference),
+            angle: reference_figures::angle(&findings.reference),
+            acceleration: reference_figures::acceleration(&findings.reference),
         };
         for (number, figure) in (1..).zip(figures.slots_mut().into_iter().flatten()) {
             figure.number = number;

@@ -1,9 +1,9 @@
 //! Bench records that show every feature once.
 
 use super::bar::{FlexibleBar, Mount};
+use super::bench_samples::SimulatedBench;
 use super::quantity::BenchChannel;
 use super::rig::{RigText, day};
-use super::samples::SimulatedBench;
 use super::settings::{BenchClocks, BenchSensor, BenchSettings, ClockError, Pulses};
 use super::simulate_bench;
 use super::swing::Swing;
