@@ -117,7 +117,8 @@ impl Table<'_> {
             (None, Some(stated)) => (RemovedFrom::Stated, Some(stated)),
             (None, None) => (RemovedFrom::None, None),
         };
-        let mut choice = Choice::new(8, source, delay_s, decision_words::without_own_delay(self.flight, &self.evidence, source));
+        let mut choice =
+            Choice::new(8, source, delay_s, decision_words::without_own_delay(self.flight, &self.evidence, source));
         choice.contradicted = delay_s.and_then(|number| {
             let what = if source == RemovedFrom::Card { "The card" } else { "The stated delay" };
             self.contradiction(what, number)

@@ -3,13 +3,13 @@
 //! The index at the end is used only for its connections and counts. A bag whose recorder crashed has
 //! no index, and reads the same.
 
+mod bag_record;
+mod bag_records;
 mod connections;
 mod index;
-mod record;
-mod records;
 
-use self::record::{Kind, Record};
-use self::records::{LONGEST, Records, WRONG_START};
+use self::bag_record::{Kind, Record};
+use self::bag_records::{LONGEST, Records, WRONG_START};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, ReadContext, Select};

@@ -5,14 +5,14 @@
 //! unscaled. A topic is named after its type; for a type with instances the second is `GPS_1`.
 
 mod binary;
-mod book;
+mod dataflash_record;
+mod dataflash_session;
+pub(super) mod dataflash_vehicle;
 pub(super) mod modes;
-mod record;
 mod text;
 mod units;
-pub(super) mod vehicle;
 
-use self::book::Book;
+use self::dataflash_session::Session;
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, ReadContext, Select};
@@ -30,20 +30,20 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
     topics.count_by(Clock::Boot);
     let mut log = Log::default();
-    let mut book = Book::new(&mut topics);
+    let mut session = Session::new(&mut topics);
     for file in &mut files {
         let text = is_text(file)?;
         log.health.format = if text { "ArduPilot DataFlash (text)" } else { "ArduPilot DataFlash" }.to_owned();
-        book.begin_file(file.name());
+        session.begin_file(file.name());
         if text {
-            text::Walk::new(file, context, &mut ledger, &mut notices, &mut book).run()?;
+            text::Walk::new(file, context, &mut ledger, &mut notices, &mut session).run()?;
         } else {
             super::refuse_foreign(file, binary::NO_RECORD, context)?;
-            let scanned = logscan::scan(file, &mut ledger, context, &mut binary::Records::new(&mut book))?;
+            let scanned = logscan::scan(file, &mut ledger, context, &mut binary::Records::new(&mut session))?;
             super::tell_padding(file.name(), scanned.padding, &mut notices);
         }
     }
-    book.finish(&mut log, &mut notices);
+    session.finish(&mut log, &mut notices);
     Reading { files, ledger, notices, topics }.conclude(log)
 }
 
@@ -59,7 +59,7 @@ fn starts_a_log(line: &[u8]) -> bool {
 
 fn is_text(file: &mut LogFile) -> Result<bool, IngestError> {
     let head = file.up_to(0, crate::sniff::HEAD)?;
-    Ok(!head.starts_with(&record::SYNC) && text_begins(head))
+    Ok(!head.starts_with(&dataflash_record::SYNC) && text_begins(head))
 }
 
 /// Whether a text log starts in these first bytes of a file: with the first definition, or with others if that one is
@@ -74,7 +74,10 @@ fn text_begins(head: &[u8]) -> bool {
 /// Whether these first bytes of a file are those of a DataFlash log, whatever comes before its first record.
 /// Two consecutive records of the type `FMT` do not occur by chance.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
-    let definitions = memmem::find_iter(head, &[record::SYNC[0], record::SYNC[1], record::FMT_ID]);
-    let mut pairs = definitions.filter_map(|at| head.get(at + record::FMT_LENGTH..));
-    pairs.any(|next| next.starts_with(&[record::SYNC[0], record::SYNC[1], record::FMT_ID])) || text_begins(head)
+    let definitions =
+        memmem::find_iter(head, &[dataflash_record::SYNC[0], dataflash_record::SYNC[1], dataflash_record::FMT_ID]);
+    let mut pairs = definitions.filter_map(|at| head.get(at + dataflash_record::FMT_LENGTH..));
+    pairs
+        .any(|next| next.starts_with(&[dataflash_record::SYNC[0], dataflash_record::SYNC[1], dataflash_record::FMT_ID]))
+        || text_begins(head)
 }

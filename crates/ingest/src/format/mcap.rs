@@ -3,19 +3,19 @@
 //! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`records`), because the
 //! crate's own readers trust the lengths stated by a damaged file.
 
+mod conformance;
+mod mcap_record;
+mod mcap_records;
 mod original;
-mod plain;
-mod record;
-mod records;
 mod summary;
 mod visit;
 
+pub use self::conformance::mcap_records;
 pub use self::original::{OriginalLog, OriginalTopic};
-pub use self::plain::mcap_records;
 
+use self::mcap_record::{AttachmentHead, WRONG_START};
+use self::mcap_records::Records;
 use self::original::Originals;
-use self::record::{AttachmentHead, WRONG_START};
-use self::records::Records;
 use self::summary::{Summary, Trust};
 use self::visit::Visit;
 use crate::bytes::Bytes;
@@ -383,8 +383,8 @@ impl<'t, 'w> Channels<'t, 'w> {
     }
 
     fn other(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
-        let unreadable = |e| format!("a {} that cannot be read: {e}", record::name(opcode));
-        match record::parse(opcode, body).map_err(unreadable)? {
+        let unreadable = |e| format!("a {} that cannot be read: {e}", mcap_record::name(opcode));
+        match mcap_record::parse(opcode, body).map_err(unreadable)? {
             Record::Header(header) => {
                 let parts = [header.profile, header.library];
                 let parts: Vec<String> = parts.iter().filter(|p| !p.is_empty()).map(|p| format!("{p:.100}")).collect();

@@ -12,15 +12,15 @@
 //! Fields are parsed here, not by the `nmea` crate, whose single-precision floats lose the
 //! last digits of speeds, tracks and heights. Latitude and longitude are the doubles nearest to the text.
 
-mod book;
+mod epoch_order;
 mod kind;
-mod order;
+mod nmea_session;
 mod sentence;
 mod talkers;
 
-use self::book::Book;
-pub(super) use self::book::Dates;
 use self::kind::Kind;
+pub(super) use self::nmea_session::Dates;
+use self::nmea_session::Session;
 use self::sentence::{Fault, Sentence};
 use crate::bytes::is_plain;
 use crate::civil::{Tick, iso_to_unix_ns};
@@ -157,7 +157,7 @@ fn unmarked(text: &[u8]) -> Cow<'_, [u8]> {
 
 /// The lines of a log: sentences, what a logger wrote around them, and text.
 pub(super) struct Lines {
-    book: Book,
+    session: Session,
     /// Text may occur between and before the sentences; otherwise there are only frames and sentences.
     has_text: bool,
     /// Sentences may have no checksum.
@@ -183,8 +183,8 @@ struct Counts {
 
 impl Lines {
     pub(super) fn new(has_text: bool) -> Lines {
-        let (book, counts) = (Book::default(), Counts::default());
-        Lines { book, has_text, bare: false, number: 1, is_begin: true, counts }
+        let (session, counts) = (Session::default(), Counts::default());
+        Lines { session, has_text, bare: false, number: 1, is_begin: true, counts }
     }
 
     /// A file begins.
@@ -195,7 +195,7 @@ impl Lines {
 
     /// Bytes are missing here.
     pub(super) fn breaks(&mut self) {
-        self.book.breaks();
+        self.session.breaks();
     }
 
     pub(super) fn has_text(&self) -> bool {
@@ -315,7 +315,7 @@ impl Lines {
         let prefix = unmarked(prefix);
         let logged_ns = logged(&prefix);
         self.counts.prefixes += u64::from(logged_ns.is_none() && !is_blank(&prefix));
-        self.book.sentence(sentence, logged_ns, topics)
+        self.session.sentence(sentence, logged_ns, topics)
     }
 
     /// Describes what is wrong where nothing was found.
@@ -354,7 +354,7 @@ impl Lines {
 
     /// Writes what the receiver says about itself. The returned value dates the tables once they are made.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
-        self.book.finish(log, notices)
+        self.session.finish(log, notices)
     }
 }
 

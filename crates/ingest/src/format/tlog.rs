@@ -15,18 +15,18 @@
 //! not know, and skips what it cannot read without a count. The table is decoded directly into columns, the
 //! checksum of every frame proves its line, and the tests write and read every message of it with the crate.
 
-mod book;
 mod checksum;
 mod clock;
 mod definition;
-mod frame;
 mod framing;
-mod vehicle;
+mod mavlink_frame;
+mod mavlink_vehicle;
+mod tlog_session;
 
-use self::book::{Book, MOST_TOPICS, NO_FRAME};
-use self::frame::{Frame, LONGEST, MAGIC, NoFrame};
 pub(crate) use self::framing::looks_like;
 use self::framing::{Framing, TIME};
+use self::mavlink_frame::{Frame, LONGEST, MAGIC, NoFrame};
+use self::tlog_session::{MOST_TOPICS, NO_FRAME, Session};
 use crate::bytes::is_plain;
 use crate::error::IngestError;
 use crate::format::Reading;
@@ -51,18 +51,18 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     // Times that only some of the frames have are not used as the log's.
     let stamped = !framings.contains(&Framing::Bare);
     log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
-    let mut book = Book::new(main, stamped, &mut topics);
+    let mut session = Session::new(main, stamped, &mut topics);
     for (file, framing) in files.iter_mut().zip(framings) {
         let size = file.size();
-        let scanned = scan(file, &mut ledger, context, &mut Records { book: &mut book, framing })?;
-        book.preamble += scanned.preamble;
-        book.end_file(size);
+        let scanned = scan(file, &mut ledger, context, &mut Records { session: &mut session, framing })?;
+        session.preamble += scanned.preamble;
+        session.end_file(size);
     }
-    if let Some(what) = book.why_nothing() {
+    if let Some(what) = session.why_nothing() {
         let file = files.first().map_or("", LogFile::name).to_owned();
         return Err(IngestError::Unusable { file, what });
     }
-    book.finish(&mut log, &mut notices);
+    session.finish(&mut log, &mut notices);
     let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
     if !stamped {
         super::forget_log_times(&mut log);
@@ -101,7 +101,7 @@ fn main_vehicle(files: &mut [LogFile], framings: &[Framing]) -> Result<Sender, I
             at += 1;
             continue;
         };
-        if frame.unknown_flags == 0 && vehicle::is_autopilot(frame.message, frame.payload) {
+        if frame.unknown_flags == 0 && mavlink_vehicle::is_autopilot(frame.message, frame.payload) {
             let sender = Sender::of(&frame);
             main = Some(main.map_or(sender, |main: Sender| main.min(sender)));
         }
@@ -110,9 +110,9 @@ fn main_vehicle(files: &mut [LogFile], framings: &[Framing]) -> Result<Sender, I
     Ok(main.unwrap_or_default())
 }
 
-/// Passes the records of a file, each a frame and what precedes it, to the book.
+/// Passes the records of a file, each a frame and what precedes it, to the session.
 struct Records<'r, 'b, 't> {
-    book: &'r mut Book<'b, 't>,
+    session: &'r mut Session<'b, 't>,
     framing: Framing,
 }
 
@@ -149,12 +149,12 @@ impl logscan::Framing for Records<'_, '_, '_> {
     }
 
     fn take(&mut self, record: &[u8], after: &[u8], at: u64) -> Result<Fate, Cow<'static, str>> {
-        self.book.record(record, after, self.framing, at)
+        self.session.record(record, after, self.framing, at)
     }
 
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         match Frame::at(bytes.get(self.framing.front()..).unwrap_or_default()) {
-            Ok(frame) => book::fault(&frame),
+            Ok(frame) => tlog_session::fault(&frame),
             Err(NoFrame::Cut) => "a frame whose length is wrong".into(),
             Err(NoFrame::Foreign) => NO_FRAME.into(),
         }

@@ -19,17 +19,17 @@
 //! Layouts are a table, not those of the `ublox` crate: its accessors scale and clip each field, and each message would
 //! need a conversion by hand into columns. The table is decoded directly into columns.
 
-mod frame;
-mod identity;
 mod message;
 mod pulse;
-mod receiver;
+mod ubx_frame;
+mod ubx_identity;
+mod ubx_receiver;
 
-use self::frame::{Frame, WRONG, rtcm_length};
-pub(super) use self::frame::{LONGEST, RTCM, SYNC};
 use self::message::Message;
 use self::pulse::EarlyMarks;
-use self::receiver::{Receiver, Weeks};
+use self::ubx_frame::{Frame, WRONG, rtcm_length};
+pub(super) use self::ubx_frame::{LONGEST, RTCM, SYNC};
+use self::ubx_receiver::{Receiver, Weeks};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::format::tell_too_many_topics;
@@ -58,13 +58,13 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed {
     if bytes.first() == Some(&RTCM) {
         return match rtcm_length(bytes) {
             Some(length) => Parsed::Frame(length, Trust::Proven),
-            None => Parsed::Not(frame::stated_rtcm_length(bytes).unwrap_or(1)),
+            None => Parsed::Not(ubx_frame::stated_rtcm_length(bytes).unwrap_or(1)),
         };
     }
     match Frame::at(bytes) {
         Ok(frame) => Parsed::Frame(frame.length, Trust::Proven),
-        Err(WRONG) => Parsed::Not(frame::length_at(bytes).unwrap_or(frame::HEADER)),
-        Err(_) if frame::may_be_cut(bytes) => Parsed::Cut,
+        Err(WRONG) => Parsed::Not(ubx_frame::length_at(bytes).unwrap_or(ubx_frame::HEADER)),
+        Err(_) if ubx_frame::may_be_cut(bytes) => Parsed::Cut,
         Err(_) => Parsed::Not(SYNC.len()),
     }
 }

@@ -5,8 +5,8 @@ mod beside;
 mod boots;
 mod formats;
 mod messages;
-mod record;
 mod session;
+mod ulog_record;
 
 use self::boots::Boots;
 use self::messages::{Messages, NO_MESSAGE};

@@ -1,6 +1,6 @@
 //! The connections of a bag: the type of its messages and their topics.
 
-use super::record::Fields;
+use super::bag_record::Fields;
 use crate::decode::{Definition, MD5_OF_NOTHING, Route, Tally, Times, Topics};
 use crate::format::tell_unplaced;
 use crate::reader::Extra;

@@ -1,9 +1,9 @@
 //! The index at the end of a bag: connections, chunk offsets and message counts.
 
 use super::MAGIC;
+use super::bag_record::{Kind, Record};
+use super::bag_records::LONGEST;
 use super::connections::Connections;
-use super::record::{Kind, Record};
-use super::records::LONGEST;
 use crate::bytes::Bytes;
 use crate::format::compare_count;
 use crate::format::unpacker::MOST_PLACES;

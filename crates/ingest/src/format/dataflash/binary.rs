@@ -1,8 +1,8 @@
 //! The frames of a binary log: its records. Only the next record proves a record, except for definitions that are
 //! self-consistent.
 
-use super::book::Book;
-use super::record::{FMT_ID, FMT_LENGTH, Format, HEADER, LONGEST_RECORD, SYNC};
+use super::dataflash_record::{FMT_ID, FMT_LENGTH, Format, HEADER, LONGEST_RECORD, SYNC};
+use super::dataflash_session::Session;
 use logscan::{Fate, Framing, Parsed, Trust};
 use memchr::memmem;
 use std::borrow::Cow;
@@ -10,15 +10,15 @@ use std::borrow::Cow;
 /// Reported where no record starts.
 pub(super) const NO_RECORD: &str = "bytes that are not a record";
 
-/// The records of a log, passed to its book.
+/// The records of a log, passed to its session.
 pub(super) struct Records<'b, 't, 's> {
-    book: &'b mut Book<'t, 's>,
+    session: &'b mut Session<'t, 's>,
     sync: memmem::Finder<'static>,
 }
 
 impl<'b, 't, 's> Records<'b, 't, 's> {
-    pub(super) fn new(book: &'b mut Book<'t, 's>) -> Records<'b, 't, 's> {
-        Records { book, sync: memmem::Finder::new(&SYNC) }
+    pub(super) fn new(session: &'b mut Session<'t, 's>) -> Records<'b, 't, 's> {
+        Records { session, sync: memmem::Finder::new(&SYNC) }
     }
 }
 
@@ -40,7 +40,7 @@ impl Framing for Records<'_, '_, '_> {
         if id == FMT_ID && bytes.get(..FMT_LENGTH).is_some_and(Format::agrees) {
             return Parsed::Frame(FMT_LENGTH, Trust::Proven);
         }
-        match self.book.format(id).and_then(Format::length) {
+        match self.session.format(id).and_then(Format::length) {
             Some(length) if length > bytes.len() => Parsed::Cut,
             Some(length) => Parsed::Frame(length, Trust::Shape),
             None => Parsed::Not(HEADER),
@@ -59,22 +59,22 @@ impl Framing for Records<'_, '_, '_> {
 
     #[inline]
     fn length(&self, bytes: &[u8]) -> Option<usize> {
-        self.book.format(*bytes.get(HEADER - 1)?)?.length()
+        self.session.format(*bytes.get(HEADER - 1)?)?.length()
     }
 
     /// Numbers may look like a record header (-0.0211 as a double does), but hardly with a time near the last one.
     fn is_likely(&self, record: &[u8]) -> bool {
-        self.book.is_near(record, HEADER)
+        self.session.is_near(record, HEADER)
     }
 
     #[inline]
     fn take(&mut self, record: &[u8], _: &[u8], _: u64) -> Result<Fate, Cow<'static, str>> {
-        Ok(self.book.packed(record, HEADER)?)
+        Ok(self.session.packed(record, HEADER)?)
     }
 
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         match *bytes {
-            [first, second, id, ..] if [first, second] == SYNC => match self.book.format(id) {
+            [first, second, id, ..] if [first, second] == SYNC => match self.session.format(id) {
                 Some(_) => "a record whose length is wrong".into(),
                 None => format!("records of type {id}, which is not defined").into(),
             },

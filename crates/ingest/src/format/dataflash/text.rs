@@ -1,6 +1,6 @@
 //! The walk over a text log, line by line: name and values between commas.
 
-use super::book::Book;
+use super::dataflash_session::Session;
 use super::{BYTE_ORDER_MARK, starts_a_log};
 use crate::error::IngestError;
 use crate::reader::ReadContext;
@@ -18,7 +18,7 @@ pub(super) struct Walk<'w, 'c, 't, 's> {
     context: &'w ReadContext<'c>,
     ledger: &'w mut Ledger,
     notices: &'w mut Notices,
-    book: &'w mut Book<'t, 's>,
+    session: &'w mut Session<'t, 's>,
     at: u64,
     /// Bytes of lines before the first record: console output of old autopilots.
     preamble: u64,
@@ -33,10 +33,10 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         context: &'w ReadContext<'c>,
         ledger: &'w mut Ledger,
         notices: &'w mut Notices,
-        book: &'w mut Book<'t, 's>,
+        session: &'w mut Session<'t, 's>,
     ) -> Walk<'w, 'c, 't, 's> {
         let name = file.name().to_owned();
-        Walk { file, name, context, ledger, notices, book, at: 0, preamble: 0, begun: false, headless: false }
+        Walk { file, name, context, ledger, notices, session, at: 0, preamble: 0, begun: false, headless: false }
     }
 
     /// From the first byte to the last.
@@ -73,7 +73,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         for end in memchr::memchr_iter(b'\n', block) {
             let line = block.get(taken..end).unwrap_or_default();
             let length = (end + 1 - taken) as u64;
-            match fate_of(line, self.book) {
+            match fate_of(line, self.session) {
                 Ok(fate) => {
                     self.headless |= !self.begun && fate.is_some() && !starts_a_log(line);
                     self.begun |= fate.is_some();
@@ -106,7 +106,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 }
 
 /// The fate of a line; `None` for an empty one.
-fn fate_of(line: &[u8], book: &mut Book<'_, '_>) -> Result<Option<Fate>, String> {
+fn fate_of(line: &[u8], session: &mut Session<'_, '_>) -> Result<Option<Fate>, String> {
     let text = std::str::from_utf8(line).map_err(|_| "a line that is not text".to_owned())?.trim_end();
     if text.bytes().any(|b| b < b' ' && b != b'\t') {
         return Err("a line with control characters".to_owned());
@@ -115,7 +115,7 @@ fn fate_of(line: &[u8], book: &mut Book<'_, '_>) -> Result<Option<Fate>, String>
         return Ok(None);
     }
     let (name, values) = text.split_once(',').unwrap_or((text, ""));
-    book.line(name.trim(), values).map(Some)
+    session.line(name.trim(), values).map(Some)
 }
 
 fn is_plain(line: &[u8]) -> bool {

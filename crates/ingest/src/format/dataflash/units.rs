@@ -1,6 +1,6 @@
 //! Units as stated by a log in `UNIT`, `MULT` and `FMTU`: compared with those of the channel map.
 
-use super::record::Format;
+use super::dataflash_record::Format;
 use crate::reader::StatedUnit;
 use flight::Dimension;
 use std::borrow::Cow;
@@ -33,7 +33,7 @@ impl Units {
     /// Known units of the fields of a type. The scale of a format character is already applied to the values,
     /// and a multiplier of zero means no multiplier.
     pub(super) fn of(&self, format: &Format, units: &[u8], multipliers: &[u8]) -> Vec<StatedUnit> {
-        let stated = |(index, field): (usize, &super::record::Field)| {
+        let stated = |(index, field): (usize, &super::dataflash_record::Field)| {
             let name = self.names.get(units.get(index)?).filter(|name| !name.trim().is_empty())?;
             let multiplier = multipliers.get(index).and_then(|m| self.multipliers.get(m)).copied();
             let multiplier = multiplier.filter(|m| *m != 0.0 && !field.is_scaled()).unwrap_or(1.0);

@@ -1,6 +1,6 @@
 //! The summary at the end of a file: hints for the walk, trusted as far as its checksum allows.
 
-use super::record::{self, HEAD_BYTES, Head, MAGIC};
+use super::mcap_record::{self, HEAD_BYTES, Head, MAGIC};
 use super::visit::Visit;
 use crate::bytes::Bytes;
 use logscan::{LogFile, ScanError};
@@ -124,11 +124,11 @@ impl Summary {
     fn index<V: Visit>(&mut self, opcode: u8, body: &[u8], visit: &mut V) -> Option<()> {
         match opcode {
             op::STATISTICS => {
-                let Ok(Record::Statistics(statistics)) = record::parse(opcode, body) else { return None };
+                let Ok(Record::Statistics(statistics)) = mcap_record::parse(opcode, body) else { return None };
                 self.messages = Some(statistics.message_count);
             }
             op::CHUNK_INDEX if self.chunks.len() < MOST_CHUNKS => {
-                let Ok(Record::ChunkIndex(index)) = record::parse(opcode, body) else { return None };
+                let Ok(Record::ChunkIndex(index)) = mcap_record::parse(opcode, body) else { return None };
                 // Without message indexes the content of the chunk is unknown.
                 let channels = &index.message_index_offsets;
                 let wanted = self.trust != Trust::Good

@@ -1,8 +1,8 @@
 //! What precedes the frames of a file.
 
-use super::book::NO_FRAME;
 use super::clock::PLAUSIBLE_US;
-use super::frame::{Frame, MAGIC};
+use super::mavlink_frame::{Frame, MAGIC};
+use super::tlog_session::NO_FRAME;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
 use logscan::LogFile;

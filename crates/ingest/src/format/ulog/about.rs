@@ -1,6 +1,6 @@
 //! What a ULog states about the vehicle: information, parameters, modes and texts.
 
-use super::record::Entry;
+use super::ulog_record::Entry;
 use crate::format::identity::{lever_arms, of_px4, tell_px4_versions};
 use flight::{About, Clock, ConfiguredDelay, ModeStart, ReceiverIdentity};
 use std::collections::BTreeMap;

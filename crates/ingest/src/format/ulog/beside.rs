@@ -3,7 +3,7 @@
 //! text are their type and bytes.
 
 use super::about::level_name;
-use super::record::{Basic, Entry, Kind, basic};
+use super::ulog_record::{Basic, Entry, Kind, basic};
 use crate::bytes::Bytes;
 use crate::decode::Topics;
 use crate::decode::packed::number_of;

@@ -1,6 +1,6 @@
 //! The formats of a ULog: text that describes the layout of messages.
 
-use super::record::{Basic, array, basic};
+use super::ulog_record::{Basic, array, basic};
 use crate::decode::Wanted;
 use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;

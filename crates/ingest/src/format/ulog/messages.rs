@@ -1,8 +1,8 @@
 //! The frames of a ULog: its messages, and the log headers, of which a file may have several.
 
 use super::boots::Boots;
-use super::record::{HEAD, Kind, LONGEST, Trust as Judged};
 use super::session::Session;
+use super::ulog_record::{HEAD, Kind, LONGEST, Trust as Judged};
 use super::{MAGIC, MOST_LOGS, START, VERSION};
 use crate::decode::Topics;
 use flight::{Code, LogHealth, Notices};

@@ -4,7 +4,7 @@ use super::about::Gathered;
 use super::beside::Beside;
 use super::boots::LastStamp;
 use super::formats::{Extent, Formats, Stamp};
-use super::record::{Entry, FLAG_BITS, FlagBits, Kind, Subscription, Trust, judge};
+use super::ulog_record::{Entry, FLAG_BITS, FlagBits, Kind, Subscription, Trust, judge};
 use crate::bytes::Bytes;
 use crate::decode::packed::float_of;
 use crate::decode::schema::Number;

@@ -1,7 +1,7 @@
 //! The records of a file one by one, with the reader's own scan. For conformance tests.
 
-use super::record;
-use super::records::Records;
+use super::mcap_record;
+use super::mcap_records::Records;
 use super::summary::Summary;
 use super::visit::Visit;
 use crate::error::IngestError;
@@ -39,7 +39,7 @@ struct Collect(Vec<Record<'static>>);
 
 impl Visit for Collect {
     fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
-        self.0.push(record::parse(opcode, body)?.into_owned());
+        self.0.push(mcap_record::parse(opcode, body)?.into_owned());
         Ok(Fate::Structure)
     }
 

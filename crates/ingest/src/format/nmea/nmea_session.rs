@@ -1,7 +1,7 @@
 //! Routes each sentence to its topic and assigns its time.
 
+use super::epoch_order::{Order, leave_undated};
 use super::kind::{Kind, UTC, is_valid, whole_layout};
-use super::order::{Order, leave_undated};
 use super::sentence::{Sentence, plain, time_of_day_ns};
 use super::talkers;
 use crate::civil::calendar_to_unix_ns;
@@ -35,7 +35,7 @@ const WHOLE: &str = " whole";
 
 /// Routes sentences to topics.
 #[derive(Default)]
-pub(crate) struct Book {
+pub(crate) struct Session {
     /// Routes by address.
     routes: HashMap<String, Option<Route>>,
     epochs: Epochs,
@@ -55,7 +55,7 @@ pub(crate) struct Book {
     order: Order,
 }
 
-impl Book {
+impl Session {
     /// Bytes are missing here: a sentence without a time may belong to an epoch that was lost.
     pub(crate) fn breaks(&mut self) {
         self.epochs.is_broken = true;

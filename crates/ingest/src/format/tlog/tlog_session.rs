@@ -3,9 +3,9 @@
 use super::Sender;
 use super::clock::{BootClock, ReceiveClock};
 use super::definition::{Definition, Definitions};
-use super::frame::Frame;
 use super::framing::{Framing, next_time, time_us};
-use super::vehicle::Vehicle;
+use super::mavlink_frame::Frame;
+use super::mavlink_vehicle::Vehicle;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::format::tell_too_many_topics;
@@ -51,7 +51,7 @@ struct Key {
 }
 
 /// Routes each message to its topic.
-pub(super) struct Book<'b, 't> {
+pub(super) struct Session<'b, 't> {
     main: Sender,
     topics: &'b mut Topics<'t>,
     routes: HashMap<Key, Option<Route>>,
@@ -74,9 +74,9 @@ pub(super) struct Book<'b, 't> {
     restored: Vec<u8>,
 }
 
-impl<'b, 't> Book<'b, 't> {
-    pub(super) fn new(main: Sender, stamped: bool, topics: &'b mut Topics<'t>) -> Book<'b, 't> {
-        Book {
+impl<'b, 't> Session<'b, 't> {
+    pub(super) fn new(main: Sender, stamped: bool, topics: &'b mut Topics<'t>) -> Session<'b, 't> {
+        Session {
             main,
             topics,
             routes: HashMap::new(),

@@ -3,7 +3,7 @@
 //! Every checksum is checked before the data under it are used. After damage in a chunked file, only whole chunks are
 //! accepted, never the messages inside a broken one: nothing vouches for them.
 
-use super::record::{
+use super::mcap_record::{
     AttachmentHead, ChunkHead, HEAD_BYTES, Head, LONGEST, MAGIC, WRONG_START, is_defined, is_private, name,
 };
 use super::summary::{self, Summary};

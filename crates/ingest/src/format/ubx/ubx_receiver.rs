@@ -1,8 +1,8 @@
 //! Time and identity of the receiver from its messages.
 
-use super::identity::Identity;
 use super::message::{Derived, Message};
 use super::pulse::{EarlyMarks, LAST_WEEK, Pulse, Pulses};
+use super::ubx_identity::Identity;
 use crate::civil::calendar_to_unix_ns;
 use crate::decode::packed::text_of;
 use crate::reader::Log;

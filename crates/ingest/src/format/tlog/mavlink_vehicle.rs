@@ -1,8 +1,8 @@
 //! Information about the vehicle from its messages: firmware, modes, parameters, texts.
 
 use crate::decode::packed::text_of;
+use crate::format::dataflash::dataflash_vehicle::Vehicle as ArduPilot;
 use crate::format::dataflash::modes;
-use crate::format::dataflash::vehicle::Vehicle as ArduPilot;
 use flight::{About, Clock, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 

@@ -4,9 +4,9 @@
 //! compressors add checksums, so a record is accepted if it has the fields of its kind and another follows.
 
 use super::MAGIC;
+use super::bag_record::{Kind, LONGEST_HEADER, Record};
 use super::connections::Connections;
 use super::index::{Index, IndexReader};
-use super::record::{Kind, LONGEST_HEADER, Record};
 use crate::bytes::Bytes;
 use crate::decode::Topics;
 use crate::format::inflate::Codec;

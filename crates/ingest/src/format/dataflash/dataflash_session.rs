@@ -1,8 +1,8 @@
 //! What a log states about its own records, and the route of each record to its topic.
 
-use super::record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField};
+use super::dataflash_record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField};
+use super::dataflash_vehicle::Vehicle;
 use super::units::Units;
-use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::format::tell_too_many_topics;
 use crate::reader::{Log, Restart};
@@ -28,7 +28,7 @@ const MOST_RESTARTS: usize = 10_000;
 const FAR_NS: u64 = 3600 * NANOS_PER_SECOND as u64;
 
 /// The types of a log; routes its records to the topics.
-pub(super) struct Book<'t, 'w> {
+pub(super) struct Session<'t, 'w> {
     topics: &'t mut Topics<'w>,
     types: Vec<Type>,
     by_id: Vec<Option<usize>>,
@@ -170,9 +170,9 @@ impl Type {
     }
 }
 
-impl<'t, 'w> Book<'t, 'w> {
-    pub(super) fn new(topics: &'t mut Topics<'w>) -> Book<'t, 'w> {
-        Book {
+impl<'t, 'w> Session<'t, 'w> {
+    pub(super) fn new(topics: &'t mut Topics<'w>) -> Session<'t, 'w> {
+        Session {
             topics,
             types: vec![],
             by_id: vec![None; 256],
