@@ -4,11 +4,11 @@
 //! lets `bench_analysis` measure each record, and combines them into one card. It is fast enough to start from scratch
 //! each time, and reuses nothing from an earlier run.
 
-mod logs;
+mod bench_logs;
+mod bench_study;
 mod output;
 mod pair;
 mod rigs;
-mod study;
 
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
@@ -23,8 +23,8 @@ use crate::store::{Keep, Store};
 use crate::task::caught;
 use crate::work::Workers;
 use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combine, identity_conflict};
+use bench_logs::ReadLog;
 use flight::{Code, Notices, Quantity};
-use logs::ReadLog;
 use pair::Swing;
 use record::{BenchOutcome, BenchRecord, CardChannel, SensorCard};
 use report::{IndexedCard, cards_site};
@@ -162,14 +162,14 @@ fn run_here(order: &BenchOrder, context: &RunContext<'_>) -> Result<BenchVerdict
     refuse_other_kind(&order.out, ".flightlag/state.json", "a campaign")?;
     source::check(&order.out, &order.records, order.replace)?;
     let library = Library::open(order.maps_folder.as_deref(), order.forced_map.as_deref())?;
-    let sources = logs::find(order, &library)?;
+    let sources = bench_logs::find(order, &library)?;
     let shared_rig = order.rig.as_deref().map(Rig::read).transpose()?;
 
     let store = Store::open(&order.out)?;
     let _lock = OutputLock::take(&store, context)?;
     store.clean();
     source::claim(&store, &order.records)?;
-    let logs = logs::read(&sources, &library, order.forced_map.as_deref(), context)?;
+    let logs = bench_logs::read(&sources, &library, order.forced_map.as_deref(), context)?;
     let swings = pair::pair(&logs, order.encoder.is_some());
     let rigs = rigs::of(&swings, &logs, shared_rig)?;
     one_sensor(&swings, &rigs)?;
@@ -235,12 +235,12 @@ fn measure(
     context.send(Event::Measuring { records: swings.len() });
     let work: Vec<(&Swing, &Rig)> = swings.iter().zip(rigs).collect();
     let one = |(): &mut (), (swing, rig): &(&Swing, &Rig)| {
-        let (record, magnetic) = caught(|| study::record_of(swing, rig, logs))
-            .unwrap_or_else(|panic| (study::defect(swing, rig, logs, &panic), None));
+        let (record, magnetic) = caught(|| bench_study::record_of(swing, rig, logs))
+            .unwrap_or_else(|panic| (bench_study::defect(swing, rig, logs, &panic), None));
         context.send(Event::Measured {
             record: swing.name.clone(),
-            outcome: study::outcome_name(&record.outcome),
-            reason: study::outcome_reason(&record.outcome),
+            outcome: bench_study::outcome_name(&record.outcome),
+            reason: bench_study::outcome_reason(&record.outcome),
             lossy: record.notices.any_loss(),
         });
         let slug = slugs.get(&swing.name).cloned().unwrap_or_default();

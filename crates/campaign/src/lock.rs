@@ -1,7 +1,7 @@
 //! One run at a time on an output folder, also across hosts and containers.
 
 #[cfg(feature = "s3")]
-mod bucket;
+mod bucket_lock;
 
 use crate::error::CampaignError;
 use crate::event::Event;
@@ -65,7 +65,7 @@ impl OutputLock {
     pub(crate) fn take(store: &Store, context: &RunContext<'_>) -> Result<OutputLock, CampaignError> {
         #[cfg(feature = "s3")]
         if let Some(storage) = store.bucket() {
-            return bucket::take(store.root(), storage, context);
+            return bucket_lock::take(store.root(), storage, context);
         }
         OutputLock::take_after(store, context, SILENCE)
     }

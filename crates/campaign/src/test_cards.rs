@@ -5,19 +5,18 @@
 //! pages.
 
 mod cover;
-mod file;
+mod test_card_file;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use cover::row_cards;
 #[cfg(feature = "schema")]
-pub(crate) use file::test_card_schema;
+pub(crate) use test_card_file::test_card_schema;
 
 use crate::criteria::{Criteria, any_matches};
 use crate::error::CampaignError;
 use crate::manifest::hash_of_parts;
 use cover::status;
-use file::TestCardFile;
 use record::{
     CriteriaUse, FlightRecord, FlightTest, FlownCard, IgnoredInput, TestCard, TestCardSource, TestInstrument,
 };
@@ -26,6 +25,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use test_card_file::TestCardFile;
 
 /// File name of the card of a campaign.
 const CAMPAIGN_CARD: &str = "test-card.toml";

@@ -1,6 +1,6 @@
 //! Which logs form a record: by content, folder and name.
 
-use super::logs::{ReadLog, Role};
+use super::bench_logs::{ReadLog, Role};
 use std::collections::BTreeMap;
 use std::path::Path;
 

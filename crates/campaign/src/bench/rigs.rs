@@ -1,6 +1,6 @@
 //! The rig of each record: one for all, or the file next to it.
 
-use super::logs::ReadLog;
+use super::bench_logs::ReadLog;
 use super::pair::{MadeOf, Swing};
 use crate::error::CampaignError;
 use crate::plan::why_no_logs;

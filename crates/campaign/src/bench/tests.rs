@@ -1,5 +1,5 @@
 use super::*;
-use crate::bench::logs::Source;
+use crate::bench::bench_logs::Source;
 use crate::bench::pair::MadeOf;
 use flight::{Binding, Channel, ChannelSource, Clock, Flight, LogHealth, Quantity, Series, Stamp, StampKind, Timeline};
 use ingest::{FlightUnit, Loaded, LogKind};

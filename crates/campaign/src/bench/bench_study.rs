@@ -1,7 +1,7 @@
 //! The study of one record.
 
 use super::BENCH_ANALYSIS_VERSION;
-use super::logs::{ReadLog, Role};
+use super::bench_logs::{ReadLog, Role};
 use super::pair::{MadeOf, Swing};
 use bench_analysis::{BenchInput, MagneticEvidence, Rig, bench};
 use flight::{Flight, LogHealth, Notices};
