@@ -583,5 +583,5 @@ fn the_iron_of_a_card_is_a_table_in_microtesla_or_a_reason() {
 fn a_failed_injection_and_an_unlogged_latency_have_a_reason() {
     let html = page(&bench_record());
     assert!(html.contains("the first half alone cannot be fitted: the reference rests"));
-    assert!(html.contains("the log holds no later stamp than the logged one"));
+    assert!(html.contains("the log has no timestamp later than the logged one"));
 }

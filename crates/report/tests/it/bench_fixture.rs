@@ -345,7 +345,7 @@ fn channel(kind: &Kind) -> ChannelDynamics {
         latency: if kind.name.ends_with("imu") {
             Finding::Found(latency())
         } else {
-            Finding::CannotTell("the log holds no later stamp than the logged one".into())
+            Finding::CannotTell("the log has no timestamp later than the logged one".into())
         },
         injections: if kind.verdict == Verdict::Inconclusive {
             vec![Injection {
