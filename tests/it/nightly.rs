@@ -167,7 +167,7 @@ fn a_flight_keeps_its_result_until_its_log_is_complete_or_emptied() {
     let printed: Vec<(&str, &str)> =
         failing.iter().map(|of| (of["flight"].as_str().unwrap(), of["words"][0].as_str().unwrap())).collect();
     assert_eq!(printed, [("flight-0001.mcap", "failed"), ("x.BIN", "failed")]);
-    assert!(failing[1]["error"].as_str().unwrap().starts_with("no flight any more: "), "{failing:?}");
+    assert!(failing[1]["error"].as_str().unwrap().starts_with("no longer a flight: "), "{failing:?}");
     fs::write(&binary_path, &binary.bytes).unwrap();
     written_an_hour_ago(&binary_path);
     assert_eq!(names(&nights.night(3)["changes"]["recovered"]), ["x.BIN"]);
