@@ -395,7 +395,10 @@ mod tests {
         let text =
             "schema = 1\nout = \"may/reports\"\n[[campaign]]\nflights = \"june\"\n[[campaign]]\nflights = \"may\"\n";
         let error = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
-        assert!(error.ends_with("n.toml:2: out is inside the folder of logs may, which must not be written to"), "{error}");
+        assert!(
+            error.ends_with("n.toml:2: out is inside the folder of logs may, which must not be written to"),
+            "{error}"
+        );
     }
 
     #[test]

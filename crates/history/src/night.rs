@@ -210,10 +210,8 @@ impl Made {
         self.groups.extend(divided_groups(name, &record, earlier));
         self.left.extend(left);
         if verdict.troubled > 0 {
-            self.problems.push(format!(
-                "{name}: {} flights have no final result: the next night tries again",
-                verdict.troubled
-            ));
+            self.problems
+                .push(format!("{name}: {} flights have no final result: the next night tries again", verdict.troubled));
         }
         Ok(())
     }

@@ -108,9 +108,7 @@ fn tested(
     let measured = mean_lateness(&measuring).filter(|_| !is_automatic(parameter, after.set_s));
     let measured_s = measured.map(|mean| residual(&mean, after.set_s));
     let (verdict, why) = match is_automatic(parameter, after.set_s) {
-        true => {
-            (ProofVerdict::CannotTell, "0 leaves the delay to the autopilot: the residual is unknown.".to_owned())
-        }
+        true => (ProofVerdict::CannotTell, "0 leaves the delay to the autopilot: the residual is unknown.".to_owned()),
         false => judge(&predicted_s, measured.zip(measured_s), (before.set_s - after.set_s).abs()),
     };
     let other = match (advised_s - after.set_s).abs() > SAME_S {

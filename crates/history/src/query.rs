@@ -220,9 +220,8 @@ fn tokens(text: &str) -> Result<Vec<Token>, String> {
         } else {
             let rest: String = chars[at..].iter().take(2).collect();
             let sign = SIGNS.iter().find(|sign| rest.starts_with(**sign));
-            let sign = sign.ok_or_else(|| {
-                format!("character {}: unexpected {c:?}; comparisons are == != < <= > >=", begin + 1)
-            })?;
+            let sign = sign
+                .ok_or_else(|| format!("character {}: unexpected {c:?}; comparisons are == != < <= > >=", begin + 1))?;
             at += sign.len();
             Word::Sign(sign)
         };
@@ -334,7 +333,9 @@ impl Parser {
             Word::Sign("<=") => Operator::LessOrEqual,
             Word::Sign(">") => Operator::Greater,
             Word::Sign(">=") => Operator::GreaterOrEqual,
-            other => return Err(format!("character {}: expected a comparison, such as >, found {}", sign.at, shown(other))),
+            other => {
+                return Err(format!("character {}: expected a comparison, such as >, found {}", sign.at, shown(other)));
+            }
         };
         let value = self.take("a number or a text in quotes")?;
         let at = value.at;
@@ -361,9 +362,12 @@ fn value_for(column: &str, word: Word) -> Result<Value, String> {
 /// Nanoseconds since 1970 for `2026-05-04` or `2026-05-04T09:30:00Z`.
 fn instant(text: &str) -> Result<i64, String> {
     let whole = if text.len() == 10 { format!("{text}T00:00:00Z") } else { text.to_owned() };
-    crate::schema::nanoseconds(&whole)
-        .map_err(|_| format!("{text:?} is neither a date, such as '2026-05-04', nor a time, such as \
-                              '2026-05-04T09:30:00Z'"))
+    crate::schema::nanoseconds(&whole).map_err(|_| {
+        format!(
+            "{text:?} is neither a date, such as '2026-05-04', nor a time, such as \
+                              '2026-05-04T09:30:00Z'"
+        )
+    })
 }
 
 fn parse_aggregates(text: &str) -> Result<Vec<Aggregate>, String> {
@@ -485,7 +489,7 @@ mod tests {
         assert_eq!(wrong("firmware == 3.01"), "character 13: firmware holds text: put 3.01 in quotes");
         assert_eq!(wrong("delay_s > 'x'"), "character 11: lateness_s holds numbers, and \"x\" is not one");
         assert_eq!(wrong("delay_s >"), "at the end: expected a number or a text in quotes");
-unexpected         assert_eq!(wrong("delay_s = 1"), "character 9: '='; comparisons are == != < <= > >=");
+        assert_eq!(wrong("delay_s = 1"), "character 9: unexpected '='; comparisons are == != < <= > >=");
         assert_eq!(wrong("delay_s > 1 2"), "character 13: expected `and` or `or`, found 2");
         assert_eq!(wrong("delay_s > 300ms"), "character 11: \"300ms\" is not a number; units are those of the column");
         assert_eq!(wrong("firmware == 'x"), "character 13: unterminated text; add '");
