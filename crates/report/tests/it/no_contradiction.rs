@@ -170,7 +170,7 @@ fn a_figure_says_late_only_if_the_lateness_is_known() {
 fn no_page_calls_a_velocity_on_time_if_its_network_finds_it_late() {
     let text = words(&page(&record()));
     assert!(!text.contains("is on time"), "{text}");
-    assert!(text.contains("than which it is 143 ± 14 ms later"), "{text}");
+    assert!(text.contains("The position is 143 ± 14 ms later than the velocity"), "{text}");
 }
 
 #[test]
