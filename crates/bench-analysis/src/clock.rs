@@ -404,10 +404,8 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
     let mut times = BTreeMap::new();
     for (other, channel) in sensed(sensor) {
         let Some(own) = asked_for(channel, rig).filter(|s| s.clock == stamps.clock) else {
-            let text = format!(
-                "channel {other} does not have timestamps from the clock of the anchor {name}; it is \
-                                not used"
-            );
+            let text =
+                format!("channel {other} does not have timestamps from the clock of the anchor {name}; it is not used");
             notices.push(Code::ClockTie, other, channel.series.len() as u64, text);
             continue;
         };

@@ -179,8 +179,7 @@ fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f6
     let advice = if passed {
         ""
     } else {
-        ": the bar swings freely, so accX measures next to nothing; push it away from its \
-                                 natural rhythm"
+        ": the bar swings freely, so accX measures next to nothing; push it away from its natural rhythm"
     };
     Some(check("accelerometer x not in its null", passed, text + advice))
 }

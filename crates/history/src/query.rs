@@ -363,10 +363,7 @@ fn value_for(column: &str, word: Word) -> Result<Value, String> {
 fn instant(text: &str) -> Result<i64, String> {
     let whole = if text.len() == 10 { format!("{text}T00:00:00Z") } else { text.to_owned() };
     crate::schema::nanoseconds(&whole).map_err(|_| {
-        format!(
-            "{text:?} is neither a date, such as '2026-05-04', nor a time, such as \
-                              '2026-05-04T09:30:00Z'"
-        )
+        format!("{text:?} is neither a date, such as '2026-05-04', nor a time, such as '2026-05-04T09:30:00Z'")
     })
 }
 

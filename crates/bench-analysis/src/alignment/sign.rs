@@ -21,8 +21,7 @@ pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, St
     if let Some(stated) = rig.encoder.sign {
         if let Some((found, how)) = seen.filter(|(s, _)| *s != stated) {
             let text = format!(
-                "the rig file says encoder.sign = {stated}, but the record shows {found}: {how}. The rig file \
-                         is used"
+                "the rig file says encoder.sign = {stated}, but the record shows {found}: {how}. The rig file is used"
             );
             notices.push(Code::RigContradicted, ENCODER_SIGN, 1, text);
         }

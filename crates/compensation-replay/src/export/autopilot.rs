@@ -114,8 +114,7 @@ fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]
         MeasuredAgainst::Inertial => {}
         MeasuredAgainst::UnknownVelocity => out.push(
             "This is the delay of the position relative to its velocity. The parameters delay both together, so a \
-             value is right only if that velocity is on time; measure the velocity against the inertial sensors \
-             first."
+             value is right only if that velocity is on time; measure the velocity against the inertial sensors first."
                 .to_owned(),
         ),
         MeasuredAgainst::Velocity(own) => out.push(format!(

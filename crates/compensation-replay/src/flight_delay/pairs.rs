@@ -58,8 +58,8 @@ impl Pair {
         let (first, second) = self.names();
         match self.kind {
             DelayPairKind::PositionAgainstVelocity => format!(
-                "δ = Tp − Tv: how much later {first} is than {second}. A delay that both share cannot be seen, so \
-                 this is not the lateness of either"
+                "δ = Tp − Tv: how much later {first} is than {second}. A delay that both share cannot be seen, so this \
+                 is not the lateness of either"
             ),
             DelayPairKind::VelocityAgainstAcceleration => format!(
                 "δ = Tv − Ta: how much later {first} is than the acceleration from {second}. A delay that both share \

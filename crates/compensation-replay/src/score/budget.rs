@@ -165,7 +165,7 @@ impl Ground<'_> {
             Some(u) => (
                 u,
                 "Td times the rms acceleration times the standard uncertainty of Tv, which does not differ \
-                     significantly from zero",
+                 significantly from zero",
             ),
             None => (late_s.value.abs(), "Td times the rms acceleration times the lateness of the velocity"),
         };

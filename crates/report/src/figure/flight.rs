@@ -383,8 +383,8 @@ fn track(track: &LeadTrack, replay: &ReplayRecord) -> Option<Figure> {
             "Compensated position, east and north of {origin}, equal scales; the lead over raw along the track as the colour. \
              Dots where fixes are missing."
         )),
-        how_to_read: "In fast, straight flight the lead is large: the colour is the distance by which raw trails. \
-                      Once compensated, opposite passes over one line coincide.",
+        how_to_read: "In fast, straight flight the lead is large: the colour is the distance by which raw trails. Once \
+                      compensated, opposite passes over one line coincide.",
         panels: vec![panel],
         panel_size,
         fine: false,

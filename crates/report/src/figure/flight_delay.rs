@@ -41,8 +41,8 @@ pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay) -> Option
             if found.alarm.is_some() { "; the windows do not agree on one delay" } else { "" }
         ),
         caption,
-        how_to_read: "Good: nearly all bars reach the band. Bad: a step (the receiver changed its mode, the logger \
-                      its clock) or a slope (clocks that drift apart): then one delay for the whole flight is a \
+        how_to_read: "Good: nearly all bars reach the band. Bad: a step (the receiver changed its mode, the logger its \
+                      clock) or a slope (clocks that drift apart): then one delay for the whole flight is a \
                       compromise. Each window fits its own offsets and drifts, so its bar is longer than its share of \
                       the flight suggests.",
         panels: vec![Panel::of(x, y, lines)],

@@ -255,8 +255,8 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
             trend_rest(record, drawn, older, left_out)
         ),
         how_to_read: "Good: bars around the line, none beyond its caps (± 3 σ), no trend. Bad: a step (another \
-                      firmware, rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The caps \
-                      are far apart where a flight is uncertain. Point at a flight for its name.",
+                      firmware, rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The caps are \
+                      far apart where a flight is uncertain. Point at a flight for its name.",
         panels,
         panel_size: (540, height.max(110)),
         fine: drawn > 150,

@@ -84,7 +84,7 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
     if terms.is_empty() || !is_drawable(sum) {
         return None;
     }
-    let together = if of.budget.total_m.is_some() { "together" } else { "together, without what is not known" };
+    let together = if of.budget.total_m.is_some() { "together" } else { "together, without the unknown terms" };
     let measured = of.budget.measured_m.filter(|m| is_drawable(m.value));
     let (names, lines) = budget_rows(&terms, (together, sum), measured.as_ref());
     let (low, high) = extent(&lines, |p| p.0)?;

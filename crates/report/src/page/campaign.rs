@@ -217,8 +217,8 @@ fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
         @if !figures.of_groups.is_empty() {
             h2 #delay { "Agreement in each group" }
             p.note {
-                "Position against velocity: a check of consistency between flights. If the lateness of the position \
-                 is known, it is above, and differs from this by the lateness of the velocity."
+                "Position against velocity: a check of consistency between flights. If the lateness of the position is \
+                 known, it is above, and differs from this by the lateness of the velocity."
             }
             @for (group, delay, valley) in &figures.of_groups { (group_delay(group, &record.flights, delay, valley.as_ref())) }
             @if left_out > 0 { p.note { (number::counted(left_out as u64, "smaller group is", "smaller groups are")) " in campaign.json." } }
@@ -256,7 +256,11 @@ fn group_delay(group: &GroupLateness, flights: &[FlightRow], delay: &CampaignDel
         }
         @if !group.outliers.is_empty() {
             p {
-                "Not in these figures, because " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" } " from the others: "
+                "Not in these figures, because " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" } " \
+                                                                                                                         from \
+                                                                                                                         the \
+                                                                                                                         others: \
+                                                                                                                         "
                 (first_names(&group.outliers)) "."
             }
         }

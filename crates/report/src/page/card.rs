@@ -404,7 +404,7 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
                 @if channel.has_lag() { (no_number("a lag's gain depends on the frequency")) }
                 @else { (estimate(&gain)) }
             }
-            td.n { (or_why(channel.update_rate_hz, "not known", |hz| plain(hz, 4))) }
+            td.n { (or_why(channel.update_rate_hz, "unknown", |hz| plain(hz, 4))) }
             @if columns.clock { td.any { (basis(&channel.basis)) ", " (channel.stamp_kind) } }
             td.n { (number::count(channel.records)) }
             @if columns.spread { td.n { (maybe(channel.between_runs_s, |s| plain(s * 1e3, 2))) } }

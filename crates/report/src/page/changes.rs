@@ -31,8 +31,8 @@ pub fn changes_site(changes: &CampaignChanges, flights: &[FlightRow]) -> Site {
             (names("No longer in the folder", &changes.gone, &pages))
             (troubles("No longer failing", &changes.recovered, &pages))
             p.note {
-                "Compared with what this folder held before. Only this page and run.json depend on earlier runs. A \
-                 run that changes nothing does not rewrite this page."
+                "Compared with what this folder held before. Only this page and run.json depend on earlier runs. A run \
+                 that changes nothing does not rewrite this page."
             }
             (files(&["since-last-run.json"]))
         }

@@ -19,11 +19,11 @@ const MOST_ROWS: usize = 100;
 const MOST_NAMES: usize = 5;
 
 const RULE: &str = "Decision rule. PASS: the whole 95\u{a0}% interval of the number lies within the limit (limits \
-    themselves are within). FAIL: all of it lies beyond. INCONCLUSIVE: it crosses the limit, or is unknown. The \
-    interval is that of the analysis if it gives one, otherwise value ± U with k = 2. Numbers without an uncertainty \
-    (counts, shares of time, facts of the log) are compared as they are, and the table says so; so are those whose \
-    criterion says decision = \"value\". NOT EVALUATED: there is no such number. NOT APPLICABLE: the criterion is not \
-    meant for this flight.";
+                    themselves are within). FAIL: all of it lies beyond. INCONCLUSIVE: it crosses the limit, or is \
+                    unknown. The interval is that of the analysis if it gives one, otherwise value ± U with k = 2. \
+                    Numbers without an uncertainty (counts, shares of time, facts of the log) are compared as they \
+                    are, and the table says so; so are those whose criterion says decision = \"value\". NOT EVALUATED: \
+                    there is no such number. NOT APPLICABLE: the criterion is not meant for this flight.";
 
 fn verdict_badge(verdict: CriterionVerdict, count: Option<u64>) -> Markup {
     let (class, icon) = look(verdict);

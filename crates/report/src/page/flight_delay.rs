@@ -219,9 +219,8 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
                 "), and no step, drift or queue explains it. U includes that scatter."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
                 "No change of the delay was detected. A lasting change of " (plain(least_s * 1e3, 2)) "\u{a0}ms or \
-                                                                                                       more would \
-                                                                                                       have been \
-                                                                                                       detected."
+                                                                                                       more would have \
+                                                                                                       been detected."
             } @else {
                 "Whether the delay changes was not tested: "
                 (number::counted(constancy.windows, "window shows", "windows show")) " their delay, which is too few."
@@ -237,7 +236,8 @@ fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
         p.note {
             "The position is fitted by the integral of the velocity (or the one track by the other), shifted by δ, with an \
              offset and a drift for each piece. Standard uncertainty from the curvature alone " (ms(found.hessian_s))
-            ", allowing for autocorrelation (sandwich, HAC) " (ms(found.hac_s)) "; Cramér–Rao bound at the fitted noise "
+            ", allowing for autocorrelation (sandwich, HAC) " (ms(found.hac_s)) "; Cramér–Rao bound at the fitted \
+                                                                                 noise "
             (ms(found.crlb_s)) ". Outliers: about " (number::percent(found.outlier_share())) "\u{a0}% of the samples."
             @if let Some(origin) = &pair.origin { " t = 0: " (super::method::instant(origin.origin_ns, origin.clock)) "." }
         }

@@ -195,8 +195,8 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
                     " The error against " code { (shown(tested.reference)) } " is least at " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" }
                     @if tested.e_n.abs() <= 1.0 { ", which agrees." } @else { ", which differs (E_n = " (plain(tested.e_n, 2)) ")." }
                 }
-                @if decision.circular { " The delay was found in this flight, so the residual does not show whether \
-                                         it is right." }
+                @if decision.circular { " The delay was found in this flight, so the residual does not show whether it \
+                                         is right." }
             }
             (None, Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason })
                 if decision.used.is_some() =>

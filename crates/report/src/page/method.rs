@@ -16,8 +16,8 @@ pub(super) fn section(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
         (rules(replay))
         (frame(replay))
         p {
-            "Each number is given with its expanded uncertainty U = k u, k = 2, where u is the standard uncertainty \
-             in the record. For rms values u is a delete-one jackknife over 8 to 20 stretches of the flight, each at \
+            "Each number is given with its expanded uncertainty U = k u, k = 2, where u is the standard uncertainty in \
+             the record. For rms values u is a delete-one jackknife over 8 to 20 stretches of the flight, each at \
              least four correlation times of the error long: U covers about 95 % of flights like this one. Where the \
              error changes so slowly that fewer than 8 such stretches fit into the flight, no U is given: one flight \
              is too short. Rms values are 2‑D: north and east together. "
@@ -31,7 +31,7 @@ fn delay_paragraph(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     html! {
         p {
             "Compensated is " code { (shown(&replay.pair.position)) } " by the velocity " code { (shown(&replay.pair.velocity)) }
-            @if let Some(apart) = apart { ". The position is " (estimate(&in_millis(&apart))) "\u{a0}ms later" }
+            @if let Some(apart) = apart { ". The position is " (estimate(&in_millis(&apart))) "\u{a0}ms later than the velocity" }
             ". To first order only the lateness of the position counts, not that of the velocity. A positive delay means late: measured(t) = truth(t − Td), with Td = "
             (number::significant(settings.delay.millis(), 4)) " ms"
             @match settings.delay_uncertainty_s {
@@ -52,13 +52,13 @@ fn compensators(replay: &ReplayRecord) -> Markup {
     html! {
         @if has("pade") {
             p { "The paper's compensator (Park and Lee 2010) adds to the raw position the distance flown during the \
-             delay, from velocity, with the delay's transfer function replaced by its Padé [1/1] approximation and \
-             made discrete with Tustin's rule:" }
+                 delay, from velocity, with the delay's transfer function replaced by its Padé [1/1] approximation and \
+                 made discrete with Tustin's rule:" }
             p.equation { "x_est = p + G v,  G(s) = (1 − e^(−s Td)) / s ≈ Td / ((Td/2) s + 1)" }
         }
         @if has("pade-1-1-as-seen") {
             p { "A loop that holds each fix until the next gets it later still, by its mean age; the compensator is \
-             therefore run a second time with Td and that age together." }
+                 therefore run a second time with Td and that age together." }
         }
         @if has("exact") {
             p { "The exact asynchronous form adds to each fix p_j, stamped t_j, the integral I of velocity over the \
@@ -85,8 +85,8 @@ fn rules(replay: &ReplayRecord) -> Markup {
 fn start_rule(start: StartRule) -> &'static str {
     match start {
         StartRule::Warm => {
-            "Warm start: the first velocity is assumed to have been flown for long before, so the correction starts \
-             at Td v₀."
+            "Warm start: the first velocity is assumed to have been flown for long before, so the correction starts at \
+             Td v₀."
         }
         StartRule::Cold => {
             "Cold start: the filter starts at zero, so the correction is short of Td v₀ by Td v₀ e^(−2t/Td) at first."

@@ -186,9 +186,9 @@ fn settings(record: &NightRecord, names: &Names<'_>) -> Markup {
             h2 { "Set this, then prove it" }
             (table("Recommended settings and the flights after them", &head, html! { @for proof in &record.proofs { (row(proof)) } }))
             p.note {
-                "The residual is the lateness of the position minus the parameter: what the autopilot does not \
-                 account for. The prediction follows from the flights before the setting, the measurement from those \
-                 after it. ± is U with k = 2."
+                "The residual is the lateness of the position minus the parameter: what the autopilot does not account \
+                 for. The prediction follows from the flights before the setting, the measurement from those after it. \
+                 ± is U with k = 2."
             }
         }
     }

@@ -116,11 +116,27 @@ fn without_reference(scores: &ReplayScores) -> Markup {
         p.note {
             "Delay left: how much later than the integrated velocity the output is at fresh fixes, by the estimator of "
             a href="#delay" { "Delays of pairs of channels" } ", with the U of the fit alone; raw shows Tp − Tv. A \
-             correct compensation leaves −Tv: it puts the position where it is, not where a late velocity is. A Padé \
-             filter leaves its truncation delay (± 50 %) and the fix age. Lead: distance ahead of raw along the \
-             track, over the speed. Step correlation: 1 = each fix jumps by the whole distance flown; 0 = no \
-             predictable jump (ideal). One velocity, half way back, predicts for raw − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m \
-             east rms. None of these shows a delay that position and velocity share."
+                                                               correct compensation leaves −Tv: it puts the position \
+                                                               where it is, not where a late velocity is. A Padé \
+                                                               filter leaves its truncation delay (± 50 %) and the fix \
+                                                               age. Lead: distance ahead of raw along the track, over \
+                                                               the speed. Step correlation: 1 = each fix jumps by the \
+                                                               whole distance flown; 0 = no predictable jump (ideal). \
+                                                               One velocity, half way back, predicts for raw − \
+                                                               compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m \
+                                                                                                                                            east \
+                                                                                                                                            rms. \
+                                                                                                                                            None \
+                                                                                                                                            of \
+                                                                                                                                            these \
+                                                                                                                                            shows \
+                                                                                                                                            a \
+                                                                                                                                            delay \
+                                                                                                                                            that \
+                                                                                                                                            position \
+                                                                                                                                            and \
+                                                                                                                                            velocity \
+                                                                                                                                            share."
         }
         (reasons.show())
         (passes_and_legs(scores))
@@ -308,7 +324,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
                     td.n {
                         @match c.budget.terms.iter().find(|t| t.name == *name).map(|t| &t.size_m) {
                             Some(Finding::Found(size)) => { (plain(*size, 2)) }
-                            Some(Finding::CannotTell(why)) => { span.none title=(why) { "not known" } }
+                            Some(Finding::CannotTell(why)) => { span.none title=(why) { "unknown" } }
                             None => { span.none title="not a term of this compensator" { "·" } }
                         }
                     }
@@ -321,7 +337,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
         tr {
             th scope="row" { "Together, √Σ" }
             @for c in columns { td.n { (together(&c.budget)) } }
-            td.any { "terms are taken as independent; “from the others” where one of them is not known" }
+            td.any { "terms are assumed to be independent; “from the others” where one of them is unknown" }
         }
         tr {
             th scope="row" { "Measured against the reference" }
@@ -331,7 +347,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
     };
     let mut reasons = Reasons::default();
     for c in columns {
-        c.budget.terms.iter().for_each(|t| reasons.add("not known", &c.name, &t.size_m));
+        c.budget.terms.iter().for_each(|t| reasons.add("unknown", &c.name, &t.size_m));
     }
     html! {
         h3 id="error-budget" { "Error budget" }
@@ -344,7 +360,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
 fn together(budget: &ErrorBudget) -> Markup {
     match budget.total_m {
         Some(total_m) => html! { b { (plain(total_m, 3)) } },
-        None => html! { span title="a term is not known" { (plain(budget.known_m, 3)) " from the others" } },
+        None => html! { span title="a term is unknown" { (plain(budget.known_m, 3)) " from the others" } },
     }
 }
 
@@ -355,7 +371,7 @@ fn validity(scores: &ReplayScores, effect: Option<&Effect>, of_bands: &Markup) -
     html! {
         h3 { "At which frequencies" }
         @if let Some(effect) = effect { p { "Over the whole flight: " (ended(&effect.words)) } }
-        @if is_shown { (bands_of(scores, of_bands)) } @else { p { "By frequency: " (no_number("the whole is not known")) "." } }
+        @if is_shown { (bands_of(scores, of_bands)) } @else { p { "By frequency: " (no_number("the whole is unknown")) "." } }
     }
 }
 

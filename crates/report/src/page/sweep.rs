@@ -63,8 +63,8 @@ fn circularity(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> &'static str
     let method = sweep.and_then(|s| s.optimum.found()).map(|o| o.method);
     match (choice.used, method) {
         (DelaySource::Sweep, Some(SweepMethod::Jackknife)) => {
-            "The delay was found by minimizing the error against the reference. A small error afterwards does not \
-             test the delay; another flight or the sensor card does."
+            "The delay was found by minimizing the error against the reference. A small error afterwards does not test \
+             the delay; another flight or the sensor card does."
         }
         _ => {
             "The delay was found in the same data that it is removed from. Their residual delay is then zero by \

@@ -504,7 +504,10 @@ fn card_channels_are_sorted_by_margins_of_lateness_and_name_a_reference() {
 fn the_wander_removed_from_a_drawn_position_is_stated_above_its_panel() {
     let svg = text(&site(&bench_record()), "figures/fig-4.svg");
     // Range within the few swings and rms over the record of the fixture, two digits.
-    assert!(svg.contains("position.ins, north: late by 400.3\u{a0}±\u{a0}1.6 ms; wander of 0.23 m removed here (0.43 m rms over the record)"));
+    assert!(svg.contains(
+        "position.ins, north: late by 400.3\u{a0}±\u{a0}1.6 ms; wander of 0.23 m removed here (0.43 m rms over the \
+         record)"
+    ));
     assert!(!svg.contains("velocity.ins, north: on time (0.12\u{a0}±\u{a0}0.18 ms); wander"));
 }
 

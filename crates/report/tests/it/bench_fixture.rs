@@ -457,7 +457,8 @@ fn gate() -> QualityGate {
 fn clocks() -> ClockFinding {
     ClockFinding {
         basis: TimeBasis::Anchor { channel: "angular-rate.imu".into() },
-        statement: "Encoder and sensor carry stamps of different clocks: every delay is relative to angular-rate.imu, which is assumed to be on time."
+        statement: "Encoder and sensor carry stamps of different clocks: every delay is relative to angular-rate.imu, \
+                    which is assumed to be on time."
             .into(),
         skew: Finding::Found(estimate(21.4e-6, 2.4e-6)),
         anchor_lag_s: Some(estimate(12.345_678, 0.000_026)),

@@ -188,7 +188,7 @@ fn an_unknown_effect_has_no_table_of_helpful_frequencies() {
     let effect = unknown.effect.as_mut().unwrap();
     (effect.verdict, effect.words) = (EffectVerdict::CannotTell, "cannot tell: 1.00 → 0.99 m".into());
     let text = section(&unknown);
-    assert!(text.contains("the whole is not known") && !text.contains("exact-async"), "{text}");
+    assert!(text.contains("the whole is unknown") && !text.contains("exact-async"), "{text}");
 }
 
 #[test]

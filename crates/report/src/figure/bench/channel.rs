@@ -54,9 +54,9 @@ pub(crate) const KINDS: [(&str, &str); 9] = [
     ),
     (
         "delay over the record",
-        "Good: nearly all bars reach the band. Bad: a slope (clocks that drift apart, a queue that fills), a step \
-         (the sensor changed its mode). Neighbouring windows share half of their data, so the bars look smoother than \
-         they are.",
+        "Good: nearly all bars reach the band. Bad: a slope (clocks that drift apart, a queue that fills), a step (the \
+         sensor changed its mode). Neighbouring windows share half of their data, so the bars look smoother than they \
+         are.",
     ),
     ("latency", "Good: one narrow hill. Bad: two hills (a scheduler, a retry), a long tail (a link that is full)."),
 ];

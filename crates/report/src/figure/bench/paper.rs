@@ -183,8 +183,8 @@ pub(super) fn whole(channels: &[ChannelDynamics]) -> Option<Figure> {
             "Reference and output as logged, in the unit of each axis, over the part of the encoder's record that is used. No \
              reference is drawn in a gap of the encoder.",
         ),
-        how_to_read: "Good: the wide and the thin curve have the same height from start to end. Bad: a stretch \
-                      without output, an output that wanders off or is clipped (saturation), a swing that decays.",
+        how_to_read: "Good: the wide and the thin curve have the same height from start to end. Bad: a stretch without \
+                      output, an output that wanders off or is clipped (saturation), a swing that decays.",
         panels,
         panel_size: (860, 105),
         fine: true,

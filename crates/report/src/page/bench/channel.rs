@@ -133,7 +133,7 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
         (fact("Smallest detectable delay (power 80 %)", ms(found.minimum_detectable_s)))
         (fact("Margin of equivalence", html! { "±" (exact(found.deciding_margin_s() * 1e3)) " ms" }))
         @if channel.verdict == Verdict::Inconclusive {
-            (fact("Record that would decide", or_why(found.deciding_length_s, "not known", |s| html! { (duration(s)) })))
+            (fact("Record that would decide", or_why(found.deciding_length_s, "unknown", |s| html! { (duration(s)) })))
         }
     }
 }
@@ -184,7 +184,7 @@ fn component(c: &ComponentDynamics) -> Markup {
             td.n { (or_why(noise, "not fitted", |n| plain(n.white_std, 2))) }
             td.n { (or_why(wander, no_wander, |n| html! { (plain(n.wander_std, 2)) ", " (plain(n.time_constant_s, 2)) })) }
             td.n { (or_why(noise.and_then(|n| n.static_std), "never at rest", |s| plain(s, 2))) }
-            td.n { (or_why(noise.and_then(|n| n.resolution), "not known", |r| plain(r, 2))) }
+            td.n { (or_why(noise.and_then(|n| n.resolution), "unknown", |r| plain(r, 2))) }
         }
     }
 }
@@ -298,7 +298,7 @@ fn injections(channel: &ChannelDynamics) -> Markup {
             (table(&format!("Known delays and gains added to {} and measured again; ± is U with k = 2", channel.name), &head,
                 rows(injections, MOST, head.len(), row)))
             p.note { "Added to the second half of the record and measured against the first. Expected: 19 of 20 \
-             intervals contain zero." }
+                      intervals contain zero." }
         }
     }
 }

@@ -44,8 +44,7 @@ fn rig(reference: &ReferenceFinding) -> Markup {
             (exact(reference.counts_per_rev)) " counts per revolution (" (shown(&reference.counts_source))
             ") reads its angle ξ, and the sensor at its end, at the lever arm r that the rig file gives for each \
              channel, is compared with what that motion should make it measure (Park and Lee 2010, section 2). ξ is \
-             zero with body axes level, and grows as the body's z axis turns to x′, the level direction at azimuth \
-             η:"
+             zero with body axes level, and grows as the body's z axis turns to x′, the level direction at azimuth η:"
         }
         p.equation { "ξ_k = s 2π n_k / N + ξ₀,  s = " (if reference.sign < 0.0 { "−1" } else { "+1" })
             ",  N = " (number::exact(reference.counts_per_rev)) }
@@ -56,8 +55,8 @@ fn smoother(reference: &ReferenceFinding) -> Markup {
     html! {
         p {
             "Counts are not differenced. A Rauch–Tung–Striebel smoother with state (ξ, ξ′, ξ″, ξ‴), driven by white \
-             snap of spectral density q and given the counts with the variance of their quantisation, gives the \
-             motion and its covariance on irregular stamps; q = 10^" (number::fixed(reference.log10_q, 2))
+             snap of spectral density q and given the counts with the variance of their quantisation, gives the motion \
+             and its covariance on irregular stamps; q = 10^" (number::fixed(reference.log10_q, 2))
             " rad²/s⁷ has the least generalised cross-validation:"
         }
         p.equation { "GCV(q) = n RSS / (n − tr H)²,  R = (2π/N)² / 12" }
@@ -87,8 +86,8 @@ fn delay(channels: &[ChannelDynamics]) -> Markup {
             "then τ by Gauss–Newton with the linear parameters projected out. "
             @if wanders {
                 "Noise is an Ornstein–Uhlenbeck process and white noise together, whitened exactly at the stamps as \
-                 they are by a scalar Kalman filter, and fitted by restricted maximum likelihood (REML); where its \
-                 two parameters are not justified, white noise alone is used. "
+                 they are by a scalar Kalman filter, and fitted by restricted maximum likelihood (REML); where its two \
+                 parameters are not justified, white noise alone is used. "
             } @else {
                 "Noise was found white in every channel: an Ornstein–Uhlenbeck part was tried by restricted maximum \
                  likelihood (REML), but its two parameters were not justified. "
@@ -150,8 +149,8 @@ fn clocks(clocks: &ClockFinding) -> Markup {
         p {
             @match &clocks.basis {
                 TimeBasis::OneClock => {
-                    "Encoder and sensor were timestamped by one clock. An offset of these timestamps looks the same \
-                     as a delay. "
+                    "Encoder and sensor were timestamped by one clock. An offset of these timestamps looks the same as \
+                     a delay. "
                 }
                 TimeBasis::Pps => {
                     "The pulse per second relates the device's clock to the encoder's by a line from pulse to pulse. "

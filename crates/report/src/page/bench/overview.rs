@@ -28,9 +28,9 @@ pub(super) fn section(
         h2 id="results" { "Results" }
         (channels(findings, &figures.channels, doubts))
         p.note {
-            "A positive delay is late: measured(t) = truth(t − delay). As seen: effective delay when the last value \
-             is held. Smallest detectable: detected with a power of 80 %. Gain and noise are those of the component \
-             with the most information about the delay. —: not available."
+            "A positive delay is late: measured(t) = truth(t − delay). As seen: effective delay when the last value is \
+             held. Smallest detectable: detected with a power of 80 %. Gain and noise are those of the component with \
+             the most information about the delay. —: not available."
         }
         @if let Some(shift) = shift { (shift) }
         @if let Some(zoom) = &figures.zoom { (figure(zoom)) }
