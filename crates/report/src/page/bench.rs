@@ -264,8 +264,8 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
                         "): slow motion is " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } " late."
                     }
                     @if let Some(seen) = &found.as_seen_s {
-                        " A loop that reads the held value gets it late by " (estimate(&verdict::in_millis(seen))) " \
-                                                                                                                    ms."
+                        " A loop that reads the held value gets it late by " (estimate(&verdict::in_millis(seen)))
+                        " ms."
                     }
                 }
                 None => { "; the record has no number." }

@@ -256,11 +256,8 @@ fn group_delay(group: &GroupLateness, flights: &[FlightRow], delay: &CampaignDel
         }
         @if !group.outliers.is_empty() {
             p {
-                "Not in these figures, because " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" } " \
-                                                                                                                         from \
-                                                                                                                         the \
-                                                                                                                         others: \
-                                                                                                                         "
+                "Not in these figures, because " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" }
+                " from the others: "
                 (first_names(&group.outliers)) "."
             }
         }

@@ -450,8 +450,8 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
             p {
                 (badge("unsure", "!", "A lag")) " A pipeline removes the pure delay, " (estimate(&delay_ms(position))) " ms. "
                 code { (shown(&position.name)) } " is a lag: slow motion is "
-                (in_ms(slow, position.slow_motion_standard_uncertainty_s)) " ms late, so a part of its lateness \
-                                                                            remains."
+                (in_ms(slow, position.slow_motion_standard_uncertainty_s))
+                " ms late, so a part of its lateness remains."
             }
         }
         @match (position, page.card_file) {

@@ -365,11 +365,9 @@ fn compensators(replay: &ReplayRecord) -> Markup {
         h2 id="compensators" { "Compensators" }
         (table("Compensators; ± is U with k = 2", &head, rows(&replay.compensators, 20, head.len(), row)))
         p.note {
-            "Velocity predicts a change of " (estimate(&replay.predicted_rms_m)) "\u{a0}m rms: the distance flown in \
-                                                                                  Td and the age of the fix. Step at a \
-                                                                                  fix: how far the output jumps when \
-                                                                                  the next fix arrives; small is good. \
-                                                                                  "
+            "Velocity predicts a change of " (estimate(&replay.predicted_rms_m))
+            "\u{a0}m rms: the distance flown in Td and the age of the fix. Step at a fix: how far the output jumps \
+             when the next fix arrives; small is good. "
             @if !scored { "No errors are given: the log has no reference. " }
             "—: not available."
         }

@@ -89,10 +89,8 @@ fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay, lateness:
         p.answer {
             (sentence(pair, found))
             @if let Some(by_all) = by_all {
-                " All pairs together: " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" } ", as in the answer: its U \
-                                                                                          comes from all pairs and \
-                                                                                          from the errors of their \
-                                                                                          models."
+                " All pairs together: " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" }
+                ", as in the answer: its U comes from all pairs and from the errors of their models."
             }
         }
         @if let Some(alarm) = &found.alarm { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(alarm)) } }
@@ -114,9 +112,9 @@ fn sentence(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
         "This pair alone: " code { (shown(&pair.first)) } " is " b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" } " "
         (word) " than " code { (shown(&pair.second)) }
         @if found.delay_s.standard_uncertainty.is_some() { " (k = 2)" } @else { " (no uncertainty given)" }
-        @if low <= 0.0 && 0.0 <= high { "; its 95 % interval, " (interval_ms(found.interval_95_s, &found.delay_s)) "\u{a0}ms, \
-                                                                                                                    includes \
-                                                                                                                    zero" }
+        @if low <= 0.0 && 0.0 <= high {
+            "; its 95 % interval, " (interval_ms(found.interval_95_s, &found.delay_s)) "\u{a0}ms, includes zero"
+        }
         @if is_difference { ". This pair does not show how late either is." } @else { "." }
     }
 }
@@ -218,9 +216,8 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
                 (number::counted(scatter.degrees_of_freedom, "degree", "degrees")) " of freedom, " (p_value(scatter.p))
                 "), and no step, drift or queue explains it. U includes that scatter."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
-                "No change of the delay was detected. A lasting change of " (plain(least_s * 1e3, 2)) "\u{a0}ms or \
-                                                                                                       more would have \
-                                                                                                       been detected."
+                "No change of the delay was detected. A lasting change of " (plain(least_s * 1e3, 2))
+                "\u{a0}ms or more would have been detected."
             } @else {
                 "Whether the delay changes was not tested: "
                 (number::counted(constancy.windows, "window shows", "windows show")) " their delay, which is too few."
@@ -236,8 +233,8 @@ fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
         p.note {
             "The position is fitted by the integral of the velocity (or the one track by the other), shifted by δ, with an \
              offset and a drift for each piece. Standard uncertainty from the curvature alone " (ms(found.hessian_s))
-            ", allowing for autocorrelation (sandwich, HAC) " (ms(found.hac_s)) "; Cramér–Rao bound at the fitted \
-                                                                                 noise "
+            ", allowing for autocorrelation (sandwich, HAC) " (ms(found.hac_s))
+            "; Cramér–Rao bound at the fitted noise "
             (ms(found.crlb_s)) ". Outliers: about " (number::percent(found.outlier_share())) "\u{a0}% of the samples."
             @if let Some(origin) = &pair.origin { " t = 0: " (super::method::instant(origin.origin_ns, origin.clock)) "." }
         }

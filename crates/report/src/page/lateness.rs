@@ -157,8 +157,9 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
             @else { "Remove " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" } " instead: the error against " code { (shown(tested.reference)) } " is least there." }
         } @else if advice.set.is_empty() && advice.fly.is_none() {
             @match lateness.lateness.as_ref().and_then(|l| l.relative_to.as_deref()) {
-                Some(than) => { "No setting can be recommended: the lateness of " code { (shown(than)) } " itself is \
-                                                                                                          unknown." }
+                Some(than) => {
+                    "No setting can be recommended: the lateness of " code { (shown(than)) } " itself is unknown."
+                }
                 None => { "Nothing to set." }
             }
         }

@@ -31,7 +31,9 @@ fn delay_paragraph(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     html! {
         p {
             "Compensated is " code { (shown(&replay.pair.position)) } " by the velocity " code { (shown(&replay.pair.velocity)) }
-            @if let Some(apart) = apart { ". The position is " (estimate(&in_millis(&apart))) "\u{a0}ms later than the velocity" }
+            @if let Some(apart) = apart {
+                ". The position is " (estimate(&in_millis(&apart))) "\u{a0}ms later than the velocity"
+            }
             ". To first order only the lateness of the position counts, not that of the velocity. A positive delay means late: measured(t) = truth(t − Td), with Td = "
             (number::significant(settings.delay.millis(), 4)) " ms"
             @match settings.delay_uncertainty_s {

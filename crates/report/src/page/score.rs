@@ -115,28 +115,13 @@ fn without_reference(scores: &ReplayScores) -> Markup {
             rows(&scores.compensators, MOST, head.len(), row)))
         p.note {
             "Delay left: how much later than the integrated velocity the output is at fresh fixes, by the estimator of "
-            a href="#delay" { "Delays of pairs of channels" } ", with the U of the fit alone; raw shows Tp − Tv. A \
-                                                               correct compensation leaves −Tv: it puts the position \
-                                                               where it is, not where a late velocity is. A Padé \
-                                                               filter leaves its truncation delay (± 50 %) and the fix \
-                                                               age. Lead: distance ahead of raw along the track, over \
-                                                               the speed. Step correlation: 1 = each fix jumps by the \
-                                                               whole distance flown; 0 = no predictable jump (ideal). \
-                                                               One velocity, half way back, predicts for raw − \
-                                                               compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m \
-                                                                                                                                            east \
-                                                                                                                                            rms. \
-                                                                                                                                            None \
-                                                                                                                                            of \
-                                                                                                                                            these \
-                                                                                                                                            shows \
-                                                                                                                                            a \
-                                                                                                                                            delay \
-                                                                                                                                            that \
-                                                                                                                                            position \
-                                                                                                                                            and \
-                                                                                                                                            velocity \
-                                                                                                                                            share."
+            a href="#delay" { "Delays of pairs of channels" }
+            ", with the U of the fit alone; raw shows Tp − Tv. A correct compensation leaves −Tv: it puts the position \
+             where it is, not where a late velocity is. A Padé filter leaves its truncation delay (± 50 %) and the fix \
+             age. Lead: distance ahead of raw along the track, over the speed. Step correlation: 1 = each fix jumps by \
+             the whole distance flown; 0 = no predictable jump (ideal). One velocity, half way back, predicts for raw \
+             − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3))
+            "\u{a0}m east rms. None of these shows a delay that position and velocity share."
         }
         (reasons.show())
         (passes_and_legs(scores))

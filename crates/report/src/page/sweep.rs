@@ -212,9 +212,9 @@ fn note(sweep: &DelaySweep) -> Markup {
              however late the velocity is."
         },
         SweepScore::StepAtFixes => html! {
-            "Scored are the same " (samples("fix", "fixes")) " with every delay. The least step at a fix is drawn but \
-                                                              not used: steps depend mostly on the noise of single \
-                                                              fixes."
+            "Scored are the same " (samples("fix", "fixes"))
+            " with every delay. The least step at a fix is drawn but not used: steps depend mostly on the noise of \
+             single fixes."
         },
     }
 }

@@ -124,8 +124,9 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
             (ms(found.hac_s)) " (sandwich, HAC), with the part that the components share of " (ms(found.reference_s))
             " of the reference, " (ms(found.stamps_s)) " of the timestamps and " (ms(found.anchor_s))
             " of the anchor in quadrature"
-            @if found.change_s > 0.0 { ", and " (ms(found.change_s)) " so that the interval covers the delay of every \
-                                                                      part of the record" }
+            @if found.change_s > 0.0 {
+                ", and " (ms(found.change_s)) " so that the interval covers the delay of every part of the record"
+            }
         }))
         (fact("Cramér–Rao bound at the fitted noise", ms(found.crlb_s)))
         (fact("Effective delay when the last value is held", or_why(found.as_seen_s.as_ref(), not_held(channel), held)))

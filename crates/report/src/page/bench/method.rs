@@ -56,7 +56,7 @@ fn smoother(reference: &ReferenceFinding) -> Markup {
         p {
             "Counts are not differenced. A Rauch–Tung–Striebel smoother with state (ξ, ξ′, ξ″, ξ‴), driven by white \
              snap of spectral density q and given the counts with the variance of their quantisation, gives the motion \
-             and its covariance on irregular stamps; q = 10^" (number::fixed(reference.log10_q, 2))
+             and its covariance at irregular timestamps; q = 10^" (number::fixed(reference.log10_q, 2))
             " rad²/s⁷ has the least generalised cross-validation:"
         }
         p.equation { "GCV(q) = n RSS / (n − tr H)²,  R = (2π/N)² / 12" }
@@ -85,8 +85,8 @@ fn delay(channels: &[ChannelDynamics]) -> Markup {
             (search(channels))
             "then τ by Gauss–Newton with the linear parameters projected out. "
             @if wanders {
-                "Noise is an Ornstein–Uhlenbeck process and white noise together, whitened exactly at the stamps as \
-                 they are by a scalar Kalman filter, and fitted by restricted maximum likelihood (REML); where its two \
+                "Noise is an Ornstein–Uhlenbeck process and white noise together, whitened exactly at the \
+                 actual timestamps by a scalar Kalman filter, and fitted by restricted maximum likelihood (REML); where its two \
                  parameters are not justified, white noise alone is used. "
             } @else {
                 "Noise was found white in every channel: an Ornstein–Uhlenbeck part was tried by restricted maximum \
@@ -207,10 +207,8 @@ fn dynamics(channels: &[ChannelDynamics]) -> Markup {
                  of the peak power of the reference are pale and not relied on. "
             }
             @if let Some(found) = windows().next() {
-                "The delay over the record is fitted in windows of " (exact(found.window_s)) " s; whether it is \
-                                                                                              constant is tested on \
-                                                                                              windows that do not \
-                                                                                              overlap. "
+                "The delay over the record is fitted in windows of " (exact(found.window_s))
+                " s; whether it is constant is tested on windows that do not overlap. "
             }
         }
     }

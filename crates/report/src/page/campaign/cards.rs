@@ -79,9 +79,8 @@ fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Mark
             p { (agreement(group, rows)) }
             @if !other_logs.is_empty() {
                 p.note {
-                    "Everything except the log is as in the " @if other_logs.len() == 1 { "group" } @else { "groups" } " \
-                                                                                                                        of \
-                                                                                                                        "
+                    "Everything except the log is as in the " @if other_logs.len() == 1 { "group" } @else { "groups" }
+                    " of "
                     @for (i, log) in other_logs.iter().enumerate() { (joint(i, other_logs.len())) (shown(log)) }
                     ". Another logger may set the timestamp at another moment, so they are not averaged."
                 }
