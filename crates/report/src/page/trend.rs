@@ -87,9 +87,7 @@ fn changes(charts: &[&TrendChart], names: &Names<'_>) -> Markup {
                             td { (shown(change.flown_at.as_deref().unwrap_or("unknown"))) }
                             td.n { (estimate(&in_millis(&change.step_s))) }
                             td.n { (super::plain(change.sigmas, 2)) }
-                            td.any { @if change.with_it.is_empty() {
-                            "nothing else known" } @else { (shown(&change.with_it.join("; \
-                                                                                                                                 "))) } }
+                            td.any { @if change.with_it.is_empty() { "nothing else known" } @else { (shown(&change.with_it.join("; "))) } }
                         }
                     }
                 }
