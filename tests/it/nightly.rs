@@ -167,7 +167,7 @@ fn a_flight_keeps_its_result_until_its_log_is_complete_or_emptied() {
     let printed: Vec<(&str, &str)> =
         failing.iter().map(|of| (of["flight"].as_str().unwrap(), of["words"][0].as_str().unwrap())).collect();
     assert_eq!(printed, [("flight-0001.mcap", "failed"), ("x.BIN", "failed")]);
-    assert!(failing[1]["error"].as_str().unwrap().starts_with("no flight any more: "), "{failing:?}");
+    assert!(failing[1]["error"].as_str().unwrap().starts_with("no longer a flight: "), "{failing:?}");
     fs::write(&binary_path, &binary.bytes).unwrap();
     written_an_hour_ago(&binary_path);
     assert_eq!(names(&nights.night(3)["changes"]["recovered"]), ["x.BIN"]);
@@ -217,7 +217,7 @@ fn a_failed_campaign_does_not_stop_others_and_bad_files_are_reported() {
     fs::write(nights.path("nightly.toml"), "schema = 1\nout = \"out\"\nhistroy = \"h\"\n").unwrap();
     let wrong = text(&run(["nightly".as_ref(), nights.path("nightly.toml").as_os_str()], 2).stderr);
     assert!(wrong.contains("nightly.toml:3: unknown key `histroy`: did you mean `history`?"), "{wrong}");
-    assert!(wrong.contains("holds no [[campaign]]"), "{wrong}");
+    assert!(wrong.contains("has no [[campaign]]"), "{wrong}");
     let none = text(&run(["trend".as_ref(), nights.path("empty").as_os_str()], 2).stderr);
     assert!(none.contains("holds no history"), "{none}");
     let query = |arguments: &[&str]| text(&run([&["query"], arguments].concat(), 2).stderr);

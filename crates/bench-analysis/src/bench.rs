@@ -254,8 +254,8 @@ impl Timing {
         let one_clock = !matches!(tied.basis, TimeBasis::Anchor { .. });
         if one_clock && value.abs() > CLEAR_SKEW * u && value.abs() > 5e-6 {
             let text = format!(
-                "all channels drift against the encoder by {} ppm (k = 2), though both should have one clock: the delays are valid for \
-                 the middle of the record",
+                "all channels drift against the encoder by {} ppm (k = 2), though both should use the same clock: the \
+                 delays are valid for the middle of the record",
                 with_minus(&format!("{:.1} ± {:.1}", value * 1e6, 2e6 * u))
             );
             notices.push(Code::ClockTie, "", 1, text);
@@ -346,8 +346,8 @@ fn report_outliers(channels: &[ChannelDynamics], notices: &mut Notices) {
             continue;
         };
         let text = format!(
-            "{:.0} % of the samples are outliers of more than four standard deviations and were downweighted in the fit: look at its residuals for a disturbance or values \
-             of another source",
+            "{:.0} % of the samples are outliers of more than four standard deviations and were downweighted in the \
+             fit: check its residuals for a disturbance, or for values from another source",
             100.0 * share
         );
         notices.push(Code::SamplesLeftOut, &channel.name, (share * channel.samples as f64).round() as u64, text);

@@ -426,8 +426,8 @@ fn jitter(fit: &DelayFit) -> Finding<Estimate> {
     let best = fit.components.iter().max_by(|a, b| steepness(a).total_cmp(&steepness(b)));
     match best.and_then(of) {
         Some((std, u)) => Finding::Found(Estimate { value: std, standard_uncertainty: Some(u) }),
-        None => {
-            Finding::CannotTell("residuals do not surely grow with the slope of the signal: no jitter shows".to_owned())
-        }
+        None => Finding::CannotTell(
+            "residuals do not clearly grow with the slope of the signal: no jitter detected".to_owned(),
+        ),
     }
 }

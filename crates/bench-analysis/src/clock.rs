@@ -192,7 +192,7 @@ impl Bridge<'_> {
             return retimed(name, channel, stamps, encoder.clock, |s| hull.map(s), notices);
         }
         let text = format!(
-            "channel {name}: nothing ties its clock ({}) to the encoder's ({}); it is left out",
+            "channel {name}: the relation of its clock ({}) to the encoder's ({}) is unknown; it is not used",
             stamps.clock, encoder.clock
         );
         notices.push(Code::ClockTie, name, channel.series.len() as u64, text);
@@ -213,18 +213,20 @@ impl Ways {
         let mut parts = vec![];
         if self.direct {
             parts.push(
-                "One clock stamped encoder and sensor: delays are absolute, up to what the logger takes to stamp either.",
+                "One clock timestamped encoder and sensor: delays are absolute, except for the time that the logger \
+                 takes to timestamp each.",
             );
         }
         if self.pps {
             parts.push(
-                "A pulse per second ties the device's clock to the encoder's: delays are absolute, transport left out.",
+                "A pulse per second relates the device's clock to the encoder's: delays are absolute and exclude \
+                 transport.",
             );
         }
         if self.hull {
             parts.push(
-                "Device stamps were mapped to the encoder's clock by the fastest arrivals: delays are absolute except for \
-                 the least transport latency, which is not logged.",
+                "Device timestamps were mapped to the encoder's clock by the fastest arrivals: delays are absolute \
+                 except for the least transport latency, which is not logged.",
             );
         }
         parts.join(" ")
@@ -335,7 +337,7 @@ fn hull_of(pairs: &[(Stamp, Stamp)], name: &str, device: Clock, arrival: Clock) 
         offset_s: line.offset_at_middle_s + epochs_s,
         skew: line.skew,
         latency_s: distribution(&line.latency)?,
-        remark: "the offset holds the least transport latency".to_owned(),
+        remark: "the offset includes the least transport latency".to_owned(),
     };
     Some(Hull { line, device_origin, arrival_origin, finding })
 }
@@ -344,7 +346,7 @@ fn hull_of(pairs: &[(Stamp, Stamp)], name: &str, device: Clock, arrival: Clock) 
 fn latency(channel: &Channel, hull: Option<&Hull>) -> Finding<LatencyHistogram> {
     let device = primary(channel);
     let Some(arrival) = all_stamps(channel).filter(|s| s.kind > device.kind).max_by_key(|s| s.kind) else {
-        return Finding::CannotTell(format!("the log holds no later stamp than the {} one", device.kind));
+        return Finding::CannotTell(format!("the log has no timestamp later than the {} one", device.kind));
     };
     let untied = "the clocks of device and arrival differ and could not be synchronized";
     let found = histogram(&device, &arrival, hull).ok_or_else(|| untied.to_owned());
@@ -355,11 +357,12 @@ fn latency(channel: &Channel, hull: Option<&Hull>) -> Finding<LatencyHistogram> 
 fn histogram(device: &Stamps<'_>, arrival: &Stamps<'_>, hull: Option<&Hull>) -> Option<LatencyHistogram> {
     let pairs = || device.stamps.iter().zip(arrival.stamps);
     let (latencies, text): (Vec<f64>, _) = if arrival.clock == device.clock {
-        let text = format!("{} less {} stamp, of one clock: absolute", arrival.kind, device.kind);
+        let text = format!("{} minus {} timestamp, one clock: absolute", arrival.kind, device.kind);
         (pairs().map(|(d, a)| a.seconds_since(*d)).collect(), text)
     } else {
         let hull = hull?;
-        let text = format!("{} less {} stamp, above the fastest arrival: the clocks differ", arrival.kind, device.kind);
+        let text =
+            format!("{} minus {} timestamp, above the fastest arrival: the clocks differ", arrival.kind, device.kind);
         (pairs().map(|(d, a)| a.seconds_since(hull.map(*d))).collect(), text)
     };
     let latency_s = distribution(&latencies)?;
@@ -401,7 +404,8 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
     let mut times = BTreeMap::new();
     for (other, channel) in sensed(sensor) {
         let Some(own) = asked_for(channel, rig).filter(|s| s.clock == stamps.clock) else {
-            let text = format!("channel {other} is not stamped by the clock of the anchor {name}; it is left out");
+            let text =
+                format!("channel {other} does not have timestamps from the clock of the anchor {name}; it is not used");
             notices.push(Code::ClockTie, other, channel.series.len() as u64, text);
             continue;
         };
@@ -419,15 +423,15 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
 /// Timestamps of the anchor, and the first of them.
 fn anchor_stamps<'a>(name: &str, anchor: &'a Channel, rig: &Rig) -> Result<(Stamps<'a>, Stamp), String> {
     let stamps = asked_for(anchor, rig)
-        .ok_or_else(|| format!("the anchor {name} has no stamps of the kind that the rig asks for"))?;
-    let first = *stamps.stamps.first().ok_or_else(|| format!("the anchor {name} has no row"))?;
+        .ok_or_else(|| format!("the anchor {name} has no timestamps of the kind that the rig file asks for"))?;
+    let first = *stamps.stamps.first().ok_or_else(|| format!("the anchor {name} has no rows"))?;
     Ok((stamps, first))
 }
 
 fn statement_of_anchor(name: &str) -> String {
     format!(
-        "Encoder and sensor were stamped by different clocks: all delays are relative to {name}, which is taken as on time. A \
-         delay of {name} itself adds to every one of them."
+        "Encoder and sensor were timestamped by different clocks: all delays are relative to {name}, which is assumed \
+         to be on time. Any delay of {name} itself must be added to all of them."
     )
 }
 
@@ -445,8 +449,8 @@ fn coarsely_aligned(
         .filter(|lag| lag.correlation >= LEAST_CORRELATION)
         .ok_or_else(|| {
             format!(
-                "clocks of encoder and sensor have nothing in common, and {name} does not move as the encoder does at any \
-                 shift that lets half of the shorter recording overlap: are the two logs of one swing?"
+                "the clocks of encoder and sensor are unrelated, and {name} does not match the encoder at any shift \
+                 that overlaps half of the shorter recording: are both logs of the same swing?"
             )
         })
 }
@@ -455,7 +459,7 @@ fn anchor<'a>(sensor: &'a Flight, rig: &'a Rig) -> Result<(&'a str, &'a Channel)
     if let Some(name) = &rig.clock.anchor {
         let channel = sensor.channels.get(name).ok_or_else(|| {
             let held: Vec<&str> = sensor.channels.keys().map(String::as_str).collect();
-            format!("the sensor has no channel {name}, which the rig names as anchor; it has {}", held.join(", "))
+            format!("the sensor has no channel {name}, which the rig file names as anchor; it has {}", held.join(", "))
         })?;
         return match channel.quantity {
             Quantity::AngularRate | Quantity::VelocityNed => Ok((name, channel)),
@@ -464,8 +468,8 @@ fn anchor<'a>(sensor: &'a Flight, rig: &'a Rig) -> Result<(&'a str, &'a Channel)
     }
     let of = |quantity| sensor.channels.iter().find(move |(_, c)| c.quantity == quantity);
     of(Quantity::AngularRate).or_else(|| of(Quantity::VelocityNed)).map(|(name, c)| (name.as_str(), c)).ok_or_else(|| {
-        "clocks of encoder and sensor differ, and the sensor has neither an angular rate nor a velocity to tie them with. \
-         If one clock stamps both, say so in the rig file: [clock] shared = true".into()
+        "the clocks of encoder and sensor differ, and the sensor has neither an angular rate nor a velocity to relate \
+         them. If one clock timestamps both, state it in the rig file: [clock] shared = true".into()
     })
 }
 
@@ -478,7 +482,8 @@ fn magnitude(channel: &Channel) -> Vec<f64> {
 fn warn_of_rival(name: &str, lag: &CoarseLag, notices: &mut Notices) {
     if lag.runner_up > RIVAL_SHARE * lag.correlation {
         let text = format!(
-            "laid over the encoder with a correlation of {:.3}, but {:.3} at another {} ms: the swing is too regular to be sure",
+            "matches the encoder with a correlation of {:.3}, but also with {:.3} when shifted by another {} ms: the \
+             swing is too regular to be sure",
             lag.correlation,
             lag.runner_up,
             millis(lag.runner_up_s - lag.shift_s)
@@ -507,7 +512,7 @@ fn retimed(
     }
     let dropped = stamps.stamps.len() - rows.len();
     if dropped > 0 {
-        let text = format!("channel {name}: {} stamps that do not rise; these rows are left out", stamps.kind);
+        let text = format!("channel {name}: {} timestamps that do not increase; these rows are dropped", stamps.kind);
         notices.push(Code::RejectedRow, name, dropped as u64, text);
     }
     let columns = channel.series.components().iter().map(|c| rows.iter().map(|&r| c[r]).collect()).collect();

@@ -56,7 +56,7 @@ pub(crate) fn constancy(
     let most = windows.iter().map(|w| w.delay_s).fold(f64::NEG_INFINITY, f64::max);
     let found = match constant_p {
         p if p >= REPORTED_P => "No change over the record",
-        _ if by_the_lag => "The delay that fits best changes with the motion, as the lag makes it",
+        _ if by_the_lag => "The delay that fits best changes with the motion, as expected of the lag",
         _ => &format!("The delay changes over the record, between {} and {} ms", millis(least), millis(most)),
     };
     let text = format!("{found} (χ² = {chi2:.1}, {} windows, {}).", apart.len(), probability(constant_p));

@@ -52,13 +52,13 @@ pub enum EncoderError {
     #[error("the log holds no encoder (a channel of encoder-count or encoder-angle)")]
     NoEncoder,
     /// The log has several encoders.
-    #[error("the log holds several encoders ({}); let encoder.channel of the rig say which", listed(.there))]
+    #[error("the log holds several encoders ({}); set encoder.channel in the rig file", listed(.there))]
     Several {
         /// Their names.
         there: Vec<String>,
     },
     /// Counts without counts per revolution.
-    #[error("{channel} holds counts: encoder.counts_per_rev of the rig must say how many make a revolution")]
+    #[error("{channel} holds counts: set encoder.counts_per_rev in the rig file")]
     CountsPerRevUnknown {
         /// The channel.
         channel: String,
@@ -242,7 +242,7 @@ fn scale_of(
 fn warn_of_other_steps(name: &str, stated: f64, raw: &[f64], notices: &mut Notices) {
     let Some(seen) = lattice_counts(raw) else { return };
     if (seen / stated - 1.0).abs() > 0.01 {
-        let text = format!("the angle moves in steps of {seen:.0} per revolution where the rig says {stated:.0}");
+        let text = format!("the angle has {seen:.0} steps per revolution, but the rig file says {stated:.0}");
         notices.push(Code::RigContradicted, name, 1, text);
     }
 }

@@ -40,7 +40,8 @@ pub fn flexibility(
     expected_hz: Option<f64>,
 ) -> Finding<Flexibility> {
     let (Some(p), Some(r)) = (weighted_mean(translation), weighted_mean(rotation)) else {
-        let text = "bending shows in gains of position or velocity and of attitude or rate side by side; one of the two is missing";
+        let text = "bending shows only in the gain of position or velocity together with the gain of attitude or rate; \
+                    one of the two is missing";
         return Finding::CannotTell(text.to_owned());
     };
     let ratio = ratio(p, r);
@@ -104,7 +105,8 @@ fn first_mode(p: Estimate, r: Estimate, ratio: &Finding<Estimate>, frequency_hz:
         (_, [Some(only), None] | [None, Some(only)]) => Finding::Found(only),
         (_, [None, None]) => {
             let least = first_mode_of_gain(1.0 + CLEAR * u(&r), middle(GAMMA) * middle(KAPPA), frequency_hz);
-            let beyond = least.map_or(String::new(), |hz| format!("; a bar below {hz:.1} Hz would have shown"));
+            let beyond =
+                least.map_or(String::new(), |hz| format!("; a first mode below {hz:.1} Hz would have been detected"));
             Finding::CannotTell(format!("no gain is clearly above one{beyond}"))
         }
     }
@@ -118,7 +120,7 @@ fn in_words(
     expected_hz: Option<f64>,
 ) -> String {
     let gains = format!("Gain of translation {}, of rotation {} (k = 2)", with_u(&p, 4), with_u(&r, 4));
-    let expected = expected_hz.map_or(String::new(), |hz| format!(" (the rig expects {hz} Hz)"));
+    let expected = expected_hz.map_or(String::new(), |hz| format!(" (the rig file expects {hz} Hz)"));
     match (ratio, bends(ratio), mode) {
         (Finding::Found(k), Some(true), Finding::Found(hz)) => format!(
             "{gains}: (rotation − 1)/(translation − 1) = {}, as of a bar that bends (1.38 to 1.50), with a first mode at {} \
@@ -127,8 +129,8 @@ fn in_words(
             with_u(hz, 1)
         ),
         (Finding::Found(k), Some(false), _) => format!(
-            "{gains}: (rotation − 1)/(translation − 1) = {}, not as of a bar that bends (1.38 to 1.50): a scale of the sensor or \
-             the bar's length is off.",
+            "{gains}: (rotation − 1)/(translation − 1) = {}, not as of a bar that bends (1.38 to 1.50): a scale of the \
+             sensor or the bar's length is wrong.",
             with_u(k, 2)
         ),
         (_, _, Finding::CannotTell(why)) => {

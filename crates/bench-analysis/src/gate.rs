@@ -176,8 +176,11 @@ fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f6
     let weight = rms(&|s| gravity * s.angle.sin());
     let text = format!("accX would read {whole:.3} m/s² rms, gravity's part alone is {weight:.3} m/s²");
     let passed = whole > NULL_SHARE * weight;
-    let advice =
-        if passed { "" } else { ": the bar swings freely, so accX sees next to nothing; push it off its own rhythm" };
+    let advice = if passed {
+        ""
+    } else {
+        ": the bar swings freely, so accX measures next to nothing; push it away from its natural rhythm"
+    };
     Some(check("accelerometer x not in its null", passed, text + advice))
 }
 
@@ -239,10 +242,10 @@ fn swings(angles: &[f64], amplitude: f64) -> u64 {
 
 fn not_observable() -> Vec<String> {
     [
-        "accelerometer y: a planar swing gives it nothing but gravity's component along the axis",
+        "accelerometer y: a planar swing shows it only gravity's component along the axis",
         "gyro x and z, and the rotation of the mount about them",
         "magnetometer y, and hard iron apart from the y column of soft iron, from a single azimuth",
-        "a delay common to encoder stamps and sensor stamps",
+        "a delay common to encoder timestamps and sensor timestamps",
     ]
     .map(str::to_owned)
     .to_vec()

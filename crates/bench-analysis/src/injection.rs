@@ -19,14 +19,14 @@ pub(crate) fn inject(
         let whole: Vec<Measurement<'_>> =
             measurements.iter().zip(&parts).map(|(m, part)| Measurement { t: &part.t, y: &part.y, ..*m }).collect();
         let fit = fit_delay(&whole, settings).map_err(|error| error.to_string())?;
-        if fit.converged { Ok(fit) } else { Err("the fit does not settle on one delay".to_owned()) }
+        if fit.converged { Ok(fit) } else { Err("the fit does not converge".to_owned()) }
     };
     let before = half(false, 0.0, 1.0);
     let gain = bench.inject_gain;
     let recovered = |delay_s: f64| {
         let before = before.as_ref().map_err(|why| format!("the first half alone cannot be fitted: {why}"))?;
         let after = half(true, delay_s, gain)
-            .map_err(|why| format!("the second half with what was injected cannot be fitted: {why}"))?;
+            .map_err(|why| format!("the second half with the injected delay and gain cannot be fitted: {why}"))?;
         Ok(compare(before, &after, delay_s, gain))
     };
     let one = |delay_s: f64| injection(delay_s, gain, recovered(delay_s));

@@ -52,7 +52,8 @@ fn text(choice: &LagChoice, best: &LagCandidate) -> String {
             format!("not distinguished: {} or {rival} (ΔBIC {delta:.1}, 6 would decide)", words(best.model))
         }
         (None, Some((rival, delta))) => format!(
-            "not distinguished: {} or {rival} (ΔBIC {delta:.1}, but they differ by less than the reference may err)",
+            "not distinguished: {} or {rival} (ΔBIC {delta:.1}, but they differ by less than the uncertainty of the \
+             reference)",
             words(best.model)
         ),
         (None, None) => "not distinguished".to_owned(),
@@ -72,7 +73,7 @@ pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
         lags => format!("lags of {}", lags.iter().map(number).collect::<Vec<_>>().join(" and ")),
     };
     let delay = chosen.delay_s.as_ref().map(|d| format!("a delay of {} and ", number(d))).unwrap_or_default();
-    Some(format!("{delay}{lags} (k = 2), so that slow motion is {} late", number(&model.sum_s)))
+    Some(format!("{delay}{lags} (k = 2), so slow motion is {} late", number(&model.sum_s)))
 }
 
 /// The reason of a verdict, completed if the lateness is not, or not certainly, a pure delay: `reason` is for the pure
@@ -82,8 +83,8 @@ pub(crate) fn with_model(reason: &str, delay_s: f64, model: Option<&ModelFinding
         None => reason.to_owned(),
         Some(model) => match (lag_in_words(model), model.chosen.as_deref()) {
             (Some(lag), _) => format!(
-                "{lag}. The pure delay that fits this swing best is {} ms and no property of the sensor: another speed has \
-                 another one. Of it: {reason} ({})",
+                "{lag}. The pure delay that fits this swing best is {} ms ({reason}). It is not a property of the \
+                 sensor: it differs at another speed. Chosen model: {}",
                 millis(delay_s),
                 model.text
             ),

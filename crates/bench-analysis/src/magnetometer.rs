@@ -117,7 +117,7 @@ fn planar(swings: &[MagneticSwing], around: &Surroundings, why: &str) -> Result<
     let perfect_inverse = Matrix2::new(along, down, -down, along) / (size * size);
     let soft = moved * perfect_inverse;
     let hard = |value: f64, axis: usize| Finding::Found(estimate(value, ellipse.axes[axis].standard_uncertainty(0)));
-    let why_y = "the axis of rotation keeps one field throughout a planar swing: swing in three azimuths or more";
+    let why_y = "a planar swing does not change the field along its axis of rotation: swing in three azimuths or more";
     let model = expected(around).map(|b| in_plane(b, swing.azimuth.value));
     let magnitude_ratio = model.filter(|_| swing.is_tesla).map(|(a, d)| {
         let expected = a.hypot(d);
@@ -146,7 +146,7 @@ fn planar_text(azimuths: usize, turned_deg: Option<f64>, why: &str) -> String {
     let have = if azimuths == 1 { "one azimuth".to_owned() } else { format!("{azimuths} azimuths") };
     format!(
         "From {have}: hard iron of x and z is right if no soft iron couples them with y; the middle row and column of \
-         the soft iron are assumed. Not in full: {why}.{turned}"
+         the soft iron are assumed. The rest is unknown: {why}.{turned}"
     )
 }
 

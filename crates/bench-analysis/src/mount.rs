@@ -134,13 +134,14 @@ fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notice
     let wrong = finding.checks.iter().filter(|c| c.contradicts_rig());
     let names: Vec<&str> = wrong.map(|c| c.name.as_str()).collect();
     if !names.is_empty() {
-        let text = format!("record and rig file do not agree on {}", names.join(", "));
+        let text = format!("record and rig file disagree on {}", names.join(", "));
         notices.push(Code::RigContradicted, "mount", names.len() as u64, text);
     }
     let upright_side = detected.filter(|s| s.upside_down == Some(false));
     let hangs = rig.bar.mount == crate::rig::MountKind::Hanging;
     if let Some(side) = upright_side.filter(|s| rig.bar.mount != crate::rig::MountKind::Custom && s.below != hangs) {
-        let text = format!("the record shows a bar that is {}, the rig says {}", side.in_words(), rig.bar.mount);
+        let text =
+            format!("the record shows a bar that is {}, but the rig file says {}", side.in_words(), rig.bar.mount);
         notices.push(Code::RigContradicted, SIDE_OF_PIVOT, 1, text);
     }
     notices
@@ -204,7 +205,7 @@ fn ask_for_witnesses(checks: &mut [MountCheck]) {
         if is_short && check.of_rig && !others.into_iter().any(is_alike) {
             check.of_rig = false;
             check.text +=
-                ". No other channel shows this length: it is this channel's own gain or lag, or the bar's length";
+                ". No other channel shows this length: the cause is this channel's gain or lag, or the bar's length";
         }
     }
 }

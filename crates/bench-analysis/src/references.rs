@@ -110,7 +110,7 @@ impl<'a> Maker<'a> {
         }
         let rows = sensor_rows(name, channel, self.rig).filter(|_| !channel.series.is_empty());
         let Some(mut rows) = rows else {
-            let text = "the log does not hold all components that the mount mixes: no reference";
+            let text = "the log lacks a component that the mount needs: no reference";
             notices.push(Code::NoReference, name, channel.series.len() as u64, text);
             return None;
         };
@@ -120,7 +120,7 @@ impl<'a> Maker<'a> {
         }
         let components = self.components(name, channel, rows);
         if components.is_empty() {
-            let text = "nothing of this channel can be compared with the bar's motion";
+            let text = "no component of this channel can be compared with the bar's motion";
             notices.push(Code::NoReference, name, t_s.len() as u64, text);
             return None;
         }
@@ -260,7 +260,7 @@ fn judge_excitation(quantity: Quantity, components: &mut [ComponentReference]) {
             Err("a planar swing does not move it at all".to_owned())
         } else if over(LEAST_OVER_UNCERTAINTY * u) {
             Err(format!(
-                "the swing moves it by {rms:.2e} {} rms, its reference is only good to {u:.1e}",
+                "the swing moves it by {rms:.2e} {} rms, but its reference is uncertain by {u:.1e}",
                 component.unit
             ))
         } else if over(LEAST_SHARE * liveliest) {
@@ -275,9 +275,9 @@ fn weak(quantity: Quantity, component: &str, share: f64) -> String {
     let percent = 100.0 * share;
     if quantity == Quantity::SpecificForce && component == "x" {
         return format!(
-            "its signal is {percent:.1} % of that of the liveliest axis: a freely swinging pendulum has no tangential specific \
-             force; push it off its own frequency"
+            "its signal is {percent:.1} % of that of the liveliest axis: a freely swinging pendulum has no tangential \
+             specific force; push it away from its natural frequency"
         );
     }
-    format!("its signal is {percent:.1} % of that of the liveliest component: what it shows could leak over from there")
+    format!("its signal is {percent:.1} % of that of the liveliest component: it may be leakage from there")
 }

@@ -385,7 +385,7 @@ impl Checker<'_> {
             return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
         let model = match written.sensor.model.get_ref().trim() {
-            "" => Err(self.fault(&written.sensor.model, "sensor.model must name the sensor, as `Xsens MTi-G`")),
+            "" => Err(self.fault(&written.sensor.model, "sensor.model must name the sensor, such as `Xsens MTi-G`")),
             _ => Ok(()),
         };
         let lever_arms = self.a_custom_bar_has_lever_arms(&written);
@@ -467,7 +467,9 @@ impl Checker<'_> {
     fn site(&self, written: &SiteTable) -> Result<ResolvedSite, Refused> {
         let day = |date: &Spanned<String>| match date.get_ref().parse::<jiff::civil::Date>() {
             Ok(day) => Ok(day.to_string()),
-            Err(_) => Err(self.fault(date, format!("site.date = {:?}: must be a day as 2010-10-25", date.get_ref()))),
+            Err(_) => {
+                Err(self.fault(date, format!("site.date = {:?}: must be a day such as 2010-10-25", date.get_ref())))
+            }
         };
         let latitude_deg = self.optional(&written.latitude_deg, "site.latitude_deg", -90.0, 90.0);
         let longitude_deg = self.optional(&written.longitude_deg, "site.longitude_deg", -180.0, 360.0);
@@ -514,7 +516,7 @@ impl Checker<'_> {
     fn clock(&self, written: ClockTable) -> Result<ResolvedClock, Refused> {
         let anchor = match written.anchor {
             Some(name) if name.get_ref().trim().is_empty() => {
-                return Err(self.fault(&name, "clock.anchor must name a channel, as `angular-rate.imu`"));
+                return Err(self.fault(&name, "clock.anchor must name a channel, such as `angular-rate.imu`"));
             }
             name => name.map(Spanned::into_inner),
         };
@@ -573,7 +575,7 @@ impl Checker<'_> {
         let is_odd = |n: &&String| n.is_empty() || n[..n.len() - 1].contains('*');
         let named = match names.is_empty() || names.iter().any(|n| is_odd(&n)) {
             true => {
-                let what = "mount.channels must name channels, as `position.ins`, `position.*` or `*`";
+                let what = "mount.channels must name channels, such as `position.ins`, `position.*` or `*`";
                 Err(self.fault(&written.channels, what))
             }
             false => Ok(()),
@@ -603,7 +605,7 @@ impl Checker<'_> {
             return Err(self.fault(written, "mount.axes: each must be x, y, z, -x, -y or -z"));
         };
         if (axes_matrix([x, y, z]).determinant() - 1.0).abs() > 1e-9 {
-            let what = "mount.axes are not a right-handed frame of three axes: a sensor cannot be mounted so";
+            let what = "mount.axes are not a right-handed frame of three axes: a sensor cannot be mounted this way";
             return Err(self.fault(written, what));
         }
         Ok(written.get_ref().clone())

@@ -43,8 +43,8 @@ pub(crate) fn no_answer(
     is_unexplained(measurements, fit, model).then(|| {
         let best = millis(fit.delay_s);
         format!(
-            "cannot tell: at no delay in {window} does it follow the motion (best at {best} ms, where more is left than \
-             explained); {advice}, or look for a wrong mount or clock"
+            "cannot tell: at no delay in {window} does it follow the motion (best at {best} ms, where the residual \
+             exceeds the explained part); {advice}, or look for a wrong mount or clock"
         )
     })
 }

@@ -60,9 +60,10 @@ fn gravity(rig: &Rig, place: Option<Geodetic>, notices: &mut Notices) -> (f64, S
             (normal_gravity(latitude, height), source)
         }
         None => {
-            let text = "neither rig file nor log gives the site: standard gravity 9.80665 m/s², wrong by up to 0.3 %";
+            let text = "neither rig file nor log states the site: standard gravity 9.80665 m/s² is used, wrong by up \
+                        to 0.3 %";
             notices.push(Code::Assumption, "", 1, text);
-            (STANDARD_GRAVITY_MPS2, "assumed: standard gravity, for the site is not known".to_owned())
+            (STANDARD_GRAVITY_MPS2, "assumed: standard gravity, because the site is unknown".to_owned())
         }
     }
 }
@@ -79,15 +80,16 @@ fn field(rig: &Rig, model: Option<&ModelField>, notices: &mut Notices) -> (Optio
             (Some(model.ned_t), validity(model))
         }
         (FieldRule::Wmm, None) => {
-            let text = "site.field = \"wmm\" needs site and day, and neither rig nor log has both: the field is fitted";
+            let text = "site.field = \"wmm\" needs site and day, and neither rig file nor log has both: the field is \
+                        fitted";
             notices.push(Code::Assumption, "", 1, text);
-            (None, "fitted: for the model, site or day is not known".to_owned())
+            (None, "fitted: the site or day that the model needs is unknown".to_owned())
         }
     }
 }
 
 fn validity(model: &ModelField) -> String {
     let [from, to] = model.valid_years;
-    let outside = if model.is_valid { "" } else { ", and the day is outside" };
+    let outside = if model.is_valid { "" } else { ", and the day is outside these years" };
     format!("{}, made for {from:.0} to {to:.0}{outside}", model.model)
 }

@@ -80,8 +80,8 @@ impl Evidence {
         match verdict {
             Verdict::Delayed => format!("late: the 95 % interval {low} to {high} ms excludes zero"),
             Verdict::Early => format!(
-                "early: the 95 % interval {low} to {high} ms excludes zero; the value is stamped before it was true, or \
-                 the reference is late"
+                "early: the 95 % interval {low} to {high} ms excludes zero; the value is timestamped before it was \
+                 true, or the reference is late"
             ),
             Verdict::EquivalentToZero if significant => format!(
                 "on time: {} ms differs from zero, but lies within ±{} ms (equivalence test)",
@@ -93,8 +93,8 @@ impl Evidence {
                 millis(detectable_s)
             ),
             Verdict::Inconclusive | Verdict::NotMeasurable => format!(
-                "not decided: the 95 % interval {low} to {high} ms includes zero and exceeds the margin of ±{margin} ms. \
-                 Detectable here: {} ms. Would decide: {} s of the same swing",
+                "not decided: the 95 % interval {low} to {high} ms includes zero and exceeds the margin of ±{margin} \
+                 ms. Detectable here: {} ms. {} s of the same swing would decide",
                 millis(detectable_s),
                 length_s.map_or_else(|| "more".to_owned(), |s| format!("{:.0}", s.ceil()))
             ),

@@ -308,11 +308,11 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
     let datum = if channel.datum == NetworkDatum::Reference { "the reference" } else { "the IMU" };
     let mut text = match (&channel.relative_to, out.kind) {
         (Some(zero), _) if channel.lateness_s.value >= 0.0 => {
-            format!("{position} is {value} ms later than {zero}; how late both are is not known")
+            format!("{position} is {value} ms later than {zero}; the lateness of both is unknown")
         }
         (Some(zero), _) => {
             let earlier = Estimate { value: -channel.lateness_s.value, ..channel.lateness_s };
-            format!("{position} is {} ms earlier than {zero}; how late both are is not known", in_ms(&earlier))
+            format!("{position} is {} ms earlier than {zero}; the lateness of both is unknown", in_ms(&earlier))
         }
         (None, DelayKind::OnTime) => format!("{position} is on time ({value} ms against {datum})"),
         (None, DelayKind::Early) => format!("{position} is early ({value} ms against {datum})"),

@@ -331,7 +331,7 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
     } else {
         let side = if pool.mean_s.value < 0.0 { "earlier" } else { "later" };
         let apart = in_ms(&Estimate { value: mean_s.value.abs(), ..mean_s });
-        format!("position {apart} ms {side} than {velocity} ({of_all}); how late both are is not known")
+        format!("position {apart} ms {side} than {velocity} ({of_all}); the lateness of both is unknown")
     };
     GroupLateness {
         pooled: u64::from(pool.flights),

@@ -113,7 +113,7 @@ impl StateValue {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum FeedError {
     /// A sample arrived before `start`.
-    #[error("{what} at {t} s before the start")]
+    #[error("{what} at {t} s is before the start")]
     NotStarted {
         /// Velocity or position.
         what: &'static str,
@@ -131,7 +131,7 @@ pub enum FeedError {
         previous: f64,
     },
     /// Numbers must be finite.
-    #[error("{what} at {t} s: stamp or value is not finite")]
+    #[error("{what} at {t} s: timestamp or value is not finite")]
     NotFinite {
         /// Velocity or position.
         what: &'static str,
@@ -139,7 +139,7 @@ pub enum FeedError {
         t: f64,
     },
     /// The velocity at its time is no longer stored.
-    #[error("position at {t} s is from before {known_from} s, and the velocity of that time is no longer stored")]
+    #[error("position at {t} s is older than {known_from} s, and the velocity of that time is no longer stored")]
     TooOld {
         /// Its timestamp, s.
         t: f64,

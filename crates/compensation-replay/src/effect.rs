@@ -47,7 +47,7 @@ pub fn effect(
             best_m: None,
             short_by: None,
             words: match removed_s {
-                Some(s) => format!("{} were removed, and nothing in this flight shows whether that is right", ms(s)),
+                Some(s) => format!("{} were removed; this flight does not show whether that is right", ms(s)),
                 None => "nothing was removed: the lateness of the position is unknown".to_owned(),
             },
         },
@@ -103,7 +103,7 @@ fn by_lateness(known: &KnownLateness, speed_mps: f64, removed_s: Option<f64>) ->
     // A delay with uncertainty u leaves u, even if it is removed entirely.
     let best_m = u_s.is_finite().then_some(u_s.hypot(known.jitter_s) * speed_mps);
     let against = match &known.judged_by {
-        JudgedBy::Velocity(name) => format!("against {name}, whose own lateness is not known"),
+        JudgedBy::Velocity(name) => format!("against {name}, with its own lateness unknown"),
         _ => "by the remaining lateness".to_owned(),
     };
     finished(verdict, known.judged_by.clone(), &against, errors, best_m, removed_s)
@@ -121,7 +121,7 @@ fn finished(
         .filter(|_| removed_s.is_some())
         .map(|best| after.value / best.max(LEAST_ERROR_M))
         .filter(|ratio| *ratio > SHORT && clearly_above(&after, best_m.unwrap_or(0.0)));
-    let short = short_by.map_or(String::new(), |ratio| format!(", but {ratio:.1} × short of what was possible"));
+    let short = short_by.map_or(String::new(), |ratio| format!(", but {ratio:.1} × the smallest possible error"));
     let metres = format!("{} → {} m", error_words(&raw), error_words(&after));
     let words = match (verdict, removed_s) {
         (_, None) => format!("nothing was removed; the position error is {} m ({against})", error_words(&raw)),

@@ -133,12 +133,12 @@ fn wander(channel: &mut EkfChannel, measured: &MeasuredDelay, duration_s: f64, u
 fn remark_on_wander(channel: &mut EkfChannel, duration_s: f64, time_constant_s: f64) {
     if duration_s < 3.0 * time_constant_s {
         channel.remarks.push(format!(
-            "the wander is not much faster than the record is long ({duration_s:.0} s): take the random walk, not its standard \
-             deviation and time constant"
+            "the time constant of the wander is not much shorter than the record ({duration_s:.0} s): use the random \
+             walk, not the standard deviation and time constant"
         ));
     }
     let second = channel.rests_on.split_once(" against ").map(|(_, second)| second.to_owned()).unwrap_or_default();
-    channel.remarks.push(format!("noise of {second}, integrated, is in the wander: it is at most so large"));
+    channel.remarks.push(format!("the wander includes the integrated noise of {second}: it is an upper limit"));
 }
 
 /// Drift of the fit: the bias of the integrated channel.
@@ -157,7 +157,9 @@ fn bias(channel: &mut EkfChannel, measured: &MeasuredDelay, pair: &PairDelay) {
 fn delay(channel: &mut EkfChannel, pair: &PairDelay, measured: &MeasuredDelay, facts: &EkfChannelFacts) {
     let (estimate, formula) = match &facts.lateness_s {
         Some((estimate, datum)) => (*estimate, format!("how late the channel is, against {datum}")),
-        None => (measured.delay_s, format!("how much later than {}; what both share is not seen", pair.second)),
+        None => {
+            (measured.delay_s, format!("how much later than {}; a delay that both share cannot be seen", pair.second))
+        }
     };
     push(channel, EkfValueKind::Delay, estimate.value, estimate.standard_uncertainty, "s", &formula);
 }

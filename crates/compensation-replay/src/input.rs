@@ -68,8 +68,8 @@ pub enum Refusal {
     },
     /// Position and velocity overlap, but never long enough.
     #[error(
-        "{position} and {velocity} overlap, but no fix comes a delay of {delay_s:.3} s after the velocity's start: nothing \
-         can be scored"
+        "{position} and {velocity} overlap, but no fix comes at least {delay_s:.3} s (the delay) after the first \
+         velocity: nothing can be scored"
     )]
     NothingValid {
         /// Position channel.
@@ -177,12 +177,12 @@ impl Input {
         let all_regular = found.iter().all(|(name, _)| flight.channels.get(*name).is_some_and(is_regular));
         // The samples may really have been taken at their timestamps.
         let how = match all_regular {
-            true => "a row comes at every step of a regular clock, and how old its values are the log does not say",
-            false => "the logger's stamps are rounded to whole steps",
+            true => "a row comes at every step of a regular clock, and the log does not show how old its values are",
+            false => "the logger's timestamps are rounded to whole steps",
         };
         let text = format!(
-            "{which}: {how}. A step of {tick_s} s is no shorter than the delay of {:.3} s: what compensation changes is drawn, but \
-             these stamps cannot show whether it is right",
+            "{which}: {how}. A step of {tick_s} s is no shorter than the delay of {:.3} s: the effect of the \
+             compensation is drawn, but these timestamps cannot show whether it is right",
             settings.delay.seconds()
         );
         notices.push(Code::StampsCoarserThanDelay, which, found.len() as u64, text);

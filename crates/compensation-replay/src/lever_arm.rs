@@ -139,8 +139,8 @@ impl LeverSensitivity {
         let u = 2e3 * standard_uncertainty.unwrap_or(0.0);
         let uncertainty = if u > 0.0 { format!(" ± {u:.1}") } else { String::new() };
         format!(
-            "the antenna is {:.2} m {} the point where velocity is taken ({}): that makes the position look {:.1}{uncertainty} ms {}, \
-             which is taken out",
+            "the antenna is {:.2} m {} the point where velocity is taken ({}): that makes the position look \
+             {:.1}{uncertainty} ms {}, which is corrected",
             arm.forward_m.abs(),
             if arm.forward_m >= 0.0 { "ahead of" } else { "behind" },
             arm.from,

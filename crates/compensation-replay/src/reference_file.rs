@@ -242,9 +242,9 @@ fn offset(
     settings: &FlightDelaySettings,
 ) -> Result<ClockOffset, String> {
     let (by, velocity) = velocity_of(flight, clock).ok_or(
-        "the log has no velocity to relate the clocks by, and the offset of the clocks and the delay of the position are one \
-         number: log a velocity, or use --reference-clock same (clock = \"same\" in a pipeline) if one clock made the timestamps of \
-         both files",
+        "the log has no velocity to relate the clocks by, so the offset of the clocks cannot be separated from the \
+         delay of the position: log a velocity, or use --reference-clock same (clock = \"same\" in a pipeline) if one \
+         clock made the timestamps of both files",
     )?;
     let coarse = coarse_offset(velocity, taken)?;
     let (first, last) = taken.span().ok_or("it is empty")?;
@@ -290,7 +290,7 @@ fn coarse_offset(moves: &Channel, taken: &Taken<'_>) -> Result<Coarse, String> {
     let own = taken.velocity.or(taken.position).ok_or("it holds no position and no velocity")?;
     let own = Motion::of(own, origin);
     let lag = signal::coarse_lag(log.as_input(), own.as_input(), GRID_HZ, SAME_OFFSET_S)
-        .ok_or("its velocity does not move, or is too short, for the clocks to be related")?;
+        .ok_or("its velocity does not change enough, or is too short, to relate the clocks")?;
     let correlation = lag.correlation;
     if correlation < LEAST_CORRELATION {
         return Err(format!(
@@ -382,7 +382,7 @@ fn measured(
     offset: &ClockOffset,
     settings: &FlightDelaySettings,
 ) -> Result<MeasuredDelay, String> {
-    let velocity = flight.channels.get(&offset.by).ok_or("the velocity of the log is gone")?;
+    let velocity = flight.channels.get(&offset.by).ok_or("the log no longer has its velocity")?;
     let mut pair = Flight::default();
     pair.channels.insert(offset.by.clone(), velocity.clone());
     taken.join(&mut pair, clock, &|stamp| offset.in_log_ns(stamp.0).map(Stamp));

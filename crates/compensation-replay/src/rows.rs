@@ -236,15 +236,10 @@ fn note_outside(samples: &[f64], first: f64, last: f64, notices: &mut Notices) {
     let before = samples.iter().filter(|t| **t < first).count() as u64;
     let after = samples.iter().filter(|t| **t > last).count() as u64;
     if before > 0 {
-        notices.push(
-            Code::NoOutput,
-            "",
-            before,
-            "velocity samples before the first position fix: no row is made of them",
-        );
+        notices.push(Code::NoOutput, "", before, "velocity samples before the first position fix: not in the track");
     }
     if after > 0 {
-        notices.push(Code::NoOutput, "", after, "velocity samples after the last position fix: no row is made of them");
+        notices.push(Code::NoOutput, "", after, "velocity samples after the last position fix: not in the track");
     }
 }
 

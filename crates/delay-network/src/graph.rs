@@ -82,7 +82,7 @@ pub(crate) fn prepare(
             Err(why) => unused.push(UnusedPair { first, second, why }),
             Ok((delay, _)) if against_reference && settings.reference == ReferenceUse::Judges => {
                 judges.extend(judge(&first, &second, delay, &role));
-                let why = "a reference judges the network and takes no part in it".to_owned();
+                let why = "a reference is used to check the network and is not part of it".to_owned();
                 unused.push(UnusedPair { first, second, why });
             }
             Ok((delay, uncertainty_s)) => {
@@ -152,7 +152,7 @@ fn usable_delay(pair: &PairObservation, first: &str, second: &str) -> Result<(Es
     }
     match delay.standard_uncertainty {
         _ if first == second => Err("a channel is not compared with itself".to_owned()),
-        _ if !delay.value.is_finite() => Err("its delay is not a finite number".to_owned()),
+        _ if !delay.value.is_finite() => Err("its delay is not finite".to_owned()),
         Some(u) if u.is_finite() && u > 0.0 => Ok((delay, u.max(LEAST_UNCERTAINTY_S))),
         _ => Err("its delay has no uncertainty, so it has no weight".to_owned()),
     }

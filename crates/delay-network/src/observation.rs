@@ -78,7 +78,7 @@ const LEAST_RATE_RATIO: f64 = 4.0;
 #[must_use]
 pub fn acceleration_gate(imu_rate_hz: f64, acceleration_95_hz: Option<f64>) -> Option<String> {
     if !imu_rate_hz.is_finite() {
-        return Some("the rate of the IMU is not known".to_owned());
+        return Some("the rate of the IMU is unknown".to_owned());
     }
     if imu_rate_hz < LEAST_IMU_RATE_HZ {
         return Some(format!(

@@ -25,11 +25,11 @@ pub(crate) fn suggestions(graph: &Graph, isolation: &Isolation, unused: &[Unused
             first: velocity.name.clone(),
             second: ACCELERATION.to_owned(),
             words: if holds_acceleration {
-                "log attitude and specific force with stamps from the IMU and less latency: then figures are against \
-                 true time"
+                "log attitude and specific force with timestamps from the IMU and less latency: the figures are then \
+                 against true time"
                     .to_owned()
             } else {
-                "log attitude and specific force of the IMU at 10 Hz or more: then figures are against true time"
+                "log attitude and specific force of the IMU at 10 Hz or more: the figures are then against true time"
                     .to_owned()
             },
         }));

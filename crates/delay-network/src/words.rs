@@ -34,18 +34,18 @@ pub(crate) fn datum(graph: &Graph, isolation: &Isolation, settings: &NetworkSett
         let relative = || zero.zero.map_or_else(String::new, |node| format!("relative to {}", name(node)));
         let sentence = match zero.datum {
             NetworkDatum::Imu => format!(
-                "Against the IMU, taken to be on time within {} ms. Its own lateness cannot be seen in a flight: \
-                 a bench card, a reference or a pulse per second would show it.",
+                "Against the IMU, assumed to be on time within {} ms. Its own lateness cannot be seen in a flight: a \
+                 bench card, a reference or a pulse per second would show it.",
                 ms(settings.datum_uncertainty_s)
             ),
-            NetworkDatum::Reference => "Against the reference, taken to be on time.".to_owned(),
-            NetworkDatum::None => format!("Figures are {}: how late both are is not known.", relative()),
+            NetworkDatum::Reference => "Against the reference, assumed to be on time.".to_owned(),
+            NetworkDatum::None => format!("Figures are {}: the lateness of both is unknown.", relative()),
             NetworkDatum::Refused => {
                 let names: Vec<String> =
                     earlier.iter().filter(|at| graph.nodes[**at].part == part).map(|at| name(*at)).collect();
                 format!(
                     "{} would be earlier than the IMU, which is not possible: the IMU itself is late, so it is not \
-                     used as the zero. Figures are {}: how late both are is not known.",
+                     used as the zero. Figures are {}: the lateness of both is unknown.",
                     list(&names),
                     relative()
                 )

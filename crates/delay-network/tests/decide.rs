@@ -92,7 +92,7 @@ fn row_2_takes_the_own_delay_of_a_differing_flight() {
 #[test]
 fn row_3_takes_the_others_if_the_own_delay_is_unknown() {
     for (own, why) in [
-        (untold("own", |p| p.verdict = NetworkVerdict::Undecided), "which one is wrong is not known"),
+        (untold("own", |p| p.verdict = NetworkVerdict::Undecided), "which one is wrong is unknown"),
         (untold("own", |p| p.verdict = NetworkVerdict::Scattered), "do not agree"),
         (untold("own", |p| p.datum = NetworkDatum::Refused), "its IMU is itself late"),
         (untold("own", |p| p.datum = NetworkDatum::None), "nothing in this flight ties it to true time"),
@@ -185,7 +185,7 @@ fn row_8_does_not_use_a_relative_figure_as_a_delay() {
     let (card, stated) = (Some(estimate(0.2, 0.004)), Some(estimate(0.4, 0.01)));
     let nothing = by_default(&[own(None, None)]);
     assert_eq!((nothing.row, nothing.source, nothing.value_s), (8, RemovedFrom::None, None));
-    let words = "How late position and velocity.ekf are is not known: ";
+    let words = "The lateness of position and velocity.ekf is unknown: ";
     assert!(nothing.words.starts_with(words) && nothing.words.ends_with("Nothing is removed."), "{}", nothing.words);
     let by_card = by_default(&[own(card, stated)]);
     assert_eq!((by_card.row, by_card.source, by_card.value_s), (8, RemovedFrom::Card, Some(0.2)));
@@ -276,7 +276,7 @@ fn a_group_of_two_receivers_is_pooled_per_receiver() {
     }
     let silent = &decision.removed[10];
     assert_eq!((silent.row, silent.value_s), (8, None));
-    assert!(silent.words.contains("Its group is not one"), "{}", silent.words);
+    assert!(silent.words.contains("Its group has two different delays"), "{}", silent.words);
     assert_eq!(decision.pools.len(), 3, "the whole, and both sides");
     assert_eq!(decision.pools[0].split.as_ref().unwrap().early, ["a0", "a1", "a2", "a3", "a4"]);
     assert_eq!(decision.pools[1].flights, 5);

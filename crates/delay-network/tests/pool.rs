@@ -54,7 +54,7 @@ fn two_receivers_in_one_group_are_split() {
         assert_eq!((split.early.len(), split.late.len()), (early, late));
         assert!((split.early_s.value - 0.2).abs() < 0.003 && (split.late_s.value - 0.3).abs() < 0.003);
         assert!(split.gap_s > 0.09 && split.p < 0.01, "{early} + {late}: {}", split.p);
-        assert!(split.words.starts_with("This group is not one"), "{}", split.words);
+        assert!(split.words.starts_with("This group has two different delays"), "{}", split.words);
     }
 }
 

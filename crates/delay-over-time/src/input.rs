@@ -38,7 +38,7 @@ pub enum CannotAnalyse {
         values: usize,
     },
     /// Timestamps do not rise, or a number is not finite.
-    #[error("{what}: row {row} is not a finite number, or its timestamp does not rise")]
+    #[error("{what}: row {row} is not a finite number, or its timestamp does not increase")]
     BadRow {
         /// Which channel.
         what: &'static str,

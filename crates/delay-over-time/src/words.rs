@@ -113,7 +113,7 @@ fn changes(found: &Found, v: &Verdict) -> String {
             let how = if v.kind == DelayKind::Switches { "switches to and fro" } else { "jumps" };
             match steps.as_slice() {
                 [(at, size)] if shape.span_s() > (1.0 + MORE) * size.abs() => format!(
-                    "The delay jumps by {} at {at:.0} s of the flight, and changes slowly besides: {range}.",
+                    "The delay jumps by {} at {at:.0} s of the flight, and also changes slowly: {range}.",
                     milliseconds(*size)
                 ),
                 [(at, size)] => format!(
@@ -149,13 +149,14 @@ pub(crate) fn advice(v: &Verdict) -> String {
         DelayKind::Constant => "Remove this delay.",
         DelayKind::Early => "Leave the position as it is. Off-line, shift the velocity instead: it is the later one.",
         DelayKind::Steps | DelayKind::Switches => {
-            "No one delay fits. Off-line, remove each level's own delay and mark the fixes near the steps invalid."
+            "No single delay fits. Off-line, remove each level's own delay and mark the fixes near the steps invalid."
         }
-        DelayKind::Drifts => "No one delay fits. Off-line, remove the curve.",
+        DelayKind::Drifts => "No single delay fits. Off-line, remove the curve.",
         DelayKind::Queues | DelayKind::BuildsUp => {
-            "No one delay fits. Off-line, remove the curve and mark fixes in bursts. In flight, use the device's own time."
+            "No single delay fits. Off-line, remove the curve and mark fixes in bursts. In flight, use the device's \
+             own time."
         }
-        DelayKind::Wanders => "No one delay fits. Off-line, remove the curve and keep its uncertainty.",
+        DelayKind::Wanders => "No single delay fits. Off-line, remove the curve and keep its uncertainty.",
     };
     text.to_owned()
 }
@@ -327,7 +328,7 @@ mod tests {
         let to_and_fro = [(Step, 40.0, 0.3), (Step, 100.0, -0.3), (Step, 160.0, 0.3)];
         says(&to_and_fro, "switches to and fro 3 times between 200 ms and 500 ms");
         // 240 s of 0.25 ms/s in addition to a step of 0.3 s: a span of 360 ms.
-        let text = "jumps by 300 ms at 120 s of the flight, and changes slowly besides: between 200 ms and 560 ms";
+        let text = "jumps by 300 ms at 120 s of the flight, and also changes slowly: between 200 ms and 560 ms";
         says(&[(Bend, 0.0, 2.5e-4), (Step, 120.0, 0.3)], text);
     }
 

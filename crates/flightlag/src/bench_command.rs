@@ -183,7 +183,7 @@ fn anchors(channels: &[CardChannel]) -> Vec<String> {
                 .to_owned(),
         ),
         TimeBasis::Anchor { channel } => {
-            Some(format!("delays are relative to {channel}, which is taken as on time: the clocks differ"))
+            Some(format!("delays are relative to {channel}, which is assumed to be on time: the clocks differ"))
         }
     }
     };

@@ -34,7 +34,7 @@ pub fn read_campaign(report: &Path) -> Result<CampaignRecord, HistoryError> {
     let wrong = |(path, what): (PathBuf, String)| HistoryError::Report { path, what };
     let found = campaign::read_report(report).map_err(wrong)?.ok_or_else(|| {
         HistoryError::Asked(format!(
-            "{}: not the report of a campaign: it holds no campaign.json; give the folder that `flightlag campaign` wrote",
+            "{}: not a campaign report: it has no campaign.json; give the folder that `flightlag campaign` wrote",
             report.display()
         ))
     })?;
@@ -105,7 +105,7 @@ fn record_part(report: &Path, flight: &FlightRow) -> Result<Option<RecordPart>, 
     else {
         return Ok(None);
     };
-    serde_json::from_slice(&json).map(Some).map_err(|e| damaged(format!("has a record that is damaged: {e}")))
+    serde_json::from_slice(&json).map(Some).map_err(|e| damaged(format!("has a corrupt record: {e}")))
 }
 
 fn row_of(

@@ -138,7 +138,7 @@ impl Reader<'_> {
                 .reject(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
         let some = match written.campaign.is_empty() {
-            true => Err(self.file.reject_whole("holds no [[campaign]]: there is nothing to run")),
+            true => Err(self.file.reject_whole("has no [[campaign]]: there is nothing to run")),
             false => Ok(()),
         };
         let settle = self.settle(&written.settle_min);
@@ -181,7 +181,7 @@ impl Reader<'_> {
             Some(table) => Err(self.file.reject(
                 output,
                 format!(
-                    "{key} lies in the folder of logs {}, which is only read",
+                    "{key} is inside the folder of logs {}, which must not be written to",
                     table.get_ref().flights.get_ref().display()
                 ),
             )),
@@ -190,7 +190,7 @@ impl Reader<'_> {
 
     /// The output folder of the night.
     fn out(&self, written: &NightlyFile) -> Result<PathBuf, Refused> {
-        let refusal = "out: a night is written to a folder; only its flights may be in a bucket";
+        let refusal = "out must be a folder; only flights may be in a bucket";
         match campaign::is_in_bucket(written.out.get_ref()) {
             true => Err(self.file.reject(&written.out, refusal)),
             false => self.outside_logs("out", &written.out, &written.campaign),
@@ -205,7 +205,7 @@ impl Reader<'_> {
         names: Result<&[String], &Refused>,
     ) -> Result<PathBuf, Refused> {
         if campaign::is_in_bucket(at.get_ref()) {
-            return Err(self.file.reject(at, "history: it is a folder; only flights may be in a bucket"));
+            return Err(self.file.reject(at, "history must be a folder; only flights may be in a bucket"));
         }
         let history = self.outside_logs("history", at, &written.campaign)?;
         let reports = self.folder.join(written.out.get_ref());
@@ -214,7 +214,7 @@ impl Reader<'_> {
             None => Ok(history),
             Some(name) => Err(self
                 .file
-                .reject(at, format!("history lies in the report of the campaign {name}: give it a folder of its own"))),
+                .reject(at, format!("history is inside the report of the campaign {name}: give it a separate folder"))),
         }
     }
 
@@ -247,7 +247,7 @@ impl Reader<'_> {
             } else if TAKEN.contains(&name.as_str()) {
                 right = Err(complain(format!("name {name:?} is reserved")));
             } else if let Some(other) = lines.insert(name.clone(), line) {
-                right = Err(complain(format!("name {name:?} is that of the campaign on line {other} too")));
+                right = Err(complain(format!("name {name:?} is already the name of the campaign on line {other}")));
             }
             names.push(name);
         }
@@ -379,7 +379,7 @@ mod tests {
             "p.toml:3: unknown key `positon_s`",
             "n.toml:5: ",
             "none.toml: cannot be read",
-            "n.toml:9: name \"may\" is that of the campaign on line 7 too; give the campaign a `name`",
+            "n.toml:9: name \"may\" is already the name of the campaign on line 7; give the campaign a `name`",
             "n.toml:11: flights: ",
             "july is not a folder",
             "n.toml:12: name \"nights\" is reserved",
@@ -395,7 +395,10 @@ mod tests {
         let text =
             "schema = 1\nout = \"may/reports\"\n[[campaign]]\nflights = \"june\"\n[[campaign]]\nflights = \"may\"\n";
         let error = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
-        assert!(error.ends_with("n.toml:2: out lies in the folder of logs may, which is only read"), "{error}");
+        assert!(
+            error.ends_with("n.toml:2: out is inside the folder of logs may, which must not be written to"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -408,11 +411,11 @@ mod tests {
         };
         assert_eq!(history_of("years").unwrap(), folder.path().join("years"));
         let refused = |history: &str| history_of(history).unwrap_err().to_string();
-        let of_report = "n.toml:3: history lies in the report of the campaign may: give it a folder of its own";
+        let of_report = "n.toml:3: history is inside the report of the campaign may: give it a separate folder";
         assert!(refused("reports/may/history").ends_with(of_report));
-        let of_logs = "n.toml:3: history lies in the folder of logs may, which is only read";
+        let of_logs = "n.toml:3: history is inside the folder of logs may, which must not be written to";
         assert!(refused("may").ends_with(of_logs));
-        assert!(refused("s3://bucket/history").ends_with("history: it is a folder; only flights may be in a bucket"));
+        assert!(refused("s3://bucket/history").ends_with("history must be a folder; only flights may be in a bucket"));
     }
 
     #[test]

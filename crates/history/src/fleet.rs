@@ -110,7 +110,7 @@ fn meaning_of(file: &SettingsFile<'_>, written: FleetFile) -> Result<Fleet, Refu
         return Err(file.reject(&written.schema, "schema must be 1, the only version that this flightlag knows"));
     }
     if written.aircraft.is_empty() {
-        return Err(file.reject_whole("holds no [[aircraft]]: no flight could be found in it"));
+        return Err(file.reject_whole("has no [[aircraft]]: no flight can match"));
     }
     let aircraft: Vec<_> = written.aircraft.into_iter().map(|a| aircraft(file, a)).collect();
     Ok(Fleet { aircraft: aircraft.into_iter().collect::<Result<_, _>>()? })
@@ -134,11 +134,11 @@ fn check(file: &SettingsFile<'_>, whole: &Spanned<()>, table: &AircraftTable) ->
     let mut right = Ok(());
     if says_nothing {
         right = Err(
-            file.reject(whole, "[[aircraft]] says nothing: give airframe, receiver, serial, firmware, rate_hz or baud")
+            file.reject(whole, "[[aircraft]] is empty: give airframe, receiver, serial, firmware, rate_hz or baud")
         );
     }
     if table.flights.get_ref().trim().is_empty() {
-        right = Err(file.reject(&table.flights, "flights must be a pattern of CAMPAIGN/FLIGHT, as \"uav-1/*\""));
+        right = Err(file.reject(&table.flights, "flights must be a pattern of CAMPAIGN/FLIGHT, such as \"uav-1/*\""));
     }
     if let Some(rate) = table.rate_hz.as_ref().filter(|rate| !(rate.get_ref().is_finite() && *rate.get_ref() > 0.0)) {
         right = Err(file.reject(rate, "rate_hz must be more than 0 Hz"));

@@ -167,7 +167,7 @@ impl Made {
             Ok(verdict) => self.collected(name, order, context, earlier.as_ref(), &verdict).map(|()| verdict),
             // A folder that used to have flights is more often an unmounted disk than a folder that somebody emptied.
             Err(CampaignError::NoFlights { path, what }) if earlier.is_some() && what == EMPTY_FOLDER => {
-                let what = format!("{}: no flight found, and the report has some: {what}", path.display());
+                let what = format!("{}: no flight found, but the report has some: {what}", path.display());
                 Err(CampaignError::TryAgain(what).into())
             }
             Err(error) => {
@@ -210,10 +210,8 @@ impl Made {
         self.groups.extend(divided_groups(name, &record, earlier));
         self.left.extend(left);
         if verdict.troubled > 0 {
-            self.problems.push(format!(
-                "{name}: {} flights have no lasting result: the next night tries again",
-                verdict.troubled
-            ));
+            self.problems
+                .push(format!("{name}: {} flights have no final result: the next night tries again", verdict.troubled));
         }
         Ok(())
     }
@@ -250,7 +248,7 @@ fn unusable_row(input: &IgnoredInput, record: &CampaignRecord, with: &Collecting
         campaign: with.campaign.to_owned(),
         flight: input.path.clone(),
         outcome: FAILED.to_owned(),
-        reason: Some(format!("no flight any more: {}", input.reason)),
+        reason: Some(format!("no longer a flight: {}", input.reason)),
         data: FAILED.to_owned(),
         settings_hash: record.pipeline.blake3.clone(),
         analysis_version: i64::from(record.analysis_version),

@@ -108,9 +108,7 @@ fn tested(
     let measured = mean_lateness(&measuring).filter(|_| !is_automatic(parameter, after.set_s));
     let measured_s = measured.map(|mean| residual(&mean, after.set_s));
     let (verdict, why) = match is_automatic(parameter, after.set_s) {
-        true => {
-            (ProofVerdict::CannotTell, "0 leaves the delay to the autopilot: the residual is not known.".to_owned())
-        }
+        true => (ProofVerdict::CannotTell, "0 leaves the delay to the autopilot: the residual is unknown.".to_owned()),
         false => judge(&predicted_s, measured.zip(measured_s), (before.set_s - after.set_s).abs()),
     };
     let other = match (advised_s - after.set_s).abs() > SAME_S {
@@ -250,7 +248,7 @@ fn residual(mean: &SharedMean, set_s: f64) -> Estimate {
 /// counts once, with the prediction.
 fn judge(predicted: &Estimate, measured: Option<(SharedMean, Estimate)>, changed_by_s: f64) -> (ProofVerdict, String) {
     let Some((mean, measured)) = measured else {
-        return (ProofVerdict::CannotTell, "No flight after it measures its lateness.".to_owned());
+        return (ProofVerdict::CannotTell, "No flight after the change has a measured lateness.".to_owned());
     };
     let Some(of_prediction) = predicted.standard_uncertainty else {
         return (ProofVerdict::CannotTell, "The prediction has no uncertainty.".to_owned());

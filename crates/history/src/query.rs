@@ -220,9 +220,8 @@ fn tokens(text: &str) -> Result<Vec<Token>, String> {
         } else {
             let rest: String = chars[at..].iter().take(2).collect();
             let sign = SIGNS.iter().find(|sign| rest.starts_with(**sign));
-            let sign = sign.ok_or_else(|| {
-                format!("character {}: {c:?} is not known here; comparisons are == != < <= > >=", begin + 1)
-            })?;
+            let sign = sign
+                .ok_or_else(|| format!("character {}: unexpected {c:?}; comparisons are == != < <= > >=", begin + 1))?;
             at += sign.len();
             Word::Sign(sign)
         };
@@ -326,7 +325,7 @@ impl Parser {
             let null = Condition::IsNull { column };
             return Ok(if is_not { Condition::Not(Box::new(null)) } else { null });
         }
-        let sign = self.take("a comparison, as >")?;
+        let sign = self.take("a comparison, such as >")?;
         let operator = match &sign.what {
             Word::Sign("==") => Operator::Equal,
             Word::Sign("!=") => Operator::NotEqual,
@@ -334,7 +333,9 @@ impl Parser {
             Word::Sign("<=") => Operator::LessOrEqual,
             Word::Sign(">") => Operator::Greater,
             Word::Sign(">=") => Operator::GreaterOrEqual,
-            other => return Err(format!("character {}: expected a comparison, as >, found {}", sign.at, shown(other))),
+            other => {
+                return Err(format!("character {}: expected a comparison, such as >, found {}", sign.at, shown(other)));
+            }
         };
         let value = self.take("a number or a text in quotes")?;
         let at = value.at;
@@ -361,8 +362,9 @@ fn value_for(column: &str, word: Word) -> Result<Value, String> {
 /// Nanoseconds since 1970 for `2026-05-04` or `2026-05-04T09:30:00Z`.
 fn instant(text: &str) -> Result<i64, String> {
     let whole = if text.len() == 10 { format!("{text}T00:00:00Z") } else { text.to_owned() };
-    crate::schema::nanoseconds(&whole)
-        .map_err(|_| format!("{text:?} is neither a date, as '2026-05-04', nor an instant, as '2026-05-04T09:30:00Z'"))
+    crate::schema::nanoseconds(&whole).map_err(|_| {
+        format!("{text:?} is neither a date, such as '2026-05-04', nor a time, such as '2026-05-04T09:30:00Z'")
+    })
 }
 
 fn parse_aggregates(text: &str) -> Result<Vec<Aggregate>, String> {
@@ -411,7 +413,7 @@ impl Parser {
     /// The name of an aggregate and its opening parenthesis.
     fn aggregate_name(&mut self) -> Result<String, String> {
         const KNOWN: [&str; 8] = ["count", "median", "mean", "min", "max", "std", "sum", "quantile"];
-        let token = self.take("an aggregate, as count()")?;
+        let token = self.take("an aggregate, such as count()")?;
         let Word::Name(written) = &token.what else {
             return Err(format!("character {}: expected an aggregate, found {}", token.at, shown(&token.what)));
         };
@@ -423,11 +425,11 @@ impl Parser {
             return Ok(name);
         }
         let column = if name == "count" { "" } else { "lateness_s" };
-        Err(format!("character {}: {name} needs parentheses, as {name}({column})", token.at))
+        Err(format!("character {}: {name} needs parentheses, such as {name}({column})", token.at))
     }
 
     fn share(&mut self) -> Result<f64, String> {
-        let wrong = "quantile takes a column and a share from 0 to 1, as quantile(lateness_s, 0.9)";
+        let wrong = "quantile takes a column and a share from 0 to 1, such as quantile(lateness_s, 0.9)";
         if !self.is_next(",") {
             return Err(wrong.to_owned());
         }
@@ -484,7 +486,7 @@ mod tests {
         assert_eq!(wrong("firmware == 3.01"), "character 13: firmware holds text: put 3.01 in quotes");
         assert_eq!(wrong("delay_s > 'x'"), "character 11: lateness_s holds numbers, and \"x\" is not one");
         assert_eq!(wrong("delay_s >"), "at the end: expected a number or a text in quotes");
-        assert_eq!(wrong("delay_s = 1"), "character 9: '=' is not known here; comparisons are == != < <= > >=");
+        assert_eq!(wrong("delay_s = 1"), "character 9: unexpected '='; comparisons are == != < <= > >=");
         assert_eq!(wrong("delay_s > 1 2"), "character 13: expected `and` or `or`, found 2");
         assert_eq!(wrong("delay_s > 300ms"), "character 11: \"300ms\" is not a number; units are those of the column");
         assert_eq!(wrong("firmware == 'x"), "character 13: unterminated text; add '");

@@ -34,7 +34,7 @@ const SINCE_3: [&str; 1] = ["lateness_model_u_s"];
 /// # Errors
 /// The file does not state its layout, states an unknown one, or does not follow it.
 pub(crate) fn current(table: ReadTable) -> Result<Sheet, String> {
-    let stated = table.about.get(SCHEMA_KEY).ok_or("does not say its layout: it is not a file of a history")?;
+    let stated = table.about.get(SCHEMA_KEY).ok_or("states no layout: it is not a history file")?;
     match stated.parse() {
         Ok(1) => from_1(table.sheet).map(|sheet| with_empty(sheet, &SINCE_2)).map(|sheet| with_empty(sheet, &SINCE_3)),
         Ok(2) => Ok(with_empty(table.sheet, &SINCE_3)),
@@ -42,7 +42,7 @@ pub(crate) fn current(table: ReadTable) -> Result<Sheet, String> {
         Ok(newer) if newer > HISTORY_SCHEMA => Err(format!(
             "has layout {newer}; this flightlag reads up to layout {HISTORY_SCHEMA}: use the flightlag that wrote it, or a newer one"
         )),
-        _ => Err(format!("says layout {stated:?}, which does not exist")),
+        _ => Err(format!("states layout {stated:?}, which does not exist")),
     }
 }
 
@@ -90,7 +90,7 @@ fn with_empty(mut sheet: Sheet, columns: &[&str]) -> Sheet {
 
 /// Nanoseconds since 1970 for an instant such as `2026-05-04T09:30:00Z`.
 pub(crate) fn nanoseconds(instant: &str) -> Result<i64, String> {
-    let parsed: jiff::Timestamp = instant.parse().map_err(|e| format!("{instant:?} is not an instant: {e}"))?;
+    let parsed: jiff::Timestamp = instant.parse().map_err(|e| format!("{instant:?} is not a time: {e}"))?;
     i64::try_from(parsed.as_nanosecond()).map_err(|_| format!("{instant:?} is too far from 1970"))
 }
 

@@ -12,7 +12,7 @@ pub const ENCODER_SLIP: &str = "encoder slip";
 /// Gate check for the scatter of the encoder's counts about the smoothed motion.
 pub const ENCODER_RESIDUAL: &str = "encoder residual";
 /// End of that check's text where the scatter is too large, so that the reference motion is wrong.
-pub const COUNTS_OR_STAMPS_WRONG: &str = "counts are lost or stamps jitter";
+pub const COUNTS_OR_STAMPS_WRONG: &str = "counts are lost or timestamps jitter";
 /// Start of the reason for doubt, after the name of the record, where the delay is not one number.
 pub const DELAY_CHANGES: &str = "the delay changes over the record";
 

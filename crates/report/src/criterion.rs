@@ -86,7 +86,7 @@ pub(crate) fn criterion_why(finding: &CriterionFinding) -> String {
     match (finding.rule, finding.verdict, finding.margin) {
         (DecisionRule::Plain, ..) => format!("{beyond} the limit; no uncertainty, compared directly"),
         (DecisionRule::Value, ..) => {
-            format!("the value alone is {beyond} the limit: the criteria file leaves its uncertainty aside")
+            format!("the value alone is {beyond} the limit: the criteria file ignores its uncertainty")
         }
         (_, CriterionVerdict::Inconclusive, Some(margin)) if margin != 0.0 => {
             let needed = in_unit(&number::significant(margin.abs() / finding.unit.si, 2), finding);

@@ -202,7 +202,7 @@ fn maybe_estimate(value: Option<&Estimate>) -> Markup {
 fn maybe<T>(value: Option<T>, show: impl FnOnce(T) -> Markup) -> Markup {
     match value {
         Some(value) => show(value),
-        None => html! { span.none title="the record holds no such number" { "—" } },
+        None => html! { span.none title="the record has no such number" { "—" } },
     }
 }
 

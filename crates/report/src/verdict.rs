@@ -24,7 +24,7 @@ pub(crate) fn phrase(channel: &ChannelDynamics) -> String {
         Verdict::Early => format!("early by {} ms", size(-1.0)),
         Verdict::EquivalentToZero => format!("on time ({} ms)", size(1.0)),
         Verdict::Inconclusive => format!("not decided ({} ms)", size(1.0)),
-        Verdict::NotMeasurable => format!("not measurable ({} ms, not to be relied on)", size(1.0)),
+        Verdict::NotMeasurable => format!("not measurable ({} ms, not reliable)", size(1.0)),
     }
 }
 

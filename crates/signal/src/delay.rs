@@ -183,7 +183,7 @@ pub enum DelayError {
     #[error("no component to fit")]
     NoComponent,
     /// Numbers of timestamps and values differ.
-    #[error("component {component}: {stamps} stamps for {values} values")]
+    #[error("component {component}: {stamps} timestamps for {values} values")]
     LengthsDiffer {
         /// Component, from 0.
         component: usize,
@@ -193,7 +193,7 @@ pub enum DelayError {
         values: usize,
     },
     /// Timestamps do not increase.
-    #[error("component {component}: the stamps do not rise strictly at row {row}")]
+    #[error("component {component}: the timestamps do not increase strictly at row {row}")]
     StampsNotRising {
         /// Component, from 0.
         component: usize,

@@ -10,7 +10,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ResponseError {
     /// Numbers of timestamps and values differ.
-    #[error("{stamps} stamps for {values} values")]
+    #[error("{stamps} timestamps for {values} values")]
     Lengths {
         /// Number of timestamps.
         stamps: usize,
@@ -18,7 +18,7 @@ pub enum ResponseError {
         values: usize,
     },
     /// A timestamp does not increase, or a number is not finite.
-    #[error("sample {row}: stamps must rise strictly and everything must be finite")]
+    #[error("sample {row}: timestamps must increase strictly and all numbers must be finite")]
     BadSample {
         /// Row, from 0.
         row: usize,
@@ -28,7 +28,8 @@ pub enum ResponseError {
     Setting,
     /// Too few whole segments without a gap and inside the reference.
     #[error(
-        "{used} whole segments of {segment_s} s ({left_out} left out for gaps): at least {LEAST_SEGMENTS} are needed"
+        "{used} whole segments of {segment_s} s ({left_out} dropped because of gaps): at least {LEAST_SEGMENTS} are \
+         needed"
     )]
     TooFewSegments {
         /// Usable segments.

@@ -22,7 +22,7 @@ pub enum SmoothError {
         samples: usize,
     },
     /// Numbers of timestamps and values differ.
-    #[error("{stamps} stamps for {values} values")]
+    #[error("{stamps} timestamps for {values} values")]
     Lengths {
         /// Number of timestamps.
         stamps: usize,
@@ -36,13 +36,13 @@ pub enum SmoothError {
         row: usize,
     },
     /// Timestamps must not go back. Equal timestamps are allowed.
-    #[error("the stamp of sample {row} goes back")]
+    #[error("the timestamp of sample {row} goes backwards")]
     GoesBack {
         /// Row, from 0.
         row: usize,
     },
     /// All timestamps are the same.
-    #[error("all samples have the same stamp")]
+    #[error("all samples have the same timestamp")]
     NoDuration,
     /// The variance of the measurement, or q, is not a positive finite number.
     #[error("the measurement's variance and q must be positive and finite")]

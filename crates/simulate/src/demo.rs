@@ -248,7 +248,7 @@ fn third_day() -> [Plan; 4] {
             ..plan("2026-05-06/flight-11", bag(BagCompression::Lz4Independent), "ROS 1 bag, LZ4", 3.0)
         },
         Plan {
-            faults: &["stamps jitter, 2 % of the positions are missing, both sensors wander and are biased"],
+            faults: &["timestamps jitter, 2 % of the positions are missing, both sensors wander and are biased"],
             ..worn(plan(
                 "2026-05-06/flight-12",
                 mcap(McapEncoding::Cdr, McapCompression::Unchunked),

@@ -42,7 +42,7 @@ pub enum SimulateError {
     #[error("JSON: {0}")]
     Json(#[from] serde_json::Error),
     /// Only a flight can be written in this format.
-    #[error("only flights are written as {0}")]
+    #[error("only flights can be written as {0}")]
     OnlyFlights(&'static str),
     /// Samples that are not a valid series: a bug in the simulation.
     #[error("simulated samples: {0}")]

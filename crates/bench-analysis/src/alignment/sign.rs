@@ -20,8 +20,9 @@ pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, St
         .or_else(|| of_quantity(clues, Quantity::Attitude, of_attitude));
     if let Some(stated) = rig.encoder.sign {
         if let Some((found, how)) = seen.filter(|(s, _)| *s != stated) {
-            let text =
-                format!("the rig file says encoder.sign = {stated}, but {how} shows {found}; the rig file is used");
+            let text = format!(
+                "the rig file says encoder.sign = {stated}, but the record shows {found}: {how}. The rig file is used"
+            );
             notices.push(Code::RigContradicted, ENCODER_SIGN, 1, text);
         }
         return (stated, "rig file".to_owned());

@@ -60,9 +60,10 @@ pub(super) fn zero(
         return (zero, "from the bar hanging at rest".to_owned());
     }
     let zero = from_the_middle(motion, sign);
-    let text = "no channel shows the bar's angle at encoder zero: the swing is assumed to be even about the vertical";
+    let text = "no channel shows the bar's angle at encoder zero: the swing is assumed to be symmetric about the \
+                vertical";
     notices.push(Code::Assumption, "", 1, text);
-    (zero, "assumed: the swing is even about the vertical".to_owned())
+    (zero, "assumed: the swing is symmetric about the vertical".to_owned())
 }
 
 fn uncertainty(e: &Estimate) -> f64 {

@@ -58,7 +58,7 @@ pub struct Combined {
 /// [`CardError`] naming the record: there are no records, they are of different sensors or of different analyses, or
 /// nothing was measured.
 pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Result<Combined, CardError> {
-    let (first_name, first) = records.first().ok_or_else(|| error("", "no record, no card"))?;
+    let (first_name, first) = records.first().ok_or_else(|| error("", "a card needs at least one record"))?;
     let sensor = one_sensor(records)?;
     let analysis_version = one_analysis((first_name, first), records)?;
     let mut notices = Notices::new();
@@ -144,7 +144,7 @@ fn one_sensor(records: &[(String, BenchRecord)]) -> Result<SensorIdentity, CardE
         if i == 0 {
             whole = own.clone();
         } else if let Some(conflict) = identity_conflict(&whole, own) {
-            return Err(error(name, format!("another sensor than in the records before: {conflict}")));
+            return Err(error(name, format!("a different sensor from the records before: {conflict}")));
         }
         whole.serial = whole.serial.or_else(|| own.serial.clone());
         whole.firmware = whole.firmware.or_else(|| own.firmware.clone());
@@ -206,7 +206,7 @@ fn report_doubts(records: &[&(String, BenchRecord)], notices: &mut Notices) {
         let words: Vec<String> =
             channels(record).iter().filter_map(|c| Some(format!("{}: {}", c.name, c.doubt()?))).collect();
         if !words.is_empty() {
-            let text = format!("{}. One number does not describe it: look for its cause", words.join("; "));
+            let text = format!("{}. One number does not describe it: find the cause", words.join("; "));
             notices.push(Code::FlightDelayChanges, name, words.len() as u64, text);
         }
     }
@@ -286,7 +286,7 @@ impl Kind {
             None => "absolute".to_owned(),
             Some(anchor) => format!("relative to {anchor}"),
         };
-        format!("{} stamps, {against}", self.stamp_kind)
+        format!("{} timestamps, {against}", self.stamp_kind)
     }
 }
 
@@ -533,7 +533,7 @@ fn comparable<'a>(name: &'a str, runs: Vec<Run<'a>>, left_out: &mut Vec<LeftOut<
     for run in others {
         let own = Kind::of(run.channel);
         let what = if own.quantity == best.quantity { own.words() } else { format!("{:?}", own.quantity) };
-        let why = format!("{what}: not comparable with the others ({}) and left out", best.words());
+        let why = format!("{what}: not comparable with the others ({}) and not used", best.words());
         left_out.push(LeftOut { code: Code::NotComparable, record: run.record, channel: name, why });
     }
     kept

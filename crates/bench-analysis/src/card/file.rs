@@ -16,10 +16,10 @@ use toml::de::{DeTable, DeValue};
 const LONGEST_DELAY_S: f64 = 10.0;
 
 const HEAD: &str = "\
-# Sensor card: what a bench knows of one sensor. Written by `flightlag bench`, read by
+# Sensor card: what the bench found about one sensor. Written by `flightlag bench`, read by
 # `flightlag campaign` with `[delay] card = \"...\"` in its pipeline.
 # Times are in seconds. A positive delay is late: measured(t) = truth(t - delay).
-# Uncertainties are standard ones (k = 1).
+# Uncertainties are standard uncertainties (k = 1).
 ";
 const VALIDITY: &str = "\
 # Last day on which something was measured, and the days on which the card may be used.
@@ -30,15 +30,15 @@ const ORIGIN: &str = "\
 const CHANNEL: &str = "\
 # One entry for each channel. `verdict` is delayed, early, equivalent-to-zero, inconclusive or not-measurable.
 # `basis` says what the delay is measured against: one clock for all, a pulse per second, or an anchor channel.
-# `slow_motion_delay_s` is delay and lags together. `contradicted` says what puts the delay in doubt, as a record that
-# contradicts its rig file: do not use the channel before the cause is found.
+# `slow_motion_delay_s` is delay and lags together. `contradicted` says why the delay is in doubt, such as a record that
+# contradicts its rig file: do not use the channel until the cause is found.
 ";
 const RECORD: &str = "\
-# The records that were measured for this card; `records` of a channel says how many of them its mean is made of.
+# The records that were measured for this card; `records` of a channel says how many of them are in its mean.
 ";
 const MAGNETOMETER: &str = "\
 # Hard and soft iron: read = scale * soft_iron * field + hard_iron, in body axes forward, right, down. `cannot-tell` says why
-# there is none, and in which azimuths to swing.
+# they are unknown, and in which azimuths to swing.
 ";
 
 const SENSOR_KEYS: [&str; 5] = ["model", "serial", "firmware", "baud", "configuration"];
@@ -220,7 +220,7 @@ impl Checker<'_> {
     fn day(&self, place: &Place<'_>, key: &str, text: &str) -> Option<Date> {
         let day = text.parse::<Date>();
         if day.is_err() {
-            self.file.reject(place, format!("{key} = \"{text}\" is not a date, as \"2026-05-04\""));
+            self.file.reject(place, format!("{key} = \"{text}\" is not a date such as \"2026-05-04\""));
         }
         day.ok()
     }
@@ -229,7 +229,7 @@ impl Checker<'_> {
         let at = |key: &str| part(place, key);
         self.numbers(place, channel);
         if channel.name.trim().is_empty() {
-            self.file.reject(at("name"), "a channel must have a name, as `position.gps`");
+            self.file.reject(at("name"), "a channel must have a name, such as `position.gps`");
         }
         let contradicts = match channel.verdict {
             Verdict::Delayed => channel.delay_s <= 0.0,
@@ -251,7 +251,7 @@ impl Checker<'_> {
             }
         };
         let delay = |key: &str, value: Option<f64>| {
-            check(key, value, |v| v.abs() <= LONGEST_DELAY_S, "finite, in seconds, and at most 10 either way");
+            check(key, value, |v| v.abs() <= LONGEST_DELAY_S, "finite, in seconds, from -10 to 10");
         };
         let size = |key: &str, value: Option<f64>| check(key, value, |v| v >= 0.0, "finite and not negative");
         delay("delay_s", Some(channel.delay_s));
@@ -282,7 +282,7 @@ impl Checker<'_> {
     fn record(&self, place: &Place<'_>, record: &CardSource) {
         if record.files.len() != record.blake3.len() {
             let (files, hashes) = (record.files.len(), record.blake3.len());
-            self.file.reject(place, format!("a record with {files} files and {hashes} hashes"));
+            self.file.reject(place, format!("a record has {files} files but {hashes} hashes"));
         }
         if let Some(date) = &record.date {
             self.day(part(place, "date"), "date", date);

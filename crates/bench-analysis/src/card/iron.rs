@@ -40,7 +40,8 @@ fn one_field(records: &[&MagneticEvidence]) -> Result<(), String> {
     let Some(first) = fields.next() else { return Ok(()) };
     match fields.map(|b| (b - first).norm() / first.norm()).fold(0.0, f64::max) {
         apart if apart > SAME_FIELD => Err(format!(
-            "the records were made where the Earth's field differs by {:.1} %: hard and soft iron need swings in one place",
+            "the Earth's field differs by {:.1} % between the places of the records: hard and soft iron need swings in \
+             one place",
             100.0 * apart
         )),
         _ => Ok(()),

@@ -205,12 +205,16 @@ impl FullFit {
     }
 
     fn text(&self, swings: &[MagneticSwing]) -> String {
-        let stated =
-            if self.is_stated { " Azimuths that the rig file states are taken as good to 0.5° (k = 1)." } else { "" };
+        let stated = if self.is_stated {
+            " Azimuths stated in the rig file are assumed to be accurate to 0.5° (k = 1)."
+        } else {
+            ""
+        };
         format!(
-            "From {} swings at {} azimuths: hard and soft iron of all axes, with the field's own direction (declination {}°, \
-             dip {}°) fitted along; the soft iron is scaled to determinant one. The mean of a swing is off the common \
-             fit by at most {:.2} times the rms of what is left. Uncertainties hold noise and azimuths.{stated}",
+            "From {} swings at {} azimuths: hard and soft iron of all axes, with the direction of the field \
+             (declination {}°, dip {}°) fitted too; the soft iron is scaled to determinant one. The mean of a swing \
+             differs from the common fit by at most {:.2} times the rms of the residuals. Uncertainties cover noise \
+             and azimuths.{stated}",
             swings.len(),
             self.azimuths,
             flight::fixed(wrapped(self.direction.declination).to_degrees(), 2),

@@ -52,7 +52,7 @@ fn in_words(parts: &[Part]) -> String {
     let all: Vec<String> = parts.iter().map(one).collect();
     format!(
         "the bench was turned within the record: {}. The magnetometer's hard and soft iron are fitted swing by swing; \
-         every other number takes one azimuth for all, so cut the log there and measure the parts",
+         every other number assumes one azimuth, so cut the log there and measure the parts separately",
         all.join(", ")
     )
 }

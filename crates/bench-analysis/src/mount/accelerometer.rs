@@ -41,7 +41,7 @@ fn in_plane(inputs: &Inputs<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck>
     let pitch = fitted_x.value.atan2(fitted_z.value) - x.atan2(z);
     let arm = |axis: &str, fitted, stated, text: String| {
         let label = format!("lever arm {axis} of {name}");
-        let why = "acceleration and gravity swing alike at one frequency: vary the pace, or swing wider";
+        let why = "at a single frequency, acceleration and gravity vary alike: vary the pace, or swing wider";
         if fit.arm_is_fitted {
             inputs.length_check(label, fitted, stated, x.hypot(z), (ARM_TOLERANCE_M, text))
         } else {
@@ -52,13 +52,13 @@ fn in_plane(inputs: &Inputs<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck>
     let size = cos_0.hypot(sin_0);
     let scale = estimate(size, fit.spread_of_gravity(cos_0 / size, sin_0 / size));
     let pitched = format!(
-        "off the bar's line by {}°: a lever arm off the axis, or the sensor pitched by as much",
+        "off the bar's line by {}°: a lever arm off the axis, or the sensor pitched by that angle",
         flight::fixed(crate::kinematics::wrapped(pitch).to_degrees(), 2)
     );
     let gravity =
         format!("gravity as measured over {:.5} m/s² ({})", inputs.around.gravity_mps2, inputs.around.gravity_source);
     let bias = |axis: &str, k: usize| {
-        let text = "offset that is left when gravity and motion are taken out";
+        let text = "offset after gravity and motion are removed";
         check(format!("bias {axis} of {name}"), "m/s²", fit.estimate(k), None, 0.0, text.to_owned())
     };
     vec![
@@ -106,11 +106,11 @@ fn across(inputs: &Inputs<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
         )
     };
     Some(vec![
-        misalignment("z", yaw, "what the x axis leaks into y"),
+        misalignment("z", yaw, "leakage of the x axis into y"),
         misalignment(
             "x",
             coefficient(&fit, 2),
-            "what the z axis leaks into y: a rolled sensor, or an axis of rotation that is not level",
+            "leakage of the z axis into y: a rolled sensor, or an axis of rotation that is not level",
         ),
         check(
             format!("bias y of {name}"),
@@ -118,7 +118,7 @@ fn across(inputs: &Inputs<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
             coefficient(&fit, 0),
             None,
             0.0,
-            "the swing gives y no signal".to_owned(),
+            "the swing does not excite y".to_owned(),
         ),
     ])
 }

@@ -17,14 +17,14 @@ pub(super) fn checks(inputs: &Inputs<'_>, clue: &Clue) -> Vec<MountCheck> {
     for (axis, about, factor) in [(0, "z", sign), (2, "x", -sign)] {
         if let Some(fit) = clue.regression(axis) {
             let angle = estimate(factor * fit.coefficients[1], fit.standard_uncertainty(1));
-            let text = format!("what the swing's rate leaks into {}", ["x", "y", "z"][axis]);
+            let text = format!("leakage of the swing's rate into {}", ["x", "y", "z"][axis]);
             let label = format!("misalignment about {about} of {name}");
             checks.push(check(label, "rad", angle, Some(0.0), MISALIGNMENT_TOLERANCE_RAD, text));
         }
     }
     for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
         if let Some(fit) = clue.regression(axis) {
-            let text = "rate at rest, the Earth's 15°/h among it".to_owned();
+            let text = "rate at rest, including the Earth's 15°/h".to_owned();
             checks.push(check(format!("bias {letter} of {name}"), "rad/s", coefficient(fit, 0), None, 0.0, text));
         }
     }

@@ -115,7 +115,7 @@ fn the_tangential_axis_of_a_free_pendulum_is_reported_as_unexcited() {
     let (found, _) = references(&swing, &flight_of(vec![("specific-force.imu", channel)]), &rig);
     let x = &of(&found, "specific-force.imu").components[0];
     let why = x.excited.clone().unwrap_err();
-    assert!(why.contains("pendulum") || why.contains("reference is only good"), "{why}");
+    assert!(why.contains("pendulum") || why.contains("reference is uncertain"), "{why}");
 }
 
 #[test]

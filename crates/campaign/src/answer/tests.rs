@@ -62,7 +62,7 @@ fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
         let difference = late(value_s, Some("velocity.gps"));
         assert_eq!(kind_of(&difference, None), kind);
         let text = words(&FlightLateness { kind, ..difference }, None, None);
-        assert!(text.contains("than velocity.gps; how late both are is not known"), "{text}");
+        assert!(text.contains("than velocity.gps; the lateness of both is unknown"), "{text}");
     }
 }
 

@@ -84,7 +84,7 @@ fn values_follow_from_the_pair_noise_by_their_formulas() {
     // √((0.03² + 0.04²) / 2).
     close(channel.value(EkfValueKind::BiasStd), 0.00125_f64.sqrt(), 0.00125_f64.sqrt() / 2.0);
     close(channel.value(EkfValueKind::Delay), 0.2, 0.004);
-    assert_eq!(channel.remarks, ["noise of velocity.ekf, integrated, is in the wander: it is at most so large"]);
+    assert_eq!(channel.remarks, ["the wander includes the integrated noise of velocity.ekf: it is an upper limit"]);
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn a_wander_slower_than_the_record_is_a_random_walk() {
         pairs: vec![pair(PV, ("p", "v"), (0.0, 0.01), 1000, vec![piece((0.0, 100.0), slow, [0.0; 2])])],
     };
     let values = ekf_values(&delays, &BTreeMap::new());
-    assert!(values.channels[0].remarks[0].contains("take the random walk"), "{values:?}");
+    assert!(values.channels[0].remarks[0].contains("use the random walk"), "{values:?}");
     let walk = values.channels[0].value(EkfValueKind::RandomWalkDensity).unwrap();
     assert!((walk.value - (50.0 / 300.0_f64).sqrt()).abs() < 1e-12);
 }

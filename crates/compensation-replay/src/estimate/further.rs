@@ -165,7 +165,7 @@ impl Bench<'_> {
     fn report(&self, kind: CompensatorKind, no_output: &[bool], trouble: &Trouble, notices: &mut Notices) {
         let why = trouble.first.as_ref().map(|first| format!(" ({first})")).unwrap_or_default();
         if trouble.refused > 0 {
-            let text = format!("samples, counted per axis, that {kind} refused{why}");
+            let text = format!("samples, counted per axis, that {kind} rejected{why}");
             notices.push(Code::NoOutput.at(Severity::Warning), "", trouble.refused, text);
         }
         let missing = |row: &usize| no_output[*row] && self.rows.has_output(*row);

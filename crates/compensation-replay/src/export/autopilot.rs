@@ -113,8 +113,8 @@ fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]
     match against {
         MeasuredAgainst::Inertial => {}
         MeasuredAgainst::UnknownVelocity => out.push(
-            "This is the delay of the position behind its velocity. The parameters delay both together, so a value is \
-             right only if that velocity is on time; measure the velocity against the inertial sensors first."
+            "This is the delay of the position relative to its velocity. The parameters delay both together, so a \
+             value is right only if that velocity is on time; measure the velocity against the inertial sensors first."
                 .to_owned(),
         ),
         MeasuredAgainst::Velocity(own) => out.push(format!(
@@ -156,7 +156,7 @@ impl AutopilotAdvice {
             let interval = p.interval_ms.map_or(String::new(), |[low, high]| format!(" ({low} to {high})"));
             let fit = match p.fit {
                 ParameterFit::Fits => "",
-                ParameterFit::AtTheEdge => ", the interval leaves the range",
+                ParameterFit::AtTheEdge => ", the interval exceeds the range",
                 ParameterFit::OutOfRange => ", out of range: cannot be set",
                 ParameterFit::RoundsToAutomatic => ", which means automatic: cannot be set",
             };

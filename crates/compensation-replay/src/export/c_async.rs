@@ -53,7 +53,7 @@ fn header(export: &CExport, samples: u32) -> String {
 extern \"C\" {{
 #endif
 
-/* Velocities that are kept. */
+/* Number of stored velocities. */
 #define {upper}_SAMPLES {samples}u
 
 /* State of one axis. Copy it to restart without a bump. */
@@ -62,20 +62,20 @@ typedef struct {{
     unsigned newest;        /* its newest sample */
     int has_fix;            /* 0 until the first fix: there is no position yet */
     {real} late_position;   /* m, of the newest fix */
-    {real} displacement;    /* m, flown since that was true */
+    {real} displacement;    /* m, flown since the time of that position */
 }} {prefix}_t;
 
-/* As if velocity (m/s) had always been flown: the usual start, and the restart after a gap. */
+/* Starts as if velocity (m/s) had always been flown: the usual start, and the restart after a gap. */
 void {prefix}_init_warm({prefix}_t *c, {real} velocity);
 
-/* From rest: nothing was flown before, and velocity ramps up from zero over one step. */
+/* Starts from rest: nothing was flown before, and velocity ramps up from zero over one step. */
 void {prefix}_init_cold({prefix}_t *c, {real} velocity);
 
 /* The next velocity, m/s, {step} s after the last. */
 void {prefix}_step({prefix}_t *c, {real} velocity);
 
-/* A new position, m, and how old its stamp is at the newest velocity, s. Gives 1; or 0, and nothing changes, if the age is
-   negative, above {age} s or no number. */
+/* A new position, m, and its age at the newest velocity, s. Returns 1. Returns 0 and changes nothing if the age is
+   negative, above {age} s or not a number. */
 int {prefix}_fix({prefix}_t *c, {real} late_position, {real} age);
 
 /* Where the vehicle is at the newest velocity, m. */

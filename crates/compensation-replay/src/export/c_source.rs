@@ -245,13 +245,13 @@ typedef struct {{
     {real} displacement; /* m, flown during the delay */
 }} {prefix}_t;
 
-/* As if velocity (m/s) had always been flown: the usual start, and the restart after a gap. */
+/* Starts as if velocity (m/s) had always been flown: the usual start, and the restart after a gap. */
 void {prefix}_init_warm({prefix}_t *c, {real} velocity);
 
-/* From rest: velocity ramps up from zero over the first step. */
+/* Starts from rest: velocity ramps up from zero over the first step. */
 void {prefix}_init_cold({prefix}_t *c, {real} velocity);
 
-/* The next velocity, m/s, {step} s after the last. Gives the displacement, m. */
+/* The next velocity, m/s, {step} s after the last. Returns the displacement, m. */
 {real} {prefix}_step({prefix}_t *c, {real} velocity);
 
 /* Where the vehicle is now, m, from the newest (late) position, m. */

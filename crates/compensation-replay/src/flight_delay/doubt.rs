@@ -36,8 +36,8 @@ pub(crate) fn doubt(
     }
     if over_time.is_some_and(|o| o.unplaced_change) {
         found.alarms.push(
-            "the delay changes during the flight, or the position was reset along the track; when and by how much, the motion \
-             does not tell"
+            "the delay changes during the flight, or the position was reset along the track; the motion does not show \
+             when or by how much"
                 .to_owned(),
         );
     }
@@ -61,7 +61,7 @@ fn mean_of_varying(found: &mut MeasuredDelay, varying: &DelayOverTime) -> f64 {
     found.delay_s.value = value;
     found.interval_95_s = found.interval_95_s.map(|end| end + shift_s);
     found.remarks.push(format!(
-        "this is the mean over the flight; one delay for all of it would be {:.0} ms, and would describe a part alone",
+        "this is the mean over the flight; a single delay would be {:.0} ms and would fit only part of the flight",
         1e3 * (value - shift_s)
     ));
     u.hypot(range_s)
@@ -95,7 +95,7 @@ fn by_frequency(found: &mut MeasuredDelay, view: &View) -> f64 {
     }
     found.alarms.push(format!(
         "the delay depends on frequency: {} ms in slow motion, {} ms in fast (different by {:.0} ± {:.0} ms; the \
-         border is about {:.2} Hz). It acts as a filter does and not as a pure delay",
+         border is about {:.2} Hz). It acts as a filter, not as a pure delay",
         flight::fixed(1e3 * bands.slow_s, 0),
         flight::fixed(1e3 * bands.fast_s, 0),
         1e3 * apart_s.abs(),
@@ -112,7 +112,7 @@ fn by_operating_point(found: &mut MeasuredDelay, alarm_p: f64) -> f64 {
         let span_s = of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY);
         wider_s = wider_s.hypot(span_s / 12_f64.sqrt());
         found.alarms.push(format!(
-            "the delay differs by {:.0} ms with {} (p {})",
+            "the delay differs by {:.0} ms, depending on {} (p {})",
             1e3 * span_s,
             split.by,
             small(split.p.unwrap_or(0.0))
@@ -126,7 +126,7 @@ fn not_recovered(found: &mut MeasuredDelay) {
         let u = injection.error_s.standard_uncertainty.unwrap_or(f64::INFINITY);
         if injection.error_s.value.abs() > NOT_RECOVERED * u {
             found.alarms.push(format!(
-                "{:.0} ms put into the second half came back as {:.0} ms: the halves differ by {:.0} ± {:.0} ms",
+                "{:.0} ms added to the second half were measured as {:.0} ms: the halves differ by {:.0} ± {:.0} ms",
                 1e3 * injection.injected_s,
                 1e3 * (injection.injected_s + injection.error_s.value),
                 1e3 * injection.error_s.value,
@@ -143,7 +143,7 @@ fn noise(found: &mut MeasuredDelay, kind: DelayPairKind) {
     };
     let white = found.pieces.iter().flat_map(|p| p.noise).map(|n| n.white_std).fold(0.0, f64::max);
     if white > limit {
-        found.alarms.push(format!("noise of {white:.1} {unit} from sample to sample: far beyond what a receiver has"));
+        found.alarms.push(format!("noise of {white:.1} {unit} from sample to sample: far more than a receiver has"));
     }
 }
 

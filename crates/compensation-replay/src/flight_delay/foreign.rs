@@ -59,7 +59,8 @@ impl Compared<'_> {
         let share = share.filter(|share| *share > MOST_UNEXPLAINED)?;
         let check = self.best_match().and_then(|found| found.words(names));
         Some(format!(
-            "{first} does not move as {second} says: {:.0} % of its displacement is left over at the best delay. {}",
+            "{first} does not move as {second} predicts: {:.0} % of its displacement is unexplained at the best delay. \
+             {}",
             100.0 * share,
             check.unwrap_or_else(|| "Check axes, signs and units of both".to_owned())
         ))
@@ -122,7 +123,7 @@ impl AxesMatch {
         let left = 100.0 * self.unexplained;
         (self.unexplained < EXPLAINED && !all.is_empty()).then(|| {
             let all = all.join(", and ");
-            format!("{left:.0} % would be left over if {all}: check axes and units of the channel map")
+            format!("{left:.0} % would be unexplained if {all}: check axes and units of the channel map")
         })
     }
 }
@@ -190,7 +191,8 @@ mod tests {
         for (refusal, words) in [
             (
                 circles(|[n, e]| [3.6 * n, 3.6 * e]),
-                "0 % would be left over if velocity were divided by 3.60, as if velocity were in km/h and read as m/s:",
+                "0 % would be unexplained if velocity were divided by 3.60, as if velocity were in km/h and read as \
+                 m/s:",
             ),
             (
                 circles(|[n, e]| [0.3048 * n, 0.3048 * e]),

@@ -152,9 +152,9 @@ pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64
     let unit = if motion.acceleration { "m/s²" } else { "m/s" };
     Some(if fastest < SLOW_MPS {
         format!(
-            "the vehicle does not travel: 95 % of ground speeds are below {:.2} m/s, and the part of its motion that is not \
-             steady is {unsteady:.2} {unit}, of at least {needed:.2} {unit} that noise requires; standing still, late and on time look \
-             alike. Fly a minute of circles at 3 m/s or more",
+            "the vehicle does not travel: 95 % of ground speeds are below {:.2} m/s, and the unsteady part of its \
+             motion is {unsteady:.2} {unit}, but this noise requires at least {needed:.2} {unit}. At a standstill, \
+             late and on time look alike. Fly a minute of circles at 3 m/s or more",
             fastest.max(0.01)
         )
     } else {
@@ -254,8 +254,9 @@ const MOTION_HZ: f64 = 5.0;
 pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Option<String> {
     (stamps_s > settings.worst_sigma_s).then(|| {
         format!(
-            "several rows share one stamp, and the steps between stamps alone leave a delay open by ±{:.0} ms (standard \
-             uncertainty, limit {:.0} ms). Log with a finer clock, or choose stamps that the device itself gives",
+            "several rows share one timestamp, and the coarse timestamps alone make a delay uncertain by ±{:.0} ms \
+             (standard uncertainty, limit {:.0} ms). Log with a finer clock, or use the timestamps of the device \
+             itself",
             1e3 * stamps_s,
             1e3 * settings.worst_sigma_s
         )
@@ -274,14 +275,14 @@ pub(crate) fn refuse_fit(
     let uncertain = known.is_nan() || known > settings.worst_sigma_s;
     if !fit.converged && !uncertain {
         return Some(format!(
-            "no delay stands out: the search between {first} and {second} did not converge, as where they do not \
-             belong together or noise is as large as the motion. {}",
+            "no delay stands out: the search between {first} and {second} did not converge. Either they do not belong \
+             together, or noise is as large as the motion. {}",
             what_to_fly(known, offer, motion)
         ));
     }
     uncertain.then(|| {
         format!(
-            "the delay would be known to ±{:.0} ms (standard uncertainty, limit {:.0} ms) only. {}",
+            "the delay would be known only to ±{:.0} ms (standard uncertainty, limit {:.0} ms). {}",
             1e3 * known,
             1e3 * settings.worst_sigma_s,
             what_to_fly(known, offer, motion)

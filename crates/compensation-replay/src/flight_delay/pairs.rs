@@ -58,20 +58,20 @@ impl Pair {
         let (first, second) = self.names();
         match self.kind {
             DelayPairKind::PositionAgainstVelocity => format!(
-                "δ = Tp − Tv: how much later {first} is than {second}. A delay that both share \
-                 cannot be seen, so this is not how late either is"
+                "δ = Tp − Tv: how much later {first} is than {second}. A delay that both share cannot be seen, so this \
+                 is not the lateness of either"
             ),
             DelayPairKind::VelocityAgainstAcceleration => format!(
                 "δ = Tv − Ta: how much later {first} is than the acceleration from {second}. A delay that both share \
                  cannot be seen"
             ),
             DelayPairKind::PositionAgainstReference => format!(
-                "δ = Tp: how late {first} is against {second}, which is taken to be on time; its own delay would count \
-                 against it"
+                "δ = Tp: how late {first} is against {second}, which is assumed to be on time; any delay of its own \
+                 would be subtracted"
             ),
             DelayPairKind::VelocityAgainstReference => format!(
-                "δ = Tv: how late {first} is against {second}, which is taken to be on time; its own delay would count \
-                 against it"
+                "δ = Tv: how late {first} is against {second}, which is assumed to be on time; any delay of its own \
+                 would be subtracted"
             ),
             DelayPairKind::BetweenReceivers => {
                 format!("δ = T₁ − T₂: how much later {first} is than {second}. A delay that both share cannot be seen")

@@ -73,7 +73,7 @@ pub(crate) fn without_spikes(
     if count == 0 {
         return None;
     }
-    let text = format!("{name}: {count} sample(s) that jump away and back by more than {HARDEST} m/s² left out");
+    let text = format!("{name}: {count} sample(s) that jump away and back by more than {HARDEST} m/s² dropped");
     notices.push(Code::SamplesLeftOut, name, count as u64, text);
     let keep = |x: &[f64]| x.iter().zip(&spike).filter(|(_, s)| !**s).map(|(x, _)| *x).collect();
     body.iter_mut().flatten().flatten().for_each(|column| *column = keep(column));
@@ -199,13 +199,13 @@ impl Cuts {
     fn report(&self, names: &Names, notices: &mut Notices) {
         let Cuts { glitches, wild, resets, gaps } = self;
         if *glitches > 0 {
-            let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
+            let text = format!("{}: {glitches} sample(s) that jump away from their neighbours dropped", names.first);
             notices.push(Code::SamplesLeftOut, names.first, *glitches, text);
         }
         if *wild > 0 {
             let text = format!(
-                "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver has \
-                 settled: left out",
+                "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver \
+                 has settled: dropped",
                 names.first, names.second
             );
             notices.push(Code::SamplesLeftOut, names.first, *wild, text);
@@ -263,7 +263,7 @@ fn skip_rest(home: &mut [Option<usize>], prepared: &Prepared, names: &Names, not
     let of_rest = home.iter_mut().zip(&prepared.first.t).filter(|(h, t)| h.is_some() && at_rest(**t));
     let rest = of_rest.map(|(h, _)| *h = None).count();
     if rest > 0 {
-        let text = format!("{}: {rest} sample(s) at rest before or after the motion take no part", names.first);
+        let text = format!("{}: {rest} sample(s) at rest before or after the motion are not used", names.first);
         notices.push(Code::SamplesLeftOut.at(Severity::Info), names.first, rest as u64, text);
     }
 }
@@ -381,7 +381,8 @@ fn keep_the_best(mut all: Vec<Piece>, first: &Horizontal, names: &Names, notices
     let lost = before.1 - rows(&all);
     if lost > 0 {
         let text = format!(
-            "{}: {lost} sample(s) in {} piece(s) that are too short (or not among the {MOST_PIECES} longest) take no part",
+            "{}: {lost} sample(s) in {} piece(s) that are too short (or not among the {MOST_PIECES} longest) are not \
+             used",
             names.first,
             before.0 - all.len()
         );

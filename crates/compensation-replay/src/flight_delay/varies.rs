@@ -54,8 +54,8 @@ pub(crate) fn over_time(
     let mut found = analyse(&record, &settings).ok()?;
     if part.len() < first.t.len() {
         found.remarks.push(format!(
-            "Whether the delay stays the same was asked of the longest part without a pause of {LONGEST_PAUSE_S:.0} s, {} of \
-             {} fixes.",
+            "Whether the delay stays the same was tested on the longest part without a pause of {LONGEST_PAUSE_S:.0} \
+             s, {} of {} fixes.",
             part.len(),
             first.t.len()
         ));

@@ -204,6 +204,6 @@ fn the_correction_removes_the_shift_and_adds_its_uncertainty() {
     assert_eq!(
         sensitivity.words_of(&arm),
         "the antenna is 0.50 m ahead of the point where velocity is taken (the pipeline): that makes the position look \
-         50.0 ± 20.0 ms earlier, which is taken out"
+         50.0 ± 20.0 ms earlier, which is corrected"
     );
 }

@@ -137,7 +137,8 @@ impl Ground<'_> {
             (Some(seen), _, _) => term(
                 name,
                 Finding::Found(self.speed_mps * seen.value.abs()),
-                "U times the lateness of the position less the delay set, which differ by more than two standard uncertainties",
+                "U times the lateness of the position minus the delay set, which differ by more than two standard \
+                 uncertainties",
             ),
             (None, Some(stated), Some(own)) if own < stated => term(name, Finding::Found(self.speed_mps * own), OWN),
             (None, Some(stated), _) => {
@@ -145,7 +146,7 @@ impl Ground<'_> {
             }
             (None, None, Some(own)) => term(name, Finding::Found(self.speed_mps * own), OWN),
             (None, None, None) => {
-                let why = "no uncertainty of Td is stated, and this flight does not show what is left of the delay";
+                let why = "no uncertainty of Td is stated, and this flight does not show the remaining delay";
                 term(name, Finding::CannotTell(why.to_owned()), "")
             }
         }
@@ -161,9 +162,11 @@ impl Ground<'_> {
         };
         let seen = late_s.standard_uncertainty.is_some_and(|u| late_s.value.abs() > 2.0 * u);
         let (size_s, source) = match late_s.standard_uncertainty.filter(|_| !seen) {
-            Some(u) => {
-                (u, "Td times the rms acceleration times the standard uncertainty of Tv, not seen to differ from zero")
-            }
+            Some(u) => (
+                u,
+                "Td times the rms acceleration times the standard uncertainty of Tv, which does not differ \
+                 significantly from zero",
+            ),
             None => (late_s.value.abs(), "Td times the rms acceleration times the lateness of the velocity"),
         };
         let size = |motion: &Motion| self.delay_s * size_s * motion.weighted(|hz| (TAU * hz).powi(2)).sqrt();
@@ -257,8 +260,8 @@ impl Ground<'_> {
         let slow = own.clone().find(|(m, _)| m.time_constant_s * TIME_CONSTANTS > fit.span_s);
         let size = match slow {
             Some((m, _)) => Finding::CannotTell(format!(
-                "the fixes wander against the integrated velocity over {:.0} s in a record of {:.0} s: whether position or \
-                 velocity does is unknown",
+                "the fixes wander against the integrated velocity over {:.0} s in a record of {:.0} s: whether \
+                 position or velocity wanders is unknown",
                 m.time_constant_s, fit.span_s
             )),
             None => Finding::Found(own.map(|(m, _)| m.wander_std * m.wander_std).sum::<f64>().sqrt()),

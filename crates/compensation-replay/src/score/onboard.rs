@@ -50,7 +50,8 @@ fn is_geodetic(name: &str, channel: &Channel, input: &Input) -> Result<bool, Str
     }
     if input.averaged > 1 {
         return Err(format!(
-            "the record is so long that {} neighbouring velocity samples are averaged, and the aircraft's filter saw each",
+            "the record is so long that every {} velocity samples are averaged, but the aircraft's filter used each \
+             sample",
             input.averaged
         ));
     }

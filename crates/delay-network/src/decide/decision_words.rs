@@ -24,7 +24,7 @@ pub(crate) fn by_flights(flight: &FlightSources, evidence: &Evidence, choice: &C
     let count = flights(choice.pooled);
     let own = evidence.own.map(with_uncertainty).unwrap_or_default();
     match choice.row {
-        1 => format!("From {count} of this group. Its own delay, {own}, agrees, so what is left is a fair test."),
+        1 => format!("From {count} of this group. Its own delay, {own}, agrees, so the residual is a fair test."),
         2 => {
             let apart = evidence.own.zip(evidence.others).map_or(0.0, |(own, others)| own.value - others.mean_s);
             let side = if apart > 0.0 { "later" } else { "earlier" };
@@ -34,10 +34,10 @@ pub(crate) fn by_flights(flight: &FlightSources, evidence: &Evidence, choice: &C
                 ms(apart.abs())
             )
         }
-        3 => format!("From {count} of this group. Its own delay is not known: {}.", why(flight)),
+        3 => format!("From {count} of this group. Its own delay is unknown: {}.", why(flight)),
         _ => {
             let alone = match (evidence.cluster_unknown, choice.pooled) {
-                (true, _) => "its group is not one, and no other flight is sure to share its delay",
+                (true, _) => "its group has two different delays, and no other flight certainly has the same one",
                 _ => "there are not enough other flights to test it",
             };
             format!("Its own delay, {own}: the residual is zero by construction, and {alone}.")
@@ -57,11 +57,11 @@ pub(crate) fn why(flight: &FlightSources) -> String {
 /// Row 8, including its use of a card or a stated number.
 pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, source: RemovedFrom) -> String {
     let known = match &flight.relative {
-        Some(pair) => format!("How late position and {} are is not known: {}", pair.velocity, why(flight)),
-        None => format!("It is not known how late the position is: {}", why(flight)),
+        Some(pair) => format!("The lateness of position and {} is unknown: {}", pair.velocity, why(flight)),
+        None => format!("The lateness of the position is unknown: {}", why(flight)),
     };
     let cluster = match evidence.cluster_unknown {
-        true => " Its group is not one, and which part this flight belongs to is not known.",
+        true => " Its group has two different delays, and which one this flight has is unknown.",
         false => "",
     };
     let done = match source {
@@ -78,9 +78,9 @@ pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, sou
 pub(crate) fn pair(pair: &RelativeLateness) -> String {
     let late = match pair.velocity_lateness_s {
         Some(tv) => format!("which is {} late", with_uncertainty(tv)),
-        None => "and how late that is is not known".to_owned(),
+        None => "the lateness of which is unknown".to_owned(),
     };
-    format!("Puts the position where {} is, {late}. The residual is zero by construction.", pair.velocity)
+    format!("Aligns the position with {}, {late}. The residual is zero by construction.", pair.velocity)
 }
 
 /// How the flights contradict a number; `None` within 3 standard uncertainties. `by` names whose measurement it is.
@@ -91,7 +91,8 @@ pub(crate) fn contradiction(what: &str, number: Estimate, (measured, by): (Optio
     (apart.abs() > 3.0 * u).then(|| {
         let side = if apart > 0.0 { "less" } else { "more" };
         format!(
-            "{what}, {} ms, is contradicted: {by} measured {}. That is {} ms {side} than it says, {:.1} standard uncertainties.",
+            "{what}, {} ms, is contradicted: {by} measured {}. That is {} ms {side} than stated, {:.1} standard \
+             uncertainties.",
             ms(number.value),
             with_uncertainty(measured),
             ms(apart.abs()),

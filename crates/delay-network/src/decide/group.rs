@@ -184,9 +184,9 @@ pub(crate) fn why_not_own(position: &PositionLateness) -> Option<&'static str> {
     match (position.datum, position.verdict) {
         (NetworkDatum::None, _) => Some("nothing in this flight ties it to true time"),
         (NetworkDatum::Refused, _) => Some("its IMU is itself late"),
-        (_, Undecided) => Some("its pairs of channels do not agree, and which one is wrong is not known"),
+        (_, Undecided) => Some("its pairs of channels do not agree, and which one is wrong is unknown"),
         (_, Scattered) => Some("its pairs of channels do not agree"),
-        _ if position.weak => Some("its only way to true time leads through a filter that is made from it"),
+        _ if position.weak => Some("its only link to true time is a filter that is computed from it"),
         _ => None,
     }
 }

@@ -161,7 +161,7 @@ impl Table<'_> {
     /// A number fixed in the pipeline.
     fn fixed(&self) -> Choice {
         let Some(stated) = self.flight.stated_s.filter(sound) else {
-            return Choice::nothing(0, "A fixed delay was asked for and none is stated. Nothing is removed.");
+            return Choice::nothing(0, "The pipeline asks for a fixed delay but states none. Nothing is removed.");
         };
         let contradicted = self.contradiction("The stated delay", stated);
         let text = match (&contradicted, self.measured()) {
@@ -228,7 +228,7 @@ fn with_card(choice: Choice, card: Estimate) -> Choice {
         return Choice { row: 6, words: text, card_e_n, ..choice };
     }
     if card.standard_uncertainty < flights.standard_uncertainty {
-        let text = "Card and flights agree. The card's delay is removed: it is the better known.".to_owned();
+        let text = "Card and flights agree. The card's delay is removed: it has the smaller uncertainty.".to_owned();
         let pooled = choice.pooled;
         return Choice { card_e_n, pooled, ..card_choice(5, card, text) };
     }

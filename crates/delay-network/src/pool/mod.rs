@@ -213,8 +213,8 @@ fn split(flights: &[&FlightLateness], group: &Group, datum_uncertainty_s: f64) -
     };
     let ((early_s, early), (late_s, late)) = (side(&early)?, side(&late)?);
     let words = format!(
-        "This group is not one: {} flights are about {:.0} ms late and {} flights about {:.0} ms. Look for two receivers, \
-         two settings or two kinds of log.",
+        "This group has two different delays: {} flights are about {:.0} ms late and {} flights about {:.0} ms. Look \
+         for two receivers, two settings or two kinds of log.",
         early.len(),
         1e3 * early_s.value,
         late.len(),

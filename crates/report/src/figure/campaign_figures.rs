@@ -47,8 +47,8 @@ pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
             number::counted(rows.len() as u64, "flight", "flights"),
             missing_words(missing, "the oldest that were not harmed")
         ),
-        how_to_read: "Good: the full point lies left of the ring. Bad: it lies right of it. Against a reference where the log \
-                      has one, else by the remaining lateness.",
+        how_to_read: "Good: the full point lies left of the ring. Bad: it lies right of it. The error is against a \
+                      reference if the log has one, otherwise from the remaining lateness.",
         panels: vec![Panel::of(x, flights_axis(&names), lines)],
         panel_size: (540, 24 + 15 * rows.len() as u32),
         fine: true,
@@ -119,8 +119,9 @@ pub(crate) fn valley(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[
             number::counted(pooled.flights, "flight", "flights"),
             number::counted(pooled.samples, "sample", "samples")
         ),
-        how_to_read: "Good: a clear valley with the removed delay at its bottom. Where flights differ, the valley is shallow and one \
-                      delay for all costs what its bottom lies above the flights' own.",
+        how_to_read: "Good: a clear valley with the removed delay at its bottom. Where flights differ, the valley is \
+                      shallow. Its bottom then lies above the minima of the single flights: that is the cost of one \
+                      delay for all.",
         panels: vec![Panel::of(x, y, lines)],
         panel_size: (860, 220),
         fine: false,

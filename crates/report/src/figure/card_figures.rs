@@ -58,9 +58,9 @@ pub(crate) fn card_forest(channels: &[ForestRow]) -> Option<Figure> {
             "Delays in ms with U (k = 2), positive is late: all records together, and below that each record in the order of \
              the table of records. The axis is to scale within ±{TO_SCALE_MS} ms and logarithmic beyond."
         ),
-        how_to_read: "Good: the bars of a channel reach each other, and lie inside the pale margin where the channel is on \
-                      time. Bad: bars that do not reach each other (the delay differs from run to run; the bar of all \
-                      records holds that too).",
+        how_to_read: "Good: the bars of a channel reach each other, and lie inside the pale margin where the channel \
+                      is on time. Bad: bars that do not reach each other (the delay differs from record to record; the \
+                      bar of all records includes that).",
         panels: vec![Panel::of(
             Axis::symmetric("delay (ms)", (low * 1.3, high * 1.3), TO_SCALE_MS),
             Axis::ticked("", (bottom, top), ticks),

@@ -38,13 +38,13 @@ pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
 fn caption(chart: &TrendChart, by_date: bool) -> String {
     let older = match chart.older_points {
         0 => String::new(),
-        older => format!(" {} are not drawn, but count.", number::counted(older, "older flight", "older flights")),
+        older => format!(" {} are not drawn but are counted.", number::counted(older, "older flight", "older flights")),
     };
     format!(
         "Lateness (ms) of {}, {}, {}.{older}",
         number::counted(chart.points.len() as u64, "flight", "flights"),
         record::counted_from(&chart.datum),
-        if by_date { "by date" } else { "in the order of the runs, for dates are not known" }
+        if by_date { "by date" } else { "in the order of the runs, because dates are unknown" }
     )
 }
 

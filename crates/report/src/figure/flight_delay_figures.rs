@@ -42,8 +42,9 @@ pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay) -> Option
         ),
         caption,
         how_to_read: "Good: nearly all bars reach the band. Bad: a step (the receiver changed its mode, the logger its \
-                      clock) or a slope (clocks that run apart): then one delay for the whole flight is a compromise. \
-                      Each window has offsets and drifts of its own, so it knows less than its share of the whole.",
+                      clock) or a slope (clocks that drift apart): then one delay for the whole flight is a \
+                      compromise. Each window fits its own offsets and drifts, so its bar is longer than its share of \
+                      the flight suggests.",
         panels: vec![Panel::of(x, y, lines)],
         panel_size: (860, 215),
         fine: false,

@@ -101,9 +101,9 @@ fn finding(replay: &ReplayRecord, late: Option<&Late>, is_trial: bool) -> String
         Some(late) if is_trial => {
             format!("The position is {}; nothing was removed, {} is a trial", late.words(), removed(replay))
         }
-        None if is_trial => "Nothing was removed; how late the position is, this flight does not tell".to_owned(),
+        None if is_trial => "Nothing was removed; this flight does not show how late the position is".to_owned(),
         Some(late) => format!("The position is {}; {} were removed", late.words(), removed(replay)),
-        None => format!("{} were removed; how late the position is, this flight does not tell", removed(replay)),
+        None => format!("{} were removed; this flight does not show how late the position is", removed(replay)),
     }
 }
 
@@ -324,8 +324,9 @@ fn lead_over_time(replay: &ReplayRecord, lead: &LeadCurves, late: Option<&Late>)
         title,
         caption: tally.caption(&caption),
         how_to_read: "Good: both curves lie on one another, and below on the band of the measured lateness. Bad: the \
-                      compensated position leads more than the reference (too much removed) or less (too little). Without a \
-                      reference the compensated curve shows what was done, and the band what the flight asks for.",
+                      compensated position leads more than the reference (too much removed) or less (too little). \
+                      Without a reference, the compensated curve shows what was removed, and the band what was \
+                      measured.",
         panels,
         panel_size: (860, 150),
         fine: true,
@@ -382,8 +383,8 @@ fn track(track: &LeadTrack, replay: &ReplayRecord) -> Option<Figure> {
             "Compensated position, east and north of {origin}, equal scales; the lead over raw along the track as the colour. \
              Dots where fixes are missing."
         )),
-        how_to_read: "Fast and straight is far ahead; the colour is the length by which raw trails. Opposite passes over one \
-                      line fall together once compensated.",
+        how_to_read: "In fast, straight flight the lead is large: the colour is the distance by which raw trails. Once \
+                      compensated, opposite passes over one line coincide.",
         panels: vec![panel],
         panel_size,
         fine: false,

@@ -248,15 +248,15 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
         number: 0,
         title: trend_title(outside),
         caption: format!(
-            "How much later than the velocity {} show their position, {}; each group with its own mean and limits. Where the \
-             lateness is known, it differs from this by what the velocity is late.{}",
+            "How much later than the velocity {} show their position, {}; each group with its own mean and limits. \
+             Where the lateness is known, it differs from this by the lateness of the velocity.{}",
             number::counted(drawn as u64, "flight", "flights"),
-            if by_date { "by date" } else { "in the order of their names, for their dates are not known" },
+            if by_date { "by date" } else { "in the order of their names, because their dates are unknown" },
             trend_rest(record, drawn, older, left_out)
         ),
-        how_to_read: "Good: bars around the line, none beyond its caps (± 3 σ), no trend. Bad: a step (another firmware, \
-                      rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The caps are far apart where a \
-                      flight says little. Point at a flight for its name.",
+        how_to_read: "Good: bars around the line, none beyond its caps (± 3 σ), no trend. Bad: a step (another \
+                      firmware, rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The caps are \
+                      far apart where a flight is uncertain. Point at a flight for its name.",
         panels,
         panel_size: (540, height.max(110)),
         fine: drawn > 150,
@@ -316,7 +316,7 @@ fn trend_rest(record: &CampaignRecord, drawn: usize, older: usize, groups: usize
     }
     if rest > 0 {
         words += &format!(
-            " Not here: {} without this delay, without a date, or in groups of fewer than three.",
+            " Not shown: {} without this delay, without a date, or in groups of fewer than three.",
             number::counted(rest as u64, "flight", "flights")
         );
     }

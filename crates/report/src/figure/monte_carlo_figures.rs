@@ -18,8 +18,8 @@ pub(crate) fn group_figure(group: &MonteCarloGroup, number: u32) -> Option<Figur
         number,
         title: label(&group.title),
         caption: "Each column of the table over the number of the case, with U (k = 2) of the study.".to_owned(),
-        how_to_read: "Good: blue, at any place. Red and hollow does not meet the goal of its column; the error of \
-                      the study is the bar.",
+        how_to_read: "Good: blue, anywhere. Red and hollow: the goal of the column is not met. The bar is the error of \
+                      the study.",
         panels,
         // High enough for the longest column label, which is vertical.
         panel_size: (760, 150),

@@ -48,8 +48,9 @@ pub(crate) fn bands_figure(scores: &ReplayScores) -> Option<Figure> {
         number: 0,
         title: finding(&rows),
         caption,
-        how_to_read: "Good: all bars of the motion stand over the blue band. Over the pale part more of the error is left, \
-                      over the thin line at its end it is more than raw's; noise of the velocity spreads thinly to the right.",
+        how_to_read: "Good: all bars of the motion are above the blue band. Above the pale part, more of the error \
+                      remains. Above the thin line at its end, the error exceeds raw's. Noise of the velocity spreads \
+                      thinly to the right.",
         panels,
         panel_size: (860, 150),
         fine: false,
@@ -83,7 +84,7 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
     if terms.is_empty() || !is_drawable(sum) {
         return None;
     }
-    let together = if of.budget.total_m.is_some() { "together" } else { "together, without what is not known" };
+    let together = if of.budget.total_m.is_some() { "together" } else { "together, without the unknown terms" };
     let measured = of.budget.measured_m.filter(|m| is_drawable(m.value));
     let (names, lines) = budget_rows(&terms, (together, sum), measured.as_ref());
     let (low, high) = extent(&lines, |p| p.0)?;
@@ -104,8 +105,8 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
         number: 0,
         title,
         caption,
-        how_to_read: "The longest bar is what to work on. Good: measured lies at the end of the bar of all together. Bad: it \
-                      lies beyond, for then something is missing in the budget.",
+        how_to_read: "The longest bar is what to work on. Good: measured lies at the end of the bar of all together. \
+                      Bad: it lies beyond, because then something is missing in the budget.",
         panels: vec![Panel::of(x, Axis::rows(&names), lines)],
         panel_size: (700, 20 + 24 * names.len() as u32),
         fine: false,

@@ -32,11 +32,11 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> 
         number: 0,
         title: least_words(sweep),
         caption: caption
-            + " Points are the delays that somebody says, with U (k = 2) of the score; the shaded stretch is \
-                            the 95 % interval of the best delay.",
-        how_to_read: "Good: the removed delay and the others lie in the shaded stretch, at the bottom of a clear valley. \
-                      Bad: the removed delay lies up a slope: this flight is late by something else. A flat curve says \
-                      that the flight does not care, for it hardly turned.",
+            + " Points are the delays that could be removed, with U (k = 2) of the score; the shaded stretch is the 95 \
+               % interval of the best delay.",
+        how_to_read: "Good: the removed delay and the others lie in the shaded stretch, at the bottom of a clear \
+                      valley. Bad: the removed delay lies up a slope: this flight is late by a different amount. A \
+                      flat curve means that the delay hardly matters, because the flight hardly turned.",
         panels: vec![panel],
         panel_size: (760, 230),
         fine: false,

@@ -38,8 +38,8 @@ pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
         number: 0,
         title: format!("{gaps} in {}", number::counted(drawn.len() as u64, "channel", "channels")),
         caption: caption(drawn, all, timed.len() - drawn.len()),
-        how_to_read: "Good: full bars from end to end. Bad: a mark in position or velocity where the aircraft turned, for \
-                      there the compensated position rests on less.",
+        how_to_read: "Good: full bars from end to end. Bad: a mark in position or velocity where the aircraft turned, \
+                      because the compensated position has less data there.",
         panels: vec![Panel::of(time, Axis::rows(&names), lines)],
         panel_size: (860, 30 + 24 * names.len() as u32),
         fine: false,

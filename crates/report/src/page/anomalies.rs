@@ -129,8 +129,8 @@ fn damage(record: &FlightRecord) -> Vec<Anomaly> {
 pub(super) fn section(record: &FlightRecord, all: &[Anomaly], has_explorer: bool) -> Markup {
     let of_delay = match record.lateness.as_ref().map(|lateness| lateness.kind) {
         Some(kind) if kind.varies() => " The delay changes.",
-        Some(DelayKind::Constant | DelayKind::OnTime | DelayKind::Early) => " No change of the delay was seen.",
-        _ => " Whether the delay changes is not known.",
+        Some(DelayKind::Constant | DelayKind::OnTime | DelayKind::Early) => " No change of the delay was detected.",
+        _ => " Whether the delay changes is unknown.",
     };
     let numbered: Vec<(usize, &Anomaly)> = (1..).zip(all).collect();
     let row = |(id, anomaly): &(usize, &Anomaly)| {

@@ -208,13 +208,13 @@ fn first_words(record: &BenchRecord, doubts: &[String]) -> Markup {
         @match &record.findings {
             Some(findings) => { (answer(findings, doubts)) }
             None if record.outcome == BenchOutcome::Measured => {
-                p.why { "The record says measured, but holds no findings." }
+                p.why { "The record says measured, but has no findings." }
             }
             None => {}
         }
         @if record.notices.any_loss() {
-            p { "Data that a logger wrote could not be read. The numbers below are of what could be read; what was lost \
-             is under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
+            p { "Some logged data could not be read. The numbers below use only what could be read; what was lost is \
+                 listed under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
         }
     }
 }
@@ -264,10 +264,11 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
                         "): slow motion is " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } " late."
                     }
                     @if let Some(seen) = &found.as_seen_s {
-                        " A loop that reads the held value sees " (estimate(&verdict::in_millis(seen))) " ms."
+                        " A loop that reads the held value gets it late by " (estimate(&verdict::in_millis(seen)))
+                        " ms."
                     }
                 }
-                None => { "; the record holds no number." }
+                None => { "; the record has no number." }
             }
         }
     }
@@ -328,7 +329,7 @@ fn numbered_regions(number: usize, health: Markup) -> Markup {
 fn logs(record: &BenchRecord) -> Markup {
     html! {
         h2 id="health" { "Data health" }
-        @if record.logs.is_empty() { p { "No log could be opened, so nothing is known of its data." } }
+        @if record.logs.is_empty() { p { "No log could be opened, so its data are unknown." } }
         @for (number, log) in (1..).zip(&record.logs) {
             h3 { "Log of " (shown(&log.role)) }
             (health::channel_map(log.binding.as_ref()))

@@ -217,16 +217,16 @@ fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
         @if !figures.of_groups.is_empty() {
             h2 #delay { "Agreement in each group" }
             p.note {
-                "Position against velocity: a figure of consistency between flights. Where the lateness of the position is known, it \
-                 is above, and differs from this by what the velocity is late."
+                "Position against velocity: a check of consistency between flights. If the lateness of the position is \
+                 known, it is above, and differs from this by the lateness of the velocity."
             }
             @for (group, delay, valley) in &figures.of_groups { (group_delay(group, &record.flights, delay, valley.as_ref())) }
             @if left_out > 0 { p.note { (number::counted(left_out as u64, "smaller group is", "smaller groups are")) " in campaign.json." } }
             p.note {
-                "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik and Jonkman. \
-                 A flight counts as what it shows of position against velocity, whichever delay was removed from it, or none. \
-                 What the models of the channels leave out is the same in all flights: these figures do not contain it, and \
-                 those of the cards above do."
+                "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik \
+                 and Jonkman. Each flight counts with its measured position against velocity, whatever delay was \
+                 removed from it, or none. Model errors of the channels are the same in all flights: these figures \
+                 exclude them, and those of the cards above include them."
             }
         }
     }
@@ -250,13 +250,14 @@ fn group_delay(group: &GroupLateness, flights: &[FlightRow], delay: &CampaignDel
         }
         @if !varying.is_empty() {
             p {
-                "Not in these figures, for the delay changes during the flight: "
+                "Not in these figures, because the delay changes during the flight: "
                 (first_names(&varying)) "."
             }
         }
         @if !group.outliers.is_empty() {
             p {
-                "Not in these figures, for " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" } " from the others: "
+                "Not in these figures, because " @if group.outliers.len() == 1 { "it differs" } @else { "they differ" }
+                " from the others: "
                 (first_names(&group.outliers)) "."
             }
         }
@@ -339,7 +340,7 @@ fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
             p {
                 "One difference for all flights: χ² = " (plain(h.chi2, 3)) " with "
                 (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, " (group_cards::p_value(h.p)) ": "
-                "nothing speaks against it."
+                "the flights are consistent with it."
             }
         }
     }

@@ -145,7 +145,7 @@ fn unlike(measured: &ChannelDynamics, card: &CardChannel) -> Option<String> {
         return Some("its delay was not measurable".to_owned());
     }
     if measured.quantity != card.quantity {
-        return Some("it holds another quantity".to_owned());
+        return Some("it is a different quantity".to_owned());
     }
     if measured.stamp_kind != card.stamp_kind {
         return Some(format!("its timestamps are {}, those of the card {}", measured.stamp_kind, card.stamp_kind));
@@ -178,7 +178,8 @@ fn best_record<'a>(channels: &[Channel<'a>], records: &[CardRecord]) -> Option<(
 fn of_record(number: usize, channel: &str, record: &CardRecord, figure_number: u32) -> Option<Figure> {
     let (name, record) = (record.name, for_people(record.record));
     let figure = BenchFigures::zoom_of(record.findings.as_ref()?)?;
-    let caption = format!("Record {number} alone, which knows {} best. {}", label(channel), figure.caption);
+    let caption =
+        format!("Record {number} alone, with the smallest uncertainty for {}. {}", label(channel), figure.caption);
     let title = format!("{}: {}", label(name), figure.title);
     Some(Figure { number: figure_number, title, caption, ..figure })
 }
@@ -193,7 +194,7 @@ fn body(page: &CardPage, channels: &[Channel], [forest, paper]: [Option<&Figure>
             h2 id="channels" { "Channels" }
             @match forest {
                 Some(forest) => { (figure(forest)) }
-                None => { p { (no_number("no record at hand holds a delay")) } }
+                None => { p { (no_number("no available record has a delay")) } }
             }
             (channel_table(channels))
             (snippet(page, channels))
@@ -241,7 +242,7 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
                 }
             }
         }
-        @if channels.is_empty() { p.answer { "The card holds no channel." } }
+        @if channels.is_empty() { p.answer { "The card has no channel." } }
         @for remark in page.remarks { p.answer { (badge("unsure", "!", "Records")) " " (shown(remark)) "." } }
         p.answer { "Validity: " (validity(page.card)) }
     }
@@ -285,7 +286,7 @@ pub(super) fn time_base(basis: &TimeBasis) -> Markup {
         @match basis {
             TimeBasis::OneClock => { "absolute (one clock)" }
             TimeBasis::Pps => { "absolute (pulse per second)" }
-            TimeBasis::FastestArrivals => { "the least transport latency included (fastest arrivals)" }
+            TimeBasis::FastestArrivals => { "including the least transport latency (fastest arrivals)" }
             TimeBasis::Anchor { channel } => { "relative to " code { (shown(channel)) } }
         }
     }
@@ -356,7 +357,7 @@ impl Columns {
                 @if self.held { "If held: effective delay when the last value is held; —: not held. " }
                 @else { "No channel was held. " }
                 @if self.spread { "Spread between records: one standard deviation; —: one record. " }
-                @else { "No channel has two records, so that their spread is not known. " }
+                @else { "No channel has two records, so their spread is unknown. " }
                 @if let Some(first) = channels.first().filter(|_| !self.clock) {
                     "All delays: " (time_base(&first.card.basis)) ", by " (first.card.stamp_kind) " timestamps."
                 }
@@ -403,7 +404,7 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
                 @if channel.has_lag() { (no_number("a lag's gain depends on the frequency")) }
                 @else { (estimate(&gain)) }
             }
-            td.n { (or_why(channel.update_rate_hz, "not known", |hz| plain(hz, 4))) }
+            td.n { (or_why(channel.update_rate_hz, "unknown", |hz| plain(hz, 4))) }
             @if columns.clock { td.any { (basis(&channel.basis)) ", " (channel.stamp_kind) } }
             td.n { (number::count(channel.records)) }
             @if columns.spread { td.n { (maybe(channel.between_runs_s, |s| plain(s * 1e3, 2))) } }
@@ -449,7 +450,8 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
             p {
                 (badge("unsure", "!", "A lag")) " A pipeline removes the pure delay, " (estimate(&delay_ms(position))) " ms. "
                 code { (shown(&position.name)) } " is a lag: slow motion is "
-                (in_ms(slow, position.slow_motion_standard_uncertainty_s)) " ms late, so a part of its lateness is left."
+                (in_ms(slow, position.slow_motion_standard_uncertainty_s))
+                " ms late, so a part of its lateness remains."
             }
         }
         @match (position, page.card_file) {
@@ -461,9 +463,10 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
                 pre tabindex="0" { code { (shown_block(&fixed_delay(position, page.card))) } }
             }
             (None, _) if page.without_mean.is_empty() => {
-                p { (no_number("the card holds no position, so there is no delay to remove")) }
+                p { (no_number("the card has no position, so there is no delay to remove")) }
             }
-            (None, _) => { p { (no_number("the card holds no position on which the records agree, so there is no delay to remove")) } }
+            (None, _) => { p { (no_number("the card has no position on which the records agree, so there is no delay \
+                                           to remove")) } }
         }
         @if let Some(TimeBasis::Anchor { channel }) = position.map(|p| &p.basis) {
             p { "This delay is relative: it is right where " code { (shown(channel)) } " of the flight is on time." }
@@ -514,7 +517,7 @@ fn calibration(iron: &IronCalibration, unit: &str) -> Markup {
         }
         (fact("Soft iron, row by row", soft_iron(&iron.soft_iron, &iron.soft_iron_standard_uncertainty)))
         (fact("Size of the field over the model's", or_why(scale.as_ref(), "no model, or a scale of the sensor's own", estimate)))
-        (fact(&format!("Rms of what is left ({unit})"), plain(iron.residual_rms * factor, 3)))
+        (fact(&format!("Rms of residuals ({unit})"), plain(iron.residual_rms * factor, 3)))
         (fact("Condition number of the fit", plain(iron.condition, 2)))
     };
     html! {
@@ -537,7 +540,7 @@ fn records(page: &CardPage, channels: &[Channel]) -> Markup {
         }
     };
     html! {
-        @if numbered.is_empty() { p { "No record is at hand." } }
+        @if numbered.is_empty() { p { "No record is available." } }
         @else {
             div.compact {
                 (super::table_of("Repeatability: delay in each record; ± is U with k = 2; ✗ is left out", head,
@@ -578,7 +581,7 @@ fn record_row(number: usize, record: &CardRecord, columns: &[Column]) -> Markup 
                     Some(path) => { a href=(href(path)) { (shown(record.name)) } }
                     None => { (shown(record.name)) }
                 }
-                ", " (or_why(record.record.date.as_ref(), "date not known", |date| html! { (shown(date)) }))
+                ", " (or_why(record.record.date.as_ref(), "date unknown", |date| html! { (shown(date)) }))
             }
             td.any {
                 @match &record.record.outcome {
@@ -645,7 +648,7 @@ fn facts(card: &SensorCard) -> Markup {
     let body = html! {
         (fact("Sensor", shown(&sensor_name(&card.sensor))))
         (fact("Rig", shown(&card.rig)))
-        (fact("Newest record", or_why(card.measured_on.as_ref(), "no day is known", |day| html! { (shown(day)) })))
+        (fact("Newest record", or_why(card.measured_on.as_ref(), "unknown", |day| html! { (shown(day)) })))
         (fact("Versions", html! {
             "flightlag " (shown(&card.flightlag_version)) ", card " (card.card_version) ", analysis " (card.analysis_version)
             ", report " (crate::REPORT_VERSION)

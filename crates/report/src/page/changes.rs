@@ -31,8 +31,8 @@ pub fn changes_site(changes: &CampaignChanges, flights: &[FlightRow]) -> Site {
             (names("No longer in the folder", &changes.gone, &pages))
             (troubles("No longer failing", &changes.recovered, &pages))
             p.note {
-                "Compared with what this folder held before. This page and run.json are the only ones that depend on earlier runs; \
-                 a run that changes nothing leaves this page as it is."
+                "Compared with what this folder held before. Only this page and run.json depend on earlier runs. A run \
+                 that changes nothing does not rewrite this page."
             }
             (files(&["since-last-run.json"]))
         }
@@ -47,7 +47,7 @@ fn answer(changes: &CampaignChanges) -> Markup {
     let count = |n: usize| number::count(n as u64);
     html! {
         p.answer {
-            @if changes.before.is_none() { "First run into this folder: there is nothing to compare with." }
+            @if changes.before.is_none() { "First run in this folder: there is nothing to compare with." }
             @else if changes.is_empty() { "Nothing changed." }
             @else {
                 b { (count(changes.failing.len())) " newly failing" } ", " (count(changes.moved.len())) " with a lateness that moved by more than 2\u{a0}σ, "
@@ -67,8 +67,8 @@ fn settings(before: &MadeWith, now: &MadeWith) -> Markup {
         @if before.analysis_version != now.analysis_version {
             p { "The analysis was version " (before.analysis_version) ", is version " (now.analysis_version) "." }
         }
-        @if before.pipeline_blake3 != now.pipeline_blake3 { p { "The pipeline means something else than before." } }
-        @if before.criteria_blake3 != now.criteria_blake3 { p { "The criteria are other ones than before." } }
+        @if before.pipeline_blake3 != now.pipeline_blake3 { p { "The pipeline has changed in meaning." } }
+        @if before.criteria_blake3 != now.criteria_blake3 { p { "The criteria have changed." } }
     }
 }
 

@@ -19,11 +19,11 @@ const MOST_ROWS: usize = 100;
 const MOST_NAMES: usize = 5;
 
 const RULE: &str = "Decision rule. PASS: the whole 95\u{a0}% interval of the number lies within the limit (limits \
-    themselves are within). FAIL: all of it lies beyond. INCONCLUSIVE: it crosses the limit, or is not known. The \
-    interval is the analysis's own where it gives one, else value ± U with k = 2. Numbers without an uncertainty \
-    (counts, shares of time, facts of the log) are compared as they are, and the table says so; so are those whose \
-    criterion says decision = \"value\". NOT EVALUATED: there is no such number. NOT APPLICABLE: the criterion is not \
-    meant for this flight.";
+                    themselves are within). FAIL: all of it lies beyond. INCONCLUSIVE: it crosses the limit, or is \
+                    unknown. The interval is that of the analysis if it gives one, otherwise value ± U with k = 2. \
+                    Numbers without an uncertainty (counts, shares of time, facts of the log) are compared as they \
+                    are, and the table says so; so are those whose criterion says decision = \"value\". NOT EVALUATED: \
+                    there is no such number. NOT APPLICABLE: the criterion is not meant for this flight.";
 
 fn verdict_badge(verdict: CriterionVerdict, count: Option<u64>) -> Markup {
     let (class, icon) = look(verdict);
@@ -77,7 +77,7 @@ pub(super) fn section(criteria: &FlightCriteria) -> Markup {
     let (quiet, loud): (Vec<_>, Vec<_>) = gravest_first(criteria).into_iter().partition(|f| is_quiet(f.verdict));
     html! {
         h2 id="criteria" { "Criteria" }
-        @if !loud.is_empty() { (findings("Criteria that are not met, the gravest first", &loud)) }
+        @if !loud.is_empty() { (findings("Criteria that are not met, the most severe first", &loud)) }
         (not_evaluated(&quiet))
         (in_a_line(&quiet, CriterionVerdict::Pass))
         (in_a_line(&quiet, CriterionVerdict::NotApplicable))
@@ -224,13 +224,13 @@ pub(super) fn campaign_section(criteria: &CampaignCriteria, matrix: Markup) -> M
     html! {
         h2 id="criteria" { "Criteria" }
         p.answer { (flights_sentence(criteria)) }
-        div.strip role="group" aria-label="Flights by their gravest verdict" { (counts(&criteria.flights)) }
+        div.strip role="group" aria-label="Flights by their most severe verdict" { (counts(&criteria.flights)) }
         (matrix)
         (table("Flights by verdict", &head, rows(&criteria.each, MOST_ROWS, head.len(), summary_row)))
         p.note { (RULE) }
         p.note {
-            "A flight's own verdict is its gravest one. Pass rate: flights that pass, of those that pass, fail or are \
-             inconclusive; its interval (Wilson 1927) is what these flights say of flights like them."
+            "A flight's own verdict is its most severe one. Pass rate: flights that pass, of those that pass, fail or \
+             are inconclusive; its interval (Wilson 1927) is for flights like these."
         }
         (file_line(&criteria.criteria))
     }

@@ -183,11 +183,11 @@ fn first_words(record: &FlightRecord) -> Markup {
         }
         (lateness::answer(record))
         @if record.replay.is_none() && record.outcome == Outcome::Compensated {
-            p.why { "The record says compensated, but holds no replay." }
+            p.why { "The record says compensated, but has no replay." }
         }
         @if record.has_loss() {
-            p { "Part of the log could not be read. The numbers below are of what could be read; what was lost is listed \
-             under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
+            p { "Part of the log could not be read. The numbers below use only what could be read; what was lost is \
+                 listed under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
         }
     }
 }
@@ -227,11 +227,12 @@ fn evidence(replay: &ReplayRecord, is_trial: bool, explorer: Option<&Markup>, fi
                 @if replay.settings.delay.seconds() > 0.0 {
                     "The compensated curves are a trial: what they would be if the difference between position and velocity, "
                     (number::significant(replay.settings.delay.millis(), 3)) "\u{a0}ms, were removed. Nothing else on this page uses them."
-                } @else { "The curves show the position as it was logged; “compensated” only fills the time between its fixes." }
+                } @else { "The curves show the position as it was logged; “compensated” only fills the time between \
+                           its fixes." }
             }
         }
         @if figures.get("fig-7").is_none() && figures.get("track").is_none() {
-            p { "The record holds no curve that could be drawn." }
+            p { "The record has no curve that could be drawn." }
         }
         (figures.show(&["fig-7"]))
         @match explorer {
@@ -299,7 +300,7 @@ fn numbers_of_flight(replay: &ReplayRecord) -> [CoverageNumber; 3] {
 fn numbers_of_position(c: &Coverage) -> [CoverageNumber; 2] {
     let longest = number::significant(c.longest_position_gap_s, 3);
     let resets =
-        "fixes that jump against integrated velocity by more than 5 σ of the fixes around: passed on and counted";
+        "fixes that jump against integrated velocity by more than 5 σ of the fixes around them: kept and counted";
     [
         CoverageNumber::of("Longest time without a position fix", longest, "s", ""),
         CoverageNumber::of("Position resets", number::count(c.position_resets), "1", resets),
@@ -364,9 +365,10 @@ fn compensators(replay: &ReplayRecord) -> Markup {
         h2 id="compensators" { "Compensators" }
         (table("Compensators; ± is U with k = 2", &head, rows(&replay.compensators, 20, head.len(), row)))
         p.note {
-            "Velocity predicts a change of " (estimate(&replay.predicted_rms_m)) "\u{a0}m rms: the distance flown in Td and \
-             the age of the fix. Step at a fix: how far the output jumps when the next fix arrives; small is good. "
-            @if !scored { "No errors are given: the log holds no reference. " }
+            "Velocity predicts a change of " (estimate(&replay.predicted_rms_m))
+            "\u{a0}m rms: the distance flown in Td and the age of the fix. Step at a fix: how far the output jumps \
+             when the next fix arrives; small is good. "
+            @if !scored { "No errors are given: the log has no reference. " }
             "—: not available."
         }
     }

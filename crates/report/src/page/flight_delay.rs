@@ -89,7 +89,8 @@ fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay, lateness:
         p.answer {
             (sentence(pair, found))
             @if let Some(by_all) = by_all {
-                " All pairs together: " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" } ", as the answer has it: its U comes from all pairs and from what their models leave out."
+                " All pairs together: " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" }
+                ", as in the answer: its U comes from all pairs and from the errors of their models."
             }
         }
         @if let Some(alarm) = &found.alarm { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(alarm)) } }
@@ -111,8 +112,10 @@ fn sentence(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
         "This pair alone: " code { (shown(&pair.first)) } " is " b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" } " "
         (word) " than " code { (shown(&pair.second)) }
         @if found.delay_s.standard_uncertainty.is_some() { " (k = 2)" } @else { " (no uncertainty given)" }
-        @if low <= 0.0 && 0.0 <= high { "; its 95 % interval, " (interval_ms(found.interval_95_s, &found.delay_s)) "\u{a0}ms, holds zero" }
-        @if is_difference { ". How late both are is not known from this pair." } @else { "." }
+        @if low <= 0.0 && 0.0 <= high {
+            "; its 95 % interval, " (interval_ms(found.interval_95_s, &found.delay_s)) "\u{a0}ms, includes zero"
+        }
+        @if is_difference { ". This pair does not show how late either is." } @else { "." }
     }
 }
 
@@ -186,7 +189,7 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
     html! {
         @match over_time {
             Some(over_time) => { (figure(over_time)) }
-            None => { p { (no_number("the record holds no window of the delay over time")) } }
+            None => { p { (no_number("the record has no window of the delay over time")) } }
         }
         (constancy(pair, found.homogeneity.filter(record::DelayHomogeneity::scatters)))
         h3 { code { (shown(&pair.first)) } " against " code { (shown(&pair.second)) } }
@@ -206,17 +209,18 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
             @if varies.kind.varies() {
                 (ended(&varies.words))
             } @else if varies.unplaced_change {
-                "The delay changes during the flight, or the position was reset along the track. When and by how much, the motion does \
-                 not tell."
+                "The delay changes during the flight, or the position was reset along the track. The motion does not \
+                 show when or by how much."
             } @else if let Some(scatter) = scatter {
                 "The windows scatter by more than their bars (χ² = " (plain(scatter.chi2, 3)) ", "
                 (number::counted(scatter.degrees_of_freedom, "degree", "degrees")) " of freedom, " (p_value(scatter.p))
                 "), and no step, drift or queue explains it. U includes that scatter."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
-                "No change of the delay was seen. A lasting change of " (plain(least_s * 1e3, 2)) "\u{a0}ms or more would have been."
+                "No change of the delay was detected. A lasting change of " (plain(least_s * 1e3, 2))
+                "\u{a0}ms or more would have been detected."
             } @else {
                 "Whether the delay changes was not tested: "
-                (number::counted(constancy.windows, "window knows", "windows know")) " their delay, which is too few."
+                (number::counted(constancy.windows, "window shows", "windows show")) " their delay, which is too few."
             }
             @if let Some(note) = &constancy.note { " " (ended(note)) }
         }
@@ -229,7 +233,8 @@ fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
         p.note {
             "The position is fitted by the integral of the velocity (or the one track by the other), shifted by δ, with an \
              offset and a drift for each piece. Standard uncertainty from the curvature alone " (ms(found.hessian_s))
-            ", with autocorrelation allowed for (sandwich, HAC) " (ms(found.hac_s)) "; Cramér–Rao bound at the fitted noise "
+            ", allowing for autocorrelation (sandwich, HAC) " (ms(found.hac_s))
+            "; Cramér–Rao bound at the fitted noise "
             (ms(found.crlb_s)) ". Outliers: about " (number::percent(found.outlier_share())) "\u{a0}% of the samples."
             @if let Some(origin) = &pair.origin { " t = 0: " (super::method::instant(origin.origin_ns, origin.clock)) "." }
         }
@@ -296,7 +301,7 @@ fn injections(injections: &[FlightInjection]) -> Markup {
     html! {
         @if injections.is_empty() { p { "Injection and recovery: " (no_number("nothing was injected")) } }
         @else {
-            (table("Known delays put into the second half of the flight and found again; U with k = 2", &head,
+            (table("Known delays added to the second half of the flight and measured again; U with k = 2", &head,
                 rows(injections, MOST, head.len(), row)))
             p.note { "Expected: 19 of 20 intervals contain zero. Both halves carry the same information." }
         }

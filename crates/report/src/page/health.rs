@@ -20,7 +20,7 @@ const MOST_INNER: usize = 12;
 const MOST_STAMPS: usize = 3;
 
 /// Definition of a gap, shown next to every number of gaps.
-const GAP: &str = "A gap is a step from one stamp to the next of more than 2.5 median steps.";
+const GAP: &str = "A gap is a step from one timestamp to the next of more than 2.5 median steps.";
 
 /// Channels, topics, bytes and damage of a flight.
 pub(super) fn section(record: &FlightRecord, timeline: &Markup) -> Markup {
@@ -29,7 +29,7 @@ pub(super) fn section(record: &FlightRecord, timeline: &Markup) -> Markup {
         (timeline)
         @match &record.log {
             Some(log) => { (log_health(log, record.binding.as_ref())) }
-            None => { p { "The log could not be opened, so nothing is known of its data." } }
+            None => { p { "The log could not be opened, so its data are unknown." } }
         }
     }
 }
@@ -74,7 +74,7 @@ fn vehicle(about: &About) -> Markup {
     html! {
         @if !about.is_empty() {
             h3 { "Vehicle" }
-            (table("What the log says of the vehicle", &[Text("What"), Text("Value")], html! {
+            (table("The vehicle, from the log", &[Text("What"), Text("Value")], html! {
                 @for row in facts.into_iter().filter_map(fact) { (row) }
             }))
             (configured_delays(about))
@@ -151,8 +151,8 @@ fn channels(channels: &[ChannelHealth]) -> Markup {
         [Text("Channel"), Text("Topic and fields"), Number("Rows"), Number("Used"), Text("Held"), Text("Rejected")];
     html! {
         (table("Channels: time stamps", &timing, rows(channels, MOST_CHANNELS, timing.len(), channel_timing)))
-        p.note { (GAP) " Where stamps go back, rate, jitter and gaps are those of the sorted rows. Stamp offsets are \
-         median, with 1st and 99th percentile." }
+        p.note { (GAP) " Where timestamps go backwards, rate, jitter and gaps are those of the sorted rows. Stamp \
+                        offsets are medians, with 1st and 99th percentile." }
         (table("Channels: rows", &use_of_rows, rows(channels, MOST_CHANNELS, use_of_rows.len(), channel_rows)))
     }
 }
@@ -240,7 +240,7 @@ fn ledger(bytes: &ByteLedger) -> Markup {
         ("Skipped", bytes.skipped, "intact, nothing in it was wanted"),
         ("Structure", bytes.structure, "magic, headers, indexes, definitions"),
         ("Damaged", bytes.damaged, "could not be read or failed a checksum"),
-        ("Tail cut", bytes.tail_cut, "a last record that the log ends inside of, as at power-off: no damage"),
+        ("Tail cut", bytes.tail_cut, "the log ends inside its last record, as at power-off: no damage"),
     ];
     let sum = bytes.sum();
     let body = html! {

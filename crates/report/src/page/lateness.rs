@@ -127,7 +127,7 @@ fn held(record: &FlightRecord, effect: &Effect) -> Markup {
     html! {
         @if let (Some(held), Some(fresh)) = (held_m, fresh_m) {
             @if held.value > 1.05 * fresh.value {
-                span.note { " This is at the fixes. Held until the next fix, the raw position is off by " (estimate(&held)) "\u{a0}m." }
+                span.note { " This is at the fixes. Held until the next fix, the raw position is wrong by " (estimate(&held)) "\u{a0}m." }
             }
         }
     }
@@ -157,7 +157,9 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
             @else { "Remove " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" } " instead: the error against " code { (shown(tested.reference)) } " is least there." }
         } @else if advice.set.is_empty() && advice.fly.is_none() {
             @match lateness.lateness.as_ref().and_then(|l| l.relative_to.as_deref()) {
-                Some(than) => { "No setting follows: how late " code { (shown(than)) } " is itself, is not known." }
+                Some(than) => {
+                    "No setting can be recommended: the lateness of " code { (shown(than)) } " itself is unknown."
+                }
                 None => { "Nothing to set." }
             }
         }
@@ -194,7 +196,8 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
                     " The error against " code { (shown(tested.reference)) } " is least at " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" }
                     @if tested.e_n.abs() <= 1.0 { ", which agrees." } @else { ", which differs (E_n = " (plain(tested.e_n, 2)) ")." }
                 }
-                @if decision.circular { " The delay was found in this flight, so what is left says nothing of whether it is right." }
+                @if decision.circular { " The delay was found in this flight, so the residual does not show whether it \
+                                         is right." }
             }
             (None, Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason })
                 if decision.used.is_some() =>
@@ -250,7 +253,7 @@ pub(super) fn network(network: &DelayNetwork) -> Markup {
         false => (
             "One difference for each channel",
             "Later by ± U (ms)",
-            "How much later each channel is, from all pairs together; how late any is, is not known; U with k = 2",
+            "How much later each channel is, from all pairs together; the lateness of each is unknown; U with k = 2",
         ),
     };
     let head = [
@@ -259,7 +262,7 @@ pub(super) fn network(network: &DelayNetwork) -> Markup {
         Number("95 % interval (ms)"),
         Text("Against"),
         Number("Part of U from model errors (ms)"),
-        Text("Rests on"),
+        Text("Based on"),
     ];
     let body = html! { @for channel in &network.channels { (channel_row(channel)) } };
     html! {

@@ -16,12 +16,11 @@ pub(super) fn section(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
         (rules(replay))
         (frame(replay))
         p {
-            "Each number is given with its expanded uncertainty U = k u, k = 2, where u is the standard uncertainty \
-             in the record. For rms values u is a delete-one jackknife over 8 to 20 stretches of the flight, each at least four \
-             times as long as the error remembers what it was: U covers about 95 % of flights like this one. Where the \
+            "Each number is given with its expanded uncertainty U = k u, k = 2, where u is the standard uncertainty in \
+             the record. For rms values u is a delete-one jackknife over 8 to 20 stretches of the flight, each at \
+             least four correlation times of the error long: U covers about 95 % of flights like this one. Where the \
              error changes so slowly that fewer than 8 such stretches fit into the flight, no U is given: one flight \
-             cannot tell. \
-             Rms values are 2‑D: north and east together. "
+             is too short. Rms values are 2‑D: north and east together. "
         }
     }
 }
@@ -32,7 +31,9 @@ fn delay_paragraph(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     html! {
         p {
             "Compensated is " code { (shown(&replay.pair.position)) } " by the velocity " code { (shown(&replay.pair.velocity)) }
-            @if let Some(apart) = apart { ", than which it is " (estimate(&in_millis(&apart))) "\u{a0}ms later" }
+            @if let Some(apart) = apart {
+                ". The position is " (estimate(&in_millis(&apart))) "\u{a0}ms later than the velocity"
+            }
             ". To first order only the lateness of the position counts, not that of the velocity. A positive delay means late: measured(t) = truth(t − Td), with Td = "
             (number::significant(settings.delay.millis(), 4)) " ms"
             @match settings.delay_uncertainty_s {
@@ -41,7 +42,7 @@ fn delay_paragraph(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
             }
             " (" (shown(&settings.delay_source)) "). "
             @match &replay.pair.reference {
-                Some(reference) => { "Errors are against " code { (shown(reference)) } ", which no compensator saw." }
+                Some(reference) => { "Errors are against " code { (shown(reference)) } ", which no compensator used." }
                 None => { "There is no independent position in the log, so no error is given." }
             }
         }
@@ -52,14 +53,14 @@ fn compensators(replay: &ReplayRecord) -> Markup {
     let has = |start: &str| replay.compensators.iter().any(|c| c.name.starts_with(start));
     html! {
         @if has("pade") {
-            p { "The paper's compensator (Park and Lee 2010) adds to the raw position what velocity flew during the \
-             delay, with the delay's transfer function replaced by its Padé [1/1] approximation and made discrete \
-             with Tustin's rule:" }
+            p { "The paper's compensator (Park and Lee 2010) adds to the raw position the distance flown during the \
+                 delay, from velocity, with the delay's transfer function replaced by its Padé [1/1] approximation and \
+                 made discrete with Tustin's rule:" }
             p.equation { "x_est = p + G v,  G(s) = (1 − e^(−s Td)) / s ≈ Td / ((Td/2) s + 1)" }
         }
         @if has("pade-1-1-as-seen") {
-            p { "A loop that holds each fix until the next sees it later still, by its mean age; the compensator is \
-             therefore run a second time with Td and that age together." }
+            p { "A loop that holds each fix until the next gets it later still, by its mean age; the compensator is \
+                 therefore run a second time with Td and that age together." }
         }
         @if has("exact") {
             p { "The exact asynchronous form adds to each fix p_j, stamped t_j, the integral I of velocity over the \
@@ -78,7 +79,7 @@ fn rules(replay: &ReplayRecord) -> Markup {
              after a longer one the output is invalid and the compensators restart. "
             "Gaps bridged here: " (number::count(replay.coverage.bridged_gaps))
             "; restarts: " (number::count(replay.coverage.restarts)) ". "
-            "Fixes that jump against integrated velocity by more than five sigma are passed on and counted."
+            "Fixes that jump against integrated velocity by more than five sigma are kept and counted."
         }
     }
 }
@@ -86,12 +87,13 @@ fn rules(replay: &ReplayRecord) -> Markup {
 fn start_rule(start: StartRule) -> &'static str {
     match start {
         StartRule::Warm => {
-            "Warm start: the first velocity is taken as flown since long before, so the correction starts at Td v₀."
+            "Warm start: the first velocity is assumed to have been flown for long before, so the correction starts at \
+             Td v₀."
         }
         StartRule::Cold => {
             "Cold start: the filter starts at zero, so the correction is short of Td v₀ by Td v₀ e^(−2t/Td) at first."
         }
-        StartRule::InvalidUntilTd => "The output is invalid until Td of velocity has been seen.",
+        StartRule::InvalidUntilTd => "The output is invalid until velocity covers Td.",
     }
 }
 

@@ -62,7 +62,7 @@ fn link(campaign: &NightCampaign, base: &str) -> Markup {
 fn exit(code: u8) -> Markup {
     let (class, icon, word) = match code {
         0 => ("ok", "✓", "all well"),
-        3 => ("unsure", "▲", "finished, look at what follows"),
+        3 => ("unsure", "▲", "finished, look at the list below"),
         4 => ("bad", "✗", "a criterion failed, a flight was harmed, or a setting did not do what was predicted"),
         75 => ("unsure", "○", "a part was not possible now: run again"),
         _ => ("bad", "✗", "a campaign failed"),
@@ -186,8 +186,9 @@ fn settings(record: &NightRecord, names: &Names<'_>) -> Markup {
             h2 { "Set this, then prove it" }
             (table("Recommended settings and the flights after them", &head, html! { @for proof in &record.proofs { (row(proof)) } }))
             p.note {
-                "The residual is the lateness of the position less the parameter: what the autopilot does not account for. The \
-                 prediction follows from the flights before the setting, the measurement from those after it. ± is U with k = 2."
+                "The residual is the lateness of the position minus the parameter: what the autopilot does not account \
+                 for. The prediction follows from the flights before the setting, the measurement from those after it. \
+                 ± is U with k = 2."
             }
         }
     }

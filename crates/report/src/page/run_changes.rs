@@ -113,7 +113,7 @@ pub(super) fn is_empty(changes: &RunChanges) -> bool {
 /// Causes in words.
 pub(super) fn causes(causes: &[ChangeCause]) -> String {
     match causes {
-        [] => "nothing that is known".to_owned(),
+        [] => "an unknown cause".to_owned(),
         causes => causes.iter().map(|cause| cause.word()).collect::<Vec<_>>().join(", "),
     }
 }

@@ -115,11 +115,13 @@ fn without_reference(scores: &ReplayScores) -> Markup {
             rows(&scores.compensators, MOST, head.len(), row)))
         p.note {
             "Delay left: how much later than the integrated velocity the output is at fresh fixes, by the estimator of "
-            a href="#delay" { "Delays of pairs of channels" } ", with the U of the fit alone; raw shows Tp − Tv. A right compensation leaves −Tv: it puts the position where it is, not where a late \
-             velocity is. A Padé filter leaves its truncation delay (± 50 %) and the fix age. Lead: distance ahead of raw along the \
-             track, over the speed. Step correlation: 1 = each fix jumps by the whole distance flown; 0 = no predictable jump \
-             (ideal). One velocity, half way back, predicts for raw − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m east rms. \
-             A delay that position and velocity share shows in none of these."
+            a href="#delay" { "Delays of pairs of channels" }
+            ", with the U of the fit alone; raw shows Tp − Tv. A correct compensation leaves −Tv: it puts the position \
+             where it is, not where a late velocity is. A Padé filter leaves its truncation delay (± 50 %) and the fix \
+             age. Lead: distance ahead of raw along the track, over the speed. Step correlation: 1 = each fix jumps by \
+             the whole distance flown; 0 = no predictable jump (ideal). One velocity, half way back, predicts for raw \
+             − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3))
+            "\u{a0}m east rms. None of these shows a delay that position and velocity share."
         }
         (reasons.show())
         (passes_and_legs(scores))
@@ -307,7 +309,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
                     td.n {
                         @match c.budget.terms.iter().find(|t| t.name == *name).map(|t| &t.size_m) {
                             Some(Finding::Found(size)) => { (plain(*size, 2)) }
-                            Some(Finding::CannotTell(why)) => { span.none title=(why) { "not known" } }
+                            Some(Finding::CannotTell(why)) => { span.none title=(why) { "unknown" } }
                             None => { span.none title="not a term of this compensator" { "·" } }
                         }
                     }
@@ -320,7 +322,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
         tr {
             th scope="row" { "Together, √Σ" }
             @for c in columns { td.n { (together(&c.budget)) } }
-            td.any { "terms are taken as independent; “from the others” where one of them is not known" }
+            td.any { "terms are assumed to be independent; “from the others” where one of them is unknown" }
         }
         tr {
             th scope="row" { "Measured against the reference" }
@@ -330,7 +332,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
     };
     let mut reasons = Reasons::default();
     for c in columns {
-        c.budget.terms.iter().for_each(|t| reasons.add("not known", &c.name, &t.size_m));
+        c.budget.terms.iter().for_each(|t| reasons.add("unknown", &c.name, &t.size_m));
     }
     html! {
         h3 id="error-budget" { "Error budget" }
@@ -343,7 +345,7 @@ fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
 fn together(budget: &ErrorBudget) -> Markup {
     match budget.total_m {
         Some(total_m) => html! { b { (plain(total_m, 3)) } },
-        None => html! { span title="a term is not known" { (plain(budget.known_m, 3)) " from the others" } },
+        None => html! { span title="a term is unknown" { (plain(budget.known_m, 3)) " from the others" } },
     }
 }
 
@@ -354,7 +356,7 @@ fn validity(scores: &ReplayScores, effect: Option<&Effect>, of_bands: &Markup) -
     html! {
         h3 { "At which frequencies" }
         @if let Some(effect) = effect { p { "Over the whole flight: " (ended(&effect.words)) } }
-        @if is_shown { (bands_of(scores, of_bands)) } @else { p { "By frequency: " (no_number("the whole is not known")) "." } }
+        @if is_shown { (bands_of(scores, of_bands)) } @else { p { "By frequency: " (no_number("the whole is unknown")) "." } }
     }
 }
 
@@ -392,9 +394,10 @@ fn bands_of(scores: &ReplayScores, of_bands: &Markup) -> Markup {
             (table("Frequencies and shares of the motion (power of the velocity)", &head, rows(&found, MOST, head.len(), row)))
         }
         p.note {
-            "All up to one over the delay, where the raw error vanishes by chance; continuous time, fixes not held; the filter \
-             that knows the mean age of a fix takes it as a part of both delays. Latenesses are those that the effect is judged \
-             by; what is not seen to differ from the delay removed, or from zero, counts as that."
+            "All up to one over the delay, where the raw error vanishes by chance; continuous time, fixes not held; \
+             the filter that knows the mean age of a fix takes it as a part of both delays. Latenesses are those used \
+             to judge the effect; one that does not differ significantly from the delay removed, or from zero, counts \
+             as equal to it."
         }
         @if let Finding::CannotTell(why) = &scores.motion { p { "Motion: " (no_number(why)) } }
         (reasons.show())
@@ -445,13 +448,14 @@ fn compared(found: &OnboardComparison) -> Markup {
                 }
             }
         }
-        (table("On-board less replay, after the start; U with k = 2", &head, rows(&found.against, MOST, head.len(), row)))
+        (table("On-board minus replay, after the start; U with k = 2", &head, rows(&found.against, MOST, head.len(), row)))
         p.note {
             (number::count(found.compared)) " of " (number::counted(found.samples, "sample", "samples")) " compared, "
-            @if found.same_stamps { "at the stamps of the replay's rows. " }
+            @if found.same_stamps { "at the timestamps of the replay's rows. " }
             @else { "interpolated between the replay's rows. " }
             "Allowed: " (plain(found.tolerance_m, 2)) "\u{a0}m, " (shown(&found.tolerance_source)) ". The start is the first "
-            (plain(found.start_s, 2)) "\u{a0}s and as long after every gap: filters forget how they were started."
+            (plain(found.start_s, 2)) "\u{a0}s and as long after every gap: the effect of the initial state has then \
+                                       decayed."
         }
     }
 }

@@ -63,12 +63,12 @@ fn circularity(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> &'static str
     let method = sweep.and_then(|s| s.optimum.found()).map(|o| o.method);
     match (choice.used, method) {
         (DelaySource::Sweep, Some(SweepMethod::Jackknife)) => {
-            "The delay was found by making the error against the reference least. That this error is small afterwards is no \
-             test of the delay; another flight, or the sensor card, is one."
+            "The delay was found by minimizing the error against the reference. A small error afterwards does not test \
+             the delay; another flight or the sensor card does."
         }
         _ => {
-            "The delay was found in the very data that it is removed from. What these data then say of a residual delay is \
-             zero by construction and no test; a reference, another flight, or the sensor card, is one."
+            "The delay was found in the same data that it is removed from. Their residual delay is then zero by \
+             construction and tests nothing; a reference, another flight or the sensor card does."
         }
     }
 }
@@ -128,9 +128,9 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
             @if let Some(best) = best { (optimum_row(best, choice, &scale)) }
         }))
         p.note {
-            "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that is not stated \
-             counts as zero. — where a delay is compared with itself, and for position against velocity, which is no lateness: \
-             it differs by what the velocity is late."
+            "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that is not \
+             stated counts as zero. — where a delay is compared with itself, and for position against velocity, which \
+             is not a lateness: it differs by the lateness of the velocity."
         }
     }
 }
@@ -212,8 +212,9 @@ fn note(sweep: &DelaySweep) -> Markup {
              however late the velocity is."
         },
         SweepScore::StepAtFixes => html! {
-            "Scored are the same " (samples("fix", "fixes")) " with every delay. The least step at a fix is drawn and decides \
-             nothing: steps weigh the noise of single fixes most."
+            "Scored are the same " (samples("fix", "fixes"))
+            " with every delay. The least step at a fix is drawn but not used: steps depend mostly on the noise of \
+             single fixes."
         },
     }
 }

@@ -189,7 +189,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
       const text = document.querySelector('li[data-reason="' + slug + '"] .text');
       make("li", text ? text.textContent : slug.replaceAll("-", " "), list);
     });
-    if (reasons.length === 0) make("li", "Nothing wants attention on this flight.", list);
+    if (reasons.length === 0) make("li", "Nothing in this flight needs attention.", list);
     picture(row.dataset.track, cell);
     row.after(why);
   };

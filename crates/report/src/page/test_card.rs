@@ -51,7 +51,7 @@ pub(super) fn flight_section(test: Option<&FlightTest>) -> Markup {
                 " in the folder of the log and " code { "test-card.toml" } " in the folder of flights."
             }
             Some(test) => {
-                @if test.cards.is_empty() { p { "No card says that this flight flew it." } }
+                @if test.cards.is_empty() { p { "No test card lists this flight." } }
                 @for flown in &test.cards { (flown_card(flown)) }
                 (front_matter(&test.report, &test.aircraft, &test.conditions))
                 (instrumentation(&test.instrumentation))

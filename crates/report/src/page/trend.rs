@@ -84,10 +84,10 @@ fn changes(charts: &[&TrendChart], names: &Names<'_>) -> Markup {
                                     " (95 %: " (names.flight(&change.earliest)) " to " (names.flight(&change.latest)) ")"
                                 }
                             }
-                            td { (shown(change.flown_at.as_deref().unwrap_or("not known"))) }
+                            td { (shown(change.flown_at.as_deref().unwrap_or("unknown"))) }
                             td.n { (estimate(&in_millis(&change.step_s))) }
                             td.n { (super::plain(change.sigmas, 2)) }
-                            td.any { @if change.with_it.is_empty() { "nothing else that is known" } @else { (shown(&change.with_it.join("; "))) } }
+                            td.any { @if change.with_it.is_empty() { "nothing else known" } @else { (shown(&change.with_it.join("; "))) } }
                         }
                     }
                 }
@@ -137,9 +137,10 @@ fn method(record: &TrendRecord) -> Markup {
             @if record.every_look {
                 "over all nights together. `flightlag trend` looks once and shows smaller changes. "
             } @else {
-                "for one look. Over many looks it is more: the page of a night has a higher threshold, which holds over all nights. "
+                "for one look. Over many looks it is more: the page of a night has a higher threshold, which is valid \
+                 over all nights. "
             }
-            "Fewer than three flights after a step are no change yet. ± is U with k = 2."
+            "A step with fewer than three flights after it is not yet a change. ± is U with k = 2."
         }
     }
 }

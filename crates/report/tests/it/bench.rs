@@ -504,7 +504,10 @@ fn card_channels_are_sorted_by_margins_of_lateness_and_name_a_reference() {
 fn the_wander_removed_from_a_drawn_position_is_stated_above_its_panel() {
     let svg = text(&site(&bench_record()), "figures/fig-4.svg");
     // Range within the few swings and rms over the record of the fixture, two digits.
-    assert!(svg.contains("position.ins, north: late by 400.3\u{a0}±\u{a0}1.6 ms; wander of 0.23 m taken out here (0.43 m rms over the record)"));
+    assert!(svg.contains(
+        "position.ins, north: late by 400.3\u{a0}±\u{a0}1.6 ms; wander of 0.23 m removed here (0.43 m rms over the \
+         record)"
+    ));
     assert!(!svg.contains("velocity.ins, north: on time (0.12\u{a0}±\u{a0}0.18 ms); wander"));
 }
 
@@ -583,5 +586,5 @@ fn the_iron_of_a_card_is_a_table_in_microtesla_or_a_reason() {
 fn a_failed_injection_and_an_unlogged_latency_have_a_reason() {
     let html = page(&bench_record());
     assert!(html.contains("the first half alone cannot be fitted: the reference rests"));
-    assert!(html.contains("the log holds no later stamp than the logged one"));
+    assert!(html.contains("the log has no timestamp later than the logged one"));
 }

@@ -345,7 +345,7 @@ fn channel(kind: &Kind) -> ChannelDynamics {
         latency: if kind.name.ends_with("imu") {
             Finding::Found(latency())
         } else {
-            Finding::CannotTell("the log holds no later stamp than the logged one".into())
+            Finding::CannotTell("the log has no timestamp later than the logged one".into())
         },
         injections: if kind.verdict == Verdict::Inconclusive {
             vec![Injection {
@@ -458,7 +458,7 @@ fn clocks() -> ClockFinding {
     ClockFinding {
         basis: TimeBasis::Anchor { channel: "angular-rate.imu".into() },
         statement: "Encoder and sensor carry stamps of different clocks: every delay is relative to angular-rate.imu, \
-                    which is taken as on time."
+                    which is assumed to be on time."
             .into(),
         skew: Finding::Found(estimate(21.4e-6, 2.4e-6)),
         anchor_lag_s: Some(estimate(12.345_678, 0.000_026)),

@@ -127,9 +127,9 @@ fn a_group_that_differs_only_in_the_log_says_so() {
     }
     let html = text(&site(&record), "index.html");
     let cards: Vec<String> = html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").map(words).collect();
-    assert!(cards[0].contains("All but the log is as in the group of CSV."), "{}", cards[0]);
-    assert!(cards[1].contains("All but the log is as in the group of MCAP."), "{}", cards[1]);
-    assert!(cards[2..].iter().all(|card| !card.contains("All but the log")), "{cards:?}");
+    assert!(cards[0].contains("Everything except the log is as in the group of CSV."), "{}", cards[0]);
+    assert!(cards[1].contains("Everything except the log is as in the group of MCAP."), "{}", cards[1]);
+    assert!(cards[2..].iter().all(|card| !card.contains("Everything except the log")), "{cards:?}");
 }
 
 #[test]

@@ -74,5 +74,5 @@ fn a_first_run_and_an_unchanged_run_say_so() {
     };
     assert!(nothing.is_empty() && words(&nothing).contains("Nothing changed."));
     let first = CampaignChanges { before: None, ..nothing };
-    assert!(!first.is_empty() && words(&first).contains("First run into this folder"));
+    assert!(!first.is_empty() && words(&first).contains("First run in this folder"));
 }

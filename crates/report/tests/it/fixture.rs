@@ -340,7 +340,7 @@ pub fn delays() -> FlightDelays {
     let against_truth = PairDelay {
         kind: DelayPairKind::PositionAgainstReference,
         second: "position.truth".into(),
-        meaning: "δ = Tp: how late position.gps is against position.truth, which is taken to be on time".into(),
+        meaning: "δ = Tp: how late position.gps is against position.truth, which is assumed to be on time".into(),
         delay: Finding::Found(MeasuredDelay { alarm: None, ..measured_delay(0.398_2, 0.000_9) }),
         varies: None,
         not_for_network: None,

@@ -44,7 +44,9 @@ fn the_replay_pair_comes_first_as_a_difference_and_tests_no_removed_delay() {
     let text = words(&section(&flight_record()));
     // 409.3 ms, U = 2 × 2.1 ms.
     assert!(
-        text.contains("position.gps is 409.3 ± 4.2 ms later than velocity.ekf (k = 2). How late both are is"),
+        text.contains(
+            "position.gps is 409.3 ± 4.2 ms later than velocity.ekf (k = 2). This pair does not show how late"
+        ),
         "{text}"
     );
     assert!(!text.contains("Removed was") && !text.contains("E_n"), "a pair has a difference, not a lateness: {text}");

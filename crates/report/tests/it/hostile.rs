@@ -219,7 +219,7 @@ fn a_bench_record_with_absent_or_empty_parts_has_a_page() {
     let (record, _) = change_everywhere(&light, &null);
     assert!(record.findings.is_none());
     let html = String::from_utf8(bench(&record, "n").files["index.html"].clone()).unwrap();
-    assert!(html.contains("says measured, but holds no findings"));
+    assert!(html.contains("says measured, but has no findings"));
     let empty = |value: &Value| value.as_array().filter(|a| !a.is_empty()).map(|_| Value::Array(vec![]));
     let (record, changed) = change_everywhere(&light, &empty);
     assert!(changed > 10, "{changed}");

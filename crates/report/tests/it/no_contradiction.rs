@@ -170,7 +170,7 @@ fn a_figure_says_late_only_if_the_lateness_is_known() {
 fn no_page_calls_a_velocity_on_time_if_its_network_finds_it_late() {
     let text = words(&page(&record()));
     assert!(!text.contains("is on time"), "{text}");
-    assert!(text.contains("than which it is 143 ± 14 ms later"), "{text}");
+    assert!(text.contains("The position is 143 ± 14 ms later than the velocity"), "{text}");
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn an_unknown_effect_has_no_table_of_helpful_frequencies() {
     let effect = unknown.effect.as_mut().unwrap();
     (effect.verdict, effect.words) = (EffectVerdict::CannotTell, "cannot tell: 1.00 → 0.99 m".into());
     let text = section(&unknown);
-    assert!(text.contains("the whole is not known") && !text.contains("exact-async"), "{text}");
+    assert!(text.contains("the whole is unknown") && !text.contains("exact-async"), "{text}");
 }
 
 #[test]

@@ -288,7 +288,7 @@ fn curves_of_pure_noise_do_not_bloat_the_page() {
 #[test]
 fn vehicle_data_from_the_log_is_shown_only_if_present() {
     let mut record = flight_record();
-    assert!(!page(&record).contains("What the log says of the vehicle"));
+    assert!(!page(&record).contains("The vehicle, from the log"));
     let delay = flight::ConfiguredDelay {
         parameter: "EKF2_GPS_DELAY".to_owned(),
         value_s: 0.11,
@@ -318,7 +318,7 @@ fn the_gaps_of_a_channel_come_with_the_longest_gap_and_the_definition() {
     let gaps_of = |record: &FlightRecord| {
         let page = page(record);
         let table = page.split_once("Channels: time stamps").unwrap().1;
-        assert!(table.contains("A gap is a step from one stamp to the next of more than 2.5 median steps."));
+        assert!(table.contains("A gap is a step from one timestamp to the next of more than 2.5 median steps."));
         table.split("<td>").nth(1).unwrap().split("</td>").next().unwrap().to_owned()
     };
     assert_eq!(gaps_of(&record), "3; longest 1.25 s at 0:06:40");

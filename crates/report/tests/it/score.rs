@@ -50,8 +50,8 @@ fn an_unknown_number_is_a_dash_with_its_reason_below() {
     let html = section(&flight_record(), "score");
     let text = words(&html);
     assert!(text.contains("ref.") && !text.contains("the lead is that over raw"), "{text}");
-    assert!(text.contains("— not known, "), "{text}");
-    assert!(text.contains("not known"), "{text}");
+    assert!(text.contains("— unknown, "), "{text}");
+    assert!(text.contains("unknown"), "{text}");
     // Text from a log is escaped, here in the reason of an unknown term.
     assert!(html.contains("&lt;the flight is too straight&gt;") && !html.contains("<the flight"), "{html}");
 }

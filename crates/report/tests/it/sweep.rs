@@ -111,7 +111,7 @@ fn a_delay_from_the_flight_itself_is_marked_as_not_a_test() {
     let choice = replay.choice.as_mut().unwrap();
     (choice.asked, choice.used, choice.circular) = (DelaySource::Flight, DelaySource::Flight, true);
     let text = words(&site(&record));
-    assert_said(&text, &["zero by construction and no test"]);
+    assert_said(&text, &["zero by construction and tests nothing"]);
     let plain = words(&site(&flight_record()));
     assert!(!plain.contains("zero by construction"));
 }

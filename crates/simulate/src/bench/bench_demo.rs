@@ -187,19 +187,19 @@ fn plans() -> [Plan; 5] {
         plan("gps-1", Logs::One(MCAP), "MCAP, CDR, zstd"),
         Plan {
             settings: lossy(at_azimuth(165.0, placed(BenchSettings::default()))),
-            faults: &["2 % of the rows are missing, stamps of the encoder jitter by 0.2 ms"],
+            faults: &["2 % of the rows are missing, timestamps of the encoder jitter by 0.2 ms"],
             ..plan("gps-2", Logs::One(Container::Bag(BagSettings::default())), "ROS 1 bag, not compressed")
         },
         Plan {
             settings: turned(placed(BenchSettings::default())),
             to_be_fitted: true,
-            faults: &["the rig file says neither azimuth nor sign nor zero of the encoder"],
+            faults: &["the rig file does not state azimuth, sign or zero of the encoder"],
             ..plan("gps-3", Logs::One(Container::CsvWide), "CSV, one wide table")
         },
         Plan {
             serial: SECOND,
             settings: two_clocks(placed(BenchSettings::ins())),
-            faults: &["encoder and sensor have logs and clocks of their own", "the bar bends at 5 Hz"],
+            faults: &["encoder and sensor have separate logs and clocks", "the bar bends at 5 Hz"],
             ..plan("ins", Logs::Two { encoder: Container::CsvWide, sensor: MCAP }, "CSV and MCAP, CDR, zstd")
         },
         Plan {

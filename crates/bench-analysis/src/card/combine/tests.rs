@@ -78,7 +78,7 @@ fn a_record_of_another_sensor_is_rejected_with_the_differing_part() {
     let error = combine(&all, &TERMS).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "swing-02: another sensor than in the records before: serial `00500123` and `00500999`"
+        "swing-02: a different sensor from the records before: serial `00500123` and `00500999`"
     );
 }
 
@@ -126,7 +126,7 @@ fn an_absolute_and_a_relative_delay_are_not_averaged() {
     assert_eq!(combined.card.channels[0].delay_s, 0.4);
     assert_eq!(reported(&combined), [("not-comparable", "swing-02")]);
     assert!(
-        combined.card.method.contains("swing-02: position.gps: measured stamps, relative to angular-rate.imu: not")
+        combined.card.method.contains("swing-02: position.gps: measured timestamps, relative to angular-rate.imu: not")
     );
     assert_eq!(combined.card.measured_on.as_deref(), Some("2010-10-20"), "not the day of the record left out");
     assert_eq!((combined.card.channels[0].records, combined.card.records.len()), (1, 2), "measured, if not averaged");
@@ -229,11 +229,12 @@ fn an_encoder_whose_angle_scatters_marks_the_channels() {
         &mut all[1].1,
         check(
             false,
-            "1.70 counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or stamps jitter",
+            "1.70 counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or timestamps jitter",
         ),
     );
     let combined = combine(&all, &TERMS).unwrap();
-    let why = "1.70 counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or stamps jitter";
+    let why =
+        "1.70 counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or timestamps jitter";
     assert_eq!(combined.card.channels[0].contradicted, [format!("swing-02: encoder residual: {why}")]);
     assert_eq!(reported(&combined), [("rig-contradicted", "swing-02")]);
 }

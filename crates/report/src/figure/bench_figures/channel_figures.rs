@@ -18,8 +18,8 @@ const TIME: &str = "time since the encoder's first sample";
 pub(crate) const KINDS: [(&str, &str); 9] = [
     (
         "components over a few swings",
-        "Good: the dots lie on the dashes. A component that the swing does not move says nothing about the delay: what is \
-         seen of it is offset, drift and noise.",
+        "Good: the dots lie on the dashes. A component that the swing does not move has no information about the \
+         delay: it shows only offset, drift and noise.",
     ),
     (
         "measured against reference",
@@ -28,23 +28,24 @@ pub(crate) const KINDS: [(&str, &str); 9] = [
     ),
     (
         "frequency response",
-        "Rely on the blue points alone: γ² above 0.6 and reference power above 1 % of its peak. Good: their bars reach the \
-         dashes. A pure delay has gain 1 and a phase that falls in proportion to frequency; a gain that falls as well is a lag.",
+        "Rely only on the blue points: γ² above 0.6 and reference power above 1 % of its peak. Good: their bars reach \
+         the dashes. A pure delay has gain 1 and a phase that falls in proportion to frequency; a gain that falls as \
+         well is a lag.",
     ),
     (
         "residuals",
-        "Good: noise of one size around zero, without the rhythm of the swing. Bad: waves at the swing's frequency (gain or \
-         model wrong), a step, a stretch that is louder.",
+        "Good: noise of constant size around zero, without the rhythm of the swing. Bad: waves at the swing's \
+         frequency (gain or model wrong), a step, a noisier stretch.",
     ),
     (
         "autocorrelation of the residuals",
-        "Good: 19 bars of 20 inside the band. Bad: a row of bars on one side (noise that wanders more than the model says), or \
-         a rhythm (motion left over). The interval of the delay allows for it either way.",
+        "Good: 19 bars of 20 inside the band. Bad: a row of bars on one side (noise that wanders more than the model \
+         allows), or a rhythm (remaining motion). The interval of the delay allows for both.",
     ),
     (
         "objective over the search",
-        "Good: one deep valley at the rule. Bad: a second valley nearly as deep, a swing's period away: the delay is ambiguous \
-         by a swing.",
+        "Good: one deep valley at the vertical line. Bad: a second valley nearly as deep, a swing's period away: the \
+         delay is ambiguous by a swing.",
     ),
     (
         "objective near its minimum",
@@ -53,8 +54,9 @@ pub(crate) const KINDS: [(&str, &str); 9] = [
     ),
     (
         "delay over the record",
-        "Good: nearly all bars reach the band. Bad: a slope (clocks that run apart, a queue that fills), a step (the sensor \
-         changed its mode). Neighbours share half of their data: they look smoother than they are.",
+        "Good: nearly all bars reach the band. Bad: a slope (clocks that drift apart, a queue that fills), a step (the \
+         sensor changed its mode). Neighbouring windows share half of their data, so the bars look smoother than they \
+         are.",
     ),
     ("latency", "Good: one narrow hill. Bad: two hills (a scheduler, a retry), a long tail (a link that is full)."),
 ];
@@ -356,8 +358,8 @@ pub(in crate::figure) fn objective_panel(
 fn hysteresis(named: &Named, channel: &ChannelDynamics) -> Option<Figure> {
     let (component, panels) = paper::hysteresis(channel)?;
     let caption = format!(
-        "{} over the reference within a few swings, offset, drift and slow wander taken out. Above at the same time, below \
-         with the delay taken out.",
+        "{} over the reference within a few swings, offset, drift and slow wander removed. Above at the same time, \
+         below with the delay removed.",
         label(&component)
     );
     Some(named.figure("hysteresis", "measured against reference", caption, panels))

@@ -79,9 +79,9 @@ pub(super) fn zoom(channels: &[ChannelDynamics]) -> Option<Figure> {
         number: 0,
         title,
         caption: tally.caption(
-            "A few swings as the encoder and the sensor saw them (Park and Lee 2010, Fig. 4), one panel per quantity. Offset \
-             and drift are taken out of the measured values. So is slow wander, where the heading says so: the mean of \
-             measured − fitted over four swings, which cannot hide a delay.",
+            "A few swings as the encoder and the sensor measured them (Park and Lee 2010, Fig. 4), one panel per \
+             quantity. Offset and drift are removed from the measured values. So is slow wander, if the heading says \
+             so: the mean of measured − fitted over four swings, which cannot hide a delay.",
         ),
         how_to_read: "The red length is the delay: from the wide curve (reference at the true time) to the dashes (the same, \
                       scaled and late as found). Good: the dots lie on the dashes at every height. Bad: they part at the \
@@ -144,7 +144,7 @@ pub(super) fn hysteresis(channel: &ChannelDynamics) -> Option<(String, Vec<Panel
     let x = Axis::linear(&format!("reference ({})", short_label(&component.unit)), (low, high), 7);
     let y = Axis::linear(&format!("measured ({})", short_label(&component.unit)), extent(&lines, |p| p.1)?, 5);
     let diagonal = stroke("gain as found", Pen::Dashed, vec![(low, gain * low), (high, gain * high)]);
-    let headings = ["at the same time".to_owned(), format!("after {} ms are taken out", millis_of(delay))];
+    let headings = ["at the same time".to_owned(), format!("after {} ms are removed", millis_of(delay))];
     let panel = |(line, heading): (Line, String)| Panel {
         heading,
         ..Panel::of(x.clone(), y.clone(), vec![line, diagonal.clone()])
@@ -183,8 +183,8 @@ pub(super) fn whole(channels: &[ChannelDynamics]) -> Option<Figure> {
             "Reference and output as logged, in the unit of each axis, over the part of the encoder's record that is used. No \
              reference is drawn in a gap of the encoder.",
         ),
-        how_to_read: "Good: wide and thin curve fill the same heights from start to end. Bad: a stretch without \
-                      output, an output that wanders off or is cut at a height (saturation), a swing that dies out.",
+        how_to_read: "Good: the wide and the thin curve have the same height from start to end. Bad: a stretch without \
+                      output, an output that wanders off or is clipped (saturation), a swing that decays.",
         panels,
         panel_size: (860, 105),
         fine: true,
@@ -246,14 +246,14 @@ fn taken_out(component: &ComponentDynamics) -> Option<String> {
     let unit = short_label(&component.unit);
     let amount = |value| number::significant(value, 2);
     let (here, rms) = (amount(wander.range_in_view), amount(wander.rms));
-    Some(format!("wander of {here} {unit} taken out here ({rms} {unit} rms over the record)"))
+    Some(format!("wander of {here} {unit} removed here ({rms} {unit} rms over the record)"))
 }
 
 fn component_heading(component: &ComponentDynamics) -> String {
     if component.excited {
         taken_out(component).unwrap_or_default()
     } else {
-        format!("{}: not excited, no part in the delay", label(&component.name))
+        format!("{}: not excited, not used for the delay", label(&component.name))
     }
 }
 

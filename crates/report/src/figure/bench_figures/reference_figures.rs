@@ -15,7 +15,7 @@ pub(super) fn angle(reference: &ReferenceFinding) -> Option<Figure> {
         number: 0,
         title: "Bar angle".to_owned(),
         caption: tally.caption("Bar angle in rad over time: encoder and smoothed."),
-        how_to_read: "Good: one curve. Bad: they part (counts lost, an encoder that slips), or the bar stands still for \
+        how_to_read: "Good: one curve. Bad: they part (counts lost, an encoder that slips), or the bar is at rest for \
                       much of the record.",
         panels: panels("bar angle (rad)", vec![drawn])?,
         panel_size: SIZE,
@@ -39,7 +39,7 @@ pub(super) fn acceleration(reference: &ReferenceFinding) -> Option<Figure> {
         caption: tally
             .caption("L ξ″ in m/s² over time. The lower panel shows the smoothed curve again, on its own scale."),
         how_to_read: "The grey curve is the second central difference of the counts, which the paper compares its \
-                      accelerometer with: what it has beyond the black one is quantisation. Good: the black curve is \
+                      accelerometer with: what exceeds the black curve is quantisation. Good: the black curve is \
                       smooth and goes through the middle of the grey one.",
         panels,
         panel_size: SIZE,

@@ -42,9 +42,9 @@ fn rig(reference: &ReferenceFinding) -> Markup {
         p {
             "A bar is swung by hand or swings free about a level axis. A rotary encoder of "
             (exact(reference.counts_per_rev)) " counts per revolution (" (shown(&reference.counts_source))
-            ") reads its angle ξ, and the sensor at its end, at the lever arm r that the rig file gives for each channel, is \
-             compared with what that motion makes it see (Park and Lee 2010, section 2). ξ is zero with body axes level, \
-             and grows as the body's z axis turns to x′, the level direction at azimuth η:"
+            ") reads its angle ξ, and the sensor at its end, at the lever arm r that the rig file gives for each \
+             channel, is compared with what that motion should make it measure (Park and Lee 2010, section 2). ξ is \
+             zero with body axes level, and grows as the body's z axis turns to x′, the level direction at azimuth η:"
         }
         p.equation { "ξ_k = s 2π n_k / N + ξ₀,  s = " (if reference.sign < 0.0 { "−1" } else { "+1" })
             ",  N = " (number::exact(reference.counts_per_rev)) }
@@ -54,9 +54,9 @@ fn rig(reference: &ReferenceFinding) -> Markup {
 fn smoother(reference: &ReferenceFinding) -> Markup {
     html! {
         p {
-            "Counts are not differenced. A Rauch–Tung–Striebel smoother with state (ξ, ξ′, ξ″, ξ‴), driven by white snap of \
-             spectral density q and seeing the counts with the variance of their quantisation, gives the motion and its \
-             covariance on irregular stamps; q = 10^" (number::fixed(reference.log10_q, 2))
+            "Counts are not differenced. A Rauch–Tung–Striebel smoother with state (ξ, ξ′, ξ″, ξ‴), driven by white \
+             snap of spectral density q and given the counts with the variance of their quantisation, gives the motion \
+             and its covariance at irregular timestamps; q = 10^" (number::fixed(reference.log10_q, 2))
             " rad²/s⁷ has the least generalised cross-validation:"
         }
         p.equation { "GCV(q) = n RSS / (n − tr H)²,  R = (2π/N)² / 12" }
@@ -85,16 +85,16 @@ fn delay(channels: &[ChannelDynamics]) -> Markup {
             (search(channels))
             "then τ by Gauss–Newton with the linear parameters projected out. "
             @if wanders {
-                "Noise is an Ornstein–Uhlenbeck process and white noise together, whitened exactly at the stamps as they \
-                 are by a scalar Kalman filter, and fitted by restricted maximum likelihood (REML); where it does not earn \
-                 its two parameters, white noise alone. "
+                "Noise is an Ornstein–Uhlenbeck process and white noise together, whitened exactly at the \
+                 actual timestamps by a scalar Kalman filter, and fitted by restricted maximum likelihood (REML); where its two \
+                 parameters are not justified, white noise alone is used. "
             } @else {
                 "Noise was found white in every channel: an Ornstein–Uhlenbeck part was tried by restricted maximum \
-                 likelihood (REML) and did not earn its two parameters. "
+                 likelihood (REML), but its two parameters were not justified. "
             }
             @if robust {
-                "Where whitened residuals have long tails, Huber weights (k = 1.345) hold back the farthest samples; the \
-                 share is given. "
+                "Where whitened residuals have long tails, Huber weights (k = 1.345) downweight the farthest samples; \
+                 their share is given. "
             }
             (held(channels))
         }
@@ -120,9 +120,9 @@ fn held(channels: &[ChannelDynamics]) -> Markup {
     let held: Vec<&str> = channels.iter().filter(|c| c.held_rows > 0).map(|c| c.name.as_str()).collect();
     html! {
         @if !held.is_empty() {
-            "Repeats of held values are left out before the fit ("
+            "Repeats of held values are removed before the fit ("
             @for (i, name) in held.iter().take(20).enumerate() { @if i > 0 { ", " } code { (shown(name)) } }
-            "): the delay is that of the measurement. A loop that reads the held value sees it later by half the time \
+            "): the delay is that of the measurement. A loop that reads the held value gets it later by half the time \
              between updates, its mean age; both numbers are given."
         }
     }
@@ -137,7 +137,8 @@ fn uncertainty(channels: &[ChannelDynamics]) -> Markup {
             "The standard uncertainty of τ is the larger of the one from the Hessian of the whitened fit and the one that \
              allows for heteroscedasticity and correlation (Newey and West, Bartlett kernel, bandwidth after Andrews)"
             @if with_delay > 0 { "; here the second was the larger in " (by_hac) " of " (with_delay) " channels" }
-            ". Coarse stamps add u_stamps, and the anchor, where there is one, its own u_anchor. It is the uncertainty of one record: what differs from run to run is seen by combining records on a card."
+            ". Coarse timestamps add u_stamps, and an anchor adds its own u_anchor. This is the uncertainty of one \
+             record: differences from record to record show when records are combined on a card."
         }
         p.equation { "u²(τ) = max(u_Hessian, u_HAC)² + u_stamps² + u_anchor²,  τ ± t_0.975(ν) u(τ)" }
     }
@@ -148,24 +149,24 @@ fn clocks(clocks: &ClockFinding) -> Markup {
         p {
             @match &clocks.basis {
                 TimeBasis::OneClock => {
-                    "Encoder and sensor were stamped by one clock. An offset of that stamping looks the same as a \
-                     delay. "
+                    "Encoder and sensor were timestamped by one clock. An offset of these timestamps looks the same as \
+                     a delay. "
                 }
                 TimeBasis::Pps => {
-                    "The pulse per second ties the device's clock to the encoder's by a line from pulse to pulse. "
+                    "The pulse per second relates the device's clock to the encoder's by a line from pulse to pulse. "
                 }
                 TimeBasis::FastestArrivals => {
-                    "The fastest arrivals tie the device's clock to the encoder's. The least transport latency looks the \
-                     same as a delay. "
+                    "The fastest arrivals relate the device's clock to the encoder's. The least transport latency \
+                     looks the same as a delay. "
                 }
                 TimeBasis::Anchor { channel } => {
-                    "Encoder and sensor were stamped by different clocks. The channel " code { (shown(channel)) }
-                    " is taken as on time: its lag is the offset of the clocks, and all other delays are given less that \
-                     lag. "
+                    "Encoder and sensor were timestamped by different clocks. The channel " code { (shown(channel)) }
+                    " is assumed to be on time: its lag is the offset of the clocks, which is subtracted from all \
+                     other delays. "
                 }
             }
-            "One skew ε is fitted for all channels of a clock, with the column a (t − t_m) r′; at the middle of the record \
-             it is not correlated with τ. "
+            "One skew ε is fitted for all channels of a clock, with the column a (t − t_m) r′; at the middle of the \
+             record it is not correlated with τ. "
             @if clocks.hull.is_some() {
                 "Device time was mapped to arrival by the lower convex hull of arrival − device time, that is by the \
                  fastest arrivals; what lies above it is latency. "
@@ -182,7 +183,8 @@ fn verdicts(channels: &[ChannelDynamics]) -> Markup {
              margin ±δ (equivalence test: two one-sided tests of 5 %, so that the 90 % interval lies inside); else “not decided”, with the smallest delay that \
              would be seen with a power of 80 %, 2.8 u"
             @if has(Verdict::Inconclusive) { ", and the length T (2.8 u/δ)² of a record that would decide" }
-            ". The quality gate comes before any verdict. “No delay” is never said without the number that makes it so."
+            ". The quality gate comes before any verdict. “No delay” is never reported without the number that proves \
+             it."
         }
     }
 }
@@ -194,10 +196,10 @@ fn dynamics(channels: &[ChannelDynamics]) -> Markup {
     html! {
         p {
             (is_known(channels.iter().any(|c| c.model.found().is_some()),
-                "Delay or lag: a delay (D), a first-order lag (L), both (DL), and a delay with two lags (DLL) are fitted with \
-                 the same noise, lags by the exact recursion for a reference that is straight between samples; the least \
-                 Bayesian information criterion is chosen, and “not distinguished” is said if the next is within 6. The sum \
-                 of delay and lags is known far better than the parts. "))
+                "Delay or lag: a delay (D), a first-order lag (L), both (DL), and a delay with two lags (DLL) are \
+                 fitted with the same noise, lags by the exact recursion for a reference that is straight between \
+                 samples; the least Bayesian information criterion is chosen, and “not distinguished” is reported if \
+                 the next is within 6. The sum of delay and lags is known far better than the parts. "))
             @if let Some(found) = responses().next() {
                 "Frequency responses are H₁ = S_xy/S_xx by Welch's method (Hann, half overlapping, segments of "
                 (exact(found.segment_s)) " s), after the fitted delay was taken out; its phase is put back afterwards. 95 % \
@@ -205,8 +207,8 @@ fn dynamics(channels: &[ChannelDynamics]) -> Markup {
                  of the peak power of the reference are pale and not relied on. "
             }
             @if let Some(found) = windows().next() {
-                "The delay over the record is fitted in windows of " (exact(found.window_s)) " s; whether it is constant is \
-                 asked of windows that do not overlap. "
+                "The delay over the record is fitted in windows of " (exact(found.window_s))
+                " s; whether it is constant is tested on windows that do not overlap. "
             }
         }
     }
@@ -216,8 +218,8 @@ fn injection(channels: &[ChannelDynamics]) -> Markup {
     html! {
         @if channels.iter().any(|c| !c.injections.is_empty()) {
             p {
-                "Injection and recovery: known delays and gains are put into the second half of the measured data, both \
-                 halves are fitted again, and the difference that comes back is compared with what was put in."
+                "Injection and recovery: known delays and gains are added to the second half of the measured data, \
+                 both halves are fitted again, and the measured difference is compared with what was added."
             }
         }
     }

@@ -94,17 +94,17 @@ fn delay_table(channel: &ChannelDynamics) -> Markup {
             Some(found) => { (delay_facts(channel, found)) }
             None => { (fact("Delay", no_number(&channel.reason))) }
         }
-        (fact("Standard uncertainty foreseen before the fit",
+        (fact("Standard uncertainty predicted before the fit",
             or_why(channel.predicted_s, "no component was expected to show it", |s| html! { (plain(s * 1e3, 2)) " ms" })))
         (fact("Jitter of the latency, standard deviation", finding(&channel.jitter_s, |j| html! { (estimate(&verdict::in_millis(j))) " ms" })))
-        (fact("Measured against", html! { (basis(&channel.basis)) "; stamps: " (channel.stamp_kind) ", clock " (channel.clock) }))
+        (fact("Measured against", html! { (basis(&channel.basis)) "; timestamps: " (channel.stamp_kind) ", clock " (channel.clock) }))
         (fact("Rows", html! {
             (number::count(channel.samples)) " measured"
-            @if channel.held_rows > 0 { ", " (number::count(channel.held_rows)) " repeats of held values left out" }
+            @if channel.held_rows > 0 { ", " (number::count(channel.held_rows)) " repeats of held values not used" }
         }))
         (fact("Rates", html! {
-            (or_why(channel.rate_hz, "rows: not known", |hz| html! { (plain(hz, 4)) " Hz rows" })) "; "
-            (or_why(channel.update_rate_hz, "updates: not known", |hz| html! { (plain(hz, 4)) " Hz updates" }))
+            (or_why(channel.rate_hz, "rows: unknown", |hz| html! { (plain(hz, 4)) " Hz rows" })) "; "
+            (or_why(channel.update_rate_hz, "updates: unknown", |hz| html! { (plain(hz, 4)) " Hz updates" }))
         }))
         (fact("Rows not used, by reason", health::rejects(&channel.rejected)))
     };
@@ -121,10 +121,12 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
         }))
         (fact("Standard uncertainty", html! {
             (ms(found.standard_uncertainty_s)) ": the larger of " (ms(found.hessian_s)) " (Hessian) and "
-            (ms(found.hac_s)) " (sandwich, HAC), with what the components share of " (ms(found.reference_s))
-            " of the reference, " (ms(found.stamps_s)) " of the stamps and " (ms(found.anchor_s))
+            (ms(found.hac_s)) " (sandwich, HAC), with the part that the components share of " (ms(found.reference_s))
+            " of the reference, " (ms(found.stamps_s)) " of the timestamps and " (ms(found.anchor_s))
             " of the anchor in quadrature"
-            @if found.change_s > 0.0 { ", and " (ms(found.change_s)) " so that the interval holds the delay of every part of the record" }
+            @if found.change_s > 0.0 {
+                ", and " (ms(found.change_s)) " so that the interval covers the delay of every part of the record"
+            }
         }))
         (fact("Cramér–Rao bound at the fitted noise", ms(found.crlb_s)))
         (fact("Effective delay when the last value is held", or_why(found.as_seen_s.as_ref(), not_held(channel), held)))
@@ -132,7 +134,7 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
         (fact("Smallest detectable delay (power 80 %)", ms(found.minimum_detectable_s)))
         (fact("Margin of equivalence", html! { "±" (exact(found.deciding_margin_s() * 1e3)) " ms" }))
         @if channel.verdict == Verdict::Inconclusive {
-            (fact("Record that would decide", or_why(found.deciding_length_s, "not known", |s| html! { (duration(s)) })))
+            (fact("Record that would decide", or_why(found.deciding_length_s, "unknown", |s| html! { (duration(s)) })))
         }
     }
 }
@@ -183,7 +185,7 @@ fn component(c: &ComponentDynamics) -> Markup {
             td.n { (or_why(noise, "not fitted", |n| plain(n.white_std, 2))) }
             td.n { (or_why(wander, no_wander, |n| html! { (plain(n.wander_std, 2)) ", " (plain(n.time_constant_s, 2)) })) }
             td.n { (or_why(noise.and_then(|n| n.static_std), "never at rest", |s| plain(s, 2))) }
-            td.n { (or_why(noise.and_then(|n| n.resolution), "not known", |r| plain(r, 2))) }
+            td.n { (or_why(noise.and_then(|n| n.resolution), "unknown", |r| plain(r, 2))) }
         }
     }
 }
@@ -240,7 +242,7 @@ fn checks(checks: Option<&FitChecks>) -> Markup {
                 p {
                     "Whitened residuals: Ljung–Box " (number::probability(checks.ljung_box_p)) ", kurtosis "
                     (plain(checks.kurtosis, 3)) " (3 if Gaussian), " (number::percent(checks.downweighted_share))
-                    "\u{a0}% of the samples held back by the robust weights." (second(checks))
+                    "\u{a0}% of the samples downweighted by the robust weights." (second(checks))
                 }
             }
             None => { p { (no_number("nothing was fitted, so there is no fit to check")) } }
@@ -294,10 +296,10 @@ fn injections(channel: &ChannelDynamics) -> Markup {
     html! {
         @if injections.is_empty() { p { (no_number("the rig file asks for no injection")) } }
         @else {
-            (table(&format!("Known delays and gains put into {} and found again; ± is U with k = 2", channel.name), &head,
+            (table(&format!("Known delays and gains added to {} and measured again; ± is U with k = 2", channel.name), &head,
                 rows(injections, MOST, head.len(), row)))
-            p.note { "Put into the second half of the record and found again against the first. Expected: 19 of 20 intervals \
-             contain zero." }
+            p.note { "Added to the second half of the record and measured against the first. Expected: 19 of 20 \
+                      intervals contain zero." }
         }
     }
 }

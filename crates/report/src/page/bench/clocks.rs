@@ -10,7 +10,7 @@ use record::{ClockFinding, Estimate, HullFinding, PpsFinding, TimeBasis};
 pub(super) fn section(clocks: &ClockFinding) -> Markup {
     let facts = html! {
         (fact("Delays are measured against", basis(&clocks.basis)))
-        (fact("Which makes them", what_they_are(&clocks.basis)))
+        (fact("So they are", what_they_are(&clocks.basis)))
         (fact("Skew of the sensor's clock", finding(&clocks.skew, ppm)))
         (fact("Lag of the anchor against the encoder as logged",
             or_why(clocks.anchor_lag_s.as_ref(), "no anchor was needed", |lag| html! {
@@ -36,11 +36,11 @@ pub(super) fn section(clocks: &ClockFinding) -> Markup {
 
 fn what_they_are(basis: &TimeBasis) -> Markup {
     match basis {
-        TimeBasis::OneClock => html! { "absolute, up to the stamping of that one clock" },
-        TimeBasis::Pps => html! { "absolute, up to the edge of the pulse" },
-        TimeBasis::FastestArrivals => html! { "absolute but for the least transport latency, which they hold" },
+        TimeBasis::OneClock => html! { "absolute, except for the timestamping by that one clock" },
+        TimeBasis::Pps => html! { "absolute, except for the edge of the pulse" },
+        TimeBasis::FastestArrivals => html! { "absolute, but including the least transport latency" },
         TimeBasis::Anchor { channel } => html! {
-            "relative: delay less that of " code { (shown(channel)) } ", which is taken as on time"
+            "relative: delay minus that of " code { (shown(channel)) } ", which is assumed to be on time"
         },
     }
 }
@@ -56,7 +56,7 @@ fn hull(found: &HullFinding) -> Markup {
         (fact("Channel", html! { code { (shown(&found.channel)) } }))
         (fact("Clocks", html! { "device: " (found.device) "; arrival: " (found.arrival) }))
         (fact("Arrival − device time on the hull, at the middle", html! {
-            (number::fixed(found.offset_s, 6)) " s; it holds the least transport latency"
+            (number::fixed(found.offset_s, 6)) " s; it includes the least transport latency"
         }))
         // If the device clock gains, arrival minus device time decreases.
         (fact("Skew of the device clock", html! { (plain(-found.skew * 1e6, 3)) " ppm (positive gains)" }))

@@ -65,7 +65,7 @@ pub(super) fn section(findings: &BenchFindings) -> Option<Markup> {
             p.note {
                 "Move the slider and watch the residuals: each is least at the delay of its channel. Drag over a panel to zoom (one finger moves, two zoom); \
                  double-click to see all. Keys, once the panels have the focus: " b { "+ −" } " zoom, " b { "← →" } " move, "
-                b { "0" } " all. Offset, drift and slow wander are taken out of the measured values."
+                b { "0" } " all. Offset, drift and slow wander are removed from the measured values."
             }
         }
         script type="application/json" id="shift-data" { (PreEscaped(json.replace('<', "\\u003c"))) }

@@ -95,7 +95,7 @@ fn magnetometer(found: &MagnetometerFinding, unit: &str) -> Markup {
         }
         (fact("Soft iron, row by row", soft_iron(&found.soft_iron, &found.soft_iron_standard_uncertainty)))
         (fact("Condition number of the fit", or_why(found.condition, "a planar fit has no common one", |c| plain(c, 2))))
-        (fact(&format!("Rms of what is left ({unit})"), plain(found.residual_rms, 3)))
+        (fact(&format!("Rms of residuals ({unit})"), plain(found.residual_rms, 3)))
         (fact("Size of the field over the model's", or_why(found.magnitude_ratio.as_ref(), "no model was used", estimate)))
         (fact("Dip less the model's", or_why(found.dip_error_rad.as_ref(), "no model was used", degrees)))
     };

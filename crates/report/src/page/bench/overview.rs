@@ -28,15 +28,15 @@ pub(super) fn section(
         h2 id="results" { "Results" }
         (channels(findings, &figures.channels, doubts))
         p.note {
-            "A positive delay is late: measured(t) = truth(t − delay). As seen: effective delay when the last value is held. \
-             Smallest detectable: shown with a power of 80 %. Gain and noise are those of the component that says most about \
-             the delay. —: not available."
+            "A positive delay is late: measured(t) = truth(t − delay). As seen: effective delay when the last value is \
+             held. Smallest detectable: detected with a power of 80 %. Gain and noise are those of the component with \
+             the most information about the delay. —: not available."
         }
         @if let Some(shift) = shift { (shift) }
         @if let Some(zoom) = &figures.zoom { (figure(zoom)) }
         @if let Some(whole) = &figures.whole { details { summary { "The whole record" } (figure(whole)) } }
         @if figures.zoom.is_none() && figures.whole.is_none() {
-            p { "The record holds no curve of a channel, so nothing is drawn." }
+            p { "The record has no curve of a channel, so nothing is drawn." }
         }
     }
 }
@@ -84,7 +84,7 @@ fn row(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String]) -
             }
             td.any { (or_why(main.and_then(|c| Some((c, c.noise.as_ref()?))), "not fitted", noise)) }
             td.any {
-                (or_why(channel.update_rate_hz, "rate not known", |hz| html! { (plain(hz, 4)) " Hz" })) ", "
+                (or_why(channel.update_rate_hz, "rate unknown", |hz| html! { (plain(hz, 4)) " Hz" })) ", "
                 (channel.stamp_kind) ", " (against(channel))
             }
         }

@@ -46,9 +46,10 @@ pub(super) fn section(record: &CampaignRecord, excerpts: &[TrackExcerpt]) -> Mar
             details {
                 summary { "Raw and compensated where the aircraft turned hardest, " (number::counted(all.len() as u64, "flight", "flights")) ", the newest first" }
                 p.note {
-                    "As Fig. 7 of Park and Lee: north above, east below, in metres over the seconds that are named. "
-                    b.raw { "Wide: raw." } " " b.exact { "Thin: compensated (exact form)." } " Good: the same shape, earlier by the delay. \
-                     Bad: peaks of another height. The page of a flight has the whole of it."
+                    "As Fig. 7 of Park and Lee: north above, east below, in metres over the stated seconds. "
+                    b.raw { "Wide: raw." } " " b.exact { "Thin: compensated (exact form)." }
+                    " Good: the same shape, earlier by the delay. Bad: peaks of another height. The page of each \
+                     flight shows the whole flight."
                 }
                 div.excerpts {
                     @for (row, zoom, drawing) in &all {

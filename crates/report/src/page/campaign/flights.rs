@@ -54,7 +54,7 @@ pub(super) fn section(record: &CampaignRecord) -> Markup {
         @else {
             p {
                 (number::counted(rows.len() as u64, "flight", "flights")) " are too many for one page: they are in pages of "
-                (number::count(ON_A_PAGE as u64)) ", the gravest first. The groups are above."
+                (number::count(ON_A_PAGE as u64)) ", the most severe first. The groups are above."
             }
             ul {
                 @for (k, part) in rows.chunks(ON_A_PAGE).enumerate() {
@@ -92,7 +92,7 @@ pub(super) fn pages(record: &CampaignRecord) -> Vec<(String, String)> {
             nav aria-label="Pages" {
                 a href="../index.html#all" { "Campaign" }
                 @if k > 0 { a rel="prev" href={ (k) ".html" } { "Graver" } }
-                @if k + 1 < count { a rel="next" href={ (k + 2) ".html" } { "Less grave" } }
+                @if k + 1 < count { a rel="next" href={ (k + 2) ".html" } { "Less severe" } }
             }
             main {
                 h1 { (shown(&record.name)) ": flights " (span(k, part.len())) " of " (number::count(rows.len() as u64)) }
@@ -112,7 +112,8 @@ fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Rea
     html! {
         div.scroll.tall tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
-                caption { "One row for each flight, the gravest first; ± is U with k = 2, and a blue bar shows it on one scale. —: not available." }
+                caption { "One row for each flight, the most severe first; ± is U with k = 2, and a blue bar shows it \
+                           on one scale. —: not available." }
                 thead { tr { @for column in head(judged, alarmed) { (column) } } }
                 tbody { @for of in rows { (row(of)) } }
             }

@@ -79,9 +79,10 @@ fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Mark
             p { (agreement(group, rows)) }
             @if !other_logs.is_empty() {
                 p.note {
-                    "All but the log is as in the " @if other_logs.len() == 1 { "group" } @else { "groups" } " of "
+                    "Everything except the log is as in the " @if other_logs.len() == 1 { "group" } @else { "groups" }
+                    " of "
                     @for (i, log) in other_logs.iter().enumerate() { (joint(i, other_logs.len())) (shown(log)) }
-                    ". Another logger may stamp at another moment, so they are not averaged."
+                    ". Another logger may set the timestamp at another moment, so they are not averaged."
                 }
             }
             (other_receivers(group, rows))
@@ -107,7 +108,7 @@ fn lateness(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
             Some(found) if is_relative(group) => {
                 @let apart = Estimate { value: found.value.abs(), ..*found };
                 b { (estimate(&in_millis(&apart))) "\u{a0}ms" } @if found.value < 0.0 { " earlier, " } @else { " later, " }
-                (shown(&group.against)) "; how late both are is not known"
+                (shown(&group.against)) "; the lateness of both is unknown"
             }
             Some(found) => { b { (estimate(&in_millis(found))) "\u{a0}ms" } " late, against " (shown(datum(&group.against))) }
             None => { (no_number(&group.words)) }

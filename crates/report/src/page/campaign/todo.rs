@@ -180,7 +180,7 @@ fn relative(record: &CampaignRecord) -> Option<Action> {
     let what = html! {
         "Log the IMU (acceleration and attitude, 10 Hz or more), or measure the receiver on the bench: "
         (number::counted(rows.len() as u64, "flight shows", "flights show"))
-        " how far position and velocity are apart in time, but not how late both are, so that nothing was removed: " (names(&rows)) "."
+        " how far position and velocity are apart in time, but not how late both are, so nothing was removed: " (names(&rows)) "."
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
@@ -190,7 +190,7 @@ fn guessed(flights: &[FlightRow]) -> Option<Action> {
         |r: &&FlightRow| r.lateness.as_ref().is_some_and(|l| l.alarms.iter().any(|alarm| alarm.code == GUESSED));
     let rows: Vec<&FlightRow> = flights.iter().filter(is_guessed).collect();
     let what = html! {
-        "Write down which columns are which, for " (number::counted(rows.len() as u64, "log was", "logs were"))
+        "State which columns are which, for " (number::counted(rows.len() as u64, "log was", "logs were"))
         " bound by guess: " code { "flightlag maps --suggest LOG > own.toml" } "."
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
