@@ -138,7 +138,7 @@ mod tests {
         assert_eq!((said(&[right, i64::MIN / NANOS_PER_SECOND]), said(&[])), (None, None));
     }
 
-    fn told(offset_s: f64) -> Option<String> {
+    fn suspicion_of(offset_s: f64) -> Option<String> {
         let d = Distribution {
             min: offset_s - 0.03,
             p01: offset_s - 0.02,
@@ -165,7 +165,7 @@ mod tests {
             (-619_315_200.0, "1024 weeks off"),
             (1_238_630_401.0, "2048 weeks off"),
         ] {
-            let text = told(offset).unwrap_or_default();
+            let text = suspicion_of(offset).unwrap_or_default();
             assert!(text.contains(word), "{offset}: {text}");
         }
     }
@@ -191,7 +191,7 @@ mod tests {
     #[test]
     fn a_driver_delay_is_not_suspicious() {
         for offset in [0.0, 0.2, 0.85, -0.4, 1.4, 3.0, 60.0, 500.0, 100_000.0] {
-            assert_eq!(told(offset), None, "{offset}");
+            assert_eq!(suspicion_of(offset), None, "{offset}");
         }
     }
 }
