@@ -2,7 +2,6 @@
 
 mod bag;
 pub(crate) mod bag_folder;
-mod crew;
 mod csv;
 mod dataflash;
 mod db3;
@@ -16,6 +15,7 @@ mod ubx;
 mod ulog;
 mod unpack;
 mod unpacker;
+mod workers;
 mod yaml;
 
 pub(crate) use bag::read as read_bag;
