@@ -200,8 +200,8 @@ fn by_guess(log: &mut Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bi
     Ok((flight, Binding { why: "no map fits; columns bound by guess".into(), ..binding }))
 }
 
-/// A table as the second file of a flight, where [`load`] does not bind it: one flight for each possible direction of
-/// its axes, with what was bound to what. Empty for a table whose time or units are unknown.
+/// Reads a table as the second file of a flight, where [`load`] does not bind it. Returns one flight for each possible
+/// direction of its axes, with the columns of each channel. Empty if the time or the units are unknown.
 ///
 /// # Errors
 /// As [`LogReader::read`].
@@ -252,7 +252,7 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
     }
 }
 
-/// Formats without timestamps of their own get those of their bound channels.
+/// Gives the topics of formats without log timestamps those of their bound channels.
 fn note_stamps(log: &mut Log, binding: &Binding) {
     for channel in &binding.channels {
         let topic = log.health.topics.iter_mut().find(|t| t.name == channel.source.topic);

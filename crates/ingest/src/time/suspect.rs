@@ -13,7 +13,8 @@ const QUARTER_S: f64 = 900.0;
 const FARTHEST_ZONE_S: f64 = 14.0 * 3600.0;
 const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
 
-/// The known mistake that an offset between two clocks that both claim UTC looks like, if any. `at` is when.
+/// The known mistake that explains the offset between two clocks that both claim UTC, if any. `at` is the time of the
+/// flight.
 pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     let leaps = gps_ahead_of_utc_s(at);
     let size = offset.median.abs();
@@ -84,8 +85,8 @@ impl SaidDates {
     }
 
     /// What dates before `since` look like, which a receiver cannot have reported, and their number. A ten-bit counter
-    /// of GPS weeks wraps around every 1024 weeks, and a receiver that does not know of the last wrap is 19.6 years
-    /// behind.
+    /// of GPS weeks wraps around every 1024 weeks, and the dates of a receiver that missed the last wrap are 19.6 years
+    /// too early.
     pub(crate) fn suspicion(&self, since: Since) -> Option<(String, u64)> {
         let early: u64 = self.weeks.range(..since.week).map(|(_, count)| count).sum();
         let all: u64 = self.weeks.values().sum();
