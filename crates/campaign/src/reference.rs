@@ -202,7 +202,7 @@ pub(crate) struct ReferenceLog {
     files: Vec<String>,
     read: Result<Flight, String>,
     /// If its table does not define its axes: the possible orientations, and what each binds.
-    ways: Vec<(Flight, String)>,
+    orientations: Vec<(Flight, String)>,
 }
 
 impl ReferenceLog {
@@ -218,7 +218,7 @@ impl ReferenceLog {
         let unit = match found {
             FoundReference::There(unit) => unit,
             FoundReference::Missing { file, reason } => {
-                return Ok(ReferenceLog { files: vec![file.clone()], read: Err(reason.clone()), ways: vec![] });
+                return Ok(ReferenceLog { files: vec![file.clone()], read: Err(reason.clone()), orientations: vec![] });
             }
         };
         let name = |f: &PathBuf| f.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -227,14 +227,14 @@ impl ReferenceLog {
             Err(error) => Err(error.to_string()),
             Ok(loaded) => loaded.binding.map(|_| loaded.flight),
         };
-        let ways = match &read {
-            Err(_) => ingest::load_ways(unit, context).or_else(|error| match error {
+        let orientations = match &read {
+            Err(_) => ingest::load_orientations(unit, context).or_else(|error| match error {
                 IngestError::Cancelled => Err(error),
                 _ => Ok(vec![]),
             })?,
             Ok(_) => vec![],
         };
-        Ok(ReferenceLog { files: unit.files.iter().map(name).collect(), read, ways })
+        Ok(ReferenceLog { files: unit.files.iter().map(name).collect(), read, orientations })
     }
 
     /// The reference with the axes that match the log, and what was bound if the log had to decide.
@@ -244,11 +244,11 @@ impl ReferenceLog {
             Err(why) => why,
         };
         let mut alike: Vec<(Likeness, &Flight, &str)> = vec![];
-        for (way, said) in &self.ways {
-            alike.extend(likeness(flight, way, wanted).map(|found| (found, way, said.as_str())));
+        for (orientation, summary) in &self.orientations {
+            alike.extend(likeness(flight, orientation, wanted).map(|found| (found, orientation, summary.as_str())));
         }
         alike.sort_by(|a, b| b.0.correlation.total_cmp(&a.0.correlation));
-        let Some((best, way, said)) = alike.first() else { return Err(why.clone()) };
+        let Some((best, orientation, summary)) = alike.first() else { return Err(why.clone()) };
         let next = alike.get(1).map_or(-1.0, |(next, ..)| next.correlation);
         if best.correlation < LEAST_ALIKE || best.correlation - next < DECIDES {
             return Err(format!(
@@ -259,11 +259,11 @@ impl ReferenceLog {
         }
         if best.scale.ln().abs() > SAME_SCALE {
             return Err(format!(
-                "read as {said}, it moves {:.2} times as fast as the log: state the unit in the name of its column, as vn_kmh",
+                "read as {summary}, it moves {:.2} times as fast as the log: state the unit in the name of its column, as vn_kmh",
                 best.scale
             ));
         }
-        Ok((way, Some(said)))
+        Ok((orientation, Some(summary)))
     }
 
     /// Adds its channels to the flight, with the clock relation from the pipeline.

@@ -29,8 +29,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!(
         "CPU {:.3} s, {} bytes read, peak memory {}",
         cpu_seconds().unwrap_or_default(),
-        told("/proc/self/io", "rchar:").unwrap_or_default(),
-        told("/proc/self/status", "VmHWM:").unwrap_or_default()
+        number_in("/proc/self/io", "rchar:").unwrap_or_default(),
+        number_in("/proc/self/status", "VmHWM:").unwrap_or_default()
     );
     Ok(())
 }
@@ -44,7 +44,7 @@ fn cpu_seconds() -> Option<f64> {
 }
 
 /// What the system says of this process.
-fn told(file: &str, name: &str) -> Option<String> {
+fn number_in(file: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(file).ok()?;
     text.lines().find_map(|line| line.strip_prefix(name)).map(|value| value.trim().to_owned())
 }

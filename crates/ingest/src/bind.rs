@@ -3,28 +3,28 @@
 mod attitude;
 mod clocks;
 mod conditions;
-mod counted;
-mod dated;
-mod daytime;
+mod counter_dates;
+mod date_columns;
 mod ecef;
-mod lacking;
+mod indexed_plan;
+mod missing_fields;
 mod order;
-mod parted;
-mod placed;
+mod receive_times;
 mod repair;
 mod restarts;
 mod rows;
+mod stamp_notices;
 mod stamps;
-mod stated;
+mod stated_units;
+mod time_of_day;
 mod times;
-mod told;
 mod trial;
-mod turns;
+mod wraps;
 
 pub(crate) use self::attitude::from_euler;
 pub use self::times::{RowTimes, TableTimes, row_times};
 
-use self::parted::Parted;
+use self::indexed_plan::IndexedPlan;
 use self::restarts::Joined;
 use self::rows::{StepBack, bind_rows, take_rows};
 use self::stamps::{Tied, tie_of};
@@ -62,8 +62,8 @@ pub fn bind(log: &mut Log, library: &MapLibrary, forced: Option<&str>) -> Result
 /// A channel map with its plans for a log, and everything that needs to be read from the log only once.
 struct Chosen<'m> {
     map: &'m ChannelMap,
-    parts: Vec<Parted>,
-    /// The notices about units, for each part.
+    plans: Vec<IndexedPlan>,
+    /// The notices about units, for each plan.
     units: Vec<Notices>,
     /// The notices of the log and of the plans.
     notices: Notices,
@@ -79,23 +79,23 @@ fn choose<'m>(log: &Log, library: &'m MapLibrary, forced: Option<&str>) -> Resul
     trials.sort_by_key(|t| std::cmp::Reverse(t.rank()));
     check_best(&trials, log)?;
     let mut best = trials.remove(0);
-    turns::align(best.plans.iter_mut().flat_map(|plan| &mut plan.stamps));
+    wraps::align(best.plans.iter_mut().flat_map(|plan| &mut plan.stamps));
     let joined = on_one_clock(&mut best, log);
     let others = trials.iter().filter(|t| !t.plans.is_empty()).map(|t| candidate(t, &best)).collect();
     let why = if forced.is_some() { "asked for by name".to_owned() } else { best.why(best.plans.len()) };
     let tied = if joined.is_none() { tie_of(&best.map.ties, log) } else { None };
     let notices = notices_of(&best, log);
     let of_units = |plan: &Plan<'_>| {
-        let mut said = Notices::new();
-        stated::compare(plan, &log.units, &mut said);
-        said
+        let mut of_plan = Notices::new();
+        stated_units::compare(plan, &log.units, &mut of_plan);
+        of_plan
     };
     let units = best.plans.iter().map(of_units).collect();
     let Some(map) = maps.into_iter().find(|map| std::ptr::eq(*map, best.map)) else {
         return Err(nothing_fits(&[best], log));
     };
-    let parts = best.plans.into_iter().map(|plan| Parted::of(plan, map, log)).collect();
-    Ok(Chosen { map, parts, units, notices, joined, tied, why, others })
+    let plans = best.plans.into_iter().map(|plan| IndexedPlan::of(plan, map, log)).collect();
+    Ok(Chosen { map, plans, units, notices, joined, tied, why, others })
 }
 
 /// Rejects trials whose first does not fit, is no better than the second, or lacks what the user's map names.
@@ -106,7 +106,7 @@ fn check_best(trials: &[Trial<'_>], log: &Log) -> Result<(), IngestError> {
         let names = equals.join(" and ");
         return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
     }
-    lacking::check(best, log).map_err(IngestError::MapLacks)
+    missing_fields::check(best, log).map_err(IngestError::MapLacks)
 }
 
 /// Moves the timestamps of all sessions of a log onto the clock of the first; `None` if it has one session.
@@ -123,11 +123,11 @@ fn on_one_clock(best: &mut Trial<'_>, log: &Log) -> Option<Joined> {
 /// The notices to report before any channel is made.
 fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
     let mut notices = log.notices.clone();
-    for (name, said) in &best.unknown {
-        let text = format!("channel {name} is not bound: the log says {said}, which the channel map does not know");
+    for (name, remark) in &best.unknown {
+        let text = format!("channel {name} is not bound: the log says {remark}, which the channel map does not know");
         notices.push(Code::UnknownWord, "", 1, text);
     }
-    told::note_stamps(&best.plans, &mut notices);
+    stamp_notices::note_stamps(&best.plans, &mut notices);
     notices
 }
 
@@ -138,13 +138,13 @@ pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Va
 }
 
 fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
-    let Chosen { map, mut parts, units, notices, joined, tied, why, others } = chosen;
+    let Chosen { map, mut plans, units, notices, joined, tied, why, others } = chosen;
     let mut flight = Flight { notices, ..Flight::default() };
     let (mut channels, mut apart, mut coarse, mut back) = (vec![], vec![], vec![], None);
-    parted::keep_columns_of(&parts, log);
+    indexed_plan::keep_columns_of(&plans, log);
     for of_units in units {
-        let part = parts.remove(0);
-        let Some(bound) = part.make(map, log, &parts, take_rows, bind_rows) else { continue };
+        let plan = plans.remove(0);
+        let Some(bound) = plan.make(map, log, &plans, take_rows, bind_rows) else { continue };
         flight.notices.extend(bound.notices);
         flight.notices.extend(of_units);
         match bound.channel {
@@ -156,8 +156,8 @@ fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
         back = back.into_iter().chain(bound.back).max_by(|a, b| a.length_s.total_cmp(&b.length_s));
         channels.push(bound.health);
     }
-    told::note_apart(&apart, &mut flight.notices);
-    told::note_coarse(&coarse, &mut flight.notices);
+    stamp_notices::note_apart(&apart, &mut flight.notices);
+    stamp_notices::note_coarse(&coarse, &mut flight.notices);
     note_back_jumps(&channels, back, &mut flight.notices);
     channels.sort_by(|a, b| a.name.cmp(&b.name));
     date_clocks(&mut flight, joined, tied);
@@ -207,7 +207,7 @@ fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notice
     let jumps = |c: &ChannelHealth| c.stamps.as_ref().map_or(0, |s| s.back_jumps);
     let back: Vec<&ChannelHealth> = channels.iter().filter(|c| jumps(c) > 0).collect();
     let Some(first) = back.first() else { return };
-    let which = told::which(&first.name, back.len());
+    let which = stamp_notices::which(&first.name, back.len());
     let topics: BTreeSet<&str> = back.iter().map(|c| c.source.topic.as_str()).collect();
     let place = match topics.len() {
         1 => first.source.topic.clone(),
@@ -243,8 +243,11 @@ fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {
 
 /// Reports which map comes nearest, and which topics the log has.
 fn nothing_fits(trials: &[Trial<'_>], log: &Log) -> IngestError {
-    let meant: Vec<String> =
-        trials.iter().filter(|trial| trial.is_meant()).filter_map(|trial| lacking::check(trial, log).err()).collect();
+    let meant: Vec<String> = trials
+        .iter()
+        .filter(|trial| trial.is_meant())
+        .filter_map(|trial| missing_fields::check(trial, log).err())
+        .collect();
     if !meant.is_empty() {
         return IngestError::MapLacks(meant.join("; "));
     }

@@ -91,7 +91,7 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
 }
 
 /// Nanoseconds since 1970 of an ISO 8601 instant, such as `2024-05-10T17:27:44.30Z`, `2024-05-10 17:27:44.3+02:00`, or
-/// without a zone, which then means UTC. Also with another date whose order is certain: `2024/05/10`, or `10.05.2024`,
+/// without a zone, which then means UTC. Also with another date in a certain order: `2024/05/10`, or `10.05.2024`,
 /// because dots are used only with the day first.
 pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
     local_to_unix_ns(text, "Z")
@@ -292,7 +292,7 @@ pub(crate) fn offset_seconds(text: &str) -> Option<i32> {
     (minutes < 60).then_some(sign * (i32::from(hours) * 3600 + i32::from(minutes) * 60))
 }
 
-/// A date whose order is certain: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, or with the month in English letters,
+/// A date in a certain order: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, or with the month in English letters,
 /// `dd-Mon-yyyy` or `dd Mon yyyy`; by the day of the year, `yyyy-ddd` or `yyyyddd`, or by the week, `yyyy-Www-d`.
 pub(crate) fn plain_date(text: &str) -> Option<Date> {
     if let Some(date) = named_month(text).or_else(|| ordinal_date(text)).or_else(|| week_date(text)) {
@@ -367,7 +367,7 @@ impl DateOrder {
     pub(crate) fn shown_by<T: Deref<Target = str> + Default + Copy>(
         dates: impl Iterator<Item = T>,
     ) -> Result<Option<(DateOrder, T)>, T> {
-        let (mut left, mut telling, mut last) = (DateOrder::ALL.to_vec(), None, T::default());
+        let (mut left, mut decisive, mut last) = (DateOrder::ALL.to_vec(), None, T::default());
         for text in dates {
             if *std::mem::replace(&mut last, text) == *text {
                 continue;
@@ -378,11 +378,11 @@ impl DateOrder {
             if DateOrder::ALL.iter().any(fits) {
                 let before = left.len();
                 left.retain(fits);
-                let shows = left.len() < before || telling.is_none();
-                telling = if shows { Some(text) } else { telling };
+                let shows = left.len() < before || decisive.is_none();
+                decisive = if shows { Some(text) } else { decisive };
             }
         }
-        match (telling, left.as_slice()) {
+        match (decisive, left.as_slice()) {
             (None, _) => Ok(None),
             (Some(text), [order]) => Ok(Some((*order, text))),
             (Some(text), _) => Err(text),

@@ -1,9 +1,9 @@
-//! Logs that accompany those of flights: complete, but without the position of a vehicle of their own.
+//! Logs that accompany those of flights: complete, but without the position of the vehicle.
 
 use flight::{Flight, LogHealth, Quantity, TopicHealth};
 
 /// What the log is, if it is not a flight but belongs to one: a file of a FlySight 2 other than its track, or reports
-/// of other vessels. A log with a position of its own is never a companion.
+/// of other vessels. A log with a position of its vehicle is never a companion.
 pub(crate) fn companion(health: &LogHealth, flight: &Flight) -> Option<&'static str> {
     let is_position = |quantity| matches!(quantity, Quantity::PositionGeodetic | Quantity::PositionNed);
     if flight.channels.values().any(|channel| is_position(channel.quantity)) {

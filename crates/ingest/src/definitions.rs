@@ -83,7 +83,7 @@ fn package_name(package: &Path) -> Option<String> {
 fn without_comments(xml: &str) -> String {
     let mut parts = xml.split("<!--");
     let first = parts.next().unwrap_or_default().to_owned();
-    parts.fold(first, |text, part| text + part.split_once("-->").map_or("", |(_, behind)| behind))
+    parts.fold(first, |text, part| text + part.split_once("-->").map_or("", |(_, after)| after))
 }
 
 fn collect(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), IngestError> {

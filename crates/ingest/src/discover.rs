@@ -90,7 +90,7 @@ struct TableFile {
     id: String,
     stem: String,
     flysight2: bool,
-    /// Whether a header names its columns; without one only the file name says what it holds.
+    /// Whether a header names the columns. Without a header only the file name shows what the table holds.
     named: bool,
 }
 
@@ -188,7 +188,7 @@ impl Search<'_> {
         self.found.units.push(FlightUnit { id, files, kind });
     }
 
-    /// The bag of a folder whose `metadata.yaml` names missing files, if it is the only one: it was renamed.
+    /// The only bag of a folder with a `metadata.yaml` that names missing files: the bag was renamed.
     fn only_bag(&mut self, paths: &[PathBuf], first: usize) -> Option<FlightUnit> {
         let is_here = |unit: &FlightUnit| unit.files.first().is_some_and(|file| paths.contains(file));
         let is_bag = |unit: &FlightUnit| matches!(unit.kind, LogKind::Db3 | LogKind::Mcap) && is_here(unit);
@@ -197,9 +197,9 @@ impl Search<'_> {
         Some(self.found.units.remove(only))
     }
 
-    /// Playing a compressed bag leaves its files unpacked next to it. Of both, only the one that `metadata.yaml` names
-    /// is a log; without that it is the packed one, which the recorder wrote. A file whose length differs from that in
-    /// the packed header is a different one.
+    /// Removes copies: playing a compressed bag leaves its files unpacked next to it. The log is the file that
+    /// `metadata.yaml` names, or without metadata the packed file, which the recorder wrote. A file with another length
+    /// than the packed header states is not a copy.
     fn leave_out_copies(&mut self, paths: &[PathBuf], metadata: Option<&Metadata>, first: usize) {
         for packed in paths.iter().filter(|path| path.extension().is_some_and(|ending| ending == "zstd")) {
             let plain = packed.with_extension("");
@@ -276,7 +276,7 @@ impl Search<'_> {
         if self.found.units.iter().any(|unit| unit.files.iter().skip(1).any(|file| file == path)) {
             return;
         }
-        if is_beside_database(path) {
+        if is_sidecar_of_database(path) {
             return self.ignore(id, "belongs to a database in the same folder, which is read without it");
         }
         if let Some(first) = self.first_name(path, id) {
@@ -393,9 +393,9 @@ impl Search<'_> {
             tables.iter().filter_map(|t| self.library.flight_prefix(&t.stem, sensed)).collect()
         };
         let found = Some(of(false)).filter(|found| !found.is_empty()).unwrap_or_else(|| of(true));
-        let bare = found.iter().filter(|p| p.is_empty()).count();
+        let without_prefix = found.iter().filter(|p| p.is_empty()).count();
         // A table without a header was recognised by its name.
-        let together = bare > 1 || tables.iter().any(|t| !t.named);
+        let together = without_prefix > 1 || tables.iter().any(|t| !t.named);
         found.iter().filter(|p| !p.is_empty() || together).map(|p| (*p).to_owned()).collect()
     }
 }
@@ -414,8 +414,9 @@ fn shared_prefixes(tables: &[TableFile]) -> BTreeMap<String, String> {
     let mut fronts: BTreeMap<&str, BTreeMap<String, &str>> = BTreeMap::new();
     for table in tables.iter().filter(|t| t.named) {
         let stem = table.stem.as_str();
-        let ways = [Some(("", stem)), stem.rsplit_once(BEFORE_PART), stem.split_once(BEFORE_PART).map(|(a, b)| (b, a))];
-        for (front, part) in ways.into_iter().flatten() {
+        let splits =
+            [Some(("", stem)), stem.rsplit_once(BEFORE_PART), stem.split_once(BEFORE_PART).map(|(a, b)| (b, a))];
+        for (front, part) in splits.into_iter().flatten() {
             let part = part.to_ascii_lowercase();
             if PARTS.contains(&part.as_str()) {
                 fronts.entry(front).or_default().insert(part, stem);
@@ -450,8 +451,8 @@ fn write_ahead_log(database: &Path) -> Option<PathBuf> {
     fs::metadata(&path).is_ok_and(|about| about.is_file() && about.len() > 0).then_some(path)
 }
 
-/// A write-ahead log, its index, or a journal, as SQLite leaves them.
-fn is_beside_database(path: &Path) -> bool {
+/// Whether a file is a write-ahead log, its index, or a journal, as SQLite leaves them next to a database.
+fn is_sidecar_of_database(path: &Path) -> bool {
     let name = path.to_string_lossy();
     let database = ["-wal", "-shm", "-journal"].iter().find_map(|end| name.strip_suffix(end));
     let is_there = |database: &str| {
@@ -476,7 +477,7 @@ fn head_of(path: &Path) -> std::io::Result<Vec<u8>> {
 fn is_packed_of(packed: &Path, plain: &Path) -> bool {
     let mut head = [0; 18];
     let read = File::open(packed).and_then(|mut file| file.read(&mut head)).unwrap_or(0);
-    let told = zstd::zstd_safe::get_frame_content_size(head.get(..read).unwrap_or_default());
+    let stated = zstd::zstd_safe::get_frame_content_size(head.get(..read).unwrap_or_default());
     let length = fs::metadata(plain).map(|about| about.len()).ok();
-    matches!(told, Ok(Some(bytes)) if Some(bytes) == length)
+    matches!(stated, Ok(Some(bytes)) if Some(bytes) == length)
 }

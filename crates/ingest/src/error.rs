@@ -60,7 +60,7 @@ pub enum IngestError {
 }
 
 impl IngestError {
-    /// A file that cannot be opened or whose size cannot be read.
+    /// A file that cannot be opened, or has no readable size.
     pub(crate) fn of_file(path: &Path, source: std::io::Error) -> IngestError {
         IngestError::Io { file: file_name(path), offset: 0, source }
     }

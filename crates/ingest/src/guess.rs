@@ -1,34 +1,35 @@
-//! Guesses a channel map for a table that no map fits: from column names, their units, and whether the position moves
-//! as the velocity says. What the data contradict or cannot decide is rejected.
+//! Guesses a channel map for a table that no map fits: from column names, their units, and whether the velocity agrees
+//! with the motion of the position. A reading that the data contradict or cannot decide is rejected.
 
-mod bare;
 mod body;
-mod decide;
-mod motion;
+mod by_motion;
+mod column_groups;
+mod compare;
 mod names;
-mod sets;
+mod orientations;
 mod times;
-mod ways;
+mod windows;
 mod write;
 
-pub(crate) use self::ways::ways;
+pub(crate) use self::orientations::orientations;
 
-use self::decide::{
-    Motion, Of, Place, Vertical, decide, is_contradiction, plausible_height, side, units_of_place, without_unit,
+use self::column_groups::{Position, TableColumns, Velocity, has_body, may_hold, names_axes, sources};
+use self::compare::{
+    Motion, Place, Timed, Vertical, decide, is_contradiction, plausible_height, side, units_of_place, without_unit,
 };
 use self::names::{Named, Role};
-use self::sets::{Position, Source, Velocity, has_body, may_hold, says_axes, sources};
 use self::times::Timing;
-use self::write::All;
+use self::write::GuessedChannels;
 use crate::reader::{FieldRequest, Log, Select, Selection, TableHead, ValueKind};
 use crate::table::{Table, TopicInfo};
 use flight::{Clock, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Channel names for columns without a source, next to those of the GPS: they belong to something else, usually faster.
+/// Channel names for columns without a source in their name, in a table that also has GPS columns. They come from
+/// another source, usually a faster one.
 pub(crate) const PLAIN: [&str; 2] = ["position.plain", "velocity.plain"];
 
-/// Part of the reason for a table without a time.
+/// Part of the message for a table without a time column.
 pub(crate) const NO_TIME: &str = "is a time that goes on";
 
 /// A guessed map.
@@ -36,8 +37,8 @@ pub(crate) const NO_TIME: &str = "is a time that goes on";
 pub(crate) struct Guess {
     /// The map as a file, with the reasons as comments.
     pub(crate) text: String,
-    /// What was bound to what, in one line.
-    pub(crate) said: String,
+    /// The columns of each channel, in one line.
+    pub(crate) summary: String,
     /// The number of channels.
     pub(crate) channels: u64,
     /// Whether there are both a position and a velocity.
@@ -49,7 +50,8 @@ pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
     let named =
         |head: &TableHead| -> Vec<Named> { head.names.iter().filter_map(|path| names::named(head, path)).collect() };
     let all: Vec<(&TableHead, Vec<Named>)> = heads.iter().map(|head| (head, named(head))).collect();
-    let lacks_time = |head: &TableHead, named: &[Named]| bare::may_be_tried(head) && sets::lacks_time(named);
+    let lacks_time =
+        |head: &TableHead, named: &[Named]| by_motion::may_be_tried(head) && column_groups::lacks_time(named);
     // An attitude alone is not a flight.
     let any = all.iter().any(|(head, named)| may_hold(named) || lacks_time(head, named));
     let tables = all.into_iter().filter_map(|(head, named)| match may_hold(&named) || has_body(&named) {
@@ -69,29 +71,29 @@ pub(crate) fn may_hold_both(heads: &[TableHead]) -> bool {
             holds(&named)
         })
     };
-    of_all(sets::has_position) && of_all(sets::has_velocity)
+    of_all(column_groups::has_position) && of_all(column_groups::has_velocity)
 }
 
 /// The fields to read for [`guess_by_motion`] from tables with meaningless names: every column.
 pub(crate) fn wanted_by_motion(heads: &[TableHead]) -> Option<Wanted> {
-    let tables = heads.iter().filter(|head| bare::may_be_tried(head));
+    let tables = heads.iter().filter(|head| by_motion::may_be_tried(head));
     let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|h| (h.topic.clone(), every_column(h))).collect();
     (!tables.is_empty()).then_some(Wanted(tables))
 }
 
 fn every_column(head: &TableHead) -> Vec<FieldRequest> {
-    let all: Vec<Named> = head.names.iter().map(|path| bare::named(path, Role::Time)).collect();
+    let all: Vec<Named> = head.names.iter().map(|path| by_motion::named(path, Role::Time)).collect();
     requests(&all)
 }
 
 /// Whether a table has no header.
-pub(crate) fn has_bare(heads: &[TableHead]) -> bool {
-    heads.iter().any(bare::is_bare)
+pub(crate) fn any_headerless(heads: &[TableHead]) -> bool {
+    heads.iter().any(by_motion::is_headerless)
 }
 
 /// Why tables whose names match nothing are not bound, and what to do about it.
-pub(crate) fn nameless(heads: &[TableHead]) -> String {
-    if has_bare(heads) {
+pub(crate) fn why_nameless(heads: &[TableHead]) -> String {
+    if any_headerless(heads) {
         return "the table has no header; `flightlag maps --suggest LOG` writes a channel map for it if its columns move as a \
                 position and a velocity do"
             .to_owned();
@@ -133,19 +135,22 @@ struct Found<'l, T> {
 }
 
 impl<'l, T> Found<'l, T> {
-    fn of(source: &Source<'l>, timing: &Timing, what: T) -> Found<'l, T> {
+    fn of(source: &TableColumns<'l>, timing: &Timing, what: T) -> Found<'l, T> {
         Found { topic: &source.table.topic.name, timing: timing.clone(), what }
     }
 }
 
 /// Guesses the map for the tables of a log that was read with [`wanted`].
+///
+/// # Errors
+/// Why nothing is bound.
 pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     let sources = sources(log);
     if let Some(odd) = odd_unit(&sources) {
         return Err(odd);
     }
     let mut reasons: Vec<String> = sources.iter().filter(|s| s.timings.is_empty()).map(without_time).collect();
-    let (mut places, motions) = compared(&sources, &mut reasons);
+    let (mut places, motions) = compare_all(&sources, &mut reasons);
     for (of, position) in sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))) {
         if !has_place(&places, &of.table.topic.name, &position.first) {
             match unchecked(of, position, &motions) {
@@ -168,25 +173,25 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
 }
 
 /// The positions and velocities that agree, and velocities whose names are complete; `reasons` get the others.
-fn compared<'l>(
-    sources: &'l [Source<'l>],
+fn compare_all<'l>(
+    sources: &'l [TableColumns<'l>],
     reasons: &mut Vec<String>,
 ) -> (Vec<Found<'l, Place>>, Vec<Found<'l, Motion>>) {
     let (mut places, mut motions): (Vec<Found<'l, Place>>, Vec<Found<'l, Motion>>) = (vec![], vec![]);
     for (of, velocity) in sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v))) {
         match best_place(sources, of, velocity) {
             Ok(pairs) => pairs.into_iter().for_each(|(place, motion)| {
-                if !has_place(&places, place.topic, &place.what.set.first) {
+                if !has_place(&places, place.topic, &place.what.group.first) {
                     places.push(place);
                 }
                 let is_same = |known: &Found<'_, Motion>| {
-                    known.topic == motion.topic && known.what.set.first.path == motion.what.set.first.path
+                    known.topic == motion.topic && known.what.group.first.path == motion.what.group.first.path
                 };
                 if !motions.iter().any(is_same) {
                     motions.push(motion);
                 }
             }),
-            Err(why) => match stated(of, velocity) {
+            Err(why) => match by_names_alone(of, velocity) {
                 Some(motion) => motions.push(motion),
                 None => reasons.push(format!("{} and {}: {why}", velocity.first.path, velocity.second.path)),
             },
@@ -196,12 +201,12 @@ fn compared<'l>(
 }
 
 fn has_place(places: &[Found<'_, Place>], topic: &str, first: &Named) -> bool {
-    places.iter().any(|known| known.topic == topic && known.what.set.first.path == first.path)
+    places.iter().any(|known| known.topic == topic && known.what.group.first.path == first.path)
 }
 
 /// The map of positions and velocities, with the attitudes, rates and forces inferred from them.
 fn with_bodies<'l>(
-    sources: &'l [Source<'l>],
+    sources: &'l [TableColumns<'l>],
     places: Vec<Found<'l, Place>>,
     motions: Vec<Found<'l, Motion>>,
     mut reasons: Vec<String>,
@@ -212,14 +217,14 @@ fn with_bodies<'l>(
     let (mut bodies, unsure) = body::bodies(sources, &motions, &times);
     let other_starts = leave_out_of_other_starts(&mut bodies, &times);
     reasons.extend(unsure.iter().cloned());
-    let guess = write::map(&All { places, motions, bodies }, &reasons, several);
+    let guess = write::map(&GuessedChannels { places, motions, bodies }, &reasons, several);
     let unsure = unsure.iter().map(|why| format!("; not bound: {why}"));
     let notes: Vec<String> = unsure.chain(other_starts.map(|note| format!("; {note}"))).collect();
-    Guess { said: guess.said + &notes.concat(), ..guess }
+    Guess { summary: guess.summary + &notes.concat(), ..guess }
 }
 
-/// Tables that each count from their own first row and have different durations: they may have started at different
-/// times.
+/// Tables whose time begins at zero in their own first row and that have different durations. They may have started at
+/// different times.
 fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> BTreeSet<&'t str> {
     let own = |timing: &Timing| {
         let given = || timing.times_s.iter().copied().filter(|t| t.is_finite());
@@ -234,8 +239,8 @@ fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> BTreeSet<&'t str> {
     if apart > 2.0 * step { all.into_iter().map(|(topic, _)| topic).collect() } else { BTreeSet::new() }
 }
 
-/// Removes bodies in another such table than the position and the velocity: their delays would be wrong by the time
-/// between the starts. Returns the notice.
+/// Removes attitudes, rates and forces in another such table than the position and the velocity. Their delays would be
+/// wrong by the time between the starts. Returns the notice.
 fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(&str, &Timing)]) -> Option<String> {
     let of_bodies = bodies.iter().map(|body| (body.topic, &body.timing));
     let all: Vec<(&str, &Timing)> = times.iter().copied().chain(of_bodies).collect();
@@ -258,8 +263,9 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     const LEAST: f64 = 0.97;
     /// Agreements within this are equal: the usual order of axes then decides.
     const SAME: f64 = 0.005;
-    let of_table = |table: &'l Table| log.head(&table.topic.name).map_or(vec![], |head| bare::sources(head, table));
-    let all: Vec<Source<'l>> = log.tables.iter().flat_map(of_table).collect();
+    let of_table =
+        |table: &'l Table| log.head(&table.topic.name).map_or(vec![], |head| by_motion::sources(head, table));
+    let all: Vec<TableColumns<'l>> = log.tables.iter().flat_map(of_table).collect();
     let mut pairs = vec![];
     for source in &all {
         let one = std::slice::from_ref(source);
@@ -271,7 +277,7 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     };
     let best = pairs.into_iter().max_by_key(rank);
     let Some((mut place, motion)) = best.filter(|(_, motion)| motion.what.agreement >= LEAST) else {
-        let what = match log.heads.iter().all(bare::is_bare) {
+        let what = match log.heads.iter().all(by_motion::is_headerless) {
             true => "the table has no header",
             false => "no columns are named like a time and a position or a velocity",
         };
@@ -283,11 +289,11 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     // A neighbour is a height only if a vertical velocity proves it.
     place.what.third =
         place.what.third.filter(|_| motion.what.third.is_some_and(|(_, side)| side != Vertical::LeftOut));
-    Ok(write::map(&All { places: vec![place], motions: vec![motion], bodies: vec![] }, &[], true))
+    Ok(write::map(&GuessedChannels { places: vec![place], motions: vec![motion], bodies: vec![] }, &[], true))
 }
 
 /// The reason for a table without a time.
-fn without_time(source: &Source<'_>) -> String {
+fn without_time(source: &TableColumns<'_>) -> String {
     let of_positions = source.positions.iter().flat_map(|p| [&p.first.path, &p.second.path]);
     let all: Vec<&str> = of_positions
         .chain(source.velocities.iter().flat_map(|v| [&v.first.path, &v.second.path]))
@@ -304,8 +310,8 @@ fn without_time(source: &Source<'_>) -> String {
     }
 }
 
-/// A table that states an unknown unit is not read in another one.
-fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
+/// The message for a table that states an unknown unit. Such a table is not read in another unit.
+fn odd_unit(sources: &[TableColumns<'_>]) -> Option<String> {
     if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
         return Some(format!(
             "the table states the time {path} in {unit:?}, which is not a unit of time that flightlag knows"
@@ -327,9 +333,14 @@ fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
 
 type Pair<'l> = (Found<'l, Place>, Found<'l, Motion>);
 
-/// The positions that a velocity agrees with, those of the same table and source first, and what follows for it.
-fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velocity) -> Result<Vec<Pair<'l>>, String> {
-    let mut order: Vec<(&Source<'_>, &Position)> =
+/// The positions that a velocity agrees with, and the velocity as each shows it. Those of the same table and source
+/// come first.
+fn best_place<'l>(
+    sources: &'l [TableColumns<'l>],
+    of: &'l TableColumns<'l>,
+    velocity: &Velocity,
+) -> Result<Vec<Pair<'l>>, String> {
+    let mut order: Vec<(&TableColumns<'_>, &Position)> =
         sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))).collect();
     order.sort_by_key(|(s, p)| (!std::ptr::eq(*s, of), !p.is_geodetic, p.source != velocity.source));
     let mut why_not = "no position to compare them with".to_owned();
@@ -338,11 +349,11 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
     for (source, position) in order {
         match with_times(source, position, of, velocity) {
             Ok(mut pair) => {
-                // Its axes point as those of a latitude and longitude show.
+                // The latitude and longitude found before show where the axes of this position point.
                 if let (Some((known, shown)), (place, own)) = (pairs.first(), &mut pair)
-                    && known.what.set.is_geodetic
-                    && !place.what.set.is_geodetic
-                    && !says_axes(&place.what.set.first)
+                    && known.what.group.is_geodetic
+                    && !place.what.group.is_geodetic
+                    && !names_axes(&place.what.group.first)
                 {
                     place.what.swapped = own.what.swapped != shown.what.swapped;
                     place.what.is_west = own.what.is_west != shown.what.is_west;
@@ -360,12 +371,13 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
         }
     }
     // Axes that agree only with a position of unnamed axes, and not with a latitude and longitude, may point anywhere.
-    let only_local = pairs.iter().all(|(place, _)| !place.what.set.is_geodetic && !says_axes(&place.what.set.first));
+    let only_local =
+        pairs.iter().all(|(place, _)| !place.what.group.is_geodetic && !names_axes(&place.what.group.first));
     if pairs.is_empty() || contradicts && only_local { Err(why_not) } else { Ok(pairs) }
 }
 
 /// Why two tables have no common time.
-fn no_common_time(source: &Source<'_>, of: &Source<'_>) -> String {
+fn no_common_time(source: &TableColumns<'_>, of: &TableColumns<'_>) -> String {
     match (of.timings.first(), source.timings.first()) {
         (Some(own), Some(other)) if own.clock != other.clock => format!(
             "the times of {} and {} count different clocks: {} and {}",
@@ -381,11 +393,11 @@ fn no_common_time(source: &Source<'_>, of: &Source<'_>) -> String {
     }
 }
 
-/// Tries all ways to read the time; exactly one must fit.
+/// Tries all readings of the time; exactly one must fit.
 fn with_times<'l>(
-    source: &'l Source<'l>,
+    source: &'l TableColumns<'l>,
     position: &Position,
-    of: &'l Source<'l>,
+    of: &'l TableColumns<'l>,
     velocity: &Velocity,
 ) -> Result<Pair<'l>, String> {
     let mut fits: Vec<Pair<'l>> = vec![];
@@ -394,8 +406,8 @@ fn with_times<'l>(
     for timing in &of.timings {
         let is_same = |other: &&Timing| if is_own { other.entry == timing.entry } else { other.clock == timing.clock };
         for other in source.timings.iter().filter(is_same) {
-            let place = Of { table: source.table, timing: other, set: position };
-            match decide(place, Of { table: of.table, timing, set: velocity }) {
+            let place = Timed { table: source.table, timing: other, group: position };
+            match decide(place, Timed { table: of.table, timing, group: velocity }) {
                 Ok((place, motion)) => fits.push((Found::of(source, other, place), Found::of(of, timing, motion))),
                 Err(why) => why_not = why,
             }
@@ -405,62 +417,62 @@ fn with_times<'l>(
         0 => Err(why_not),
         1 => fits.pop().ok_or(why_not),
         _ => {
-            let ways: Vec<String> = fits.iter().map(|(_, motion)| motion.timing.entry.clone()).collect();
-            Err(format!("the time may be {}: name its unit in its column", ways.join(" or ")))
+            let entries: Vec<String> = fits.iter().map(|(_, motion)| motion.timing.entry.clone()).collect();
+            Err(format!("the time may be {}: name its unit in its column", entries.join(" or ")))
         }
     }
 }
 
 /// A velocity that no position agrees with, if its names are complete.
-fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
+fn by_names_alone<'l>(of: &'l TableColumns<'l>, group: &Velocity) -> Option<Found<'l, Motion>> {
     let timing = of.timings.first().filter(|timing| timing.is_certain)?;
-    let unit = set.first.unit?;
+    let unit = group.first.unit?;
     // Where a position exists and contradicts them, names alone are not trusted.
-    if !of.positions.is_empty() || set.is_polar || !says_axes(&set.first) {
+    if !of.positions.is_empty() || group.is_polar || !names_axes(&group.first) {
         return None;
     }
-    let third = set.third.as_ref().and_then(|third| Some((third.unit?, side(third)?)));
+    let third = group.third.as_ref().and_then(|third| Some((third.unit?, side(third)?)));
     let why = vec!["by its names and stated units alone: no position is there to compare it with".to_owned()];
     let what =
-        Motion { set: set.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
+        Motion { group: group.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
     Some(Found::of(of, timing, what))
 }
 
 /// A position that no velocity was compared with, if its range or its names are conclusive.
 fn unchecked<'l>(
-    of: &'l Source<'l>,
-    set: &Position,
+    of: &'l TableColumns<'l>,
+    group: &Position,
     motions: &[Found<'_, Motion>],
 ) -> Result<Found<'l, Place>, String> {
-    let path = &set.first.path;
-    if !set.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
+    let path = &group.first.path;
+    if !group.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
         return Err(format!("{path}: no velocity fits its motion, and its name says that it is not a plain position"));
     }
     let same = motions.iter().find(|motion| motion.topic == of.table.topic.name).map(|motion| &motion.timing);
     let Some(timing) = same.or(of.timings.first().filter(|timing| timing.is_certain)) else {
         return Err(format!("{path}: nothing says what the time of its table counts"));
     };
-    let units: Vec<(Unit, String)> = units_of_place(of.table, set);
+    let units: Vec<(Unit, String)> = units_of_place(of.table, group);
     let (unit, why) = match units.as_slice() {
         [one] => one,
-        [] => return Err(without_unit(of.table, set)),
+        [] => return Err(without_unit(of.table, group)),
         _ => return Err(format!("{path}: nothing shows whether it is in degrees or radians")),
     };
-    if !set.is_geodetic && (set.first.unit.is_none() || !says_axes(&set.first)) {
+    if !group.is_geodetic && (group.first.unit.is_none() || !names_axes(&group.first)) {
         return Err(format!(
             "{path}: nothing shows what it counts and where it points; a channel map can say it, see `flightlag maps --example`"
         ));
     }
     let mut why = vec![why.clone(), "no velocity was found that moves as it does".to_owned()];
-    let third = set.third.as_ref().and_then(|third| unchecked_height(of.table, third, *unit, &mut why));
-    let what = Place { set: set.clone(), unit: *unit, third, swapped: false, is_west: false, why };
+    let third = group.third.as_ref().and_then(|third| unchecked_height(of.table, third, *unit, &mut why));
+    let what = Place { group: group.clone(), unit: *unit, third, swapped: false, is_west: false, why };
     Ok(Found::of(of, timing, what))
 }
 
 /// The unit and the sign of a height that nothing was compared with; `why` gets the assumptions.
 fn unchecked_height(table: &Table, height: &Named, angle: Unit, why: &mut Vec<String>) -> Option<(Unit, Vertical)> {
-    let (found, said) = plausible_height(table, height, angle);
-    why.extend(said);
+    let (found, summary) = plausible_height(table, height, angle);
+    why.extend(summary);
     let side = side(height)?;
     Some((found.or("m".parse().ok())?, if found.is_some() { side } else { Vertical::LeftOut }))
 }

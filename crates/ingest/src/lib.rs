@@ -35,7 +35,7 @@ pub use error::IngestError;
 #[doc(hidden)]
 pub use format::mcap_records;
 pub use format::{OriginalLog, OriginalTopic, inert};
-pub use load::{Loaded, load, load_ways, open, reader_of, suggest};
+pub use load::{Loaded, load, load_orientations, open, reader_of, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
 #[cfg(feature = "schema")]
 pub use map_schema::channel_map_schema;

@@ -174,8 +174,8 @@ enum NoGuess {
 
 fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) -> Result<Guessed, IngestError> {
     let Some(wanted) = guess::wanted(heads) else {
-        let why = guess::nameless(heads);
-        return Ok(Err(if guess::has_bare(heads) { NoGuess::Refused(why) } else { NoGuess::Nameless(why) }));
+        let why = guess::why_nameless(heads);
+        return Ok(Err(if guess::any_headerless(heads) { NoGuess::Refused(why) } else { NoGuess::Nameless(why) }));
     };
     let log = open(unit).read(&wanted, &again(context))?;
     Ok(guess::guess(&log).map_err(NoGuess::Refused))
@@ -194,33 +194,33 @@ fn by_guess(log: &mut Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bi
     let text = format!(
         "columns bound by guess: {}; write this down with `flightlag maps --suggest LOG > own.toml`, check it, and give its folder \
          with --maps",
-        guess.said
+        guess.summary
     );
     flight.notices.push(Code::BoundByGuess, "", guess.channels, text);
     Ok((flight, Binding { why: "no map fits; columns bound by guess".into(), ..binding }))
 }
 
-/// A table as the second file of a flight, where [`load`] does not bind it: one flight for each possible direction of
-/// its axes, with what was bound to what. Empty for a table whose time or units are unknown.
+/// Reads a table as the second file of a flight, where [`load`] does not bind it. Returns one flight for each possible
+/// direction of its axes, with the columns of each channel. Empty if the time or the units are unknown.
 ///
 /// # Errors
 /// As [`LogReader::read`].
-pub fn load_ways(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<Vec<(Flight, String)>, IngestError> {
+pub fn load_orientations(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<Vec<(Flight, String)>, IngestError> {
     if unit.kind != LogKind::Csv {
         return Ok(vec![]);
     }
     let nothing = |_: &TopicInfo| Selection::Skip;
     let heads = open(unit).read(&nothing, context)?.heads;
     let Some(wanted) = guess::wanted(&heads) else { return Ok(vec![]) };
-    let mut ways = vec![];
-    for guess in guess::ways(&open(unit).read(&wanted, context)?) {
+    let mut orientations = vec![];
+    for guess in guess::orientations(&open(unit).read(&wanted, context)?) {
         let map = ChannelMap::from_toml(Path::new("guess.toml"), &guess.text)?;
         let mut log = open(unit).read(&MapSelect::of(&map), context)?;
         if let Ok((flight, _)) = by_guess(&mut log, &guess, map) {
-            ways.push((flight, guess.said));
+            orientations.push((flight, guess.summary));
         }
     }
-    Ok(ways)
+    Ok(orientations)
 }
 
 /// The channel map that [`load`] would use for a table that no map fits, as file text with the reasons as comments.
@@ -241,7 +241,7 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
         return Ok(found.text);
     }
     let Some(wanted) = guess::wanted_by_motion(&heads) else {
-        let why = by_names.and_then(Result::err).unwrap_or_else(|| guess::nameless(&heads));
+        let why = by_names.and_then(Result::err).unwrap_or_else(|| guess::why_nameless(&heads));
         return Err(IngestError::Map(why));
     };
     let by_motion = guess::guess_by_motion(&open(unit).read(&wanted, context)?);
@@ -252,7 +252,7 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
     }
 }
 
-/// Formats without timestamps of their own get those of their bound channels.
+/// Gives the topics of formats without log timestamps those of their bound channels.
 fn note_stamps(log: &mut Log, binding: &Binding) {
     for channel in &binding.channels {
         let topic = log.health.topics.iter_mut().find(|t| t.name == channel.source.topic);

@@ -438,18 +438,18 @@ fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     let plain = |text: &str| text.replace(['/', '-'], "_");
     let pattern = plain(pattern);
     let whole = plain(stem);
-    let (bare, instance) = match whole.rsplit_once('_') {
+    let (base, instance) = match whole.rsplit_once('_') {
         // A single word with a number, such as gps_105, could be the name of anything.
-        Some((bare, digits)) if bare.ends_with(&pattern) && pattern.contains('_') => match digits.parse() {
-            Ok(instance) => (bare, instance),
+        Some((base, digits)) if base.ends_with(&pattern) && pattern.contains('_') => match digits.parse() {
+            Ok(instance) => (base, instance),
             Err(_) => (whole.as_str(), 0),
         },
         _ => (whole.as_str(), 0),
     };
-    let front = bare.len().checked_sub(pattern.len())?;
-    let at_boundary = front == 0 || bare.get(..front)?.ends_with('_');
-    let telling = front == 0 || pattern.contains('_');
-    (bare.ends_with(&pattern) && at_boundary && telling).then_some((u8::from(front > 0), instance, front))
+    let front = base.len().checked_sub(pattern.len())?;
+    let at_boundary = front == 0 || base.get(..front)?.ends_with('_');
+    let is_specific = front == 0 || pattern.contains('_');
+    (base.ends_with(&pattern) && at_boundary && is_specific).then_some((u8::from(front > 0), instance, front))
 }
 
 /// Whether a name ends with another, regardless of the separators between words.
@@ -460,7 +460,7 @@ fn ends_alike(name: &str, end: &str) -> bool {
 }
 
 /// All available channel maps, and definitions of messages for logs that lack them. The default has no map, which is
-/// enough to read a log whose fields are known.
+/// enough to read a log with known fields.
 #[derive(Debug, Clone, Default)]
 pub struct MapLibrary {
     maps: Vec<ChannelMap>,
@@ -970,7 +970,7 @@ fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
     if matches!(stamp, TimeSource::LoggedOnBoot) {
         return Err("logged-on-boot is placed by such rules, and is no stamp of one".into());
     }
-    // A container whose own timestamps need a date counts since boot.
+    // A container with timestamps that need a date counts since boot.
     let clock = if matches!(stamp, TimeSource::ContainerLogged) { Clock::Boot } else { stamp.clock() };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
         return Err("the stamp that is tied counts boot or elapsed".into());

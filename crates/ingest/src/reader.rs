@@ -172,9 +172,9 @@ pub struct RawMessage<'m> {
     pub schema_encoding: &'m str,
     /// Definition of the type.
     pub schema: &'m [u8],
-    /// When the log says that it was logged, ns.
+    /// The time at which the message was logged, as the log states it, ns.
     pub logged_ns: i64,
-    /// When the log says that it was published, ns.
+    /// The time at which the message was published, as the log states it, ns.
     pub published_ns: Option<i64>,
     /// The container's message number; `None` where containers have none.
     pub sequence: Option<u32>,

@@ -62,7 +62,7 @@ impl StampStats {
         StampStats::with(Steps::Held { steps: vec![], most: HELD_STEPS })
     }
 
-    /// Counts, ends and jumps only: no distribution, rate or gaps. For logs with so many topics that describing each
+    /// Counts, ends and jumps only: no distribution, rate or gaps. For logs with too many topics to describe each
     /// would take too much memory.
     #[must_use]
     pub fn counts_only() -> StampStats {

@@ -59,8 +59,8 @@ impl Places {
     }
 
     fn jump_before(&self, row: usize) -> (usize, u64) {
-        let behind = self.jumps.partition_point(|(from, _)| *from <= row);
-        behind.checked_sub(1).and_then(|at| self.jumps.get(at)).copied().unwrap_or((0, 1))
+        let after = self.jumps.partition_point(|(from, _)| *from <= row);
+        after.checked_sub(1).and_then(|at| self.jumps.get(at)).copied().unwrap_or((0, 1))
     }
 }
 

@@ -155,9 +155,9 @@ impl Texts {
             more.0.shapes.iter().map(|shape| self.number_of(&shape.text, shape.digits)).collect();
         match numbers {
             Some(numbers) => {
-                let behind = self.0.others.len() as u64;
+                let others_before = self.0.others.len() as u64;
                 let number_of = |of_more: &u8| numbers.get(usize::from(*of_more)).copied().unwrap_or(NO_SHAPE);
-                let place = |(number, digits): (&u8, u64)| digits + if *number == NO_SHAPE { behind } else { 0 };
+                let place = |(number, digits): (&u8, u64)| digits + if *number == NO_SHAPE { others_before } else { 0 };
                 more.0
                     .shape_of
                     .iter()
@@ -241,9 +241,9 @@ fn push_with_length(to: &mut Vec<u8>, text: &[u8]) {
 /// The text that starts here with its length, and the rest.
 fn with_length(from: &[u8]) -> Option<(&[u8], &[u8])> {
     let length = from.iter().position(|byte| byte & 0x80 == 0)? + 1;
-    let (digits, behind) = from.split_at_checked(length)?;
+    let (digits, rest) = from.split_at_checked(length)?;
     let size = digits.iter().rev().fold(0, |size, byte| size << 7 | usize::from(byte & 0x7f));
-    behind.split_at_checked(size)
+    rest.split_at_checked(size)
 }
 
 impl Shape {
@@ -376,7 +376,7 @@ mod tests {
         texts.append(&mut more);
         assert_eq!((more.len(), texts.len()), (0, all().len() + 1));
         assert!(texts.iter().skip(1).eq(all().iter().map(String::as_str)));
-        // Each of them has so many shapes that both together have too many.
+        // Both together have too many shapes.
         let words =
             |of: &str| -> Vec<String> { (0..200).map(|i| of.repeat(1 + i / 10) + &"z".repeat(i % 10)).collect() };
         let (mut texts, mut more): (Texts, Texts) = (words("a").iter().collect(), words("b").iter().collect());

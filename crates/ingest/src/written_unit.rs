@@ -66,7 +66,7 @@ pub(crate) fn read(text: &str, wanted: Dimension) -> Written {
 
 /// Whether a cell of units is empty.
 pub(crate) fn is_blank(text: &str) -> bool {
-    let text = bare(text).to_ascii_lowercase();
+    let text = without_brackets(text).to_ascii_lowercase();
     let is_datum = || text.split_whitespace().all(|word| DATUMS.contains(&word));
     matches!(text.as_str(), "-" | "1" | "none" | "n/a" | "unitless") || is_datum()
 }
@@ -90,7 +90,7 @@ pub(crate) fn of_word(word: &str) -> Vec<Unit> {
 
 /// All units that a text may mean; one spelling may mean two, such as `G`.
 fn units_of(text: &str) -> Vec<Unit> {
-    let plain = bare(text);
+    let plain = without_brackets(text);
     let whole: String = plain.split_whitespace().collect();
     let first = plain.split_whitespace().next().unwrap_or_default();
     let rest_is_datum = || {
@@ -112,7 +112,7 @@ fn units_of(text: &str) -> Vec<Unit> {
     if found.is_empty() && rest_is_datum() { spelled(first) } else { found }
 }
 
-fn bare(text: &str) -> &str {
+fn without_brackets(text: &str) -> &str {
     text.trim().trim_matches(|c: char| "()[]{}".contains(c)).trim()
 }
 

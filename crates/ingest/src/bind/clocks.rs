@@ -37,17 +37,17 @@ pub(super) fn compare(flight: &mut Flight) {
         notices.push(Code::ClockSuspect, place, rows, text);
     }
     let pairs = lines.iter().enumerate().flat_map(|(i, a)| lines.iter().skip(i + 1).map(move |b| (a, b)));
-    let mut told: Vec<(String, u64)> = vec![];
+    let mut reported: Vec<(String, u64)> = vec![];
     for (a, b) in pairs {
         let Some(what) = offset(a, b).and_then(|o| suspicion(&o, a.ends[0])) else { continue };
         // A wrong clock differs from every other one: the first pair is reported, the others are counted.
         let kind = what.split_once(": ").map_or("", |(_, kind)| kind);
-        match told.iter_mut().find(|(known, _)| known.ends_with(kind)) {
+        match reported.iter_mut().find(|(known, _)| known.ends_with(kind)) {
             Some((_, count)) => *count += 1,
-            None => told.push((format!("{} and {} are by different clocks; {what}", a.name, b.name), 1)),
+            None => reported.push((format!("{} and {} are by different clocks; {what}", a.name, b.name), 1)),
         }
     }
-    for (text, pairs) in told {
+    for (text, pairs) in reported {
         notices.push(Code::ClockSuspect, "", pairs, format!("channels {text}"));
     }
     no_common_time(flight, &mut notices);

@@ -1,4 +1,4 @@
-//! Conditions of a map on a row before it counts: on its own fields, or on another message of the same epoch.
+//! Conditions that a row must meet to be used: on its own fields, or on another message of the same epoch.
 
 use crate::map_schema::RequireEntry;
 use crate::reader::Log;
@@ -42,14 +42,14 @@ fn same_epoch(entry: &RequireEntry, table: &Table, other: &Table) -> Option<Vec<
     let epochs = |table| entry.same.0.iter().map(|field| numbers(table, field)).collect::<Option<Vec<_>>>();
     let (here, there, field) = (epochs(table)?, epochs(other)?, numbers(other, &entry.field)?);
     let epoch = |columns: &[&Column], row| columns.iter().map(|c| c.integer(row)).collect::<Option<Vec<i64>>>();
-    let mut said: HashMap<Vec<i64>, f64> = HashMap::new();
+    let mut by_epoch: HashMap<Vec<i64>, f64> = HashMap::new();
     for (epoch, value) in (0..other.rows).filter_map(|row| epoch(&there, row).zip(field.number(row))) {
-        let told = said.entry(epoch).or_insert(value);
-        if entry.met_by(*told) {
-            *told = value;
+        let known = by_epoch.entry(epoch).or_insert(value);
+        if entry.met_by(*known) {
+            *known = value;
         }
     }
-    Some((0..table.rows).map(|row| said.get(&epoch(&here, row)?).copied()).collect())
+    Some((0..table.rows).map(|row| by_epoch.get(&epoch(&here, row)?).copied()).collect())
 }
 
 impl Condition<'_> {

@@ -357,10 +357,10 @@ impl Placed<'_> {
             return if is_same { Place::Hole } else { Place::Taken };
         }
         let before = self.rows.range(..stamp).next_back().map(|(s, _)| stamp.abs_diff(*s));
-        let behind = self.rows.range(stamp..).next().map(|(s, _)| stamp.abs_diff(*s));
-        match (before, behind) {
+        let after = self.rows.range(stamp..).next().map(|(s, _)| stamp.abs_diff(*s));
+        match (before, after) {
             // A missing row leaves two steps.
-            (Some(before), Some(behind)) if 10 * (before + behind) < 19 * self.step => Place::Taken,
+            (Some(before), Some(after)) if 10 * (before + after) < 19 * self.step => Place::Taken,
             (Some(_), Some(_)) => Place::Hole,
             (Some(gap), None) | (None, Some(gap)) if gap > DEEP_STEPS * self.step => Place::Beyond,
             _ => Place::End,

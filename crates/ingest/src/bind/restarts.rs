@@ -60,7 +60,7 @@ pub(super) fn join(plans: &[Plan<'_>], rules: &[TieRule], log: &Log) -> Option<J
     let mut found = log.restarts.clone();
     found.sort_by_key(|restart| restart.logged_ns);
     let all = dates(plans, rules, log, &found);
-    let kept = (0..).zip(&found).filter(|(i, r)| r.certain || is_dated_anew(&all, *i));
+    let kept = (0..).zip(&found).filter(|(i, r)| r.certain || is_dated_differently(&all, *i));
     let restarts: Vec<Restart> = kept.map(|(_, restart)| *restart).collect();
     if restarts.is_empty() {
         return None;
@@ -112,11 +112,11 @@ impl Joined {
 
 /// A clock that did not go back has restarted only where the messages date it differently, and where the log's own
 /// clock agrees if it has one. That clock may be set, and messages may arrive late.
-fn is_dated_anew(all: &[Dates], restart: usize) -> bool {
+fn is_dated_differently(all: &[Dates], restart: usize) -> bool {
     let step = |dates: &Dates| dates.offset(restart + 1)?.checked_sub(dates.offset(restart)?);
     let steps = |by_log: bool| all.iter().filter(move |d| d.by_log == by_log).find_map(step);
-    let Some(said) = steps(false) else { return false };
-    said.unsigned_abs() > SAME_NS && steps(true).is_none_or(|logged| said.abs_diff(logged) <= SAME_NS)
+    let Some(stated) = steps(false) else { return false };
+    stated.unsigned_abs() > SAME_NS && steps(true).is_none_or(|logged| stated.abs_diff(logged) <= SAME_NS)
 }
 
 fn session_at(restarts: &[Restart], logged_ns: i64) -> usize {
@@ -227,12 +227,12 @@ impl Axis {
         let Some(chosen) = (0..all.len()).rev().max_by_key(|i| all.get(*i).map(|d| (d.all(), dated(d)))) else {
             return Axis::undated(rows);
         };
-        let said = first_said(&all);
+        let stated = first_stated(&all);
         let dates = all.swap_remove(chosen);
         let first = dates.sessions.iter().flatten().next();
         let shifts: Vec<Option<i64>> =
             (0..rows.len()).map(|session| dates.offset(session)?.checked_sub(first?.offset_ns)).collect();
-        let (tie, from_gps) = match said.filter(|_| dates.by_log) {
+        let (tie, from_gps) = match stated.filter(|_| dates.by_log) {
             Some((session, tie, from_gps)) => {
                 let shift = shifts.get(session).copied().flatten().unwrap_or(0);
                 (Some(UtcTie { offset_ns: tie.offset_ns.saturating_sub(shift), ..tie }), from_gps)
@@ -253,10 +253,10 @@ impl Axis {
 
 /// The first session that messages date, its tie, and whether that is from GPS time: a better date than when the log
 /// has the messages.
-fn first_said(all: &[Dates]) -> Option<(usize, UtcTie, bool)> {
-    let said = all.iter().find(|dates| !dates.by_log)?;
-    let (session, tie) = (0..).zip(&said.sessions).find_map(|(i, tie)| Some((i, tie.clone()?)))?;
-    Some((session, tie, said.from_gps))
+fn first_stated(all: &[Dates]) -> Option<(usize, UtcTie, bool)> {
+    let stated = all.iter().find(|dates| !dates.by_log)?;
+    let (session, tie) = (0..).zip(&stated.sessions).find_map(|(i, tie)| Some((i, tie.clone()?)))?;
+    Some((session, tie, stated.from_gps))
 }
 
 /// The tie of the first session with the pairs of all, and the widest spread.
@@ -278,14 +278,14 @@ mod tests {
 
     #[test]
     fn an_undated_session_is_reported_lost_only_if_it_has_rows() {
-        let told = |rows: [u64; 3]| {
+        let reported = |rows: [u64; 3]| {
             let axis = Axis { shifts: vec![Some(0), None, None], ..Axis::default() };
             let mut notices = Notices::new();
             Joined { restarts: vec![], axis, rows: rows.to_vec() }.report(&mut notices);
             notices.iter().map(|n| (n.severity, n.count, n.text.clone())).collect::<Vec<_>>()
         };
-        assert_eq!(told([5, 0, 0]), []);
-        let lost = told([5, 7, 0]);
+        assert_eq!(reported([5, 0, 0]), []);
+        let lost = reported([5, 7, 0]);
         assert_eq!((lost.len(), lost[0].0, lost[0].1), (1, flight::Severity::Loss, 7));
         assert!(lost[0].2.contains("nothing dates 1 of 3 sessions"), "{}", lost[0].2);
     }

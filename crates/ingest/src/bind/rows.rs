@@ -320,10 +320,10 @@ const LOST_BY_CLOCK: u64 = 10;
 const FEW_ROWS: u64 = 5;
 
 /// For a channel without usable rows [`no_rows`](super::no_rows) gives the reason, and for coarse timestamps
-/// [`note_coarse`](super::told::note_coarse).
+/// [`note_coarse`](super::stamp_notices::note_coarse).
 fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, notices: &mut Notices) {
-    let told = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == Reason::Shared.text());
-    for reject in rejects.0.iter().filter(told) {
+    let is_listed = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == Reason::Shared.text());
+    for reject in rejects.0.iter().filter(is_listed) {
         let duplicate = reject.reason.starts_with("stamp equal");
         let many = reject.count > FEW_ROWS && LOST_BY_CLOCK * reject.count >= plan.table.rows as u64;
         let lost = many && order::is_of_clock(&reject.reason);

@@ -1,9 +1,9 @@
 //! Reads the timestamps of a table from their source, and corrects known clock faults.
 
-use super::counted::date_by_counter;
-use super::dated::{dated, without_zone};
-use super::daytime::{DAY_NS, days_of_year, times_of_day, zone_ns};
+use super::counter_dates::date_by_counter;
+use super::date_columns::{stamps_of_dates, without_zone};
 use super::repair::Repair;
+use super::time_of_day::{DAY_NS, days_of_year, times_of_day, zone_ns};
 use crate::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns};
 use crate::map::{TieRule, TimeSource, USUAL_BITS};
 use crate::reader::Log;
@@ -26,14 +26,14 @@ pub(super) struct Stamps {
     pub(super) nanos: Rc<Values<i64>>,
     pub(super) repairs: Vec<Repair>,
     /// The counters that the timestamps may wrap around at; empty for 64-bit ones, containers, and seconds since boot.
-    pub(super) counts: Vec<Count>,
+    pub(super) counters: Vec<Counter>,
     /// The counter that wrapped around.
-    pub(super) turn: Option<Count>,
+    pub(super) wrapped_at: Option<Counter>,
 }
 
 /// A counter that wraps around.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Count {
+pub(super) struct Counter {
     /// Its length, ns.
     pub(super) range: i64,
     /// The unit counted; `None` for a time of day as text.
@@ -55,8 +55,8 @@ impl Stamps {
         if both || other.clock != self.clock || is_constant(&other.nanos) {
             return;
         }
-        self.turn = self.turn.or(other.turn);
-        self.counts.retain(|count| other.counts.contains(count));
+        self.wrapped_at = self.wrapped_at.or(other.wrapped_at);
+        self.counters.retain(|counter| other.counters.contains(counter));
         let filled: Vec<Option<i64>> =
             self.nanos.iter().zip(other.nanos.iter()).map(|(own, other)| own.or(other)).collect();
         self.nanos = Rc::new(filled.into());
@@ -99,13 +99,13 @@ pub(super) fn read_stamps(
         _ => nanos_of(source, table, &mut repairs)?,
     };
     date_by_counter(source, table, &mut nanos, &mut repairs);
-    let mut counts = counts_of(source);
-    let mut turn = repair(source, &counts, &mut nanos, &mut repairs);
+    let mut counters = counters_of(source);
+    let mut wrapped_at = repair(source, &counters, &mut nanos, &mut repairs);
     if matches!(source, TimeSource::TimeOfDay { .. }) && repairs.iter().any(|r| r.what.code() == Code::StampWrap) {
-        turn = counts.first().copied();
+        wrapped_at = counters.first().copied();
     }
     if is_wide(source, table) {
-        counts.clear();
+        counters.clear();
     }
     nanos.given().next()?;
     let clock = clock_of(source, table, &nanos);
@@ -116,7 +116,7 @@ pub(super) fn read_stamps(
     if clock != source.clock() && source.clock() == Clock::Boot {
         note_inferred(&mut repairs, nanos.given().count() as u64, UNIX_STAMPS);
     }
-    Some(Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counts, turn })
+    Some(Stamps { kind, clock, label: source.label(), nanos: Rc::new(nanos), repairs, counters, wrapped_at })
 }
 
 /// GPS time from weeks, with ten-bit weeks resolved by when the log was written, and its nanoseconds.
@@ -153,8 +153,8 @@ fn clock_of(source: &TimeSource, table: &Table, nanos: &Values<i64>) -> Clock {
         return Clock::Boot;
     }
     if let TimeSource::DayOfYear { field, year, zone } = source {
-        let said = days_of_year(field, *year, zone.as_deref(), table, &mut vec![]);
-        return said.map_or(clock, |(said, _)| said);
+        let stamps = days_of_year(field, *year, zone.as_deref(), table, &mut vec![]);
+        return stamps.map_or(clock, |(clock, _)| clock);
     }
     if clock != Clock::Boot || table.topic.encoding != "mavlink" {
         return clock;
@@ -177,15 +177,15 @@ fn note_inferred(repairs: &mut Vec<Repair>, count: u64, text: &'static str) {
 }
 
 /// The counters that a source may use.
-fn counts_of(source: &TimeSource) -> Vec<Count> {
+fn counters_of(source: &TimeSource) -> Vec<Counter> {
     let TimeSource::Number { tick, clock: clock @ (Clock::Boot | Clock::Elapsed), bits, .. } = source else {
         let of_day = matches!(source, TimeSource::TimeOfDay { .. });
-        return of_day.then_some(Count { range: DAY_NS, tick: None }).into_iter().collect();
+        return of_day.then_some(Counter { range: DAY_NS, tick: None }).into_iter().collect();
     };
-    let counts = matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) || *bits < USUAL_BITS;
-    let counter = tick.nanos().checked_mul(1 << bits).filter(|_| counts);
+    let wraps = matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) || *bits < USUAL_BITS;
+    let counter = tick.nanos().checked_mul(1 << bits).filter(|_| wraps);
     let of_days = [WEEK_S * NANOS_PER_SECOND, DAY_NS].into_iter().filter(|_| *clock == Clock::Elapsed);
-    counter.into_iter().chain(of_days).map(|range| Count { range, tick: Some(*tick) }).collect()
+    counter.into_iter().chain(of_days).map(|range| Counter { range, tick: Some(*tick) }).collect()
 }
 
 /// Whether the type of a column is wider than a counter that the map does not describe.
@@ -197,7 +197,12 @@ fn is_wide(source: &TimeSource, table: &Table) -> bool {
 }
 
 /// Corrects the known clock faults of a source. Returns the counter that wrapped around.
-fn repair(source: &TimeSource, counts: &[Count], nanos: &mut Values<i64>, repairs: &mut Vec<Repair>) -> Option<Count> {
+fn repair(
+    source: &TimeSource,
+    counters: &[Counter],
+    nanos: &mut Values<i64>,
+    repairs: &mut Vec<Repair>,
+) -> Option<Counter> {
     let TimeSource::Number { clock, bits, .. } = source else {
         if matches!(source, TimeSource::GpsWeek { .. }) {
             note_inferred(repairs, redate_weeks(nanos), WEEK_OFF);
@@ -209,19 +214,20 @@ fn repair(source: &TimeSource, counts: &[Count], nanos: &mut Values<i64>, repair
         return None;
     }
     let days = if *clock == Clock::Elapsed { 2 } else { 0 };
-    let names = std::iter::repeat_n(format!("the counter of {bits} bits"), counts.len().saturating_sub(days));
-    let mut turn = None;
-    for (count, what) in counts.iter().zip(names.chain(["the time of week", "the time of day"].map(str::to_owned))) {
-        let times = unwrap(nanos, count.range);
+    let names = std::iter::repeat_n(format!("the counter of {bits} bits"), counters.len().saturating_sub(days));
+    let mut wrapped_at = None;
+    for (counter, what) in counters.iter().zip(names.chain(["the time of week", "the time of day"].map(str::to_owned)))
+    {
+        let times = unwrap(nanos, counter.range);
         if times > 0 {
-            turn = Some(*count);
+            wrapped_at = Some(*counter);
             let text = format!(
                 "{what} wrapped around and the timestamps run on; a restart shortly before its end would look the same"
             );
             repairs.push(Repair { what: Code::StampWrap.into(), count: times, text: text.into() });
         }
     }
-    turn
+    wrapped_at
 }
 
 const WEEK_OFF: &str = "stamps a week off their neighbours were put back";
@@ -241,7 +247,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
             let offset = zone.as_deref().unwrap_or("Z");
             rows.map(|row| local_to_unix_ns(&column.text(row)?, offset)).collect()
         }
-        TimeSource::Civil { .. } => dated(source, table, repairs)?.into(),
+        TimeSource::Civil { .. } => stamps_of_dates(source, table, repairs)?.into(),
         TimeSource::DayOfYear { field, year, zone } => days_of_year(field, *year, zone.as_deref(), table, repairs)?.1,
         TimeSource::TimeOfDay { field } => times_of_day(field, table, repairs)?,
         TimeSource::Calendar { fields, zone, .. } => {

@@ -4,7 +4,7 @@
 use super::restarts::{self, Joined};
 use super::stamps::{NO_UTC_BEFORE_NS, Stamps, tie_of};
 use super::trial::{Plan, Trial, stamps_of};
-use super::turns;
+use super::wraps;
 use crate::error::IngestError;
 use crate::map::{ChannelMap, ChannelRule, MapLibrary};
 use crate::reader::Log;
@@ -58,17 +58,17 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
         of_table.flat_map(|plan| &plan.stamps).for_each(|other| own.share(other));
         Some(own)
     };
-    let mut said: Vec<Option<Stamps>> = log.tables.iter().map(of_rows).collect();
-    align(&mut plans, log, &mut said);
-    let notices = repairs(log, &said);
+    let mut of_tables: Vec<Option<Stamps>> = log.tables.iter().map(of_rows).collect();
+    align(&mut plans, log, &mut of_tables);
+    let notices = repairs(log, &of_tables);
     let joined = restarts::join(&plans, &map.ties, log);
     drop(plans);
-    let times = |(table, said): (&Table, Option<Stamps>)| match (&table.logged_ns, &joined) {
-        (None, _) => said.map(TableTimes::of),
+    let times = |(table, stamps): (&Table, Option<Stamps>)| match (&table.logged_ns, &joined) {
+        (None, _) => stamps.map(TableTimes::of),
         (Some(logged), Some(joined)) => Some(joined_times(joined, table, logged)),
         (Some(_), None) => None,
     };
-    let tables = log.tables.iter().zip(said).map(times).collect();
+    let tables = log.tables.iter().zip(of_tables).map(times).collect();
     let tied = match joined {
         Some(joined) => joined.into_tie(),
         None => tie_of(&map.ties, log),
@@ -79,32 +79,32 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
 /// The times of a log in which no map finds anything.
 fn without_map(log: &Log, library: &MapLibrary) -> RowTimes {
     let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
-    let said: Vec<Option<Stamps>> = log.tables.iter().map(dated).collect();
-    let notices = repairs(log, &said);
-    let tables = said.into_iter().map(|said| said.map(TableTimes::of)).collect();
+    let stamps: Vec<Option<Stamps>> = log.tables.iter().map(dated).collect();
+    let notices = repairs(log, &stamps);
+    let tables = stamps.into_iter().map(|stamps| stamps.map(TableTimes::of)).collect();
     RowTimes { tables, utc: None, notices }
 }
 
 /// Aligns the timestamps of each table with the wrap count that [`bind`](crate::bind) gives its channels, and then
 /// tables without channels with the others.
-fn align(plans: &mut [Plan<'_>], log: &Log, said: &mut [Option<Stamps>]) {
+fn align(plans: &mut [Plan<'_>], log: &Log, stamps: &mut [Option<Stamps>]) {
     let bound: Vec<bool> = log.tables.iter().map(|table| plans.iter().any(|p| p.table.topic == table.topic)).collect();
     let of_plans = plans.iter_mut().flat_map(|plan| &mut plan.stamps);
-    let of_bound = said.iter_mut().zip(bound).filter(|(_, bound)| *bound).filter_map(|(said, _)| said.as_mut());
-    turns::align(of_plans.chain(of_bound));
-    turns::align(said.iter_mut().flatten());
+    let of_bound = stamps.iter_mut().zip(bound).filter(|(_, bound)| *bound).filter_map(|(stamps, _)| stamps.as_mut());
+    wraps::align(of_plans.chain(of_bound));
+    wraps::align(stamps.iter_mut().flatten());
 }
 
 /// The corrections of the tables' own timestamps.
-fn repairs(log: &Log, said: &[Option<Stamps>]) -> Notices {
+fn repairs(log: &Log, stamps: &[Option<Stamps>]) -> Notices {
     let mut notices = Notices::new();
-    for (table, stamps) in log.tables.iter().zip(said).filter_map(|(table, said)| Some((table, said.as_ref()?))) {
+    for (table, stamps) in log.tables.iter().zip(stamps).filter_map(|(table, stamps)| Some((table, stamps.as_ref()?))) {
         for repair in &stamps.repairs {
-            // Timestamps are aligned first with the channels and then with all tables, so that they may have it twice.
-            let mut told = Notices::new();
+            // Timestamps are aligned first with the channels and then with all tables, so a repair may occur twice.
+            let mut of_repair = Notices::new();
             let text = format!("stamps in {}: {}", stamps.label, repair.text);
-            told.push(repair.what, table.topic.name.as_str(), repair.count, text);
-            notices.extend_unsaid(told);
+            of_repair.push(repair.what, table.topic.name.as_str(), repair.count, text);
+            notices.extend_unsaid(of_repair);
         }
     }
     notices

@@ -2,10 +2,10 @@
 
 use super::binds;
 use super::conditions::{Condition, conditions};
-use super::dated::{example, unclear};
-use super::placed::placed;
+use super::date_columns::{example, unclear};
+use super::receive_times::by_receive_time;
 use super::stamps::{Stamps, is_constant, read_stamps, written_at};
-use super::stated;
+use super::stated_units;
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::map_schema::HeightAbove;
 use crate::reader::Log;
@@ -70,7 +70,7 @@ pub(super) struct Found<'a> {
     /// A preferred column that is zero throughout.
     pub(super) passed_over: Option<&'a Column>,
     /// The unit that the table states and the map's unit, where they differ or the stated one is unknown.
-    pub(super) said: Option<(&'a str, Unit)>,
+    pub(super) stated_unit: Option<(&'a str, Unit)>,
 }
 
 enum Miss {
@@ -169,8 +169,8 @@ impl<'a> Trial<'a> {
 
     /// Positions and velocities.
     fn of_flights(&self) -> impl Iterator<Item = &Plan<'a>> {
-        let beside = |quantity| quantity == Quantity::Scalar || BENCH_ALONE.contains(&quantity);
-        self.plans.iter().filter(move |p| !beside(p.rule.quantity))
+        let is_accessory = |quantity| quantity == Quantity::Scalar || BENCH_ALONE.contains(&quantity);
+        self.plans.iter().filter(move |p| !is_accessory(p.rule.quantity))
     }
 
     /// The specificity of the channel with the least exact name; of the flight channels, if there is one.
@@ -219,13 +219,13 @@ fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
     for (rule, when) in map.rules.iter().filter_map(|rule| Some((rule, rule.when.as_ref()?))) {
         let same = |other: &&ChannelRule| other.name == rule.name;
         let known = map.rules.iter().filter(same).any(|other| other.when.as_ref().is_none_or(|when| when.met_by(log)));
-        let said = when.said_by(log).into_iter().collect::<Vec<_>>().join(" and ");
-        if !said.is_empty()
+        let remark = when.said_by(log).into_iter().collect::<Vec<_>>().join(" and ");
+        if !remark.is_empty()
             && !known
             && unknown.iter().all(|(name, _)| *name != rule.name)
             && plan(rule, map, log).is_ok()
         {
-            unknown.push((rule.name.clone(), format!("{} {said}", when.remark)));
+            unknown.push((rule.name.clone(), format!("{} {remark}", when.remark)));
         }
     }
     unknown
@@ -296,7 +296,7 @@ fn columns_of<'a>(
     let mut columns = vec![];
     for part in &rule.parts {
         let found = match find_part(part, table) {
-            Some(found) => Some(stated::as_written(found, log.head(&table.topic.name))?),
+            Some(found) => Some(stated_units::as_written(found, log.head(&table.topic.name))?),
             None => None,
         };
         if found.is_none() && is_needed(part, rule) {
@@ -307,8 +307,8 @@ fn columns_of<'a>(
     if let (Some(first), true) = (rule.parts.first(), columns.iter().all(Option::is_none)) {
         return Err(missing(first));
     }
-    let (stamps, remarks) = stamps_of(rule, table, |kind| placed(kind, &map.ties, log, table))?;
-    stated::check_times(rule, &stamps, log.head(&table.topic.name))?;
+    let (stamps, remarks) = stamps_of(rule, table, |kind| by_receive_time(kind, &map.ties, log, table))?;
+    stated_units::check_times(rule, &stamps, log.head(&table.topic.name))?;
     let conditions = conditions(&rule.require, table, log);
     Ok(Plan { rule, table, distance, columns, stamps, remarks, conditions })
 }
@@ -320,8 +320,8 @@ fn missing(part: &Part) -> String {
 
 /// A list of at most `most` names; `more` names how many others there are.
 fn first_of(names: &[&str], most: usize, between: &str, more: &str) -> String {
-    let (listed, besides) = names.split_at(names.len().min(most));
-    let more = if besides.is_empty() { String::new() } else { more.replace("{}", &besides.len().to_string()) };
+    let (listed, rest) = names.split_at(names.len().min(most));
+    let more = if rest.is_empty() { String::new() } else { more.replace("{}", &rest.len().to_string()) };
     listed.join(between) + &more
 }
 
@@ -337,7 +337,7 @@ fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
         }
         let is_zero = values.all(|value| value == 0.0);
         let passed_over = zero.map(|z: Found<'a>| z.column);
-        let found = Found { column, unit: source.unit, above: source.above, passed_over, said: None };
+        let found = Found { column, unit: source.unit, above: source.above, passed_over, stated_unit: None };
         if !is_zero || part.role != "height" {
             return Some(found);
         }

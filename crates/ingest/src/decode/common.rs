@@ -1,5 +1,5 @@
-//! Definitions of common ROS messages: for ROS 2 bags recorded before bags held definitions, and for ROS 1 bags whose
-//! definitions lack a type that they use, as rosjava writes them.
+//! Definitions of common ROS messages. They are used for ROS 2 bags from before bags held definitions, and for ROS 1
+//! bags with definitions that lack a type, as rosjava writes them.
 //!
 //! Written from the public definitions of common_interfaces (Dashing to Humble agree on them), geographic_info, gps_umd
 //! and mavros. A ROS 2 message must match its definition to the byte, so that another version is rejected instead of
@@ -12,9 +12,9 @@ use crate::reader::Select;
 use crate::table::TopicInfo;
 use std::collections::HashSet;
 
-/// Language of a definition that comes from the common ones instead of the log.
+/// The language of a common definition, which is not from the log.
 pub(crate) const COMMON: &str = "ros2msg, common";
-/// Language of a definition that the user gave.
+/// The language of a definition that the user supplied.
 pub(crate) const GIVEN: &str = "ros2msg, given";
 /// Language of a ROS 1 definition that was completed with built-in ones.
 pub(crate) const COMPLETED: &str = "ros1msg, common";
@@ -27,19 +27,19 @@ const MOST_MISSING: usize = 100;
 const TYPES: &str = include_str!("common.msg");
 const TYPES_ROS1: &str = include_str!("common_ros1.msg");
 
-/// A definition with its language, to replace one that the log lacks or leaves incomplete. `md5sum` is the one that a
+/// A definition from outside the log with its language, to replace one that the log lacks or leaves incomplete. `md5sum` is the one that a
 /// ROS 1 log states for the type.
 ///
 /// # Errors
 /// If a ROS 1 definition is incomplete and cannot be completed to match its MD5 sum.
-pub(crate) fn lent(
+pub(crate) fn borrowed(
     info: &TopicInfo,
     own: Definition<'_>,
     md5sum: Option<&str>,
     want: &dyn Select,
 ) -> Result<Option<(&'static str, String)>, String> {
     match info.encoding.as_str() {
-        "cdr" => Ok(lent_ros2(info, own, want)),
+        "cdr" => Ok(borrowed_ros2(info, own, want)),
         "ros1" if !info.type_name.is_empty() && is_completable(own, md5sum) => {
             completed_ros1(info, own.text, md5sum, want)
         }
@@ -59,7 +59,7 @@ fn is_completable(own: Definition<'_>, md5sum: Option<&str>) -> bool {
 
 /// The common definition, or else the user's. A ROS 2 recorder that does not find a definition leaves the text empty,
 /// or its language unknown or empty.
-fn lent_ros2(info: &TopicInfo, own: Definition<'_>, want: &dyn Select) -> Option<(&'static str, String)> {
+fn borrowed_ros2(info: &TopicInfo, own: Definition<'_>, want: &dyn Select) -> Option<(&'static str, String)> {
     if !own.text.is_empty() && !["", "unknown"].contains(&own.encoding) {
         return None;
     }

@@ -28,7 +28,7 @@ enum Token<'t> {
     /// A name, including `::` if it has several parts.
     Word(&'t str),
     Number(Option<u64>),
-    /// Text or character, whose content is ignored.
+    /// A text or a character. Its content is ignored.
     Literal,
     Sign(char),
 }

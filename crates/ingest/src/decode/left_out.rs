@@ -1,4 +1,4 @@
-//! Fields that get no column although every field is wanted: variable-length and long arrays.
+//! Fields without a column although every field is wanted: variable-length and long arrays.
 
 use super::protobuf::Types;
 use super::rows::Rows;

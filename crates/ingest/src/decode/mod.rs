@@ -14,7 +14,7 @@ pub(crate) mod schema;
 mod type_sum;
 mod vouch;
 
-use common::{COMMON, COMPLETED, COMPLETED_AS_GIVEN, GIVEN, lent};
+use common::{COMMON, COMPLETED, COMPLETED_AS_GIVEN, GIVEN, borrowed};
 pub(crate) use named::{NAMED, leave_out_placeholders};
 
 use crate::reader::{Extra, Log, RawMessage, Select, Selection};
@@ -120,7 +120,7 @@ impl Route {
     }
 }
 
-/// When a container says that a message was logged and published, ns.
+/// The times at which a message was logged and published, as the container states them, ns.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Times {
     pub(crate) logged_ns: i64,
@@ -145,10 +145,10 @@ pub(crate) struct Topics<'w> {
 struct Topic {
     info: TopicInfo,
     wanted: Option<Wanted>,
-    /// Its messages are wanted undecoded.
+    /// Whether its messages are wanted undecoded.
     raw: bool,
-    /// Language of a definition from outside the log.
-    lent: Option<&'static str>,
+    /// The language of a definition from outside the log.
+    borrowed: Option<&'static str>,
     refusal: Option<String>,
     decoders: Vec<Decoder>,
     /// The decoder that was used last.
@@ -190,11 +190,11 @@ impl Tally {
     }
 
     /// Adds a later count.
-    pub(crate) fn extend(&mut self, behind: Tally) {
+    pub(crate) fn extend(&mut self, later: Tally) {
         if self.count == 0 {
-            self.first = behind.first;
+            self.first = later.first;
         }
-        self.count += behind.count;
+        self.count += later.count;
     }
 }
 
@@ -205,11 +205,11 @@ struct Decoder {
 }
 
 enum How {
-    /// Not decoded: it goes to the sink.
+    /// Not decoded: messages go to the sink.
     Raw,
     Ros(ros::Plan),
-    /// By a definition from outside the log: every byte must fit.
-    Lent(ros::Plan),
+    /// By a definition from outside the log. Every byte must fit it.
+    Borrowed(ros::Plan),
     Protobuf(protobuf::Plan),
     Json,
     Packed(packed::Plan),
@@ -245,12 +245,12 @@ impl<'w> Topics<'w> {
         self.clock = clock;
     }
 
-    /// Sets what vouches for the messages that follow.
+    /// Sets how the following messages are protected by a checksum.
     pub(crate) fn vouch(&mut self, by: Vouch) {
         self.vouch = by;
     }
 
-    /// Reports whether the checksum after the messages is right.
+    /// Settles whether the checksum after the messages is correct.
     pub(crate) fn settle(&mut self, is_right: bool) {
         self.topics.iter_mut().for_each(|topic| topic.vouched.settle(is_right));
     }
@@ -273,13 +273,14 @@ impl<'w> Topics<'w> {
         else {
             return Ok(Route { topic, decoder: None });
         };
-        let (lent, refusal) = match lent(&info, own, md5sum, self.want) {
-            Ok(lent) => (lent, None),
+        let (borrowed, refusal) = match borrowed(&info, own, md5sum, self.want) {
+            Ok(borrowed) => (borrowed, None),
             Err(refusal) => (None, Some(refusal)),
         };
-        topic.lent = lent.as_ref().map(|(whose, _)| *whose).or(topic.lent);
+        topic.borrowed = borrowed.as_ref().map(|(language, _)| *language).or(topic.borrowed);
         let raw = topic.raw;
-        let definition = lent.as_ref().map_or(own, |(encoding, text)| Definition { encoding, text: text.as_bytes() });
+        let definition =
+            borrowed.as_ref().map_or(own, |(encoding, text)| Definition { encoding, text: text.as_bytes() });
         self.route_by(info, definition, |info, wanted, rows| match refusal {
             _ if raw => Ok(How::Raw),
             Some(refusal) => Err(refusal),
@@ -362,7 +363,7 @@ impl<'w> Topics<'w> {
         topic.vouched.count(self.vouch);
         topic.count(times, payload.len() as u64);
         let Some(decoder) = route.decoder else { return Fate::Skipped };
-        if let (Some(message), Some(sink)) = (topic.as_it_stands(decoder, times, payload), self.want.sink()) {
+        if let (Some(message), Some(sink)) = (topic.raw_message(decoder, times, payload), self.want.sink()) {
             sink.message(&RawMessage { sequence, ..message });
             return Fate::Decoded;
         }
@@ -413,19 +414,19 @@ impl<'w> Topics<'w> {
         self.topics.sort_by(|a, b| a.info.cmp(&b.info));
         let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
         let mut notices = Notices::new();
-        let mut say_lent = |whose: &str, what: &str| {
-            let topics = self.topics.iter().filter(|topic| topic.lent == Some(whose)).count() as u64;
+        let mut report_borrowed = |language: &str, what: &str| {
+            let topics = self.topics.iter().filter(|topic| topic.borrowed == Some(language)).count() as u64;
             if topics > 0 {
                 let text = format!("topics whose type this log does not define were read by {what}");
                 notices.push(Code::DefinitionSupplied, "", topics, text);
             }
         };
-        say_lent(COMMON, "the common definition of that name");
-        say_lent(GIVEN, "the definition of that name in the folder of maps");
+        report_borrowed(COMMON, "the common definition of that name");
+        report_borrowed(GIVEN, "the definition of that name in the folder of maps");
         let completed = "built-in definitions of the types that their own lack (the MD5 sums agree)";
-        say_lent(COMPLETED, completed);
+        report_borrowed(COMPLETED, completed);
         let completed = "definitions in the folder of maps of the types that their own lack (the MD5 sums agree)";
-        say_lent(COMPLETED_AS_GIVEN, completed);
+        report_borrowed(COMPLETED_AS_GIVEN, completed);
         for mut topic in self.topics {
             topic.deliver();
             if let Some(refusal) = &topic.refusal {
@@ -448,7 +449,7 @@ impl Topic {
             info,
             wanted: Wanted::of(selection),
             raw: *selection == Selection::Raw,
-            lent: None,
+            borrowed: None,
             refusal: None,
             decoders: vec![],
             latest: 0,
@@ -503,12 +504,12 @@ impl Topic {
         }
     }
 
-    /// A message that is wanted raw.
-    fn as_it_stands<'m>(&'m self, decoder: u32, times: Times, payload: &'m [u8]) -> Option<RawMessage<'m>> {
+    /// The message for the sink, if it is wanted raw.
+    fn raw_message<'m>(&'m self, decoder: u32, times: Times, payload: &'m [u8]) -> Option<RawMessage<'m>> {
         let decoder = self.decoders.get(decoder as usize)?;
         matches!(decoder.how, How::Raw).then_some(RawMessage {
             topic: &self.info,
-            // For other readers it is an ordinary definition.
+            // Other readers know the language of the definition only by its standard name.
             schema_encoding: match decoder.schema_encoding.as_str() {
                 COMMON | GIVEN => "ros2msg",
                 COMPLETED | COMPLETED_AS_GIVEN => "ros1msg",
@@ -633,7 +634,7 @@ impl Decoder {
 
     fn weight(&self) -> usize {
         let plan = match &self.how {
-            How::Ros(plan) | How::Lent(plan) => plan.weight(),
+            How::Ros(plan) | How::Borrowed(plan) => plan.weight(),
             How::Protobuf(plan) => plan.weight(),
             How::Packed(plan) => plan.weight(),
             How::Cells(plan) => plan.weight(),
@@ -645,7 +646,7 @@ impl Decoder {
     fn decode(&mut self, payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<usize, String> {
         match &mut self.how {
             How::Ros(plan) => plan.decode(payload, rows),
-            How::Lent(plan) => match plan.decode(payload, rows)? {
+            How::Borrowed(plan) => match plan.decode(payload, rows)? {
                 0 => Ok(0),
                 _ if self.schema_encoding == GIVEN => {
                     Err("it is longer than the definition of its type that was given".to_owned())
@@ -692,7 +693,7 @@ impl How {
             ("json", _) => Ok(How::Json),
             ("ros1", "ros1msg" | COMPLETED | COMPLETED_AS_GIVEN) => plan(msg(Dialect::Ros1)).map(How::Ros),
             ("cdr", "ros2msg") => plan(msg(Dialect::Ros2)).map(How::Ros),
-            ("cdr", COMMON | GIVEN) => plan(msg(Dialect::Ros2)).map(How::Lent),
+            ("cdr", COMMON | GIVEN) => plan(msg(Dialect::Ros2)).map(How::Borrowed),
             ("cdr", "ros2idl" | "omgidl") => plan(Schema::parse_idl(&info.type_name, &read(text))).map(How::Ros),
             ("protobuf", "protobuf") => protobuf::Plan::new(&info.type_name, text, wanted, rows).map(How::Protobuf),
             ("cdr", "" | "unknown") => {

@@ -7,8 +7,8 @@
 //! string time_us_written # written "TimeUS"
 //! ```
 //!
-//! The second line belongs to a field that some rows lack: it is false where the value is a mere placeholder. The third
-//! is the decimal as written, where a float has lost its last digits.
+//! The second line belongs to a field that some rows lack: it is false where the value is only a placeholder. The third
+//! line is the decimal as written, where a float has lost its last digits.
 
 use super::Wanted;
 use super::ros::Plan;
@@ -36,10 +36,10 @@ pub(super) fn plan(type_name: &str, text: &str, wanted: &Wanted, rows: &mut Rows
         return Err(format!("it has {} fields and names for {}", fields.len(), names.len()));
     }
     fields.iter_mut().zip(names).for_each(|(field, name)| field.name = name);
-    let wanted = with_beside(wanted);
+    let wanted = with_marked_fields(wanted);
     let given = fields.iter().map(|field| field.name.as_str()).filter(|name| name.starts_with(GIVEN));
     for name in given.filter(|name| wanted.has(name)) {
-        rows.telling_column(name).ok_or("it has too many fields that may be absent")?;
+        rows.flag_column(name).ok_or("it has too many fields that may be absent")?;
     }
     Ok(Plan::new(&schema, &wanted, rows))
 }
@@ -59,33 +59,33 @@ fn check(names: &[String]) -> Result<(), String> {
 /// The content of a field's comment; `None` for an empty line or one with only a comment.
 fn name_of(line: &str) -> Option<Result<String, String>> {
     let (_, comment) = line.split_once(" # ").filter(|_| !line.starts_with('#'))?;
-    let behind = |what: &str, mark| comment.strip_prefix(what).map(|name| (mark, name));
-    let (mark, name) = behind("given ", GIVEN).or_else(|| behind("written ", WRITTEN)).unwrap_or(("", comment));
+    let after_mark = |what: &str, mark| comment.strip_prefix(what).map(|name| (mark, name));
+    let (mark, name) = after_mark("given ", GIVEN).or_else(|| after_mark("written ", WRITTEN)).unwrap_or(("", comment));
     let name = serde_json::from_str(name.trim_end()).ok().filter(|name: &String| !name.starts_with(MARKS));
     Some(name.map(|name| format!("{mark}{name}")).ok_or_else(|| format!("{line:.100}: no name is said")))
 }
 
-/// Adds the presence flag and the decimal text of each field.
-fn with_beside(wanted: &Wanted) -> Wanted {
+/// Adds the presence flag and the decimal text of each wanted field.
+fn with_marked_fields(wanted: &Wanted) -> Wanted {
     match wanted {
         Wanted::All => Wanted::All,
         Wanted::Paths(paths) => {
-            let beside = paths.iter().flat_map(|path| ["", GIVEN, WRITTEN].map(|mark| format!("{mark}{path}")));
-            Wanted::Paths(beside.collect::<BTreeSet<String>>())
+            let marked = paths.iter().flat_map(|path| ["", GIVEN, WRITTEN].map(|mark| format!("{mark}{path}")));
+            Wanted::Paths(marked.collect::<BTreeSet<String>>())
         }
     }
 }
 
-/// Removes the presence flags, and makes the values absent that they mark. Returns the columns of decimal texts.
+/// Removes the presence flags, and makes the values absent where the flag is false. Returns the columns of decimal texts.
 pub(crate) fn leave_out_placeholders(table: &mut Table) -> Vec<Column> {
     let of = |mark: &'static str| move |column: &Column| column.path.starts_with(mark);
     let (given, columns): (Vec<Column>, Vec<Column>) =
         std::mem::take(&mut table.columns).into_iter().partition(of(GIVEN));
     let (mut written, mut columns): (Vec<Column>, Vec<Column>) = columns.into_iter().partition(of(WRITTEN));
-    for told in given {
-        let path = told.path.strip_prefix(GIVEN).unwrap_or_default();
+    for flags in given {
+        let path = flags.path.strip_prefix(GIVEN).unwrap_or_default();
         let Ok(place) = columns.binary_search_by(|column| column.path.as_str().cmp(path)) else { continue };
-        let valid: Vec<bool> = (0..table.rows).map(|row| told.number(row) == Some(1.0)).collect();
+        let valid: Vec<bool> = (0..table.rows).map(|row| flags.number(row) == Some(1.0)).collect();
         if let Some(column) = columns.get_mut(place) {
             column.blank(&valid);
             column.valid = Some(valid);

@@ -78,7 +78,7 @@ pub(crate) struct Plan {
     longest: usize,
     /// The byte range of the wanted fields of a record.
     span: Range<usize>,
-    /// These bytes of the records whose values are not set yet.
+    /// The bytes of the records that have no values yet.
     held: Vec<u8>,
     /// The row of the first buffered record.
     first: usize,

@@ -431,7 +431,7 @@ fn in_runs(steps: Vec<Step>, dialect: Dialect) -> Vec<Step> {
             (_, None) => short.push(step),
         }
     }
-    // A log may have tens of thousands of topics, each with a plan of its own.
+    // A log may have tens of thousands of topics, each with its own plan.
     for step in &mut short {
         if let What::Run(run) = &mut step.what {
             run.steps.shrink_to_fit();

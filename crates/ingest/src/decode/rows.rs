@@ -51,7 +51,7 @@ pub(crate) struct Rows {
     columns: Vec<Growing>,
     by_path: HashMap<String, usize>,
     /// The number of columns that are presence flags.
-    telling: usize,
+    flag_columns: usize,
     logged_ns: Vec<i64>,
     published_ns: Option<Vec<i64>>,
     origin: Places,
@@ -78,7 +78,7 @@ impl Rows {
         if let Some(&column) = self.by_path.get(path) {
             return Some(column);
         }
-        if self.columns.len() - self.telling >= MOST_COLUMNS || path.len() > LONGEST_PATH {
+        if self.columns.len() - self.flag_columns >= MOST_COLUMNS || path.len() > LONGEST_PATH {
             self.turned_away += 1;
             return None;
         }
@@ -92,14 +92,14 @@ impl Rows {
 
     /// The column of a presence flag. It does not count towards the limit, because without its flag an absent field
     /// would have a value.
-    pub(super) fn telling_column(&mut self, path: &str) -> Option<usize> {
+    pub(super) fn flag_column(&mut self, path: &str) -> Option<usize> {
         if let Some(&column) = self.by_path.get(path) {
             return Some(column);
         }
-        if self.telling >= MOST_COLUMNS {
+        if self.flag_columns >= MOST_COLUMNS {
             return None;
         }
-        self.telling += 1;
+        self.flag_columns += 1;
         Some(self.push_column(path, ColumnData::F64(vec![])))
     }
 

@@ -1,18 +1,18 @@
-//! Counts the messages that a checksum of the log vouches for.
+//! Counts the messages that a correct checksum of the log protects.
 
-/// What vouches for the bytes of a message.
+/// The checksum that protects the bytes of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Vouch {
-    /// Nothing.
+    /// None.
     #[default]
     Nothing,
     /// A checksum that was correct.
     Checksum,
-    /// One after all of them, not known yet.
+    /// A checksum after all messages, not verified yet.
     Later,
 }
 
-/// How many messages of a topic are vouched for.
+/// The number of messages of a topic that a checksum protects.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Vouched {
     sure: u64,
@@ -28,7 +28,7 @@ impl Vouched {
         }
     }
 
-    /// Reports whether the checksum after all of them is correct.
+    /// Settles whether the checksum after all messages is correct.
     pub(crate) fn settle(&mut self, is_right: bool) {
         let later = std::mem::take(&mut self.later);
         self.sure += if is_right { later } else { 0 };

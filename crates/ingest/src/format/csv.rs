@@ -1,30 +1,30 @@
 //! Text tables: one table per file, one file per topic, or FlySight 2 with several tables in one file.
 
-mod ahead;
 mod columns;
+mod device_columns;
 mod fields;
 mod formula;
 mod header;
 mod layout;
 mod lines;
-mod meaning;
 mod novatel;
 mod one_table;
 mod plain;
+mod read_ahead;
 
 pub use self::formula::inert;
 
-use self::ahead::Rules;
 use self::columns::Topic;
+use self::device_columns::DeviceColumns;
 use self::fields::Fields;
-use self::header::{Changes, Header};
+use self::header::{Header, HeaderFindings};
 use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
-use self::meaning::Meaning;
 use self::one_table::OneTable;
+use self::read_ahead::Rules;
 use crate::error::{IngestError, file_name};
-use crate::format::crew::Crew;
 use crate::format::identity::{GARMIN, of_table_head};
+use crate::format::workers::Workers;
 use crate::reader::{Limits, Log, ReadContext, Select, Selection};
 use crate::table::{Table, TopicInfo};
 use flight::{Code, LogHealth, Notices, Severity};
@@ -39,10 +39,10 @@ const HEAD: u64 = 256 << 10;
 
 /// `$VAR` lines of FlySight 2 files and remarks of others that are listed.
 const EXTRAS: usize = 256;
-/// A longer line is not a comment, bytes.
+/// The longest comment that is a remark, bytes.
 const LONGEST_REMARK: usize = 200;
 
-/// Rows of a larger file are shared with idle threads, bytes.
+/// The smallest file with rows shared with idle threads, bytes.
 const LEAST_SHARED: u64 = 1 << 20;
 
 const SHORTER: &str = "the file became shorter while it was read";
@@ -55,16 +55,17 @@ const BOM: &[u8] = b"\xef\xbb\xbf";
 /// A file is one topic named after the file, except for FlySight 2 files, whose rows name their topic.
 /// Line numbers count from 1.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-    // A file may grow or shrink before its turn comes: its current size counts.
+    // A file may grow or shrink later: its size at the start counts.
     let sizes = files.iter().map(|path| Ok(open(path)?.1)).collect::<Result<Vec<u64>, IngestError>>()?;
     let ledger = Ledger::new(sizes.iter().sum(), context.limits.listed_damage);
-    let books = Books { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
+    let accounting =
+        Accounting { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
     let mut reading = Reading {
         want,
         context,
-        books,
+        accounting,
         topics: vec![],
-        meanings: HashMap::new(),
+        devices: HashMap::new(),
         formats: vec![],
         taken: HashSet::new(),
     };
@@ -79,10 +80,10 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
 /// numbers and no header: then only the file name can identify it.
 ///
 /// # Errors
-/// What it is instead.
+/// What the file is instead.
 pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<bool, String> {
     match layout::find(without_bom(head), context)? {
-        Layout::Table(table) if table.bare => Ok(false),
+        Layout::Table(table) if table.only_numbers => Ok(false),
         Layout::Table(table) if !table.regular => {
             Err("its first lines are not a table of numbers below a header".into())
         }
@@ -90,14 +91,14 @@ pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<bool,
     }
 }
 
-/// The text after the comment mark and a blank.
+/// The text after the comment mark and one space.
 fn unmarked(comment: &[u8]) -> &[u8] {
     let text = comment.get(comment_mark(comment)..).unwrap_or_default();
     text.strip_prefix(b" ").unwrap_or(text)
 }
 
-/// A header in the form used for comparison: TABs at its ends may be missing names.
-fn bare(line: &[u8]) -> &[u8] {
+/// A header without the spaces around it, for comparison. TABs stay, because a name between them may be missing.
+fn trimmed_header(line: &[u8]) -> &[u8] {
     let mut line = without_bom(line);
     while let Some(rest) = line.strip_prefix(b" ").or_else(|| line.strip_suffix(b" ")) {
         line = rest;
@@ -120,17 +121,17 @@ fn open(path: &Path) -> Result<(File, u64), IngestError> {
 struct Reading<'a> {
     want: &'a dyn Select,
     context: &'a ReadContext<'a>,
-    books: Books,
+    accounting: Accounting,
     topics: Vec<Topic>,
-    /// By topic name: the meaning of the columns and what is wanted of them.
-    meanings: HashMap<String, (Meaning, Selection)>,
+    /// By topic name: the columns that depend on the device, and the wanted fields.
+    devices: HashMap<String, (DeviceColumns, Selection)>,
     formats: Vec<String>,
     /// Names of the topics.
     taken: HashSet<String>,
 }
 
-/// Accounting for every byte and row so far.
-struct Books {
+/// The account of every byte and row so far.
+struct Accounting {
     ledger: Ledger,
     health: LogHealth,
     notices: Notices,
@@ -138,7 +139,7 @@ struct Books {
 }
 
 /// A line between the rows of a table.
-enum Between {
+enum RowOrHeader {
     Header,
     /// A row, or a remark.
     Row {
@@ -181,16 +182,16 @@ impl Reading<'_> {
             Err(what) if alone => return Err(IngestError::NotALog { file: name, what }),
             Err(what) => {
                 let held = if head.len() as u64 >= HEAD { size } else { size.min(head.len() as u64) };
-                self.books.ledger.count(Fate::Skipped, held);
+                self.accounting.ledger.count(Fate::Skipped, held);
                 if held < size {
-                    self.books.ledger.damaged(&name, held, size - held, SHORTER);
+                    self.accounting.ledger.damaged(&name, held, size - held, SHORTER);
                 }
-                self.books.notices.push(Code::NoRows.at(Severity::Warning), name, 1, what);
+                self.accounting.notices.push(Code::NoRows.at(Severity::Warning), name, 1, what);
                 return Ok(self.context.advance(size)?);
             }
         };
         let mut open = Open::new(path, &name, size, self.context)?;
-        self.books.ledger.count(Fate::Structure, open.lines.offset);
+        self.accounting.ledger.count(Fate::Structure, open.lines.offset);
         match layout {
             Layout::Table(table) => self.table(&mut open, &table, stem)?,
             Layout::FlySight2 => self.flysight2(&mut open, &stem)?,
@@ -200,7 +201,7 @@ impl Reading<'_> {
         // Bytes are left over here only if the file shrank while it was read.
         let missing = size.saturating_sub(open.lines.offset);
         if missing > 0 {
-            self.books.ledger.damaged(&name, open.lines.offset, missing, SHORTER);
+            self.accounting.ledger.damaged(&name, open.lines.offset, missing, SHORTER);
         }
         Ok(())
     }
@@ -208,20 +209,21 @@ impl Reading<'_> {
     fn table(&mut self, open: &mut Open<'_>, layout: &TableLayout, stem: String) -> Result<(), IngestError> {
         self.formats.push(format!("CSV, {}", layout.describe()));
         if layout.header_line.is_none() {
-            let severity = if layout.bare { Severity::Info } else { Severity::Warning };
+            let severity = if layout.only_numbers { Severity::Info } else { Severity::Warning };
             let text = "no header row: columns are called column_1, column_2, ...";
-            self.books.notices.push(Code::ColumnRenamed.at(severity), open.name, 1, text);
+            self.accounting.notices.push(Code::ColumnRenamed.at(severity), open.name, 1, text);
         }
         if layout.renamed > 0 && layout.header_line.is_some() {
             let text = "columns without a name of their own were given one";
-            self.books.notices.push(Code::ColumnRenamed, open.name, layout.renamed as u64, text);
+            self.accounting.notices.push(Code::ColumnRenamed, open.name, layout.renamed as u64, text);
         }
         let topic = self.topic_of(open, layout, stem);
-        let crew = if open.size > LEAST_SHARED && topic.may_be_parted() { Crew::at_hand() } else { None };
+        let workers =
+            if open.size > LEAST_SHARED && topic.can_be_parsed_in_parts() { Workers::available() } else { None };
         let mut table = OneTable::new(layout, topic, self.context.limits.line_bytes);
-        table.read(&mut self.books, open, crew.as_ref())?;
-        table.tell(open.name, &mut self.books.notices);
-        table.topic.report(open.name, self.context.limits.listed_damage, &mut self.books.notices);
+        table.read(&mut self.accounting, open, workers.as_ref())?;
+        table.report(open.name, &mut self.accounting.notices);
+        table.topic.report(open.name, self.context.limits.listed_damage, &mut self.accounting.notices);
         self.topics.push(table.topic);
         Ok(())
     }
@@ -231,14 +233,14 @@ impl Reading<'_> {
         let info =
             TopicInfo { name: self.free_name(stem, open.name), type_name: String::new(), encoding: "csv".into() };
         let selection = self.want.select(&info);
-        let mut meaning = Meaning::of(&layout.names);
-        if let Some(text) = meaning.told.take() {
-            self.books.notices.push(Code::SeveralSources, open.name, 1, text);
+        let mut device = DeviceColumns::of(&layout.names);
+        if let Some(text) = device.notice.take() {
+            self.accounting.notices.push(Code::SeveralSources, open.name, 1, text);
         }
-        let names = std::mem::take(&mut meaning.names);
-        let mut topic = Topic::new(info, names, &meaning.sources(&selection));
-        meaning.kept_as_text().into_iter().for_each(|path| topic.keep_text(path));
-        self.meanings.insert(topic.info.name.clone(), (meaning, selection));
+        let names = std::mem::take(&mut device.names);
+        let mut topic = Topic::new(info, names, &device.sources(&selection));
+        device.kept_as_text().into_iter().for_each(|path| topic.keep_text(path));
+        self.devices.insert(topic.info.name.clone(), (device, selection));
         topic.decimal = layout.decimal;
         topic
     }
@@ -249,31 +251,36 @@ impl Reading<'_> {
         self.formats.push("FlySight 2 CSV".into());
         let first = self.topics.len();
         let mut by_name: HashMap<Vec<u8>, usize> = HashMap::new();
-        while let Some((extent, line)) = self.books.next_record(open, b',')? {
+        while let Some((extent, line)) = self.accounting.next_record(open, b',')? {
             open.fields.split(open.lines.text(extent), b',');
             let tag = open.fields.get(0).strip_prefix(b"$").unwrap_or_default().to_vec();
             match tag.as_slice() {
                 b"COL" if extent.ended => {
                     self.flysight2_table(&open.fields, stem, line, &mut by_name);
-                    self.books.structure(open, extent);
+                    self.accounting.structure(open, extent);
                 }
                 b"VAR" => {
-                    if self.books.health.extras.len() < EXTRAS {
-                        self.books.health.extras.push(open.fields.texts().get(1..).unwrap_or_default().join(" = "));
+                    if self.accounting.health.extras.len() < EXTRAS {
+                        self.accounting
+                            .health
+                            .extras
+                            .push(open.fields.texts().get(1..).unwrap_or_default().join(" = "));
                     }
-                    self.books.structure(open, extent);
+                    self.accounting.structure(open, extent);
                 }
                 b"UNIT" => {
                     let known = by_name.get(open.fields.get(1)).and_then(|&i| self.topics.get_mut(i));
                     let units = || open.fields.texts().into_iter().skip(2).collect();
                     known.into_iter().for_each(|topic| topic.units = units());
-                    self.books.structure(open, extent);
+                    self.accounting.structure(open, extent);
                 }
-                b"FLYS" | b"DATA" | b"COL" => self.books.structure(open, extent),
-                b"" if open.lines.text(extent).trim_ascii().is_empty() => self.books.structure(open, extent),
+                b"FLYS" | b"DATA" | b"COL" => self.accounting.structure(open, extent),
+                b"" if open.lines.text(extent).trim_ascii().is_empty() => self.accounting.structure(open, extent),
                 _ => match by_name.get(&tag).and_then(|&i| self.topics.get_mut(i)) {
-                    Some(topic) => self.books.row(open, extent, topic, 1, b',', false),
-                    None => self.books.reject(open, extent, format!("line {line}: no $COL line announces this row")),
+                    Some(topic) => self.accounting.row(open, extent, topic, 1, b',', false),
+                    None => {
+                        self.accounting.reject(open, extent, format!("line {line}: no $COL line announces this row"))
+                    }
                 },
             }
         }
@@ -284,11 +291,11 @@ impl Reading<'_> {
     /// Reports problems with the cells of the topics from `first` on.
     fn report(&mut self, first: usize, file: &str) {
         for topic in self.topics.get_mut(first..).unwrap_or_default() {
-            topic.report(file, self.context.limits.listed_damage, &mut self.books.notices);
+            topic.report(file, self.context.limits.listed_damage, &mut self.accounting.notices);
         }
     }
 
-    /// The topic of a name that rows carry. A new one is created with `columns` and the type `kind/name`; `None` if
+    /// The topic that rows name. A new one is created with `columns` and the type `kind/name`; `None` if
     /// there are too many.
     fn named_topic(
         &mut self,
@@ -313,15 +320,15 @@ impl Reading<'_> {
         Some(self.topics.len() - 1)
     }
 
-    /// Rows that begin with a timestamp and the name of their table, as PX4 ECL replays its sensors: columns are
+    /// Reads rows that begin with a timestamp and the name of their table, as PX4 ECL replays its sensors. Columns are
     /// numbered.
     fn tagged(&mut self, open: &mut Open<'_>) -> Result<(), IngestError> {
         self.formats.push("CSV, ',' delimited, no header, tables named by the second field".into());
         let first = self.topics.len();
         let mut by_name = HashMap::new();
-        while let Some((extent, line)) = self.books.next_record(open, b',')? {
+        while let Some((extent, line)) = self.accounting.next_record(open, b',')? {
             if open.lines.text(extent).trim_ascii().is_empty() {
-                self.books.structure(open, extent);
+                self.accounting.structure(open, extent);
                 continue;
             }
             open.fields.split(open.lines.text(extent), b',');
@@ -333,48 +340,48 @@ impl Reading<'_> {
             let known = by_name.get(&name).copied();
             let topic = if whole { self.named_topic(&name, "tagged", columns, open.name, &mut by_name) } else { known };
             match topic.and_then(|i| self.topics.get_mut(i)) {
-                Some(topic) => self.books.row(open, extent, topic, 0, b',', false),
-                None => self.books.reject(open, extent, format!("line {line}: the second field names no table")),
+                Some(topic) => self.accounting.row(open, extent, topic, 0, b',', false),
+                None => self.accounting.reject(open, extent, format!("line {line}: the second field names no table")),
             }
         }
         self.report(first, open.name);
         Ok(())
     }
 
-    /// NovAtel messages; other lines between them, such as replies of the receiver, are skipped and counted.
+    /// Reads NovAtel messages. Other lines between them, such as replies of the receiver, are skipped and counted.
     fn novatel(&mut self, open: &mut Open<'_>) -> Result<(), IngestError> {
         self.formats.push("NovAtel ASCII".into());
         let first = self.topics.len();
         let mut by_name = HashMap::new();
         let mut others = 0;
-        while let Some((extent, line)) = self.books.next_record(open, b',')? {
+        while let Some((extent, line)) = self.accounting.next_record(open, b',')? {
             let text = open.lines.text(extent).trim_ascii();
             if !text.starts_with(b"#") && !text.starts_with(b"%") {
                 others += u64::from(!text.is_empty());
-                self.books.structure(open, extent);
+                self.accounting.structure(open, extent);
                 continue;
             }
             let message = match novatel::parse(text) {
                 Ok(message) => message,
                 Err(what) => {
-                    self.books.reject(open, extent, format!("line {line}: {what}"));
+                    self.accounting.reject(open, extent, format!("line {line}: {what}"));
                     continue;
                 }
             };
             let columns = || message.columns();
             let Some(topic) = self.named_topic(message.name.as_bytes(), "novatel", columns, open.name, &mut by_name)
             else {
-                self.books.reject(open, extent, format!("line {line}: one topic too many"));
+                self.accounting.reject(open, extent, format!("line {line}: one topic too many"));
                 continue;
             };
             open.fields.split(message.row.as_bytes(), b',');
             if let Some(topic) = self.topics.get_mut(topic) {
-                self.books.message(open, extent, topic, line);
+                self.accounting.message(open, extent, topic, line);
             }
         }
         if others > 0 {
             let text = "lines that are not NovAtel messages are not read";
-            self.books.notices.push(Code::Skipped, open.name, others, text);
+            self.accounting.notices.push(Code::Skipped, open.name, others, text);
         }
         self.report(first, open.name);
         Ok(())
@@ -417,25 +424,32 @@ impl Reading<'_> {
             1 => " (and 1 more file)".to_owned(),
             n => format!(" (and {n} more files)"),
         };
-        self.books.health.format = format!("{}{others}", self.formats.first().map_or("no table", String::as_str));
-        self.books.health.about.receiver_identities = of_table_head(&self.books.health.extras);
+        self.accounting.health.format = format!("{}{others}", self.formats.first().map_or("no table", String::as_str));
+        self.accounting.health.about.receiver_identities = of_table_head(&self.accounting.health.extras);
         self.topics.sort_by(|a, b| a.info.cmp(&b.info));
-        self.books.health.topics = self.topics.iter().map(Topic::health).collect();
-        self.books.health.messages = self.topics.iter().map(|t| t.rows).sum();
-        self.books.ledger.finish(&mut self.books.health, &mut self.books.notices);
+        self.accounting.health.topics = self.topics.iter().map(Topic::health).collect();
+        self.accounting.health.messages = self.topics.iter().map(|t| t.rows).sum();
+        self.accounting.ledger.finish(&mut self.accounting.health, &mut self.accounting.notices);
         let written = self.topics.iter().flat_map(Topic::written).collect();
         let heads = self.topics.iter().map(Topic::head).collect();
         let mut tables: Vec<Table> = self.topics.into_iter().filter_map(Topic::into_table).collect();
         for table in &mut tables {
-            if let Some((meaning, selection)) = self.meanings.get(&table.topic.name) {
-                meaning.complete(table, selection, &mut self.books.notices);
+            if let Some((device, selection)) = self.devices.get(&table.topic.name) {
+                device.add_derived(table, selection, &mut self.accounting.notices);
             }
         }
-        Ok(Log { health: self.books.health, tables, written, heads, notices: self.books.notices, ..Log::default() })
+        Ok(Log {
+            health: self.accounting.health,
+            tables,
+            written,
+            heads,
+            notices: self.accounting.notices,
+            ..Log::default()
+        })
     }
 }
 
-impl Books {
+impl Accounting {
     /// The next record that fits into memory, with its line number.
     fn next_record(&mut self, open: &mut Open<'_>, delimiter: u8) -> Result<Option<(Extent, u64)>, IngestError> {
         loop {
@@ -465,12 +479,12 @@ impl Books {
         open: &mut Open<'_>,
         topic: &mut Topic,
         rules: &mut Rules,
-        crew: Option<&Crew>,
+        workers: Option<&Workers>,
     ) -> Result<(), IngestError> {
         loop {
             // The first rows show the column types.
-            if let Some(crew) = crew.filter(|_| topic.rows > 0) {
-                open.lines.read_ahead(crew, topic, rules)?;
+            if let Some(workers) = workers.filter(|_| topic.rows > 0) {
+                open.lines.read_ahead(workers, topic, rules)?;
             }
             let mut line = open.lines.number;
             let held = rules.rows(open.lines.plain_block(), |row, extent| {
@@ -486,42 +500,42 @@ impl Books {
         }
     }
 
-    /// Whether the record is a header, usually of another table: rows below that are not read. `open.fields` hold it if
-    /// the row is marked as split.
+    /// Whether the record is a header, usually of another table: rows below that are not read. `open.fields` hold the
+    /// record if the result is marked as split.
     fn other_header(
         &mut self,
         open: &mut Open<'_>,
         extent: Extent,
         topic: &mut Topic,
         header: &Header,
-        changes: &mut Changes,
-    ) -> Between {
+        findings: &mut HeaderFindings,
+    ) -> RowOrHeader {
         let line = open.lines.number;
         let text = without_bom(open.lines.text(extent));
         let mark = comment_mark(text.trim_ascii_start());
         let names = if mark > 0 { unmarked(text.trim_ascii_start()) } else { text };
         if header.width() == 0 || extent.broken || (mark == 0 && !header.may_begin(names)) {
-            return Between::Row { is_split: false };
+            return RowOrHeader::Row { is_split: false };
         }
         open.fields.split(names, header.delimiter);
-        if !header.is_other(&open.fields) || (mark > 0 && !header.is_no_remark(&open.fields)) {
+        if !header.is_other_header(&open.fields) || (mark > 0 && !header.is_header_comment(&open.fields)) {
             let is_split = mark == 0 && names.len() == extent.text;
-            if mark == 0 && header.is_of_another(&open.fields) {
-                changes.like_header(line);
+            if mark == 0 && header.looks_like_header(&open.fields) {
+                findings.count_like_header(line);
             }
-            return Between::Row { is_split };
+            return RowOrHeader::Row { is_split };
         }
-        topic.is_lost = !header.has_names(&open.fields);
-        if topic.is_lost {
-            changes.other(line);
+        topic.is_below_other_header = !header.has_names(&open.fields);
+        if topic.is_below_other_header {
+            findings.count_other(line);
             self.reject(open, extent, format!("line {line}: another header"));
         } else {
             self.structure(open, extent);
         }
-        Between::Header
+        RowOrHeader::Header
     }
 
-    /// One data row: the first `skip` fields are not columns. `open.fields` hold it already if it `is_split`.
+    /// Reads a data row: the first `skip` fields are not columns. `open.fields` hold the row already if it `is_split`.
     fn row(
         &mut self,
         open: &mut Open<'_>,
@@ -563,7 +577,7 @@ impl Books {
         self.reject(open, extent, format!("line {line}: {width} fields where the header has {expected}{cut}"));
     }
 
-    /// A message whose fields have been split.
+    /// Reads a message. `open.fields` hold it already.
     fn message(&mut self, open: &mut Open<'_>, extent: Extent, topic: &mut Topic, line: u64) {
         if !topic.decoded {
             topic.vouched += 1;
@@ -609,7 +623,7 @@ fn unusable(open: &Open<'_>, extent: Extent, topic: &Topic) -> Option<String> {
     if extent.broken {
         return Some(format!("line {line}: quotes that do not match"));
     }
-    if topic.is_lost {
+    if topic.is_below_other_header {
         return Some(format!("line {line}: a row below another header"));
     }
     let has_zeros = open.lines.may_hold_zeros() && memchr::memchr(0, open.lines.text(extent)).is_some();

@@ -25,8 +25,8 @@ fn numbered(receivers: &mut Receivers, number: u32) -> &mut ReceiverIdentity {
     receivers.entry(number).or_insert_with(|| ReceiverIdentity { number, ..ReceiverIdentity::default() })
 }
 
-/// Receivers about which the log says anything, in numeric order.
-fn told(receivers: Receivers) -> Vec<ReceiverIdentity> {
+/// The receivers with at least one known fact, in numeric order.
+fn known(receivers: Receivers) -> Vec<ReceiverIdentity> {
     receivers.into_values().filter(ReceiverIdentity::is_told).collect()
 }
 

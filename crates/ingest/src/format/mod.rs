@@ -2,7 +2,6 @@
 
 mod bag;
 pub(crate) mod bag_folder;
-mod crew;
 mod csv;
 mod dataflash;
 mod db3;
@@ -16,6 +15,7 @@ mod ubx;
 mod ulog;
 mod unpack;
 mod unpacker;
+mod workers;
 mod yaml;
 
 pub(crate) use bag::read as read_bag;
@@ -150,7 +150,7 @@ fn kind_of_text(head: &[u8], context: &ReadContext<'_>) -> String {
     format!("its first line {first:?}")
 }
 
-/// Creates the topic tables of a format whose messages have no log timestamp.
+/// Removes the log times of a format with messages that have no log timestamp.
 fn forget_log_times(log: &mut Log) {
     log.tables.iter_mut().for_each(|table| table.logged_ns = None);
     log.health.topics.iter_mut().for_each(|topic| topic.stamps.clear());

@@ -3,8 +3,8 @@
 //! Chunks prepared ahead do not change what is read: the walk examines every record itself, and uses a prepared chunk
 //! only if it was made from the very bytes that it would decompress.
 
-use crate::format::crew::{Crew, Order, Outcome};
 use crate::format::inflate::{Codec, Inflater};
+use crate::format::workers::{Job, Outcome, Workers};
 use logscan::{LogFile, ScanError};
 use std::collections::VecDeque;
 use std::iter::Peekable;
@@ -63,13 +63,13 @@ impl Unpacker {
     pub(crate) fn expect(&mut self, mut places: Vec<u64>, look: Look) {
         places.sort_unstable();
         places.dedup_by(|next, place| *next - *place < LEAST_APART);
-        let crew = if places.len() > 1 { Crew::at_hand() } else { None };
-        self.ahead = crew.map(|crew| Ahead {
+        let workers = if places.len() > 1 { Workers::available() } else { None };
+        self.ahead = workers.map(|workers| Ahead {
             file: self.own.file.again(),
             places: places.into_iter().peekable(),
             look,
             limit: self.limit,
-            crew,
+            workers,
             begun: VecDeque::new(),
             spare: vec![],
         });
@@ -168,13 +168,13 @@ impl Bench {
 
 /// The chunks in progress.
 struct Ahead {
-    crew: Crew,
+    workers: Workers,
     file: LogFile,
     /// Chunks that no thread has begun.
     places: Peekable<std::vec::IntoIter<u64>>,
     look: Look,
     limit: u64,
-    begun: VecDeque<(u64, Arc<Order<Bench>>)>,
+    begun: VecDeque<(u64, Arc<Job<Bench>>)>,
     spare: Vec<Bench>,
 }
 
@@ -183,7 +183,7 @@ impl Ahead {
     fn take(&mut self, at: u64) -> Option<Bench> {
         while self.places.next_if(|&place| place <= at).is_some() {}
         while let Some((place, order)) = self.begun.pop_front_if(|(place, _)| *place <= at) {
-            let bench = if place == at { order.wait() } else { order.revoke() };
+            let bench = if place == at { order.wait() } else { order.withdraw() };
             match bench {
                 Some(Outcome::Done(bench)) if bench.done.is_some() && place == at => return Some(bench),
                 Some(Outcome::Open(bench) | Outcome::Done(bench)) => self.keep(bench),
@@ -203,12 +203,12 @@ impl Ahead {
 
     /// Gives the next chunks to idle threads.
     fn begin(&mut self) {
-        while self.crew.has_time(self.begun.len())
+        while self.workers.has_capacity(self.begun.len())
             && let Some(place) = self.places.next()
         {
             let bench = self.spare.pop().unwrap_or_else(|| Bench::new(&self.file));
             let (look, limit) = (self.look, self.limit);
-            let order = self.crew.begin(bench, move |bench| bench.prepare(place, look, limit));
+            let order = self.workers.begin(bench, move |bench| bench.prepare(place, look, limit));
             self.begun.push_back((place, order));
         }
     }
@@ -216,7 +216,7 @@ impl Ahead {
 
 impl Drop for Ahead {
     fn drop(&mut self) {
-        self.begun.drain(..).for_each(|(_, order)| drop(order.revoke()));
+        self.begun.drain(..).for_each(|(_, order)| drop(order.withdraw()));
     }
 }
 

@@ -1,16 +1,16 @@
 //! Attitudes, angular rates and specific forces: infers units and axes by comparing them with each other and with the
-//! velocity. What these contradict or cannot decide is rejected.
+//! velocity. A reading that these contradict or cannot decide is rejected.
 
 mod attitude;
 mod force;
 mod rate;
 
-use self::attitude::Turns;
-use super::decide::Motion;
-use super::motion::Trace;
-use super::sets::{Source, Triple};
+use self::attitude::Rotation;
+use super::column_groups::{TableColumns, Triple};
+use super::compare::Motion;
 use super::times::Timing;
-use super::{Found, decide};
+use super::windows::Trace;
+use super::{Found, compare};
 use crate::table::Table;
 use flight::Unit;
 
@@ -22,7 +22,7 @@ const DECIDES: f64 = 0.05;
 /// Three columns with their unit and frame.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
-    pub(super) set: Triple,
+    pub(super) group: Triple,
     pub(super) quantity: &'static str,
     pub(super) roles: [&'static str; 3],
     pub(super) unit: Unit,
@@ -32,17 +32,17 @@ pub(super) struct Body {
 }
 
 /// Columns of a table with its time.
-struct Of<'a> {
+struct TimedTriple<'a> {
     table: &'a Table,
     timing: &'a Timing,
-    set: &'a Triple,
+    group: &'a Triple,
 }
 
-impl Of<'_> {
+impl TimedTriple<'_> {
     /// The values in SI units, over the time of the table.
     fn trace(&self, unit: Unit) -> Trace<3> {
-        let columns = self.set.columns.each_ref().map(Some);
-        decide::trace(self.table, &self.timing.times_s, columns, |values| values.map(|value| unit.to_si(value)))
+        let columns = self.group.columns.each_ref().map(Some);
+        compare::trace(self.table, &self.timing.times_s, columns, |values| values.map(|value| unit.to_si(value)))
     }
 
     /// The unit that the table states, or `None`.
@@ -50,7 +50,7 @@ impl Of<'_> {
     /// # Errors
     /// If a unit is unknown, or differs between columns.
     fn stated(&self) -> Result<Option<Unit>, String> {
-        let columns = || self.set.columns.iter();
+        let columns = || self.group.columns.iter();
         if let Some((column, odd)) = columns().find_map(|column| Some((column, column.odd_unit.as_ref()?))) {
             return Err(format!(
                 "the table states {} in {odd:?}, which is not a unit of it that flightlag knows",
@@ -67,47 +67,47 @@ impl Of<'_> {
 
     /// The largest absolute value of any of the columns.
     fn largest(&self) -> f64 {
-        self.set.columns.iter().map(|column| decide::largest(self.table, column)).fold(0.0, f64::max)
+        self.group.columns.iter().map(|column| compare::largest(self.table, column)).fold(0.0, f64::max)
     }
 }
 
 fn unit(symbol: &str) -> Result<Unit, String> {
-    decide::unit(symbol).ok_or_else(|| "no such unit".to_owned())
+    compare::unit(symbol).ok_or_else(|| "no such unit".to_owned())
 }
 
-/// What is found in the tables, and why other sets are not bound. `motions` are the bound velocities.
+/// The attitudes, rates and forces of the tables, and why others are not bound. `motions` are the bound velocities.
 pub(super) fn bodies<'l>(
-    sources: &'l [Source<'l>],
+    sources: &'l [TableColumns<'l>],
     motions: &[Found<'_, Motion>],
     times: &[(&str, &Timing)],
 ) -> (Vec<Found<'l, Body>>, Vec<String>) {
     let mut bodies = Bodies::default();
     let flown = motions.iter().find_map(|motion| attitude::flown(sources, motion));
-    let mut turns: Vec<Turns> = vec![];
+    let mut rotations: Vec<Rotation> = vec![];
     let timed = || sources.iter().filter_map(|source| Some((source, timing_of(source, times)?)));
     for (source, timing) in timed() {
-        for set in &source.attitudes {
-            let of = Of { table: source.table, timing, set };
+        for group in &source.attitudes {
+            let of = TimedTriple { table: source.table, timing, group };
             let decided = attitude::decide(&of, flown.as_ref());
-            turns.extend(decided.as_ref().ok().map(|body| Turns::new(&of, body)));
+            rotations.extend(decided.as_ref().ok().map(|body| Rotation::new(&of, body)));
             bodies.keep(source, &of, decided);
         }
     }
     for (source, timing) in timed() {
-        let turns = turns.iter().find(|turns| turns.clock == timing.clock);
-        for set in &source.rates {
-            let of = Of { table: source.table, timing, set };
-            bodies.keep(source, &of, rate::decide(&of, turns));
+        let rotation = rotations.iter().find(|rotation| rotation.clock == timing.clock);
+        for group in &source.rates {
+            let of = TimedTriple { table: source.table, timing, group };
+            bodies.keep(source, &of, rate::decide(&of, rotation));
         }
-        for set in &source.forces {
-            let of = Of { table: source.table, timing, set };
-            bodies.keep(source, &of, force::decide(&of, turns));
+        for group in &source.forces {
+            let of = TimedTriple { table: source.table, timing, group };
+            bodies.keep(source, &of, force::decide(&of, rotation));
         }
     }
     (bodies.found, bodies.reasons)
 }
 
-/// What is decided so far, and why the rest is not.
+/// The channels found so far, and the reasons why others are not bound.
 #[derive(Default)]
 struct Bodies<'l> {
     found: Vec<Found<'l, Body>>,
@@ -115,16 +115,16 @@ struct Bodies<'l> {
 }
 
 impl<'l> Bodies<'l> {
-    fn keep(&mut self, source: &'l Source<'l>, of: &Of<'_>, body: Result<Body, String>) {
+    fn keep(&mut self, source: &'l TableColumns<'l>, of: &TimedTriple<'_>, body: Result<Body, String>) {
         match body {
             Ok(what) => self.found.push(Found::of(source, of.timing, what)),
-            Err(why) => self.reasons.push(format!("{}: {why}", of.set.names())),
+            Err(why) => self.reasons.push(format!("{}: {why}", of.group.names())),
         }
     }
 }
 
 /// The time of a table: that of its positions and velocities, or else a certain one.
-fn timing_of<'t>(source: &'t Source<'_>, times: &[(&str, &'t Timing)]) -> Option<&'t Timing> {
+fn timing_of<'t>(source: &'t TableColumns<'_>, times: &[(&str, &'t Timing)]) -> Option<&'t Timing> {
     let same = times.iter().find(|(topic, _)| *topic == source.table.topic.name).map(|(_, timing)| *timing);
     same.or(source.timings.first().filter(|timing| timing.is_certain))
 }

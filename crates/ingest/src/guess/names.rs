@@ -338,9 +338,9 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
         return Some((role, String::new()));
     }
     // Words left over where only the axis gives the role change its meaning, as in `mag_x`.
-    let bare_axis =
+    let is_only_axis =
         matches!(role, Role::Position(_)) && of.is_none() && !words.iter().any(|w| fused(w, OF_PLACE).is_some());
-    if bare_axis && left.iter().any(|word| !SOURCES.contains(word)) {
+    if is_only_axis && left.iter().any(|word| !SOURCES.contains(word)) {
         return None;
     }
     left.retain(|word| !TIMES.contains(word));
@@ -483,7 +483,7 @@ mod tests {
         named(&head, name).map(|n| (n.role, n.source, n.unit.map(Unit::symbol)))
     }
 
-    fn say(names: &[(&str, Role, &str, Option<&'static str>)]) {
+    fn assert_names(names: &[(&str, Role, &str, Option<&'static str>)]) {
         for (name, role, source, unit) in names {
             assert_eq!(of(name), Some((*role, (*source).to_owned(), *unit)), "{name}");
         }
@@ -492,7 +492,7 @@ mod tests {
     #[test]
     fn names_give_roles_axes_sources_and_units() {
         use Role::{Height, Latitude, Longitude, Position, Speed, Time, Track, Velocity};
-        say(&[
+        assert_names(&[
             ("lat", Latitude, "", None),
             ("lat_deg", Latitude, "", Some("deg")),
             ("lat2", Latitude, "2", None),
@@ -538,7 +538,7 @@ mod tests {
     #[test]
     fn names_give_attitudes_rates_and_forces() {
         use Role::{Force, Pitch, Rate, Roll, Yaw};
-        say(&[
+        assert_names(&[
             ("Roll (deg)", Roll, "", Some("deg")),
             ("ekf_pitch_rad", Pitch, "ekf", Some("rad")),
             ("heading", Yaw, "", None),

@@ -14,7 +14,7 @@ const UNIX_S: std::ops::Range<f64> = 1e9..4e9;
 /// Possible units of a number where no unit is stated.
 const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
 
-/// A way to read the time of a table.
+/// A reading of the time of a table.
 #[derive(Debug, Clone)]
 pub(super) struct Timing {
     /// As written in a map.
@@ -25,14 +25,15 @@ pub(super) struct Timing {
     /// For each row, s; NaN for a row without. Tables may be long: all users share it.
     pub(super) times_s: Rc<[f64]>,
     /// For the user: `time [s], clock elapsed`.
-    pub(super) said: String,
+    pub(super) label: String,
     /// The reason for this reading.
     pub(super) why: String,
     /// The unit is stated or follows from the size.
     pub(super) is_certain: bool,
 }
 
-/// The ways to read the time of a table, from the first column that is one; several where its unit is unknown.
+/// The possible readings of the time of a table, from the first column that is a time; several where its unit is
+/// unknown.
 pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
     let of_role = |role: Role| columns.iter().filter(move |c| c.role == role);
     for week in of_role(Role::Week) {
@@ -50,18 +51,18 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
         let times = of_role(Role::Time).filter(|c| c.path != date.path);
         let both = times.filter_map(|time| {
             let entry = format!("{{ date = {}, time = {} }}", super::quoted(&date.path), super::quoted(&time.path));
-            let said = format!("{} and {}", date.path, time.path);
-            timing(table, (entry, said), "measured", "a column of dates and one of times".into(), true)
+            let label = format!("{} and {}", date.path, time.path);
+            timing(table, (entry, label), "measured", "a column of dates and one of times".into(), true)
         });
         if let Some(found) = both.into_iter().next() {
             return vec![found];
         }
     }
-    let mut ways = of_role(Role::Time).map(|column| of_column(table, column)).filter(|found| !found.is_empty());
-    let Some(first) = ways.next() else { return vec![] };
+    let mut readings = of_role(Role::Time).map(|column| of_column(table, column)).filter(|found| !found.is_empty());
+    let Some(first) = readings.next() else { return vec![] };
     if first.iter().any(|timing| repeats(timing) && columns.iter().any(|column| moves_within(table, timing, column))) {
         // Where values change while the time does not, only a finer time gives when each was taken.
-        return ways.find(|other| !other.iter().any(repeats)).map_or(first, finer);
+        return readings.find(|other| !other.iter().any(repeats)).map_or(first, finer);
     }
     first
 }
@@ -82,10 +83,12 @@ fn repeats(timing: &Timing) -> bool {
     2 * again >= timing.times_s.len()
 }
 
-fn finer(ways: Vec<Timing>) -> Vec<Timing> {
-    let with_why =
-        |way: Timing| Timing { why: format!("{}; the time before it repeats while the values change", way.why), ..way };
-    ways.into_iter().map(with_why).collect()
+fn finer(readings: Vec<Timing>) -> Vec<Timing> {
+    let with_why = |reading: Timing| Timing {
+        why: format!("{}; the time before it repeats while the values change", reading.why),
+        ..reading
+    };
+    readings.into_iter().map(with_why).collect()
 }
 
 fn kind_of(column: &Named) -> &'static str {
@@ -98,11 +101,11 @@ fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
     let values = numbers(table, &time.path)?;
     let most = (0..table.rows).filter_map(|row| values.number(row)).fold(0.0, f64::max);
     let unit = time.unit.map_or(if most > 604_800.0 { "ms" } else { "s" }, Unit::symbol);
-    let said = format!("{} and {} [{unit}], clock gps", week.path, time.path);
+    let label = format!("{} and {} [{unit}], clock gps", week.path, time.path);
     let (week, field) = (super::quoted(&week.path), super::quoted(&time.path));
     timing(
         table,
-        (format!("{{ week = {week}, field = {field}, unit = \"{unit}\" }}"), said),
+        (format!("{{ week = {week}, field = {field}, unit = \"{unit}\" }}"), label),
         "measured",
         "a GPS week and the time in it".into(),
         true,
@@ -119,7 +122,7 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     middles(table, column).map_or(vec![], |values| of_numbers(table, column, values))
 }
 
-/// The ways to read a column of numbers with this median value and this median step.
+/// The possible readings of a column of numbers with this median value and this median step.
 fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<Timing> {
     let field = super::quoted(&column.path);
     let gps = column.words.iter().any(|word| word.contains("gps"));
@@ -130,8 +133,8 @@ fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<
             false => "elapsed",
         };
         let entry = format!("{{ field = {field}, unit = \"{unit}\", clock = \"{clock}\" }}");
-        let said = format!("{} [{unit}], clock {clock}", column.path);
-        timing(table, (entry, said), kind_of(column), format!("{why}, clock {clock}"), is_certain)
+        let label = format!("{} [{unit}], clock {clock}", column.path);
+        timing(table, (entry, label), kind_of(column), format!("{why}, clock {clock}"), is_certain)
     };
     if let Some(unit) = column.unit {
         let found = of_unit((unit.symbol(), unit.to_si(1.0)), "the table states its unit", true);
@@ -164,8 +167,8 @@ fn of_text(table: &Table, column: &Named, texts: &[&str]) -> Option<Timing> {
     let field = super::quoted(&column.path);
     texts.iter().find_map(|text| {
         let why = format!("its text is {text}");
-        let said = format!("{} as {text}", column.path);
-        timing(table, (format!("{{ field = {field}, text = \"{text}\" }}"), said), kind_of(column), why, true)
+        let label = format!("{} as {text}", column.path);
+        timing(table, (format!("{{ field = {field}, text = \"{text}\" }}"), label), kind_of(column), why, true)
     })
 }
 
@@ -187,7 +190,7 @@ fn middle(mut values: Vec<f64>) -> Option<f64> {
 /// Timestamps that nine of ten rows have, and that increase in as many.
 fn timing(
     table: &Table,
-    (entry, said): (String, String),
+    (entry, label): (String, String),
     kind: &'static str,
     why: String,
     is_certain: bool,
@@ -201,7 +204,7 @@ fn timing(
     let most = |count: usize| 10 * count >= 9 * table.rows.saturating_sub(1);
     let is_time = moves && most(times().count()) && most(goes_on);
     let times_s = nanos.iter().map(|ns| ns.map_or(f64::NAN, |ns| ns as f64 * 1e-9)).collect();
-    is_time.then_some(Timing { entry, kind, clock, times_s, said, why, is_certain })
+    is_time.then_some(Timing { entry, kind, clock, times_s, label, why, is_certain })
 }
 
 /// Words in brackets or in a line of units that name the clock of a time and are not a unit.
@@ -209,7 +212,7 @@ const CLOCKS: &[&str] =
     &["utc", "gps", "gpst", "gnss", "unix", "posix", "epoch", "tai", "local", "boot", "iso", "hh", "h"];
 
 /// The first column named like a time, if its unit is unknown.
-pub(super) fn odd<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> {
+pub(super) fn with_unknown_unit<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> {
     let times = columns.iter().filter(|column| column.role == Role::Time);
     let first = times.into_iter().find(|column| !of_column(table, column).is_empty())?;
     let unit = first.odd_unit.as_ref()?.to_lowercase();
@@ -218,7 +221,7 @@ pub(super) fn odd<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> 
 }
 
 /// The first column named like a time, and its first cell; `None` for a table of one row, where no time increases.
-pub(super) fn unread(table: &Table, columns: &[Named]) -> Option<(String, String)> {
+pub(super) fn unreadable(table: &Table, columns: &[Named]) -> Option<(String, String)> {
     if table.rows < 2 {
         return None;
     }
@@ -238,17 +241,18 @@ const RISES: usize = 99;
 /// Steps within this factor of the median are similar.
 const ALIKE: f64 = 3.0;
 
-/// The ways to read the time of a table without a column named like one: from the columns that rise steadily.
+/// The possible readings of the time where no column is named like one: from the columns that rise steadily.
 pub(super) fn by_rise(table: &Table, names: &[String], taken: &[Named]) -> Vec<Timing> {
     let is_free = |path: &&String| !taken.iter().any(|column| column.path == **path);
     let rising = names.iter().filter(is_free).filter(|path| numbers(table, path).is_none() || rises(table, path));
-    let ways = rising.map(|path| of_column(table, &super::bare::named(path, Role::Time))).filter(|all| !all.is_empty());
-    ways.take(MOST_RISING).flatten().map(unnamed).collect()
+    let readings =
+        rising.map(|path| of_column(table, &super::by_motion::named(path, Role::Time))).filter(|all| !all.is_empty());
+    readings.take(MOST_RISING).flatten().map(unnamed).collect()
 }
 
 fn unnamed(timing: Timing) -> Timing {
     Timing {
-        said: format!("{} (no column is named like a time; this one rises steadily)", timing.said),
+        label: format!("{} (no column is named like a time; this one rises steadily)", timing.label),
         why: format!("no column is named like a time, and this one rises steadily; {}; confirm it", timing.why),
         is_certain: false,
         ..timing

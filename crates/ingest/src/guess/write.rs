@@ -1,7 +1,7 @@
 //! Writes a guess as a channel map file.
 
 use super::body::Body;
-use super::decide::{Motion, Place, UNSHOWN, Vertical};
+use super::compare::{Motion, Place, UNSHOWN, Vertical};
 use super::{Found, Guess, quoted};
 use flight::Unit;
 use std::fmt::Write;
@@ -10,56 +10,60 @@ use std::fmt::Write;
 const USUAL: [&str; 3] = ["gps", "ins", "ekf"];
 
 /// All that was found.
-pub(super) struct All<'l> {
+pub(super) struct GuessedChannels<'l> {
     pub(super) places: Vec<Found<'l, Place>>,
     pub(super) motions: Vec<Found<'l, Motion>>,
     pub(super) bodies: Vec<Found<'l, Body>>,
 }
 
 /// Writes the map; if there are several tables, each channel names its own.
-pub(super) fn map(All { places, motions, bodies }: &All<'_>, reasons: &[String], several: bool) -> Guess {
+pub(super) fn map(
+    GuessedChannels { places, motions, bodies }: &GuessedChannels<'_>,
+    reasons: &[String],
+    several: bool,
+) -> Guess {
     let mut text = String::from(HEAD);
-    let mut said = vec![];
+    let mut summary = vec![];
     for reason in reasons {
         let _ = writeln!(text, "# Not bound: {}.", one_line(reason));
     }
-    let names = names("position", places.iter().map(|p| (p.what.set.source.as_str(), p.what.set.is_geodetic)));
+    let names = names("position", places.iter().map(|p| (p.what.group.source.as_str(), p.what.group.is_geodetic)));
     for (place, name) in places.iter().zip(&names) {
-        said.push(channel(&mut text, name, &of_place(&place.what), &Where::of(place, several)));
+        summary.push(channel(&mut text, name, &of_place(&place.what), &Where::of(place, several)));
     }
-    let names = self::names("velocity", motions.iter().map(|m| (m.what.set.source.as_str(), true)));
+    let names = self::names("velocity", motions.iter().map(|m| (m.what.group.source.as_str(), true)));
     for (motion, name) in motions.iter().zip(&names) {
-        said.push(channel(&mut text, name, &of_motion(&motion.what), &Where::of(motion, several)));
+        summary.push(channel(&mut text, name, &of_motion(&motion.what), &Where::of(motion, several)));
     }
     for (body, name) in bodies.iter().zip(body_names(bodies)) {
-        said.push(channel(&mut text, &name, &of_body(&body.what), &Where::of(body, several)));
+        summary.push(channel(&mut text, &name, &of_body(&body.what), &Where::of(body, several)));
     }
-    said.extend(times(places, motions));
-    said.extend(left_out(places, motions));
+    summary.extend(times(places, motions));
+    summary.extend(left_out(places, motions));
     let both = !places.is_empty() && !motions.is_empty();
     let channels = (places.len() + motions.len() + bodies.len()) as u64;
-    Guess { text, said: said.join("; "), channels, both }
+    Guess { text, summary: summary.join("; "), channels, both }
 }
 
 /// The times of all channels in words: once, if they are the same.
 fn times(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<String> {
-    let of_places = places.iter().map(|place| (place.timing.said.as_str(), place.timing.kind));
-    let all = of_places.chain(motions.iter().map(|motion| (motion.timing.said.as_str(), motion.timing.kind)));
-    let mut said: Vec<String> = vec![];
+    let of_places = places.iter().map(|place| (place.timing.label.as_str(), place.timing.kind));
+    let all = of_places.chain(motions.iter().map(|motion| (motion.timing.label.as_str(), motion.timing.kind)));
+    let mut lines: Vec<String> = vec![];
     for (time, kind) in all {
         let time = format!("time = {time}, {kind}");
-        if !said.contains(&time) {
-            said.push(time);
+        if !lines.contains(&time) {
+            lines.push(time);
         }
     }
-    said
+    lines
 }
 
 /// Vertical columns that are not bound, or whose unit is assumed, with the reason.
 fn left_out(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<String> {
     let is_out = |third: &Option<(Unit, Vertical)>| matches!(third, Some((_, Vertical::LeftOut)));
-    let heights = places.iter().filter(|place| is_out(&place.what.third)).filter_map(|p| p.what.set.third.as_ref());
-    let speeds = motions.iter().filter(|motion| is_out(&motion.what.third)).filter_map(|m| m.what.set.third.as_ref());
+    let heights = places.iter().filter(|place| is_out(&place.what.third)).filter_map(|p| p.what.group.third.as_ref());
+    let speeds = motions.iter().filter(|motion| is_out(&motion.what.third)).filter_map(|m| m.what.group.third.as_ref());
     let whys = places.iter().map(|place| &place.what.why).chain(motions.iter().map(|motion| &motion.what.why));
     let assumed = whys.flatten().filter(|why| why.ends_with(UNSHOWN)).cloned();
     let heights = heights.map(|column| match column.role {
@@ -71,7 +75,7 @@ fn left_out(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<S
 }
 
 fn of_body(body: &Body) -> Channel<'_> {
-    let columns = body.set.columns.iter().map(|column| column.path.as_str());
+    let columns = body.group.columns.iter().map(|column| column.path.as_str());
     let fields = body.roles.into_iter().zip(columns).map(|(role, column)| (role, column, body.unit)).collect();
     Channel { quantity: body.quantity, frame: Some(body.frame), fields, why: &body.why }
 }
@@ -79,8 +83,8 @@ fn of_body(body: &Body) -> Channel<'_> {
 /// A name for each attitude, rate and force: after its source, or `attitude.ins` and `angular-rate.imu` without one.
 fn body_names(bodies: &[Found<'_, Body>]) -> Vec<String> {
     let mut names: Vec<String> = vec![];
-    for Body { set, quantity, .. } in bodies.iter().map(|body| &body.what) {
-        let source = match set.source.as_str() {
+    for Body { group, quantity, .. } in bodies.iter().map(|body| &body.what) {
+        let source = match group.source.as_str() {
             "" if *quantity == "attitude" => "ins",
             "" => "imu",
             other => other,
@@ -138,23 +142,23 @@ fn vertical<'a>(third: Option<(Unit, Vertical)>, column: Option<&'a str>, is_hei
 }
 
 fn of_place(place: &Place) -> Channel<'_> {
-    let set = &place.set;
-    let third = vertical(place.third, set.third.as_ref().map(|c| c.path.as_str()), set.is_geodetic);
-    let roles = match (set.is_geodetic, place.is_west) {
+    let group = &place.group;
+    let third = vertical(place.third, group.third.as_ref().map(|c| c.path.as_str()), group.is_geodetic);
+    let roles = match (group.is_geodetic, place.is_west) {
         (true, _) => ["latitude", "longitude"],
         (false, false) => ["north", "east"],
         (false, true) => ["north", "west"],
     };
-    let (first, second) = if place.swapped { (&set.second, &set.first) } else { (&set.first, &set.second) };
+    let (first, second) = if place.swapped { (&group.second, &group.first) } else { (&group.first, &group.second) };
     let pair = [(roles[0], first.path.as_str(), place.unit), (roles[1], second.path.as_str(), place.unit)];
-    let quantity = if set.is_geodetic { "position-geodetic" } else { "position-ned" };
+    let quantity = if group.is_geodetic { "position-geodetic" } else { "position-ned" };
     Channel { quantity, frame: None, fields: pair.into_iter().chain(third).collect(), why: &place.why }
 }
 
 fn of_motion(motion: &Motion) -> Channel<'_> {
-    let set = &motion.set;
-    let third = vertical(motion.third, set.third.as_ref().map(|c| c.path.as_str()), false);
-    let (first, second) = if motion.swapped { (&set.second, &set.first) } else { (&set.first, &set.second) };
+    let group = &motion.group;
+    let third = vertical(motion.third, group.third.as_ref().map(|c| c.path.as_str()), false);
+    let (first, second) = if motion.swapped { (&group.second, &group.first) } else { (&group.first, &group.second) };
     let (first, second) = (first.path.as_str(), second.path.as_str());
     let pair = match motion.angle {
         Some(angle) => [("speed", first, motion.unit), ("track", second, angle)],

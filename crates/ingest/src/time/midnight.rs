@@ -6,53 +6,56 @@ const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
 /// Across midnight, successive timestamps are within this time, ns.
 const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
 
-/// Moves rows after midnight whose date has not changed yet a day later, and returns how many; `days` are the dates of
-/// the timestamps, in days of any epoch, and both are in the order of the log.
+/// Moves rows after midnight that still have the old date a day later, and returns their number. `days` are the dates of
+/// the timestamps, in days since any epoch. Both are in the order of the log.
 ///
 /// The log must show it: the time of day falls by nearly 24 h from one row to the next and the date stays the same.
 /// Unsorted rows, and two halves of a day with the later one first, are not changed.
 pub(crate) fn redate_days(stamps: &mut [Option<i64>], days: &[Option<i64>]) -> u64 {
     let rows: Vec<(i64, i64)> = stamps.iter().zip(days).filter_map(|(stamp, day)| stamp.zip(*day)).collect();
-    let behind = days_behind(&rows);
-    let moved = behind.iter().filter(|days| **days > 0).count() as u64;
-    if moved == 0 || !runs_on(&rows, &behind) {
+    let days_to_add = days_to_add_of(&rows);
+    let moved = days_to_add.iter().filter(|days| **days > 0).count() as u64;
+    if moved == 0 || !runs_on(&rows, &days_to_add) {
         return 0;
     }
     let dated = stamps.iter_mut().zip(days).filter_map(|(stamp, day)| stamp.as_mut().filter(|_| day.is_some()));
-    dated.zip(behind).for_each(|(stamp, days)| *stamp = stamp.saturating_add(days.saturating_mul(DAY_NS)));
+    dated.zip(days_to_add).for_each(|(stamp, days)| *stamp = stamp.saturating_add(days.saturating_mul(DAY_NS)));
     moved
 }
 
 /// How many days too early the date of each row, timestamp and date, is.
-fn days_behind(rows: &[(i64, i64)]) -> Vec<i64> {
+fn days_to_add_of(rows: &[(i64, i64)]) -> Vec<i64> {
     let close = |step: i64| (0..=CLOSE_NS).contains(&step);
-    let (mut behind, mut before) = (0, None);
+    let (mut days_to_add, mut before) = (0, None);
     let mut each = Vec::with_capacity(rows.len());
     for (stamp, day) in rows {
         if let Some((last, last_day)) = before.replace((*stamp, *day)) {
             let step = stamp.saturating_sub(last);
             if *day != last_day {
-                behind = (behind - (day - last_day)).max(0) * i64::from(*day > last_day);
+                days_to_add = (days_to_add - (day - last_day)).max(0) * i64::from(*day > last_day);
             } else if close(step.saturating_add(DAY_NS)) {
-                behind += 1;
-            } else if behind > 0 && close(DAY_NS.saturating_sub(step)) {
+                days_to_add += 1;
+            } else if days_to_add > 0 && close(DAY_NS.saturating_sub(step)) {
                 // Undone for a row that arrived late.
-                behind -= 1;
+                days_to_add -= 1;
             }
         }
-        each.push(behind);
+        each.push(days_to_add);
     }
     each
 }
 
 /// Whether the rows with their new dates are in order, and would not fit as well before all others.
-fn runs_on(rows: &[(i64, i64)], behind: &[i64]) -> bool {
-    let dated: Vec<i64> =
-        rows.iter().zip(behind).map(|((stamp, _), days)| stamp.saturating_add(days.saturating_mul(DAY_NS))).collect();
-    let (Some((first, _)), Some((last, _)), Some(last_behind)) = (rows.first(), rows.last(), behind.last()) else {
+fn runs_on(rows: &[(i64, i64)], days_to_add: &[i64]) -> bool {
+    let dated: Vec<i64> = rows
+        .iter()
+        .zip(days_to_add)
+        .map(|((stamp, _), days)| stamp.saturating_add(days.saturating_mul(DAY_NS)))
+        .collect();
+    let (Some((first, _)), Some((last, _)), Some(last_to_add)) = (rows.first(), rows.last(), days_to_add.last()) else {
         return false;
     };
-    let in_front = *last_behind > 0 && (0..=CLOSE_NS).contains(&first.saturating_sub(*last));
+    let in_front = *last_to_add > 0 && (0..=CLOSE_NS).contains(&first.saturating_sub(*last));
     !in_front && dated.windows(2).all(|pair| matches!(pair, [a, b] if b.saturating_sub(*a) >= -CLOSE_NS))
 }
 

@@ -13,7 +13,8 @@ const QUARTER_S: f64 = 900.0;
 const FARTHEST_ZONE_S: f64 = 14.0 * 3600.0;
 const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
 
-/// The known mistake that an offset between two clocks that both claim UTC looks like, if any. `at` is when.
+/// The known mistake that explains the offset between two clocks that both claim UTC, if any. `at` is the time of the
+/// flight.
 pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     let leaps = gps_ahead_of_utc_s(at);
     let size = offset.median.abs();
@@ -84,8 +85,8 @@ impl SaidDates {
     }
 
     /// What dates before `since` look like, which a receiver cannot have reported, and their number. A ten-bit counter
-    /// of GPS weeks wraps around every 1024 weeks, and a receiver that does not know of the last wrap is 19.6 years
-    /// behind.
+    /// of GPS weeks wraps around every 1024 weeks, and the dates of a receiver that missed the last wrap are 19.6 years
+    /// too early.
     pub(crate) fn suspicion(&self, since: Since) -> Option<(String, u64)> {
         let early: u64 = self.weeks.range(..since.week).map(|(_, count)| count).sum();
         let all: u64 = self.weeks.values().sum();
@@ -138,7 +139,7 @@ mod tests {
         assert_eq!((said(&[right, i64::MIN / NANOS_PER_SECOND]), said(&[])), (None, None));
     }
 
-    fn told(offset_s: f64) -> Option<String> {
+    fn suspicion_of(offset_s: f64) -> Option<String> {
         let d = Distribution {
             min: offset_s - 0.03,
             p01: offset_s - 0.02,
@@ -165,7 +166,7 @@ mod tests {
             (-619_315_200.0, "1024 weeks off"),
             (1_238_630_401.0, "2048 weeks off"),
         ] {
-            let text = told(offset).unwrap_or_default();
+            let text = suspicion_of(offset).unwrap_or_default();
             assert!(text.contains(word), "{offset}: {text}");
         }
     }
@@ -191,7 +192,7 @@ mod tests {
     #[test]
     fn a_driver_delay_is_not_suspicious() {
         for offset in [0.0, 0.2, 0.85, -0.4, 1.4, 3.0, 60.0, 500.0, 100_000.0] {
-            assert_eq!(told(offset), None, "{offset}");
+            assert_eq!(suspicion_of(offset), None, "{offset}");
         }
     }
 }

@@ -19,7 +19,7 @@ fn hit(seed: &Seed, damaged: usize, step: usize) {
             for (what, hurt) in damage(bytes, at, size) {
                 let case = format!("{}, file {damaged}, {size} bytes from {at} {what}", seed.name);
                 let verdict = Verdict::of(&lab.read(&subject, &hurt, &case), &intact);
-                let silent = ![Verdict::Same, Verdict::Told].contains(&verdict);
+                let silent = ![Verdict::Same, Verdict::Reported].contains(&verdict);
                 assert!(!summed(seed.container) || !silent, "{case}: {verdict:?} and nothing reported");
             }
         }

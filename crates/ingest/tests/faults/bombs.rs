@@ -1,7 +1,7 @@
 //! T5: few bytes that become many.
 
 use crate::lab::{Lab, resident};
-use crate::verdict::told;
+use crate::verdict::is_reported;
 use ingest::{IngestError, Log, LogKind};
 use std::io::Write;
 
@@ -74,7 +74,7 @@ fn defused(lab: &mut Lab, kind: LogKind, name: &str, bytes: &[u8], case: &str) -
     let (read, peak) = resident(|| lab.read(&subject, bytes, case));
     assert!(peak <= RESIDENT + 4 * bytes.len() as u64, "{case}: {peak} bytes resident");
     if let Ok(log) = &read {
-        assert!(told(&read, &Log::default()), "{case}: {:?}", log.notices);
+        assert!(is_reported(&read, &Log::default()), "{case}: {:?}", log.notices);
         assert!(log.tables.iter().all(|table| table.rows == 0), "{case}");
     }
     read
@@ -120,7 +120,7 @@ fn a_chunk_with_a_true_size_within_the_limit_is_read() {
     let read = lab.read(&subject, &mcap_of("zstd", 8 << 20, &bomb), "8 MiB");
     assert!(!reasons(&read).contains("zstd"), "{}", reasons(&read));
     let read = lab.read(&subject, &mcap_of("zstd", 7 << 20, &bomb), "8 MiB that declare 7");
-    assert!(told(&read, &Log::default()));
+    assert!(is_reported(&read, &Log::default()));
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn unpacking_stops_at_an_implausible_compression_ratio() {
         let subject = lab.single(kind, name);
         let (read, peak) = resident(|| lab.read(&subject, &bomb, name));
         assert!(peak <= RESIDENT, "{name}: {peak} bytes resident");
-        assert!(told(&read, &Log::default()), "{name}");
+        assert!(is_reported(&read, &Log::default()), "{name}");
         if let Ok(log) = &read {
             assert!(log.health.bytes.size <= 33 << 20, "{name}: {:?}", log.health.bytes);
             assert!(log.notices.iter().any(|n| n.text.contains("100 times")), "{name}: {:?}", log.notices);

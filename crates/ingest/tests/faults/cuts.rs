@@ -2,7 +2,7 @@
 
 use crate::lab::{Lab, each_file, of_each_format};
 use crate::layout::{Ends, definitions};
-use crate::verdict::{first_foreign_row, told};
+use crate::verdict::{first_foreign_row, is_reported};
 use simulate::Seed;
 
 /// A truncated log yields the beginning and reports the cut. In the normal suite every `step`-th cut is tried, in file
@@ -28,7 +28,7 @@ fn cut(seed: &Seed, damaged: usize, step: usize) {
         {
             assert_eq!(first_foreign_row(log, &intact), None, "{case}");
         }
-        if !told(&read, &intact) && !ends.allow(length) {
+        if !is_reported(&read, &intact) && !ends.allow(length) {
             silent.push(length);
         }
     }

@@ -37,7 +37,7 @@ fn flip(seed: &Seed, damaged: usize, step: usize) {
 
 fn allowed(seed: &Seed, verdict: Verdict, in_definition: bool) -> bool {
     match verdict {
-        Verdict::Same | Verdict::Told => true,
+        Verdict::Same | Verdict::Reported => true,
         Verdict::OneRow => !checked(seed.container),
         Verdict::ManyRows | Verdict::More => in_definition && !checked(seed.container),
         Verdict::Fewer => false,

@@ -170,8 +170,8 @@ fn mcaps() -> Vec<Hostile> {
     let metadata = record(12, &[0; 8]);
     let start = [MAGIC, &header, &schema, &channel, &message].concat();
     let mcap = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Mcap, start.clone(), unit.concat(), intact);
-    // A record that seems to reach `behind` bytes further.
-    let reaching = |opcode, body: &[u8], behind: usize| mcap_record(opcode, behind - 9, body);
+    // A record with a stated length that reaches `rest` bytes further.
+    let reaching = |opcode, body: &[u8], rest: usize| mcap_record(opcode, rest - 9, body);
     let chunk = |codec: &[u8], data: usize| {
         [&[0; 16][..], &64_u64.to_le_bytes(), &1_u32.to_le_bytes(), &text(codec), &(data as u64).to_le_bytes()].concat()
     };
@@ -183,7 +183,7 @@ fn mcaps() -> Vec<Hostile> {
         (1..=heads).rev().flat_map(|left| reaching(12, &[], 9 * left + other_log.len())).collect();
     // From the start of a unit up to the byte after the heads of a later one, which is not a head.
     let far = |unit: &[u8]| (LARGE / 2 / (unit.len() + 1)) * (unit.len() + 1) + unit.len();
-    let behind_each = |opcode, fixed: &dyn Fn(usize) -> Vec<u8>| {
+    let after_each = |opcode, fixed: &dyn Fn(usize) -> Vec<u8>| {
         let unit = [metadata.clone(), reaching(opcode, &fixed(0), 0x7fff)].concat();
         let whole = far(&unit) - metadata.len();
         [metadata.clone(), reaching(opcode, &fixed(whole - (unit.len() - metadata.len())), whole), vec![0]].concat()
@@ -196,13 +196,13 @@ fn mcaps() -> Vec<Hostile> {
         },
         mcap("mcap: a byte behind every second message", &[&message, &message, &[0]], 1),
         mcap("mcap: long messages at every byte", &[&[5, 0, 0, 1, 0, 0, 0, 0, 0]], 0),
-        mcap("mcap: a long chunk behind every record", &[&behind_each(6, &|data| chunk(b"", data))], 0),
-        mcap("mcap: a long lz4 chunk behind every record", &[&behind_each(6, &|data| chunk(b"lz4", data))], 0),
-        mcap("mcap: a long attachment behind every record", &[&behind_each(9, &|data| attachment(data))], 0),
-        mcap("mcap: a long schema behind every record", &[&behind_each(3, &|_| vec![0xff; 8])], 0),
-        mcap("mcap: a long message index behind every record", &[&behind_each(7, &|_| vec![0xff; 8])], 0),
-        mcap("mcap: long metadata behind every record", &[&behind_each(12, &|_| vec![0xff; 8])], 0),
-        mcap("mcap: a long private record behind every record", &[&behind_each(0x90, &|_| vec![0xff; 8])], 0),
+        mcap("mcap: a long chunk behind every record", &[&after_each(6, &|data| chunk(b"", data))], 0),
+        mcap("mcap: a long lz4 chunk behind every record", &[&after_each(6, &|data| chunk(b"lz4", data))], 0),
+        mcap("mcap: a long attachment behind every record", &[&after_each(9, &|data| attachment(data))], 0),
+        mcap("mcap: a long schema behind every record", &[&after_each(3, &|_| vec![0xff; 8])], 0),
+        mcap("mcap: a long message index behind every record", &[&after_each(7, &|_| vec![0xff; 8])], 0),
+        mcap("mcap: long metadata behind every record", &[&after_each(12, &|_| vec![0xff; 8])], 0),
+        mcap("mcap: a long private record behind every record", &[&after_each(0x90, &|_| vec![0xff; 8])], 0),
     ]
 }
 

@@ -15,8 +15,8 @@ fn lengths(family: &str, step: usize) {
             for width in [1, 2, 4, 8].into_iter().filter(|width| at + width <= size) {
                 let kept = bytes[at..at + width].to_vec();
                 // One more and one less than the present value, and one of the large values in turn.
-                let stands = kept.iter().rev().fold(0_u64, |n, b| n << 8 | u64::from(*b));
-                let values = [stands.wrapping_add(1), stands.wrapping_sub(1), VALUES[(turn + width) % VALUES.len()]];
+                let stored = kept.iter().rev().fold(0_u64, |n, b| n << 8 | u64::from(*b));
+                let values = [stored.wrapping_add(1), stored.wrapping_sub(1), VALUES[(turn + width) % VALUES.len()]];
                 let values = values.into_iter().chain(VALUES.into_iter().filter(|_| step == 1));
                 for value in values {
                     for swapped in [false, true] {

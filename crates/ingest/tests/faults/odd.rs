@@ -1,7 +1,7 @@
 //! T16: files that are empty, of another kind or under a wrong name.
 
 use crate::lab::{Lab, seeds};
-use crate::verdict::{rows, told};
+use crate::verdict::{is_reported, rows};
 use ingest::{IngestError, LogKind, MapLibrary, discover};
 
 const KINDS: [(LogKind, &str); 9] = [
@@ -37,7 +37,7 @@ fn files_that_are_not_logs_are_rejected_or_reported_as_all_damage() {
             let case = format!("{kind:?}: {case}");
             let read = lab.read(&subject, &bytes, &case);
             assert_eq!(read.as_ref().map_or(0, rows), 0, "{case}");
-            assert!(read.is_err() || told(&read, &ingest::Log::default()), "{case}: {read:?}");
+            assert!(read.is_err() || is_reported(&read, &ingest::Log::default()), "{case}: {read:?}");
         }
     }
 }
@@ -76,7 +76,7 @@ fn every_seed_is_detected_by_content_under_any_name() {
             let subject = lab.single(other, &format!("wrong.{ending}"));
             let case = format!("{family} read as {other:?}");
             let read = lab.read(&subject, bytes, &case);
-            assert!(read.is_err() || told(&read, &ingest::Log::default()), "{case}");
+            assert!(read.is_err() || is_reported(&read, &ingest::Log::default()), "{case}");
         }
     }
 }
@@ -121,11 +121,11 @@ fn a_log_copied_as_text_is_reported_as_such() {
             changed.push(String::from_utf8_lossy(bytes).into_owned().into_bytes());
         }
         for bytes in changed {
-            let told = match lab.read(&subject, &bytes, name) {
+            let message = match lab.read(&subject, &bytes, name) {
                 Ok(log) => log.notices.iter().map(|n| n.text.clone()).collect(),
                 Err(error) => error.to_string(),
             };
-            assert!(told.contains("copied as if it were text"), "{name}: {told}");
+            assert!(message.contains("copied as if it were text"), "{name}: {message}");
         }
     }
 }

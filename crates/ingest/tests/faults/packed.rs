@@ -54,7 +54,7 @@ fn a_truncated_packed_log_is_reported() {
         for length in (4..whole.len()).step_by(11).chain(whole.len() - 20..whole.len()) {
             let case = format!("{}.{ending} cut to {length} of {}", seed.name, whole.len());
             let read = lab.read(&subject, &whole[..length], &case);
-            assert_eq!(Verdict::of(&read, &intact), Verdict::Told, "{case}");
+            assert_eq!(Verdict::of(&read, &intact), Verdict::Reported, "{case}");
             if let Ok(log) = &read {
                 assert_eq!(first_foreign_row(log, &intact), None, "{case}");
             }
@@ -73,7 +73,7 @@ fn a_flipped_bit_in_a_packed_log_changes_nothing_silently() {
             bytes[bit / 8] ^= 1 << (bit % 8);
             let verdict = Verdict::of(&lab.read(&subject, &bytes, &case), &intact);
             bytes[bit / 8] ^= 1 << (bit % 8);
-            assert!([Verdict::Same, Verdict::Told].contains(&verdict), "{case}: {verdict:?}");
+            assert!([Verdict::Same, Verdict::Reported].contains(&verdict), "{case}: {verdict:?}");
         }
     });
 }
@@ -105,7 +105,7 @@ fn concatenated_packed_pieces_are_one_log_and_garbage_is_reported() {
         assert_eq!(Verdict::of(&lab.read(&subject, &pieces, &case), &intact), Verdict::Same, "{case}");
         let case = format!("{}.{ending} with garbage behind", seed.name);
         let read = lab.read(&subject, &[whole, &[7; 1000]].concat(), &case);
-        assert_eq!(Verdict::of(&read, &intact), Verdict::Told, "{case}");
+        assert_eq!(Verdict::of(&read, &intact), Verdict::Reported, "{case}");
         assert_eq!(first_foreign_row(read.as_ref().unwrap(), &intact), None, "{case}");
     });
 }

@@ -2,7 +2,7 @@
 
 use crate::lab::{Lab, seeds};
 use crate::layout::Ends;
-use crate::verdict::{rows, told};
+use crate::verdict::{is_reported, rows};
 
 const FAMILIES: [&str; 6] = ["ulog", "dataflash-binary", "dataflash-text", "tlog", "ubx", "nmea"];
 
@@ -31,7 +31,7 @@ fn foreign_bytes_cost_at_most_the_preceding_record_and_are_reported() {
                 let read = lab.read(&subject, &hurt, &case);
                 // A preallocated file has zeros after the last record.
                 let filling = what == "zeros" && at == bytes.len() && family.starts_with("dataflash-b");
-                assert!(filling || told(&read, &intact), "{case}");
+                assert!(filling || is_reported(&read, &intact), "{case}");
                 let found = rows(read.as_ref().unwrap());
                 // A record without a checksum counts if another begins where it ends.
                 let found = found + usize::from(["dataflash-binary", "ulog"].contains(&family));
@@ -50,7 +50,11 @@ fn two_logs_in_one_file_are_both_read_or_reported() {
         let bytes = &seed.files[0].bytes;
         let read = lab.read(&subject, &[bytes.as_slice(), bytes].concat(), family);
         let found = rows(read.as_ref().unwrap());
-        assert!(found == 2 * rows(&intact) || told(&read, &intact), "{family}: {found} of {} rows", 2 * rows(&intact));
+        assert!(
+            found == 2 * rows(&intact) || is_reported(&read, &intact),
+            "{family}: {found} of {} rows",
+            2 * rows(&intact)
+        );
         assert!(found >= rows(&intact), "{family}: {found} of {} rows", 2 * rows(&intact));
     }
 }
@@ -68,10 +72,10 @@ fn ulogs_of_two_boots_in_one_file_do_not_mix_at_any_cut() {
         for table in &log.tables {
             let whole = intact.tables.iter().find(|t| t.topic == table.topic).unwrap();
             let times = table.logged_ns.as_ref().unwrap();
-            let behind: Vec<i64> = times.iter().copied().filter(|&t| t >= second).collect();
+            let rest: Vec<i64> = times.iter().copied().filter(|&t| t >= second).collect();
             let shift = if second > i64::MIN { second } else { 0 };
             let expected: Vec<i64> = whole.logged_ns.as_ref().unwrap().iter().map(|t| t + shift).collect();
-            assert_eq!(behind, expected, "{case}: {}", table.topic.name);
+            assert_eq!(rest, expected, "{case}: {}", table.topic.name);
         }
         assert!(log.restarts.iter().all(|restart| restart.certain), "{case}");
         assert!(cut < bytes.len() || log.health.damage.is_empty(), "{:?}", log.health.damage);

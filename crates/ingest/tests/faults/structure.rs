@@ -1,7 +1,7 @@
 //! T7: files with sound parts that contradict each other: an index is never trusted over the data.
 
 use crate::lab::{Lab, seeds};
-use crate::verdict::{Verdict, first_foreign_row, first_unknown_row, rows, told};
+use crate::verdict::{Verdict, first_foreign_row, first_unknown_row, is_reported, rows};
 use ingest::Log;
 
 /// Opcode and content of a record.
@@ -67,12 +67,12 @@ fn put(record: &mut Record, at: usize, value: u64) {
 }
 
 /// No loss or change of the flight, or it is reported.
-fn same_or_told(lab: &mut Lab, bytes: &[u8], intact: &Log, case: &str) {
+fn same_or_reported(lab: &mut Lab, bytes: &[u8], intact: &Log, case: &str) {
     let seed = &seeds("mcap-cdr-none")[0];
     let subject = lab.seed(seed, 0);
     let read = lab.read(&subject, bytes, case);
     let verdict = Verdict::of(&read, intact);
-    assert!([Verdict::Same, Verdict::Told].contains(&verdict), "{case}: {verdict:?}");
+    assert!([Verdict::Same, Verdict::Reported].contains(&verdict), "{case}: {verdict:?}");
     if let Ok(log) = &read {
         assert_eq!(first_foreign_row(log, intact), None, "{case}");
     }
@@ -97,25 +97,25 @@ fn a_false_index_costs_no_row() {
         for (at, field) in [(16, "offset"), (24, "length")] {
             let mut lie = sound.clone();
             put(&mut lie[index], at, value);
-            same_or_told(&mut lab, &file(&lie), &intact, &format!("chunk index with {field} {value}"));
+            same_or_reported(&mut lab, &file(&lie), &intact, &format!("chunk index with {field} {value}"));
         }
         let mut lie = file(&sound);
         let footer = lie.len() - 8 - 20;
         lie[footer..footer + 8].copy_from_slice(&value.to_le_bytes());
-        same_or_told(&mut lab, &lie, &intact, &format!("summary at {value}"));
+        same_or_reported(&mut lab, &lie, &intact, &format!("summary at {value}"));
         let mut lie = sound.clone();
         let statistics = place(&sound, STATISTICS);
         put(&mut lie[statistics], 0, value);
-        same_or_told(&mut lab, &file(&lie), &intact, &format!("statistics of {value} messages"));
+        same_or_reported(&mut lab, &file(&lie), &intact, &format!("statistics of {value} messages"));
         let mut lie = sound.clone();
         let messages = place(&sound, MESSAGE_INDEX);
         let entry = lie[messages].1.len() - 8;
         put(&mut lie[messages], entry, value);
-        same_or_told(&mut lab, &file(&lie), &intact, &format!("message index to {value}"));
+        same_or_reported(&mut lab, &file(&lie), &intact, &format!("message index to {value}"));
     }
     let mut twice = sound.clone();
     twice.insert(index, sound[index].clone());
-    same_or_told(&mut lab, &file(&twice), &intact, "a chunk that is listed twice");
+    same_or_reported(&mut lab, &file(&twice), &intact, "a chunk that is listed twice");
 }
 
 #[test]
@@ -149,12 +149,12 @@ fn misplaced_records_cost_no_row_silently() {
         ("zeros behind the end", [file(&sound), vec![0; 100_000]].concat()),
         ("garbage before the beginning", [vec![7; 1000], file(&sound)].concat()),
     ] {
-        same_or_told(&mut lab, &bytes, &intact, case);
+        same_or_reported(&mut lab, &bytes, &intact, case);
     }
-    let mut behind = sound.clone();
-    let moved = behind.remove(chunk);
-    behind.push(moved);
-    same_or_told(&mut lab, &file(&behind), &intact, "data behind the footer");
+    let mut reordered = sound.clone();
+    let moved = reordered.remove(chunk);
+    reordered.push(moved);
+    same_or_reported(&mut lab, &file(&reordered), &intact, "data behind the footer");
 }
 
 #[test]
@@ -167,7 +167,7 @@ fn channels_and_messages_before_their_definitions_cost_no_row_silently() {
         let rank = |record: &Record| order.iter().position(|opcode| *opcode == record.0).map_or(0, |rank| rank + 1);
         let mut records = sound.clone();
         records[..end].sort_by_key(rank);
-        same_or_told(&mut lab, &file(&records), &intact, case);
+        same_or_reported(&mut lab, &file(&records), &intact, case);
     }
 }
 
@@ -187,7 +187,7 @@ fn a_false_bag_index_costs_no_row() {
                 lie[at..at + width].copy_from_slice(&value.to_le_bytes()[..width]);
                 let case = format!("{name}: {field}{value}");
                 let verdict = Verdict::of(&lab.read(&subject, &lie, &case), &intact);
-                assert!([Verdict::Same, Verdict::Told].contains(&verdict), "{case}: {verdict:?}");
+                assert!([Verdict::Same, Verdict::Reported].contains(&verdict), "{case}: {verdict:?}");
             }
         }
         for (case, bytes) in [
@@ -195,7 +195,7 @@ fn a_false_bag_index_costs_no_row() {
             ("garbage before", [&[7; 1000], &bytes[..]].concat()),
         ] {
             let verdict = Verdict::of(&lab.read(&subject, &bytes, case), &intact);
-            assert!([Verdict::Same, Verdict::Told].contains(&verdict), "{name}, {case}: {verdict:?}");
+            assert!([Verdict::Same, Verdict::Reported].contains(&verdict), "{name}, {case}: {verdict:?}");
         }
     }
 }
@@ -205,8 +205,8 @@ fn assert_both_read(lab: &mut Lab, kind: &str, bytes: &[u8], expected: usize, ca
     let subject = lab.seed(&seeds(kind)[0], 0);
     let log = lab.read(&subject, bytes, case).unwrap();
     assert_eq!((rows(&log), log.health.bytes.damaged), (expected, 0), "{case}: {:?}", log.notices);
-    let told = log.notices.iter().find(|n| n.code == "several-sessions").map(|n| n.count);
-    assert_eq!((told, log.notices.any_loss()), (Some(2), false), "{case}: {:?}", log.notices);
+    let sessions = log.notices.iter().find(|n| n.code == "several-sessions").map(|n| n.count);
+    assert_eq!((sessions, log.notices.any_loss()), (Some(2), false), "{case}: {:?}", log.notices);
 }
 
 #[test]
@@ -308,7 +308,7 @@ fn a_file_without_its_first_blocks_is_read_from_there_on() {
         bytes[..4096].fill(0);
         let read = lab.read(&subject, &bytes, name);
         let found = read.as_ref().map_or(0, rows);
-        assert!(found >= fewest && told(&read, &intact), "{name}: {found} rows, {:?}", read.map(|l| l.notices));
+        assert!(found >= fewest && is_reported(&read, &intact), "{name}: {found} rows, {:?}", read.map(|l| l.notices));
     }
 }
 

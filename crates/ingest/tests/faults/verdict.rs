@@ -10,7 +10,7 @@ pub enum Verdict {
     /// Same rows, bit for bit.
     Same,
     /// A loss is reported, or the log rejected.
-    Told,
+    Reported,
     /// Nothing reported; one row has other values, or is in another table.
     OneRow,
     /// Nothing reported, and several rows differ; no row is missing.
@@ -31,7 +31,7 @@ pub fn rows(log: &Log) -> usize {
 }
 
 /// Whether damage is reported that the intact log does not have.
-pub fn told(read: &Result<Log, IngestError>, intact: &Log) -> bool {
+pub fn is_reported(read: &Result<Log, IngestError>, intact: &Log) -> bool {
     read.as_ref().map_or(true, |log| losses(log) != losses(intact))
 }
 
@@ -46,9 +46,9 @@ fn losses(log: &Log) -> BTreeMap<&str, u64> {
 
 impl Verdict {
     pub fn of(read: &Result<Log, IngestError>, intact: &Log) -> Verdict {
-        let Ok(log) = read else { return Verdict::Told };
-        if told(read, intact) {
-            return Verdict::Told;
+        let Ok(log) = read else { return Verdict::Reported };
+        if is_reported(read, intact) {
+            return Verdict::Reported;
         }
         // Rows that the intact log has count up, others down.
         let mut rows: BTreeMap<String, i64> = BTreeMap::new();

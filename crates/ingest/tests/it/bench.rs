@@ -264,9 +264,9 @@ fn a_held_vector_repeats_all_its_components_and_a_resting_encoder_is_measured() 
     let vector = format!("quantity = \"specific-force\"\nframe = \"frd\"\n{}", fields(["x", "y", "z"], "m/s^2"));
     let marks = &bound_by(&vector, &held).channels["mine"].held.clone();
     assert_eq!(marks.iter().filter(|held| **held).count(), 30);
-    let said = bound_by(&vector, &held).notices;
-    let said: Vec<_> = said.iter().filter(|n| n.code == "held-rows").map(|n| n.count).collect();
-    assert_eq!(said, [30]);
+    let reported = bound_by(&vector, &held).notices;
+    let reported: Vec<_> = reported.iter().filter(|n| n.code == "held-rows").map(|n| n.count).collect();
+    assert_eq!(reported, [30]);
     // Only the third axis moves: for a vector that is a new value.
     let moving: String = (0..40).map(|i| format!("{i},1,2,{i},0\n")).collect();
     assert!(!bound_by(&vector, &moving).channels["mine"].is_held());

@@ -337,12 +337,12 @@ fn clocks_that_are_days_apart_are_reported_once_with_the_days() {
     let place =
         typed("/a", "sensor_msgs/NavSatFix", &[("latitude", &[47.0; 3]), ("longitude", &[8.0; 3])], &simulated, LOGGED);
     let (flight, _) = bound(vec![place, twist("/b", &simulated)]).unwrap();
-    let told: Vec<(u64, &str)> =
+    let reported: Vec<(u64, &str)> =
         flight.notices.iter().filter(|n| n.code == "clock-suspect").map(|n| (n.count, n.text.as_str())).collect();
     // 1 699 999 990 s.
     let text = "2 channels, the first position.gps: logged stamps are 19675.9 days later than measured ones, so they \
                 count different clocks";
-    assert_eq!(told, [(6, text)]);
+    assert_eq!(reported, [(6, text)]);
 }
 
 #[test]

@@ -249,7 +249,7 @@ fn receiver_marks_and_pulses_have_receiver_time_to_the_nanosecond() {
         let weeks = [40 + n as u16, WEEK, WEEK].map(u16::to_le_bytes).concat();
         ubx_frame(0x0d, 3, &[&[0, 0xc8][..], &weeks, &times, &[0; 4]].concat())
     };
-    // From a receiver whose flags say that it counts pulses in UTC: 18 leap seconds behind.
+    // From a receiver with flags for pulses in UTC, which is 18 leap seconds less than GPS time.
     let pulse = |n: u32| {
         let times = [561_582_000 + 1000 * n, 0, 0].map(u32::to_le_bytes).concat();
         ubx_frame(0x0d, 1, &[&times[..], &WEEK.to_le_bytes(), &[3, 0]].concat())
@@ -403,7 +403,7 @@ fn mt_manager_angles_rotate_the_sensor_to_east_north_up() {
 
 #[test]
 fn an_mt_manager_comment_sets_the_frame_and_without_one_it_is_assumed() {
-    let said = |text: &str| {
+    let load_with_remark = |text: &str| {
         let text = mt_manager(30, noon).replace("// Coordinate system: ENU\n", text);
         load_as(LogKind::Csv, text.as_bytes())
     };
@@ -413,18 +413,18 @@ fn an_mt_manager_comment_sets_the_frame_and_without_one_it_is_assumed() {
     let enu = ([20.0, 1.0, -0.5], [half.cos(), 0.0, half.sin(), 0.0]);
     let nwu = ([1.0, -20.0, -0.5], [half.cos() * side, half.sin() * side, half.sin() * side, -half.cos() * side]);
     let ned = ([1.0, 20.0, 0.5], [-half.sin() * side, half.cos() * side, half.cos() * side, half.sin() * side]);
-    for (comment, (velocity, attitude), told) in [
+    for (comment, (velocity, attitude), reported) in [
         ("", enu, 60),
         ("// Coordinate system: ENU\n", enu, 0),
         ("//  Coordinate system: NWU \n", nwu, 60),
         ("// Coordinate system: NED\n", ned, 60),
     ] {
-        let loaded = said(comment);
+        let loaded = load_with_remark(comment);
         assert_all(&loaded, "velocity.xyz", &velocity);
         assert_all(&loaded, "attitude.ins", &attitude);
-        assert_eq!(count_of(&loaded, "assumption"), told, "{comment}");
+        assert_eq!(count_of(&loaded, "assumption"), reported, "{comment}");
     }
-    let unknown = said("// Coordinate system: SEU\n");
+    let unknown = load_with_remark("// Coordinate system: SEU\n");
     assert_eq!(unknown.flight.channels.keys().collect::<Vec<_>>(), ["position.ins"]);
     assert_eq!(count_of(&unknown, "unknown-word"), 2);
 }
@@ -434,8 +434,8 @@ fn contradictory_mt_manager_comments_leave_no_frame_assumed() {
     let text = mt_manager(30, noon).replace("// Coordinate", "// Coordinate system: NED\n// Coordinate");
     let loaded = load_as(LogKind::Csv, text.as_bytes());
     assert_eq!(loaded.flight.channels.keys().collect::<Vec<_>>(), ["position.ins"]);
-    let told = loaded.flight.notices.iter().find(|n| n.code == "unknown-word").unwrap();
-    assert!(told.text.contains("Coordinate system ENU and NED"), "{}", told.text);
+    let reported = loaded.flight.notices.iter().find(|n| n.code == "unknown-word").unwrap();
+    assert!(reported.text.contains("Coordinate system ENU and NED"), "{}", reported.text);
 }
 
 #[test]
@@ -450,8 +450,8 @@ fn mt_manager_rows_without_utc_are_dated_by_the_devices_counter() {
         // date -u -d '2026-11-21T12:00:00Z' +%s
         let truth: Vec<i64> = (0..30).map(|n| 1_795_262_400_000_000_000 + 100_000_000 * n).collect();
         assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth);
-        let told = loaded.flight.notices.iter().find(|n| n.code == "date-inferred").unwrap();
-        assert_eq!((told.count, told.severity), (5, Severity::Warning));
+        let reported = loaded.flight.notices.iter().find(|n| n.code == "date-inferred").unwrap();
+        assert_eq!((reported.count, reported.severity), (5, Severity::Warning));
     }
     let whole = load_as(LogKind::Csv, mt_manager(30, noon).as_bytes());
     assert_eq!(count_of(&whole, "date-inferred"), 0);

@@ -203,7 +203,7 @@ enum Outcome {
     /// Half the rows are rejected and counted; the others are as written.
     Half,
     /// Rows are as written, in the order of the log except for one step; a notice of this code reports it.
-    Told(&'static str),
+    Reported(&'static str),
     /// The same, but only the timestamp gaps show it: the log cannot be distinguished from one with a gap.
     Gap,
 }
@@ -238,7 +238,7 @@ fn check(format: &Format, case: &str, written: &[i128], truth: &[i128], outcome:
         Outcome::Exact => assert!(true_to(truth) && lost == 0, "{what}: {lost} lost, {samples:?}"),
         Outcome::LeftOut(rows) => assert!(true_to(truth) && lost == rows, "{what}: {lost} lost, {samples:?}"),
         Outcome::Half => assert!(true_to(written) && lost == MIDDLE && orderly, "{what}: {lost} lost, {samples:?}"),
-        Outcome::Told(code) => {
+        Outcome::Reported(code) => {
             assert!(count_of(&loaded, code) > 0, "{what}: {:?}", loaded.flight.notices);
             assert!(true_to(written) && orderly && lost <= MIDDLE, "{what}: {lost} lost, {samples:?}");
         }
@@ -316,7 +316,7 @@ fn a_clock_set_back_is_reported_and_its_stretches_are_not_mixed() {
         let fits = |f: &Format| back < f.counter.begin && back >= f.counter.quantum;
         // Telemetry also has receive times, which have no such step.
         let found = |f: &Format| f.kind == LogKind::Tlog && back > S;
-        each(&case, Outcome::Told("unreliable-stamps"), |f| fits(f) && !found(f), set_back);
+        each(&case, Outcome::Reported("unreliable-stamps"), |f| fits(f) && !found(f), set_back);
         if FORMATS.iter().any(|f| fits(f) && found(f)) {
             each(&case, Outcome::Exact, |f| fits(f) && found(f), set_back);
         }
@@ -330,7 +330,7 @@ fn a_clock_set_back_is_reported_and_its_stretches_are_not_mixed() {
     // UTC repeats the second in which a leap second is inserted.
     each(
         "leap second",
-        Outcome::Told("unreliable-stamps"),
+        Outcome::Reported("unreliable-stamps"),
         |f| f.counter.clock == Clock::Unix,
         |row, stamp| {
             if row < MIDDLE { stamp } else { stamp - S }

@@ -292,8 +292,8 @@ fn a_column_wanted_as_a_number_reports_cells_that_are_not() {
     let text = b"t,x\n1,a\n2,2\n3,b\n4,nan\n5,N/A\n";
     let log = read_limited(text, &Selection::Fields(fields), Limits::default()).unwrap();
     assert_eq!(numbers(&log, "x"), [None, Some(2.0), None, None, None]);
-    let said = log.notices.iter().filter(|n| n.code == "rejected-cell").map(|n| (n.severity, n.count));
-    assert_eq!(said.collect::<Vec<_>>(), [(Severity::Loss, 2), (Severity::Info, 2)]);
+    let reported = log.notices.iter().filter(|n| n.code == "rejected-cell").map(|n| (n.severity, n.count));
+    assert_eq!(reported.collect::<Vec<_>>(), [(Severity::Loss, 2), (Severity::Info, 2)]);
 }
 
 #[test]
@@ -632,8 +632,9 @@ fn rows_below_another_header_are_a_loss_up_to_the_first_header_again() {
         assert_eq!(numbers(&log, "t"), [1.0, 2.0, 5.0].map(Some), "{below}");
         assert_eq!(numbers(&log, "x"), [10.0, 20.0, 50.0].map(Some), "{below}");
         assert_eq!((log.health.bytes.damaged, log.health.messages), (below.len() as u64, 3), "{below}");
-        let told = log.notices.iter().find(|n| n.code == "irregular-table" && n.severity == Severity::Loss).unwrap();
-        assert_eq!((told.count, told.place.as_str()), (1, "t.csv, line 4"), "{below}");
+        let reported =
+            log.notices.iter().find(|n| n.code == "irregular-table" && n.severity == Severity::Loss).unwrap();
+        assert_eq!((reported.count, reported.place.as_str()), (1, "t.csv, line 4"), "{below}");
     }
     // The same header in quotes.
     let log = read("t,x\n1,10\n\"t\",\"x\"\n2,20\n");
@@ -703,8 +704,8 @@ fn endless_other_headers_are_skipped_in_time_and_reported_once() {
     let few = format!("t,x\n{}", "x,t\n1,2\nt,x\n2,1\n".repeat(1000));
     let log = read(&few);
     assert_eq!((numbers(&log, "t"), log.health.undecodable), (vec![Some(2.0); 1000], 2000));
-    let told: Vec<u64> = log.notices.iter().filter(|n| n.code == "irregular-table").map(|n| n.count).collect();
-    assert_eq!(told, [1000, 1000], "others, and repeated");
+    let reported: Vec<u64> = log.notices.iter().filter(|n| n.code == "irregular-table").map(|n| n.count).collect();
+    assert_eq!(reported, [1000, 1000], "others, and repeated");
 }
 
 /// Rows of a table with a cell for each of `cells`, by row.
@@ -788,8 +789,8 @@ fn damage_in_an_unwanted_table_is_found_if_nothing_may_be_skipped() {
 fn remarks_are_not_rows_and_those_that_look_like_rows_are_reported() {
     let row = |i: usize| format!("{}{i},{i},{}.5\n", if i.is_multiple_of(3) { '#' } else { 'A' }, 2 * i);
     let log = read(&format!("tag,t,b\n{}", (0..300).map(row).collect::<String>()));
-    let told = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
-    assert_eq!((log.tables[0].rows, told.count, numbers(&log, "t")[0]), (200, 100, Some(1.0)), "{:?}", log.notices);
+    let reported = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
+    assert_eq!((log.tables[0].rows, reported.count, numbers(&log, "t")[0]), (200, 100, Some(1.0)), "{:?}", log.notices);
     // A commented-out row of numbers.
     let log = read("t,b\n1,2\n#3,4\n# a remark, of words\n5,6\n");
     assert_eq!(log.tables[0].rows, 2);
@@ -805,8 +806,8 @@ fn remarks_are_not_rows_and_those_that_look_like_rows_are_reported() {
 fn a_table_after_another_with_as_many_columns_is_reported() {
     let rows = "1,2,3\n4,5,6\n".repeat(20);
     let log = read(&format!("t,a,b\n{rows}\nx,y,z\n{rows}"));
-    let told = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
-    assert_eq!((told.severity, told.count, told.place.as_str()), (Severity::Warning, 1, "t.csv, line 43"));
+    let reported = log.notices.iter().find(|n| n.code == "irregular-table").unwrap();
+    assert_eq!((reported.severity, reported.count, reported.place.as_str()), (Severity::Warning, 1, "t.csv, line 43"));
 }
 
 #[test]

@@ -67,7 +67,7 @@ fn read_files(files: &[PathBuf]) -> Result<Log, IngestError> {
     Ok(log)
 }
 
-/// Reads a bag from a file of its own.
+/// Writes a bag to a new file and reads it.
 fn read(content: &[u8]) -> Result<Log, IngestError> {
     let disk = OnDisk::new(content, false);
     read_files(&[disk.path()])
@@ -431,10 +431,10 @@ fn one_bit_in_the_schema_costs_a_page_at_most_and_is_reported() {
                 silent.push((at, bit));
                 continue;
             };
-            let is_told = lost(&log) || log.notices.iter().any(|n| n.code == "not-decoded");
+            let is_reported = lost(&log) || log.notices.iter().any(|n| n.code == "not-decoded");
             let is_whole = rows_of(&log, &sent) == (60, whole);
             tried += 1;
-            if !(is_whole || is_told) || log.health.messages < whole - 20 {
+            if !(is_whole || is_reported) || log.health.messages < whole - 20 {
                 silent.push((at, bit));
             }
         }
@@ -456,8 +456,8 @@ fn rows_of_one_page_are_each_read_once_despite_wrong_pointers() {
         (300 - rows_of(&log, &sent).1, lost(&log))
     };
     for (one, other) in [(0, 1), (1, 0), (rows - 1, 2), (3, rows - 1)] {
-        let (missing, is_told) = with(&|page| page.copy_within(8 + 2 * other..10 + 2 * other, 8 + 2 * one));
-        assert!((1..rows as u64).contains(&missing) && is_told, "{one} {other}: {missing}");
+        let (missing, is_reported) = with(&|page| page.copy_within(8 + 2 * other..10 + 2 * other, 8 + 2 * one));
+        assert!((1..rows as u64).contains(&missing) && is_reported, "{one} {other}: {missing}");
     }
     assert_eq!(with(&|page| page[3..5].fill(0)), (rows as u64, true));
     assert_eq!(with(&|page| page[4] -= 1), (1, true));

@@ -1,4 +1,4 @@
-//! Channel maps of receivers and autopilots behind their drivers for ROS. Names of types and fields are those of the drivers'
+//! Channel maps of receivers and autopilots that log through their ROS drivers. Names of types and fields are those of the drivers'
 //! own definitions.
 
 use flight::{Binding, ChannelHealth, Flight, Quantity};
@@ -270,10 +270,10 @@ fn an_all_zero_height_yields_to_mean_sea_level_height_and_is_reported() {
             ]);
         let (flight, _) = bound([receiver]);
         assert_eq!(flight.channels["position.gps"].series.component(2), expected);
-        let told = flight.notices.iter().filter(|n| n.text.contains("position.gps"));
-        let mut told: Vec<&str> = told.map(|n| n.code.as_str()).collect();
-        told.sort_unstable();
-        assert_eq!(told, codes);
+        let reported = flight.notices.iter().filter(|n| n.text.contains("position.gps"));
+        let mut reported: Vec<&str> = reported.map(|n| n.code.as_str()).collect();
+        reported.sort_unstable();
+        assert_eq!(reported, codes);
     }
 }
 
@@ -329,7 +329,8 @@ fn a_generic_gps_fix_map_ranks_below_device_maps_and_nonzero_velocity() {
 
 #[test]
 fn inspvax_height_is_above_mean_sea_level_and_inspva_above_ellipsoid() {
-    for (type_name, status, is_told) in [("INSPVA", "status.status", false), ("INSPVAX", "ins_status.status", true)] {
+    for (type_name, status, is_reported) in [("INSPVA", "status.status", false), ("INSPVAX", "ins_status.status", true)]
+    {
         let solution = Topic::new("/ins", &format!("novatel_oem7_msgs/msg/{type_name}"), 2).numbers(&[
             ("nov_header.gps_week_number", &[WEEK; 2]),
             ("nov_header.gps_week_milliseconds", &[TOW_MS, TOW_MS + 1000.0]),
@@ -343,6 +344,6 @@ fn inspvax_height_is_above_mean_sea_level_and_inspva_above_ellipsoid() {
         ]);
         let (flight, _) = bound([solution]);
         assert_eq!(flight.channels["position.ins"].series.component(2), [1077.0; 2]);
-        assert_eq!(flight.notices.iter().any(|n| n.code == "assumption"), is_told, "{type_name}");
+        assert_eq!(flight.notices.iter().any(|n| n.code == "assumption"), is_reported, "{type_name}");
     }
 }

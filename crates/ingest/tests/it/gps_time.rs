@@ -35,7 +35,7 @@ struct Case {
     /// Number of unusable epochs.
     unused: u64,
     /// Codes of notices and their counts.
-    told: &'static [(&'static str, u64)],
+    reported: &'static [(&'static str, u64)],
 }
 
 /// Epochs from `ms` in `week` on, with the week as `written` says.
@@ -53,7 +53,7 @@ const MIDDLE: usize = 30;
 
 fn cases() -> Vec<Case> {
     let mut cases = vec![];
-    let mut case = |name, epochs, truth, unused, told| cases.push(Case { name, epochs, truth, unused, told });
+    let mut case = |name, epochs, truth, unused, reported| cases.push(Case { name, epochs, truth, unused, reported });
     let end = |week: i64, mask: i64| (epochs(week, LATE_SATURDAY, |_, w| w & mask), (week, LATE_SATURDAY));
     for (name, week) in [("1023 to 1024", 1023), ("2047 to 2048", 2047), ("3071 to 3072", 3071)] {
         let (epochs, truth) = end(week, 0xffff);
@@ -68,14 +68,14 @@ fn cases() -> Vec<Case> {
     for late in 1..=5 {
         let written = move |row: usize, week: i64| if (MIDDLE..MIDDLE + late).contains(&row) { week - 1 } else { week };
         let glitch = epochs(2313, LATE_SATURDAY, written);
-        let told: &'static [(&str, u64)] = &[
+        let reported: &'static [(&str, u64)] = &[
             [("date-inferred", 1)],
             [("date-inferred", 2)],
             [("date-inferred", 3)],
             [("date-inferred", 4)],
             [("date-inferred", 5)],
         ][late - 1];
-        case("the week comes late", glitch, (2313, LATE_SATURDAY), 0, told);
+        case("the week comes late", glitch, (2313, LATE_SATURDAY), 0, reported);
     }
     let early =
         epochs(2313, LATE_SATURDAY, |row, week| if (MIDDLE - 3..MIDDLE).contains(&row) { week + 1 } else { week });
@@ -107,9 +107,9 @@ fn load_as(kind: LogKind, bytes: &[u8], library: &MapLibrary, map: Option<&str>)
     loaded
 }
 
-/// `told` has the sum of the counts: the reader and the binding of channels may both report one event. Infos are not among them.
-fn assert_told(loaded: &Loaded, case: &str, told: &[(&str, u64)], times: u64) {
-    for (code, count) in told {
+/// `reported` has the sum of the counts: the reader and the binding of channels may both report one event. Infos are not among them.
+fn assert_reported(loaded: &Loaded, case: &str, reported: &[(&str, u64)], times: u64) {
+    for (code, count) in reported {
         let warnings = loaded.flight.notices.iter().filter(|n| n.code == *code && n.severity > Severity::Info);
         let found: u64 = warnings.map(|n| n.count).sum();
         assert_eq!(found, times * count, "{case}: {code}: {:?}", loaded.flight.notices);
@@ -155,7 +155,7 @@ fn dataflash_is_dated_by_weeks_despite_all_their_faults() {
         let tie = loaded.flight.utc.as_ref().unwrap_or_else(|| panic!("{}", case.name));
         assert_eq!(tie.offset_ns, unix_ns(case.truth, ROWS - 1) - boot_ms(ROWS - 1) * MS, "{}", case.name);
         assert_eq!((tie.pairs, tie.outliers), (ROWS as u64 - case.unused, 0), "{}", case.name);
-        assert_told(&loaded, case.name, case.told, 1);
+        assert_reported(&loaded, case.name, case.reported, 1);
         // The samples keep their timestamps.
         let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
         assert_eq!(stamps.len() as u64, ROWS as u64 - case.unused, "{}", case.name);
@@ -175,7 +175,7 @@ fn a_jump_of_receiver_time_in_flight_does_not_move_the_date() {
             let tie = loaded.flight.utc.as_ref().unwrap();
             assert_eq!(tie.offset_ns, unix_ns((2313, 300_000_000), 0) - BOOT_MS * MS);
             assert_eq!(tie.outliers, rows.len() as u64);
-            assert_told(&loaded, "jump", &[("utc-tie", rows.len() as u64)], 1);
+            assert_reported(&loaded, "jump", &[("utc-tie", rows.len() as u64)], 1);
         }
     }
 }
@@ -212,7 +212,7 @@ fn tables_are_dated_by_weeks_despite_all_their_faults() {
         let truth: Vec<i64> = (case.unused as usize..ROWS).map(|row| gps_ns(case.truth, row)).collect();
         assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth, "{}", case.name);
         assert_eq!(timeline.clock(), Clock::Gps);
-        assert_told(&loaded, case.name, case.told, 1);
+        assert_reported(&loaded, case.name, case.reported, 1);
     }
 }
 
@@ -270,12 +270,12 @@ fn a_ulog_is_dated_by_receiver_utc_despite_its_glitches() {
         ("the leap seconds come late", spoilt(0..9, &|e| (e.0 + 2_000_000, 3)), 9, &[("utc-tie", 9)]),
         ("of the other sign", spoilt(20..22, &|_| (-1, 3)), 2, &[]),
     ];
-    for (name, epochs, unused, told) in cases {
+    for (name, epochs, unused, reported) in cases {
         let loaded = load_as(LogKind::Ulog, &ulog(&epochs), &library, None);
         let tie = loaded.flight.utc.as_ref().unwrap();
         assert_eq!(tie.offset_ns, unix_ns(begin, 0) - BOOT_MS * MS, "{name}");
         assert_eq!(tie.pairs, ROWS as u64 - unused, "{name}");
-        assert_told(&loaded, name, told, 1);
+        assert_reported(&loaded, name, reported, 1);
     }
 }
 
@@ -306,7 +306,7 @@ fn ubx_is_dated_by_weeks_despite_all_their_faults() {
         }
         // Of NAV-POSLLH and of NAV-VELNED, however many channels they make.
         let times = 2;
-        assert_told(&loaded, case.name, case.told, times);
+        assert_reported(&loaded, case.name, case.reported, times);
     }
 }
 
@@ -319,15 +319,15 @@ fn ubx_without_any_week_continues_over_sunday() {
     assert_eq!(timeline.clock(), Clock::Elapsed);
     let expected: Vec<i64> = (0..ROWS as i64).map(|row| (LATE_SATURDAY + STEP_MS * row) * MS).collect();
     assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), expected);
-    assert_told(&loaded, "Sunday", &[("stamp-wrap", 1)], 2);
+    assert_reported(&loaded, "Sunday", &[("stamp-wrap", 1)], 2);
 }
 
-/// RMC and GGA of epochs a second apart, with the time at which each was logged, from this UTC on, s. `said` is the UTC
-/// that the receiver says, and whether it has a fix.
-fn sentences(begin: i64, said: impl Fn(i64) -> (i64, bool)) -> Vec<u8> {
+/// RMC and GGA of epochs a second apart, with the time at which each was logged, from this UTC on, s. `receiver` gives the UTC
+/// that the receiver reports, and whether it has a fix.
+fn sentences(begin: i64, receiver: impl Fn(i64) -> (i64, bool)) -> Vec<u8> {
     let sealed = |body: String| format!("${body}*{:02X}", body.bytes().fold(0, |sum, byte| sum ^ byte));
     let epoch = |second: i64| {
-        let (utc, fix) = said(begin + second);
+        let (utc, fix) = receiver(begin + second);
         let date = jiff::Timestamp::from_second(utc).unwrap().strftime("%d%m%y").to_string();
         let time = jiff::Timestamp::from_second(utc).unwrap().strftime("%H%M%S").to_string();
         let place = if fix { format!("4807.{second:03},N,01131.000,E") } else { "0000.000,N,00000.000,E".into() };
@@ -361,17 +361,17 @@ fn sentences_are_dated_over_midnight_and_rollover_dates_are_suspect() {
     // A receiver older than its almanac counts the weeks of the age before.
     let old = |utc: i64| (utc - 1024 * WEEK_MS / 1000, true);
     let loaded = load_as(LogKind::Nmea, &sentences(begin, old), &library, None);
-    let told = loaded.flight.notices.iter().find(|n| n.code == "clock-suspect").unwrap();
-    assert!(told.text.contains("GPS week"), "{}", told.text);
+    let reported = loaded.flight.notices.iter().find(|n| n.code == "clock-suspect").unwrap();
+    assert!(reported.text.contains("GPS week"), "{}", reported.text);
     // The leap seconds come with the almanac, after some minutes: UTC then goes back by what was missing.
     let begin_of_year = 1_388_534_400;
     for missing in [1, 2, 16] {
         let late = move |utc: i64| (utc + if utc < begin_of_year + 20 { missing } else { 0 }, true);
         let loaded = load_as(LogKind::Nmea, &sentences(begin_of_year, late), &library, None);
         let stamps = loaded.flight.channels["velocity.gps"].series.timeline().stamps();
-        let told = ["duplicate-stamp", "rejected-row"].map(|code| count_of(&loaded, code));
+        let reported = ["duplicate-stamp", "rejected-row"].map(|code| count_of(&loaded, code));
         assert_eq!(
-            told.iter().sum::<u64>(),
+            reported.iter().sum::<u64>(),
             loaded.flight.channels.len() as u64 * missing as u64,
             "{missing}: {:?}",
             loaded.flight.notices
@@ -402,9 +402,9 @@ fn an_impossibly_early_date_gets_a_warning_and_is_kept() {
         (nmea("GN", "230423", ",A,V"), None, 1_682_251_200),
     ] {
         let loaded = load_as(LogKind::Nmea, &bytes, &library, None);
-        let told = loaded.flight.notices.iter().find(|n| n.code == "date-inferred");
-        assert_eq!(told.map(|n| n.count), meant.map(|_| 20), "{:?}", loaded.flight.notices);
-        assert!(told.zip(meant).is_none_or(|(n, meant)| n.text.contains(meant)), "{told:?}");
+        let reported = loaded.flight.notices.iter().find(|n| n.code == "date-inferred");
+        assert_eq!(reported.map(|n| n.count), meant.map(|_| 20), "{:?}", loaded.flight.notices);
+        assert!(reported.zip(meant).is_none_or(|(n, meant)| n.text.contains(meant)), "{reported:?}");
         assert_eq!(utc(&loaded), unix_s);
     }
     let pvt = |year: u16| -> Vec<u8> {
@@ -419,8 +419,13 @@ fn an_impossibly_early_date_gets_a_warning_and_is_kept() {
     };
     for (year, meant) in [(2003, Some("2023-04-23")), (2025, None)] {
         let loaded = load_as(LogKind::Ubx, &pvt(year), &library, None);
-        let told = loaded.flight.notices.iter().find(|n| n.code == "date-inferred");
-        assert_eq!(told.map(|n| n.text.contains(meant.unwrap())), meant.map(|_| true), "{:?}", loaded.flight.notices);
+        let reported = loaded.flight.notices.iter().find(|n| n.code == "date-inferred");
+        assert_eq!(
+            reported.map(|n| n.text.contains(meant.unwrap())),
+            meant.map(|_| true),
+            "{:?}",
+            loaded.flight.notices
+        );
     }
     // One date of another age among right ones.
     let one_ubx = [&pvt(2003)[..100], &pvt(2025)[100..]].concat();
@@ -429,9 +434,9 @@ fn an_impossibly_early_date_gets_a_warning_and_is_kept() {
     let one_nmea = [&early[..first], &right[first..]].concat();
     for (kind, bytes) in [(LogKind::Ubx, one_ubx), (LogKind::Nmea, one_nmea)] {
         let loaded = load_as(kind, &bytes, &library, None);
-        let told = loaded.flight.notices.iter().find(|n| n.code == "date-inferred").unwrap();
-        assert_eq!(told.count, 1);
-        assert!(told.text.contains("2003-09-07, the earliest of 1 such dates among 20"), "{}", told.text);
+        let reported = loaded.flight.notices.iter().find(|n| n.code == "date-inferred").unwrap();
+        assert_eq!(reported.count, 1);
+        assert!(reported.text.contains("2003-09-07, the earliest of 1 such dates among 20"), "{}", reported.text);
     }
 }
 
@@ -459,7 +464,7 @@ fn each_boot_in_a_dataflash_log_is_dated_by_its_own_epochs() {
         assert_eq!(stamps[0].0, BOOT_MS * MS);
         // Where the clock goes back the reader says so too.
         assert_eq!(count_saying(&loaded, "several-sessions", "each session is dated by itself"), 1);
-        assert_told(&loaded, "boots", &[("utc-tie", 0), ("undated", 0)], 1);
+        assert_reported(&loaded, "boots", &[("utc-tie", 0), ("undated", 0)], 1);
         assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
     }
 }
@@ -470,7 +475,7 @@ fn a_dataflash_boot_without_its_start_is_a_clock_that_steps_back() {
     const FIRST_MS: i64 = 300_000_000;
     let headless = boot(3000, FIRST_MS + 240_000, 3)[dataflash_from(0, &[]).len()..].to_vec();
     let loaded = load_as(LogKind::DataFlash, &[boot(BOOT_MS, FIRST_MS, 3), headless].concat(), &library, None);
-    assert_told(&loaded, "boots", &[("several-sessions", 0), ("unreliable-stamps", 1 + 3)], 1);
+    assert_reported(&loaded, "boots", &[("several-sessions", 0), ("unreliable-stamps", 1 + 3)], 1);
 }
 
 /// A log of a version of 2013: its records have the autopilot's time in ms.
@@ -544,7 +549,7 @@ fn an_undated_boot_is_lost_next_to_a_dated_one() {
         let first = loaded.flight.unix(Clock::Boot, stamps[0]).map(|utc| utc.0);
         let truth = kept.map(|second| unix_ns((2313, 300_000_000 + 240_000 * second), 0));
         assert_eq!(first, truth, "{fixes:?}");
-        assert_told(&loaded, "lost", &[("undated", ROWS as u64), ("rejected-row", ROWS as u64)], 1);
+        assert_reported(&loaded, "lost", &[("undated", ROWS as u64), ("rejected-row", ROWS as u64)], 1);
         assert!(lossy(&loaded));
     }
 }

@@ -245,7 +245,7 @@ fn a_heading_along_the_motion_is_a_course_and_foreign_names_need_a_map() {
 }
 
 /// The notice about guessed bindings.
-fn said(loaded: &Loaded) -> String {
+fn summary(loaded: &Loaded) -> String {
     loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text.clone()
 }
 
@@ -258,7 +258,7 @@ fn the_time_column_unit_and_clock_are_stated_and_unknown_units_rejected() {
     };
     let known = load_text(&with_units("(s)"));
     assert_is_truth(&known);
-    assert!(said(&known).contains("; time = time [s], clock elapsed, logged;"), "{}", said(&known));
+    assert!(summary(&known).contains("; time = time [s], clock elapsed, logged;"), "{}", summary(&known));
     assert_is_truth(&load_text(&with_units("(GPS)")));
     let error = load_text(&with_units("(fortnight)")).binding.unwrap_err();
     assert!(error.contains("the table states the time time in \"(fortnight)\""), "{error}");
@@ -274,7 +274,7 @@ fn hours_minutes_and_seconds_in_one_number_are_a_time_of_day() {
     });
     let loaded = load_text(&text);
     assert_is_truth(&loaded);
-    assert!(said(&loaded).contains("utc as time-of-day"), "{}", said(&loaded));
+    assert!(summary(&loaded).contains("utc as time-of-day"), "{}", summary(&loaded));
 }
 
 #[test]
@@ -284,11 +284,11 @@ fn columns_called_true_or_gps_are_named_accordingly() {
             let [lat, lon] = [deg(latitude), deg(longitude)];
             format!("{t},{lat},{lon},{lat},{lon},{lat},{lon},{n},{e}")
         });
-    let said = said(&load_text(&text));
+    let summary = summary(&load_text(&text));
     for named in
         ["position.gps: latitude = gps_lat", "position.plain: latitude = lat", "position.truth: latitude = true_lat"]
     {
-        assert!(said.contains(named), "{said}");
+        assert!(summary.contains(named), "{summary}");
     }
 }
 
@@ -298,14 +298,14 @@ fn columns_of_a_second_receiver_are_separate_channels() {
         let [lat, lon] = [deg(latitude), deg(longitude)];
         format!("{t},{lat},{lon},{lat},{lon},{n},{e},{n},{e}")
     });
-    let said = said(&load_text(&text));
+    let summary = summary(&load_text(&text));
     for named in [
         "position.gps: latitude = lat [deg]",
         "position.gps-2: latitude = lat2",
         "velocity.gps: north = gps_vn",
         "velocity.plain: north = vn",
     ] {
-        assert!(said.contains(named), "{said}");
+        assert!(summary.contains(named), "{summary}");
     }
 }
 
@@ -314,8 +314,8 @@ fn a_height_of_unknown_unit_is_reported_as_assumed() {
     let text = table("time,lat,lon,alt,vn,ve", |t, [a, b, h], [n, e, _]| {
         format!("{t},{},{},{},{n},{e}", deg(a), deg(b), h / 0.3048)
     });
-    let said = said(&load_text(&text));
-    assert!(said.contains("alt is taken as metres, which nothing shows"), "{said}");
+    let summary = summary(&load_text(&text));
+    assert!(summary.contains("alt is taken as metres, which nothing shows"), "{summary}");
 }
 
 /// No ECEF axis points north, although x and y move consistently with their velocities.
@@ -341,8 +341,8 @@ fn a_utm_grid_is_metres_north_and_east() {
         let ([north, east, _], _) = truth(t - LATE_S);
         format!("{t},{},{},{n},{e}", 691_000.0 + east, 5_337_000.0 + north)
     });
-    let said = said(&load_text(&text));
-    assert!(said.contains("north = UTM_N [m], east = UTM_E [m]"), "{said}");
+    let summary = summary(&load_text(&text));
+    assert!(summary.contains("north = UTM_N [m], east = UTM_E [m]"), "{summary}");
 }
 
 /// x east and y north, as shown by latitude and longitude.
@@ -352,10 +352,10 @@ fn local_position_axes_are_inferred_from_latitude_and_longitude() {
         let ([north, east, _], _) = truth(t - LATE_S);
         format!("{t},{east},{north},{e},{n},{},{}", deg(a), deg(b))
     });
-    let said = said(&load_text(&text));
+    let summary = summary(&load_text(&text));
     assert!(
-        said.contains("north = vy [m/s], east = vx [m/s]") && said.contains("north = y [m], east = x [m]"),
-        "{said}"
+        summary.contains("north = vy [m/s], east = vx [m/s]") && summary.contains("north = y [m], east = x [m]"),
+        "{summary}"
     );
 }
 
@@ -384,10 +384,10 @@ fn a_receiver_without_a_fix_contradicts_nothing() {
         let ([north, east, _], _) = truth(t - LATE_S);
         format!("{t},0,0,{north},{east},{n},{e}")
     });
-    let said = said(&load_text(&text));
+    let summary = summary(&load_text(&text));
     assert!(
-        said.contains("north = x [m], east = y [m]") && said.contains("north = vx [m/s], east = vy [m/s]"),
-        "{said}"
+        summary.contains("north = x [m], east = y [m]") && summary.contains("north = vx [m/s], east = vy [m/s]"),
+        "{summary}"
     );
 }
 
@@ -402,13 +402,13 @@ fn a_time_in_whole_seconds_yields_to_a_finer_one() {
     };
     let loaded = load_text(&of("utc_time"));
     assert_is_truth(&loaded);
-    assert!(said(&loaded).contains("time = boot_time_ms [ms]"), "{}", said(&loaded));
+    assert!(summary(&loaded).contains("time = boot_time_ms [ms]"), "{}", summary(&loaded));
 }
 
 /// Two tables of different length, each counting from its first row: delays would include the time between the starts.
 #[test]
 fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
-    let said_of = |imu_begins_s: f64, imu_counts_from_s: f64| {
+    let summary_of = |imu_begins_s: f64, imu_counts_from_s: f64| {
         let gps = table("time,lat,lon,vn,ve,vd", |t, [latitude, longitude, _], [n, e, u]| {
             format!("{t},{},{},{n},{e},{}", deg(latitude), deg(longitude), -u)
         });
@@ -429,12 +429,12 @@ fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
             std::fs::write(&path, text).unwrap();
             path
         });
-        said(&load(&tables(&paths)).unwrap())
+        summary(&load(&tables(&paths)).unwrap())
     };
-    for shared in [said_of(0.0, 0.0), said_of(7.3, 0.0)] {
+    for shared in [summary_of(0.0, 0.0), summary_of(7.3, 0.0)] {
         assert!(shared.contains("specific-force") && !shared.contains("began together"), "{shared}");
     }
-    let own = said_of(7.3, 7.3);
+    let own = summary_of(7.3, 7.3);
     assert!(!own.contains("specific-force") && own.contains("nothing shows whether they began together"), "{own}");
 }
 
@@ -452,7 +452,7 @@ fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_unknown() {
             )
         });
         let loaded = load_text(&text);
-        assert!(said(&loaded).contains(&format!("height = alt [{unit}]")), "{}", said(&loaded));
+        assert!(summary(&loaded).contains(&format!("height = alt [{unit}]")), "{}", summary(&loaded));
         assert!((height(&loaded)[0] - truth(-LATE_S).0[2]).abs() < 0.51, "{unit}");
     }
     // From u-blox: integers of 1e-7 deg and mm, without a vertical velocity.
@@ -461,12 +461,12 @@ fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_unknown() {
         format!("{:.0},{lat:.0},{lon:.0},{:.0},{:.0},{:.0}", 1e3 * t, 1e3 * h, 1e3 * n, 1e3 * e)
     });
     let loaded = load_text(&ublox);
-    assert!((height(&loaded)[0] - truth(-LATE_S).0[2]).abs() < 0.1, "{}", said(&loaded));
+    assert!((height(&loaded)[0] - truth(-LATE_S).0[2]).abs() < 0.1, "{}", summary(&loaded));
     let open = table("time,lat,lon,alt,vn,ve", |t, [a, b, h], [n, e, _]| {
         format!("{t:.1},{:.9},{:.9},{:.0},{n:.4},{e:.4}", deg(a), deg(b), 1e3 * h)
     });
     let open = load_text(&open);
-    assert!(said(&open).contains("not bound: alt: nothing shows its unit"), "{}", said(&open));
+    assert!(summary(&open).contains("not bound: alt: nothing shows its unit"), "{}", summary(&open));
 }
 
 #[test]
@@ -478,7 +478,7 @@ fn a_steadily_rising_column_is_the_time_under_an_unknown_name() {
     let loaded = load_text(&text);
     assert_is_truth(&loaded);
     let expected = "time = Zeit [s], clock elapsed (no column is named like a time; this one rises steadily)";
-    assert!(said(&loaded).contains(expected), "{}", said(&loaded));
+    assert!(summary(&loaded).contains(expected), "{}", summary(&loaded));
 }
 
 /// The suggested map of a table, and the channels that it yields.
@@ -718,25 +718,31 @@ fn attitude_rates_or_forces_that_motion_contradicts_are_rejected() {
             let (rates, forces) = imu(t);
             [turn(attitude(t)).map(deg), rate(rates).map(deg), force(forces)].concat()
         });
-        let said = loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text.clone();
-        (loaded.flight.channels.keys().cloned().collect::<Vec<_>>().join(" "), said)
+        let summary = loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text.clone();
+        (loaded.flight.channels.keys().cloned().collect::<Vec<_>>().join(" "), summary)
     };
     let same = |v| v;
-    let (channels, said) = body(|[roll, pitch, yaw]| [roll, pitch, yaw + std::f64::consts::PI], same, same);
-    assert!(!channels.contains("attitude") && said.contains("yaw stays"), "{channels}: {said}");
-    assert!(said.contains("180 degrees off the course"), "{said}");
-    let (channels, said) = body(|[roll, pitch, yaw]| [roll, pitch, -yaw], same, same);
-    assert!(!channels.contains("attitude") && said.contains("anticlockwise from north"), "{channels}: {said}");
-    let (channels, said) = body(|[roll, pitch, yaw]| [roll, -pitch, yaw], same, same);
-    assert!(!channels.contains("attitude") && said.contains("pitch counts the other way"), "{channels}: {said}");
-    let (channels, said) = body(same, |rates| rates.map(|rate| 7.0 * rate), same);
-    assert!(!channels.contains("rate") && said.contains("times as fast as the attitude turns"), "{channels}: {said}");
-    let (channels, said) = body(same, |[p, q, r]| [p, q, -r], same);
-    assert!(!channels.contains("rate") && said.contains("p, q and r: they do not say how yaw"), "{channels}: {said}");
-    let (channels, said) = body(same, same, |[x, y, z]| [x, y, z + G]);
-    assert!(!channels.contains("force") && said.contains("gravity may be taken out"), "{channels}: {said}");
-    let (channels, said) = body(same, same, |forces| forces.map(|f| -f));
-    assert!(!channels.contains("force") && said.contains("along gravity"), "{channels}: {said}");
+    let (channels, summary) = body(|[roll, pitch, yaw]| [roll, pitch, yaw + std::f64::consts::PI], same, same);
+    assert!(!channels.contains("attitude") && summary.contains("yaw stays"), "{channels}: {summary}");
+    assert!(summary.contains("180 degrees off the course"), "{summary}");
+    let (channels, summary) = body(|[roll, pitch, yaw]| [roll, pitch, -yaw], same, same);
+    assert!(!channels.contains("attitude") && summary.contains("anticlockwise from north"), "{channels}: {summary}");
+    let (channels, summary) = body(|[roll, pitch, yaw]| [roll, -pitch, yaw], same, same);
+    assert!(!channels.contains("attitude") && summary.contains("pitch counts the other way"), "{channels}: {summary}");
+    let (channels, summary) = body(same, |rates| rates.map(|rate| 7.0 * rate), same);
+    assert!(
+        !channels.contains("rate") && summary.contains("times as fast as the attitude turns"),
+        "{channels}: {summary}"
+    );
+    let (channels, summary) = body(same, |[p, q, r]| [p, q, -r], same);
+    assert!(
+        !channels.contains("rate") && summary.contains("p, q and r: they do not say how yaw"),
+        "{channels}: {summary}"
+    );
+    let (channels, summary) = body(same, same, |[x, y, z]| [x, y, z + G]);
+    assert!(!channels.contains("force") && summary.contains("gravity may be taken out"), "{channels}: {summary}");
+    let (channels, summary) = body(same, same, |forces| forces.map(|f| -f));
+    assert!(!channels.contains("force") && summary.contains("along gravity"), "{channels}: {summary}");
 }
 
 /// Repeatable noise of this amplitude.
@@ -796,7 +802,7 @@ fn a_path_too_straight_to_identify_yaw_is_reported() {
         )
     });
     let loaded = load_text(&text);
-    let said = &loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text;
-    assert!(said.contains("roll, pitch and yaw: the path is too straight to decide"), "{said}");
+    let summary = &loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text;
+    assert!(summary.contains("roll, pitch and yaw: the path is too straight to decide"), "{summary}");
     assert!(loaded.flight.channels.values().all(|channel| channel.quantity != Quantity::Attitude));
 }

@@ -31,7 +31,7 @@ fn all_of(below: &str) -> Vec<(String, About)> {
 
 #[test]
 fn real_logs_name_the_receiver_and_its_settings() {
-    for (path, told) in [
+    for (path, reported) in [
         ("DeLorean/data/00000117.BIN", vec!["1: u-blox | - | UBX | 5 Hz | 230400 baud"]),
         ("pymavlink/tests/test.BIN", vec!["1: u-blox 6 | 7.03 (45970) | UBX | 5 Hz | 115200 baud"]),
         ("foxglove-mcap/test_ulog.ulg", vec!["1: u-blox | SPG 5.10 | UBX, version 34.10 | - Hz | - baud"]),
@@ -51,7 +51,7 @@ fn real_logs_name_the_receiver_and_its_settings() {
     ] {
         for (_, about) in all_of(path) {
             let found: Vec<String> = about.receiver_identities.iter().map(words).collect();
-            assert_eq!(found, told, "{path}");
+            assert_eq!(found, reported, "{path}");
         }
     }
 }

@@ -413,11 +413,11 @@ fn navgraph_times_are_gps_time_and_the_device_prefix_is_dropped() {
     let alone = bound(&lines(&header(one, "Time (GPS s)"), |n| row(seconds(n), n)));
     let both = format!("{},{two}Latitude (deg)", header(one, "Time (GPS s)"));
     let both = bound(&lines(&both, |n| row(seconds(n), n) + ",0"));
-    for (loaded, told) in [(&plain, 0), (&alone, 0), (&both, 1)] {
+    for (loaded, reported) in [(&plain, 0), (&alone, 0), (&both, 1)] {
         for channel in ["position.ins", "velocity.ins", "attitude.ins"] {
             assert_eq!(loaded.flight.channels[channel].series, plain.flight.channels[channel].series, "{channel}");
         }
-        assert_eq!(count_of(loaded, "several-sources"), told);
+        assert_eq!(count_of(loaded, "several-sources"), reported);
     }
     let north = plain.flight.channels["velocity.ins"].series.component(0)[0];
     assert!((north - 4.4704).abs() < 1e-12, "{north}");

@@ -424,8 +424,8 @@ fn a_damaged_chunk_costs_only_its_messages_with_and_without_summary() {
             assert!((chunk..=chunk + more).contains(&log.health.bytes.damaged), "{:?}", log.health.damage);
             assert!((start - more..=start).contains(&log.health.damage[0].offset), "{:?}", log.health.damage);
             let after = log.health.damage[0].after_ns.unwrap();
-            let [before, behind] = around_the_gap(log.tables[0].logged_ns.as_ref().unwrap());
-            assert!((before..behind).contains(&after), "{layout:?} at {place}: {before} to {behind}, {after}");
+            let [before, next] = around_the_gap(log.tables[0].logged_ns.as_ref().unwrap());
+            assert!((before..next).contains(&after), "{layout:?} at {place}: {before} to {next}, {after}");
         }
     }
 }
@@ -502,15 +502,15 @@ fn an_attached_log_is_not_read_when_the_next_record_is_damaged() {
     let (log, inner) = (mcap(&sent, Encoding::Cdr, layout), mcap(&flight(9), Encoding::Cdr, layout));
     let (_, attached) = chunk_places(&log)[2];
     let name = [&4_u32.to_le_bytes()[..], b"a.mc", &0_u32.to_le_bytes(), &(inner.len() as u64).to_le_bytes()].concat();
-    let attachment = bare_record(op::ATTACHMENT, &[&[0; 16][..], &name, &inner, &[0; 4]].concat());
+    let attachment = unchunked_record(op::ATTACHMENT, &[&[0; 16][..], &name, &inner, &[0; 4]].concat());
     // After the message indexes of the chunk.
-    let behind =
+    let insert_at =
         records_of(&log).into_iter().find(|record| record.1 > attached && record.0 == op::CHUNK).unwrap().1 - 9;
-    let whole = [&log[..behind], &attachment, &log[behind..]].concat();
+    let whole = [&log[..insert_at], &attachment, &log[insert_at..]].concat();
     assert_received(&OnDisk::new(&whole, false).read().unwrap(), &sent, true);
     for opcode in [0, 46] {
         let mut damaged = whole.clone();
-        damaged[behind + attachment.len()] = opcode;
+        damaged[insert_at + attachment.len()] = opcode;
         let log = OnDisk::new(&damaged, false).read().unwrap();
         let rows = assert_subset(&log, &sent, true);
         assert!(lost(&log) && log.tables[0].rows == rows && rows >= 50, "{opcode}: {rows}, {:?}", log.health.damage);
@@ -732,22 +732,22 @@ fn text_named_mcap_is_distinguished_from_a_damaged_log() {
     assert!(matches!(error.unwrap_err(), IngestError::Unusable { .. }));
 }
 
-fn bare_record(opcode: u8, body: &[u8]) -> Vec<u8> {
+fn unchunked_record(opcode: u8, body: &[u8]) -> Vec<u8> {
     [&[opcode][..], &(body.len() as u64).to_le_bytes(), body].concat()
 }
 
 /// A channel of JSON messages without a schema, with one pair of metadata.
-fn bare_channel(id: u16, topic: &str, metadata: &str) -> Vec<u8> {
+fn unchunked_channel(id: u16, topic: &str, metadata: &str) -> Vec<u8> {
     let text = |t: &str| [&(t.len() as u32).to_le_bytes()[..], t.as_bytes()].concat();
     let pair = [text("key"), text(metadata)].concat();
     let head = [id.to_le_bytes(), [0, 0]].concat();
-    bare_record(4, &[head, text(topic), text("json"), (pair.len() as u32).to_le_bytes().to_vec(), pair].concat())
+    unchunked_record(4, &[head, text(topic), text("json"), (pair.len() as u32).to_le_bytes().to_vec(), pair].concat())
 }
 
 #[test]
 fn endless_channel_records_take_bounded_memory() {
     // Names of 4 kB each: together more than the 64 MB that are held.
-    let channels = (0..17_000).flat_map(|id| bare_channel(id, &format!("/{id:04095}"), "any"));
+    let channels = (0..17_000).flat_map(|id| unchunked_channel(id, &format!("/{id:04095}"), "any"));
     let content: Vec<u8> = b"\x89MCAP0\r\n".iter().copied().chain(channels).collect();
     let error = OnDisk::new(&content, false).read().unwrap_err();
     assert!(error.to_string().contains("definitions of this file are longer than"), "{error}");
@@ -756,8 +756,8 @@ fn endless_channel_records_take_bounded_memory() {
 #[test]
 fn a_message_of_a_channel_with_a_failed_redefinition_is_not_read() {
     let content = |redefinitions: usize| {
-        let channels = (0..=redefinitions).flat_map(|i| bare_channel(7, &format!("/{i}"), ""));
-        let message = bare_record(5, &[&[7, 0][..], &[0; 20], b"{\"x\":1}"].concat());
+        let channels = (0..=redefinitions).flat_map(|i| unchunked_channel(7, &format!("/{i}"), ""));
+        let message = unchunked_record(5, &[&[7, 0][..], &[0; 20], b"{\"x\":1}"].concat());
         b"\x89MCAP0\r\n".iter().copied().chain(channels).chain(message).collect::<Vec<u8>>()
     };
     let read = |content: &[u8]| {
@@ -790,21 +790,21 @@ fn progress_adds_up_to_the_file_and_a_stop_request_is_honoured() {
     let sent: Vec<Sent> = flight(10_000);
     let content = mcap(&sent, Encoding::Ros1, Layout { chunk_bytes: 100_000, ..Layout::PLAIN });
     let disk = OnDisk::new(&content, false);
-    let (told, cancel) = (AtomicU64::new(0), AtomicBool::new(false));
+    let (reported, cancel) = (AtomicU64::new(0), AtomicBool::new(false));
     let on_bytes = |more| {
-        told.fetch_add(more, Ordering::Relaxed);
+        reported.fetch_add(more, Ordering::Relaxed);
     };
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &on_bytes };
     reader(disk.path(), false).read(&|_: &TopicInfo| Selection::Skip, &context).unwrap();
-    assert_eq!(told.swap(0, Ordering::Relaxed), content.len() as u64);
+    assert_eq!(reported.swap(0, Ordering::Relaxed), content.len() as u64);
     let stop = |more| {
-        told.fetch_add(more, Ordering::Relaxed);
+        reported.fetch_add(more, Ordering::Relaxed);
         cancel.store(true, Ordering::Relaxed);
     };
     let context = ReadContext { on_bytes: &stop, ..context };
     let result = reader(disk.path(), false).read(&|_: &TopicInfo| Selection::Skip, &context);
     assert!(matches!(result, Err(IngestError::Cancelled)));
-    assert!(told.load(Ordering::Relaxed) < 2 << 20);
+    assert!(reported.load(Ordering::Relaxed) < 2 << 20);
 }
 
 #[test]
@@ -1010,11 +1010,11 @@ fn copied_messages_get_a_common_definition_in_a_portable_language() {
 
 #[test]
 fn the_last_message_before_the_end_a_cut_or_a_private_record_is_kept() {
-    let message = |body: &[u8]| bare_record(5, &[&[7, 0][..], &[0; 20], body].concat());
-    let start = [&b"\x89MCAP0\r\n"[..], &bare_record(1, &[0; 8]), &bare_channel(7, "/t", "")].concat();
+    let message = |body: &[u8]| unchunked_record(5, &[&[7, 0][..], &[0; 20], body].concat());
+    let start = [&b"\x89MCAP0\r\n"[..], &unchunked_record(1, &[0; 8]), &unchunked_channel(7, "/t", "")].concat();
     let ten = message(b"{\"x\":1}").repeat(10);
     let cut_attachment = [&[9][..], &(10_u64 << 30).to_le_bytes(), &[3; 60]].concat();
-    let private = bare_record(0x90, b"hello");
+    let private = unchunked_record(0x90, b"hello");
     let cut_private = [&[0x90][..], &(10_u64 << 30).to_le_bytes(), b"hello"].concat();
     let tails = [
         ("nothing", vec![], 0),
@@ -1038,9 +1038,9 @@ fn the_last_message_before_the_end_a_cut_or_a_private_record_is_kept() {
 
 #[test]
 fn a_wrong_length_into_a_black_image_costs_only_its_own_message() {
-    let message = |channel: u8, body: &[u8]| bare_record(5, &[&[channel, 0][..], &[0; 20], body].concat());
-    let mut bytes = [&b"\x89MCAP0\r\n"[..], &bare_record(1, &[0; 8])].concat();
-    bytes.extend([bare_channel(7, "/t", ""), bare_channel(8, "/depth", "")].concat());
+    let message = |channel: u8, body: &[u8]| unchunked_record(5, &[&[channel, 0][..], &[0; 20], body].concat());
+    let mut bytes = [&b"\x89MCAP0\r\n"[..], &unchunked_record(1, &[0; 8])].concat();
+    bytes.extend([unchunked_channel(7, "/t", ""), unchunked_channel(8, "/depth", "")].concat());
     let mut hurt_at = 0;
     for n in 0..60 {
         if n % 10 == 0 {
@@ -1049,7 +1049,7 @@ fn a_wrong_length_into_a_black_image_costs_only_its_own_message() {
         hurt_at = if n == 35 { bytes.len() } else { hurt_at };
         bytes.extend(message(7, format!("{{\"x\":{n}}}").as_bytes()));
     }
-    let end = [bare_record(15, &[0; 4]), bare_record(2, &[0; 20]), b"\x89MCAP0\r\n".to_vec()].concat();
+    let end = [unchunked_record(15, &[0; 4]), unchunked_record(2, &[0; 20]), b"\x89MCAP0\r\n".to_vec()].concat();
     for (end, bit) in [vec![], end].iter().flat_map(|end| (0..40).map(move |bit| (end, bit))) {
         let mut hurt = [bytes.as_slice(), end].concat();
         hurt[hurt_at + 1 + bit / 8] ^= 1 << (bit % 8);

@@ -54,8 +54,8 @@ fn sentences_without_their_dollar_are_read_if_the_checksum_matches() {
     let (a, b) = (text(&with), text(&without));
     assert_eq!(b.tables, a.tables);
     assert_eq!((b.health.bytes.damaged, b.health.bytes.decoded), (0, a.health.bytes.decoded - 5));
-    let told = b.notices.iter().find(|n| n.code == "read-leniently").unwrap();
-    assert_eq!(told.count, 5);
+    let reported = b.notices.iter().find(|n| n.code == "read-leniently").unwrap();
+    assert_eq!(reported.count, 5);
     let (folder, _path) = file("track.txt", (without.join("\r\n") + "\r\n").as_bytes());
     let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
     assert_eq!(found.units.iter().map(|unit| unit.kind).collect::<Vec<_>>(), [LogKind::Nmea]);
@@ -143,8 +143,8 @@ fn a_stationary_receiver_needs_no_track_for_a_velocity() {
         let length = |name: &str| loaded.flight.channels.get(name).map(|c| c.series.len());
         let still = Some(20 - moving).filter(|rows| *rows > 0);
         assert_eq!((length("position.gps"), length("velocity.gps"), length("velocity.vtg")), (Some(20), still, still));
-        let told = |n: &&flight::Notice| n.text.contains("track is missing, and the speed is not zero");
-        let counts: Vec<u64> = loaded.flight.notices.iter().filter(told).map(|n| n.count).collect();
+        let reported = |n: &&flight::Notice| n.text.contains("track is missing, and the speed is not zero");
+        let counts: Vec<u64> = loaded.flight.notices.iter().filter(reported).map(|n| n.count).collect();
         assert_eq!(counts, [moving as u64; 2]);
     }
 }
@@ -216,8 +216,8 @@ fn sentences_before_the_first_date_are_dated_back_over_midnight_too() {
             assert_eq!(timeline.clock(), Clock::Unix);
             assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth, "{name}, dated {dated:?}");
         }
-        let told = loaded.flight.notices.iter().find(|n| n.code == "undated").unwrap();
-        assert_eq!((told.count, told.severity), (early, Severity::Info));
+        let reported = loaded.flight.notices.iter().find(|n| n.code == "undated").unwrap();
+        assert_eq!((reported.count, reported.severity), (early, Severity::Info));
         assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
     }
 }
@@ -292,7 +292,7 @@ fn text_between_sentences_is_not_damage_but_a_fragment_is() {
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
     assert_eq!(reasons, [4, 5, 6].map(|line| format!("line {line}: no sentence")));
     assert_eq!((messages(&log, "GPGLL"), messages(&log, "PSRF")), (2, 1));
-    // A logger that prefixes each sentence with text also writes lines of its own.
+    // A logger that prefixes each sentence with text also writes other lines.
     let logged = format!("12:00:01 | recv - {good}");
     let log = text(&[&logged, "12:00:02 | main - interrupted, leaving", &logged, "12:00:03 | recv - GPGLL,4807*38"]);
     assert_eq!((messages(&log, "GPGLL"), log.health.damage_count), (2, 1), "{:?}", log.health.damage);
@@ -391,7 +391,7 @@ fn the_majority_nearby_decides_whether_sentences_have_checksums() {
 
 #[test]
 fn lines_of_another_device_do_not_imply_a_log_without_checksums() {
-    // More lines of its own than a logger has sentences, of which one was cut inside of a number.
+    // A log with more other lines than sentences. One sentence was truncated inside a number.
     let own = "$LOG,12,34\r\n".repeat(4);
     let mut lines: Vec<String> = fixes(0..60, true).split_inclusive('\n').map(str::to_owned).collect();
     lines[30].replace_range(55.., "\r\n");
@@ -414,7 +414,7 @@ fn text_that_a_logger_appends_to_a_sentence_is_harmless() {
 }
 
 /// An epoch of a receiver that sends VTG last, as most do.
-fn epoch_behind(talker: &str, tenth: usize) -> [String; 3] {
+fn late_epoch(talker: &str, tenth: usize) -> [String; 3] {
     let time = format!("12{:02}{:02}.{}", tenth / 600, tenth / 10 % 60, tenth % 10);
     let (speed, track) = (20.0 + 0.1 * (tenth % 50) as f64, tenth % 360);
     let place = "4807.038,N,01131.000,E";
@@ -447,7 +447,7 @@ fn vtg_without_time(log: &Log, talker: &str) -> usize {
 
 #[test]
 fn a_velocity_after_damage_gets_no_time_from_another_epoch() {
-    let lines: Vec<String> = (0..200).flat_map(|i| epoch_behind("GP", 10 * i)).collect();
+    let lines: Vec<String> = (0..200).flat_map(|i| late_epoch("GP", 10 * i)).collect();
     let whole = lines.join("\r\n") + "\r\n";
     assert_eq!(vtg_without_time(&read_bytes(READER, whole.as_bytes()).unwrap(), "GP"), 0);
     let starts: Vec<usize> = std::iter::once(0).chain(whole.match_indices('\n').map(|(at, _)| at + 1)).collect();
@@ -465,8 +465,8 @@ fn a_velocity_gets_the_time_of_its_own_talker() {
     let mut lines: Vec<(usize, String)> = vec![];
     for i in 0..60 {
         // Once a second and late, and five times a second.
-        lines.extend(epoch_behind("GP", 10 * i).map(|line| (10 * i + 3, line)));
-        lines.extend((0..5).flat_map(|k| epoch_behind("GN", 10 * i + 2 * k).map(|line| (10 * i + 2 * k, line))));
+        lines.extend(late_epoch("GP", 10 * i).map(|line| (10 * i + 3, line)));
+        lines.extend((0..5).flat_map(|k| late_epoch("GN", 10 * i + 2 * k).map(|line| (10 * i + 2 * k, line))));
     }
     lines.sort_by_key(|(at, _)| *at);
     // The velocity of the slow one comes after the next epoch of the other.
@@ -484,7 +484,7 @@ fn a_velocity_gets_the_time_of_its_own_talker() {
 #[test]
 fn a_heading_gets_the_time_of_its_epoch_from_any_talker() {
     let heading = |talker: &str, i: usize| sealed(&format!("{talker}HDT,{}.0,T", i % 360));
-    let fix = |talker: &str, i: usize| epoch_behind(talker, 10 * i)[0].clone();
+    let fix = |talker: &str, i: usize| late_epoch(talker, 10 * i)[0].clone();
     let date = sealed("GPZDA,115959.0,21,11,2026,00,00");
     let stamps = |lines: Vec<String>, topic: &str| -> Vec<i64> {
         let log = read_bytes(READER, (lines.join("\r\n") + "\r\n").as_bytes()).unwrap();
@@ -508,8 +508,8 @@ fn one_receiver_with_two_talkers_has_one_time() {
     for tenths in [1, 10] {
         // The talker of the velocity sends the time of its epoch after it.
         let epoch = |i: usize| {
-            let [fix, rmc, _] = epoch_behind("GN", tenths * i);
-            let [_, _, vtg] = epoch_behind("GP", tenths * i);
+            let [fix, rmc, _] = late_epoch("GN", tenths * i);
+            let [_, _, vtg] = late_epoch("GP", tenths * i);
             [rmc, vtg, sealed(&format!("GPHDT,{}.0,T", i % 360)), fix.replace("$GNGGA", "$GPGGA")]
         };
         let lines: Vec<String> = (0..120).flat_map(epoch).collect();
@@ -537,8 +537,8 @@ fn two_receivers_on_one_line_keep_their_own_times() {
     let heading = |talker: &str, i: usize| sealed(&format!("{talker}HDT,{}.0,T", i % 360));
     let mut lines = vec![];
     for second in 0..60 {
-        let [slow, slow_rmc, _] = epoch_behind("GP", 10 * second);
-        let fast = [0, 5].map(|tenth| epoch_behind("GN", 10 * second + tenth));
+        let [slow, slow_rmc, _] = late_epoch("GP", 10 * second);
+        let fast = [0, 5].map(|tenth| late_epoch("GN", 10 * second + tenth));
         lines.extend([fast[0][1].clone(), slow_rmc, slow, heading("GN", second)]);
         lines.extend([fast[1][1].clone(), heading("GP", second), heading("GN", second)]);
     }
@@ -551,7 +551,7 @@ fn two_receivers_on_one_line_keep_their_own_times() {
 #[test]
 fn a_date_and_time_outside_the_epochs_times_no_velocity() {
     let epoch = |i: usize, zda: &str, leads: bool| {
-        let [gga, rmc, vtg] = epoch_behind("GN", 10 * i);
+        let [gga, rmc, vtg] = late_epoch("GN", 10 * i);
         let zda = sealed(&format!("GNZDA,12{:02}{:02}.{zda},21,11,2026,00,00", i / 60, i % 60));
         if leads { vec![zda, vtg, rmc, gga] } else { vec![rmc, gga, zda, vtg] }
     };
@@ -565,7 +565,7 @@ fn a_date_and_time_outside_the_epochs_times_no_velocity() {
 #[test]
 fn a_talker_without_times_does_not_end_anothers_epoch() {
     let lines = (0..60).flat_map(|i| {
-        let [_, rmc, vtg] = epoch_behind("GN", 10 * i);
+        let [_, rmc, vtg] = late_epoch("GN", 10 * i);
         let empty = sealed("GPGGA,,,,,,0,00,99.9,,,,,,");
         let heading = |tenth: usize| sealed(&format!("HEHDT,{i}.{tenth},T"));
         [rmc, empty, vtg, heading(0), heading(5)]
@@ -580,7 +580,7 @@ fn a_talker_without_times_does_not_end_anothers_epoch() {
 #[test]
 fn a_heading_has_no_time_while_the_receiver_has_none() {
     let lines = (0..60).flat_map(|i| {
-        let [_, rmc, _] = epoch_behind("GN", 10 * i);
+        let [_, rmc, _] = late_epoch("GN", 10 * i);
         let lost = sealed("GNRMC,,V,,,,,,,,,,N");
         [if (20..40).contains(&i) { lost } else { rmc }, sealed(&format!("HEHDT,{i}.0,T"))]
     });
@@ -691,9 +691,9 @@ fn a_receiver_that_changes_its_talker_is_one_channel_throughout() {
         assert!(stamps.windows(2).all(|pair| pair[1].0 - pair[0].0 == 200_000_000), "{name}");
     }
     assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
-    let told: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "several-sources").collect();
-    assert_eq!((told.len(), told[0].count), (2, 100));
-    assert!(told[0].text.contains("GNGGA (50), GPGGA (50)"), "{}", told[0].text);
+    let reported: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "several-sources").collect();
+    assert_eq!((reported.len(), reported[0].count), (2, 100));
+    assert!(reported[0].text.contains("GNGGA (50), GPGGA (50)"), "{}", reported[0].text);
     let topics: Vec<_> = loaded.health.topics.iter().map(|t| (t.name.as_str(), t.messages)).collect();
     assert_eq!(topics, [("GGA", 100), ("RMC", 100)]);
     assert_eq!(loaded.health.messages, 200);
@@ -853,7 +853,7 @@ fn a_velocity_before_its_epoch_is_rejected_and_reported() {
         let loaded = bound(&lines(place, faster));
         let leads = place == 0;
         assert_eq!(length(&loaded, "velocity.gps"), 30, "{place} {faster}");
-        // The first comes before any time and is counted as such.
+        // The first comes before any time and is counted separately.
         let refused = loaded.flight.notices.iter().filter(|n| n.code == "undated" && n.place == "VTG");
         assert_eq!(refused.map(|n| n.count).sum::<u64>(), if leads { 29 } else { 0 }, "{place} {faster}");
         let Some(vtg) = loaded.flight.channels.get("velocity.vtg") else {
@@ -868,15 +868,15 @@ fn a_velocity_before_its_epoch_is_rejected_and_reported() {
 
 #[test]
 fn framing_around_sentences_is_not_damage() {
-    let lines = |before: &str, behind: &str| -> Vec<u8> {
-        let line = |fifth: usize| format!("{before}{}{behind}", epoch("GN", fifth, "46.9", "A")[0]);
+    let lines = |before: &str, after: &str| -> Vec<u8> {
+        let line = |fifth: usize| format!("{before}{}{after}", epoch("GN", fifth, "46.9", "A")[0]);
         (0..20).map(line).collect::<String>().into_bytes()
     };
     let time = "2026-11-21T12:00:00.000Z";
-    for (before, behind) in
+    for (before, after) in
         [("\x02".to_owned(), "\r\n\x03"), ("\x02".to_owned(), "\x03\r\n"), (format!("{time} \x02"), "\r\n")]
     {
-        let log = read_bytes(READER, &lines(&before, behind)).unwrap();
+        let log = read_bytes(READER, &lines(&before, after)).unwrap();
         assert_eq!((messages(&log, "GNGGA"), log.health.bytes.damaged), (20, 0), "{before:?}: {:?}", log.health.damage);
         assert!(!codes(&log).contains(&"skipped") && !log.notices.any_loss(), "{before:?}: {:?}", log.notices);
         let logged = table(&log, "GNGGA").column("logged_ns").and_then(|column| column.integer(19));

@@ -121,18 +121,18 @@ fn timestamp_corrections_of_a_topic_are_reported_once() {
     let text = (0..10).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
     let loaded = read(&library(time, velocity), &text).unwrap();
     assert_eq!(loaded.flight.channels.len(), 2);
-    let told: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "stamp-wrap").collect();
-    assert_eq!((told.len(), told[0].count), (1, 1));
-    assert!(told[0].text.starts_with("2 channels, the first velocity.gps: "), "{}", told[0].text);
+    let reported: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "stamp-wrap").collect();
+    assert_eq!((reported.len(), reported[0].count), (1, 1));
+    assert!(reported[0].text.starts_with("2 channels, the first velocity.gps: "), "{}", reported[0].text);
 }
 
 #[test]
 fn a_channel_without_a_usable_row_is_reported_once_with_reasons() {
     let loaded = read(&library(WEEKS, ""), &weeks(&[(2313, 1000, 1), (2313, 1200, 2), (0, 1400, 3)])).unwrap();
     let of_channel = |n: &&flight::Notice| n.severity == flight::Severity::Warning && n.text.contains("position.gps");
-    let told: Vec<_> = loaded.flight.notices.iter().filter(of_channel).collect();
-    assert_eq!(told.iter().map(|n| n.code.as_str()).collect::<Vec<_>>(), ["rejected-row"]);
-    assert!(told[0].text.ends_with("fix is below 3 (2), no stamp (1)"), "{}", told[0].text);
+    let reported: Vec<_> = loaded.flight.notices.iter().filter(of_channel).collect();
+    assert_eq!(reported.iter().map(|n| n.code.as_str()).collect::<Vec<_>>(), ["rejected-row"]);
+    assert!(reported[0].text.ends_with("fix is below 3 (2), no stamp (1)"), "{}", reported[0].text);
 }
 
 #[test]
@@ -255,8 +255,8 @@ fn a_delay_between_gps_time_and_utc_is_not_suspect() {
 #[test]
 fn a_flight_after_the_known_leap_seconds_is_reported() {
     let rows = |week| weeks(&(0..10).map(|i| (week, 1000 * i, 3)).collect::<Vec<_>>());
-    let told = |week| count_of(&read(&library(WEEKS, ""), &rows(week)).unwrap(), "leap-seconds");
-    assert_eq!((told(2313), told(2600)), (0, 1));
+    let reported = |week| count_of(&read(&library(WEEKS, ""), &rows(week)).unwrap(), "leap-seconds");
+    assert_eq!((reported(2313), reported(2600)), (0, 1));
     // Also for a clock since boot dated by GPS time.
     let tied = |week: i64| {
         let row = |i: i64| format!("{},{week},{},3,47.{i:04},8.5\n", 5_000_000 + 200_000 * i, 500_000_000 + 200 * i);
@@ -266,7 +266,7 @@ fn a_flight_after_the_known_leap_seconds_is_reported() {
     assert_eq!((tied(2313), tied(2600)), (0, 1));
 }
 
-/// A position that counts GPS time and a velocity that counts UTC, each in a table of its own, `apart` seconds too far
+/// A position that counts GPS time and a velocity that counts UTC, each in its own table, `apart` seconds too far
 /// from one another; with the log's own time, or without.
 fn two_tables(apart: f64, logged: bool) -> Loaded {
     let log = |on: bool| if on { "\nlogged = [{ field = \"log\", unit = \"s\", clock = \"unix\" }]" } else { "" };
@@ -326,10 +326,10 @@ fn topic_clocks_that_differ_by_leap_seconds_or_a_zone_get_a_warning() {
             (604_800.0, "GPS week"),
         ] {
             let loaded = two_tables(apart, logged);
-            let told: Vec<&flight::Notice> =
+            let reported: Vec<&flight::Notice> =
                 loaded.flight.notices.iter().filter(|n| n.code == "clock-suspect").collect();
             let names = |n: &&&flight::Notice| n.text.contains("position.gps") && n.text.contains("velocity.gps");
-            let pair = told.iter().find(names).unwrap_or_else(|| panic!("{apart} {logged}: {told:?}"));
+            let pair = reported.iter().find(names).unwrap_or_else(|| panic!("{apart} {logged}: {reported:?}"));
             assert!(pair.text.contains(word), "{apart} {logged}: {}", pair.text);
         }
         for apart in [0.0, 0.4, -1.4, 5.0, 25.0, 100.0] {
@@ -354,11 +354,11 @@ fn log_time_is_compared_with_a_dated_clock_since_boot() {
             );
         }
         let loaded = read(&library(&time, TIE), &text).unwrap();
-        let told: Vec<&str> =
+        let reported: Vec<&str> =
             loaded.flight.notices.iter().filter(|n| n.code == "clock-suspect").map(|n| n.text.as_str()).collect();
         match word {
-            Some(word) => assert!(told.len() == 1 && told[0].contains(word), "{off}: {told:?}"),
-            None => assert!(told.is_empty(), "{off}: {told:?}"),
+            Some(word) => assert!(reported.len() == 1 && reported[0].contains(word), "{off}: {reported:?}"),
+            None => assert!(reported.is_empty(), "{off}: {reported:?}"),
         }
     }
 }
@@ -376,7 +376,7 @@ fn a_position_and_velocity_without_common_time_are_reported() {
                north = { field = \"n\", unit = \"m/s\" }\neast = { field = \"e\", unit = \"m/s\" }\n";
     let mut library = MapLibrary::shipped().unwrap();
     library.add(ChannelMap::from_toml(Path::new("t.toml"), map).unwrap());
-    for (begin, told) in [(0, 0), (10, 0), (4295, 1)] {
+    for (begin, reported) in [(0, 0), (10, 0), (4295, 1)] {
         let folder = tempfile::tempdir().unwrap();
         let table = |name: &str, begin: i64| {
             let rows: String = (0..20).map(|i| format!("{},{i},1\n", begin + i)).collect();
@@ -385,12 +385,12 @@ fn a_position_and_velocity_without_common_time_are_reported() {
         };
         let files = [table("the_position.csv", 0), table("the_velocity.csv", begin)];
         let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
-        assert_eq!(count_saying(&loaded, "clock-suspect", "no time in common"), 20 * told, "{begin}");
+        assert_eq!(count_saying(&loaded, "clock-suspect", "no time in common"), 20 * reported, "{begin}");
     }
 }
 
 /// A map of a position and a velocity with this time source.
-fn turn_library([position, velocity]: [&str; 2]) -> MapLibrary {
+fn wrap_library([position, velocity]: [&str; 2]) -> MapLibrary {
     let channel = |name: &str, quantity: &str, topic: &str, time: &str, fields: &str| {
         format!(
             "[[channel]]\nname = \"{name}\"\nquantity = \"{quantity}\"\ntopic = [\"{topic}\"]\ntimeline = \"measured\"\n\
@@ -408,7 +408,7 @@ fn turn_library([position, velocity]: [&str; 2]) -> MapLibrary {
 }
 
 /// A table with a row in each of these seconds, which wrap around at `range`; one cell may be replaced.
-fn turn_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: Option<(i64, i64)>) -> PathBuf {
+fn wrap_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: Option<(i64, i64)>) -> PathBuf {
     let begin = seconds.start;
     let cell = |s: i64| wrong.filter(|(at, _)| begin + at == s).map_or(s % range, |(_, cell)| cell);
     let rows: String = seconds.map(|s| format!("{},47.{s:06},8.5\n", cell(s))).collect();
@@ -429,25 +429,26 @@ fn first_rows(files: &[PathBuf], library: &MapLibrary) -> (Vec<i64>, Vec<(String
     };
     (
         files.iter().map(first).collect(),
-        said_of_stamps(&times.notices, &files[..2].iter().map(name).collect::<Vec<_>>()),
+        notices_of_stamps(&times.notices, &files[..2].iter().map(name).collect::<Vec<_>>()),
     )
 }
 
 /// The notices about the timestamps of these topics, by code and count.
-fn said_of_stamps(notices: &flight::Notices, topics: &[String]) -> Vec<(String, u64)> {
+fn notices_of_stamps(notices: &flight::Notices, topics: &[String]) -> Vec<(String, u64)> {
     let of_stamps = |n: &&flight::Notice| n.text.contains("stamps in ") && topics.contains(&n.place);
-    let mut said: Vec<(String, u64)> = notices.iter().filter(of_stamps).map(|n| (n.code.clone(), n.count)).collect();
-    said.sort_unstable();
-    said
+    let mut reported: Vec<(String, u64)> =
+        notices.iter().filter(of_stamps).map(|n| (n.code.clone(), n.count)).collect();
+    reported.sort_unstable();
+    reported
 }
 
-/// The first stamps of a position and a velocity, s since the end of a count, and how many stamps are told to fit before it as
-/// well. Rows every second until 300 s behind it; in one cell of each table, if so wished, what stands there instead. Their
-/// rows in a table have the same stamps, whatever a table says that is no channel.
-fn turned(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, i64)>; 2]) -> ([i64; 2], u64) {
-    let library = turn_library(times);
+/// The first stamps of a position and a velocity, s since the end of a count, and how many stamps are reported to fit before it as
+/// well. Rows every second until 300 s after it. One cell of each table may be replaced.
+/// The rows of a table have the same stamps in the reader's row times.
+fn wrapped(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, i64)>; 2]) -> ([i64; 2], u64) {
+    let library = wrap_library(times);
     let folder = tempfile::tempdir().unwrap();
-    let table = |name: &str, begin, wrong| turn_table(folder.path().join(name), range, begin..range + 300, wrong);
+    let table = |name: &str, begin, wrong| wrap_table(folder.path().join(name), range, begin..range + 300, wrong);
     let files = [
         table("the_position.csv", range + begins[0], wrong[0]),
         table("the_velocity.csv", range + begins[1], wrong[1]),
@@ -456,11 +457,11 @@ fn turned(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, i
     let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
     let first = |name: &str| loaded.flight.channels[name].series.timeline().stamps()[0].0 / S - range;
     let found = ["position.gps", "velocity.gps"].map(first);
-    let (rows, said) = first_rows(&files, &library);
+    let (rows, reported) = first_rows(&files, &library);
     assert_eq!(rows[..2], found.map(|s| s + range));
-    // The third table may say more of them.
-    let bound = said_of_stamps(&loaded.flight.notices, &["the_position".into(), "the_velocity".into()]);
-    assert!(bound.iter().all(|notice| said.contains(notice)), "{bound:?} in {said:?}");
+    // The third table may report more of them.
+    let bound = notices_of_stamps(&loaded.flight.notices, &["the_position".into(), "the_velocity".into()]);
+    assert!(bound.iter().all(|notice| reported.contains(notice)), "{bound:?} in {reported:?}");
     (found, count_saying(&loaded, "stamp-wrap", "fit before it as well"))
 }
 
@@ -470,7 +471,7 @@ const TWELVE_BITS: &str = "unit = \"s\", clock = \"boot\", bits = 12";
 #[test]
 fn a_topic_starting_after_a_wrap_follows_the_others_or_is_reported() {
     for (time, range) in [(TIME_OF_DAY, 86_400), (TWELVE_BITS, 4096)] {
-        let load = |begins| turned([time; 2], range, begins, [None; 2]);
+        let load = |begins| wrapped([time; 2], range, begins, [None; 2]);
         for begins in [[-200, -100], [100, -100], [-100, 100], [100, 100 - range / 2]] {
             assert_eq!(load(begins), (begins, 0), "{time}: {begins:?}");
         }
@@ -482,8 +483,8 @@ fn a_topic_starting_after_a_wrap_follows_the_others_or_is_reported() {
 #[test]
 fn rows_of_a_table_without_channels_wrap_like_the_others() {
     let folder = tempfile::tempdir().unwrap();
-    let table = |name: &str, begin| turn_table(folder.path().join(name), 86_400, begin..86_700, None);
-    let library = turn_library([TIME_OF_DAY; 2]);
+    let table = |name: &str, begin| wrap_table(folder.path().join(name), 86_400, begin..86_700, None);
+    let library = wrap_library([TIME_OF_DAY; 2]);
     let crossing = table("the_position.csv", 86_200);
     let files = [crossing, table("the_velocity.csv", 86_500), table("no_channel.csv", 86_450)];
     assert_eq!(first_rows(&files, &library).0, [86_200, 86_500, 86_450]);
@@ -497,7 +498,7 @@ fn one_wrong_cell_does_not_prevent_wrapping_like_the_other_topic() {
     let begins = [100, -2000];
     for wrong in [9_000_000_000, 5_000_000] {
         for cells in [[None, Some((150, wrong))], [Some((150, wrong)), None]] {
-            assert_eq!(turned([TWELVE_BITS; 2], 4096, begins, cells), (begins, 0), "{cells:?}");
+            assert_eq!(wrapped([TWELVE_BITS; 2], 4096, begins, cells), (begins, 0), "{cells:?}");
         }
     }
 }
@@ -509,7 +510,7 @@ fn only_a_topic_with_the_same_counter_and_range_wraps_like_another() {
         "unit = \"s\", clock = \"boot\", bits = 13",
         "unit = \"s\", clock = \"elapsed\", bits = 12",
     ] {
-        let (found, unclear) = turned([other, TWELVE_BITS], 4096, [100, -100], [None; 2]);
+        let (found, unclear) = wrapped([other, TWELVE_BITS], 4096, [100, -100], [None; 2]);
         assert_eq!((found, unclear), ([100 - 4096, -100], 0), "{other}");
     }
 }
@@ -517,7 +518,7 @@ fn only_a_topic_with_the_same_counter_and_range_wraps_like_another() {
 #[test]
 fn a_coarse_clock_is_reported_with_its_resolution() {
     let time = "measured = [{ field = \"t\", unit = \"ms\", clock = \"boot\" }]";
-    let told = |stamp: &dyn Fn(i64) -> i64, value: &dyn Fn(i64) -> i64| {
+    let reported = |stamp: &dyn Fn(i64) -> i64, value: &dyn Fn(i64) -> i64| {
         let row = |i: i64| format!("{},3,47.{:04},8.5\n", 10_000 + stamp(i), value(i));
         let text = (0..200).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
         let loaded = read(&library(time, ""), &text).unwrap();
@@ -529,20 +530,20 @@ fn a_coarse_clock_is_reported_with_its_resolution() {
         notice.map(|n| (n.count, n.text))
     };
     // Ten rows a second: by a clock of whole seconds, and by a logger that writes twice a second.
-    let (count, text) = told(&|i| i / 10 * 1000, &|i| i).unwrap();
+    let (count, text) = reported(&|i| i / 10 * 1000, &|i| i).unwrap();
     assert_eq!(count, 180);
     assert!(text.contains("180 of 200 rows") && text.contains("no finer than 1.000 s"), "{text}");
-    assert!(told(&|i| (i / 5 + 1) * 500, &|i| i).unwrap().1.contains("no finer than 0.500 s"));
+    assert!(reported(&|i| (i / 5 + 1) * 500, &|i| i).unwrap().1.contains("no finer than 0.500 s"));
     // Everything sent twice, one stamp in ten wrong, and a clock as fine as its rows.
-    assert_eq!(told(&|i| i / 2 * 200, &|i| i / 2), None);
-    assert_eq!(told(&|i| if i % 10 == 9 { i * 100 - 100 } else { i * 100 }, &|i| i), None);
-    assert_eq!(told(&|i| i * 100, &|i| i), None);
+    assert_eq!(reported(&|i| i / 2 * 200, &|i| i / 2), None);
+    assert_eq!(reported(&|i| if i % 10 == 9 { i * 100 - 100 } else { i * 100 }, &|i| i), None);
+    assert_eq!(reported(&|i| i * 100, &|i| i), None);
 }
 
 #[test]
 fn a_clock_set_back_is_reported_with_amount_and_likely_cause() {
     let time = "measured = [{ field = \"t\", unit = \"ms\", clock = \"unix\" }]";
-    for (back_ms, told) in [
+    for (back_ms, reported) in [
         (
             3_600_000,
             ", at most by 3600.000 s, as where a clock is set to another time zone, or to winter time; the rows",
@@ -557,7 +558,7 @@ fn a_clock_set_back_is_reported_with_amount_and_likely_cause() {
         let text = (0..200).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
         let loaded = read(&library(time, ""), &text).unwrap();
         let notice = loaded.flight.notices.iter().find(|n| n.code == "unreliable-stamps").unwrap();
-        assert!(notice.text.contains(told), "{back_ms}: {}", notice.text);
+        assert!(notice.text.contains(reported), "{back_ms}: {}", notice.text);
     }
 }
 

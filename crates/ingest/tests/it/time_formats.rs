@@ -76,7 +76,7 @@ type Write = fn(i64, i64) -> String;
 
 #[test]
 fn a_date_is_the_same_in_every_notation() {
-    let ways: &[(&str, &str, Write)] = &[
+    let formats: &[(&str, &str, Write)] = &[
         ("field = \"t\", unit = \"s\", clock = \"unix\"", "t", |ns, _| decimal(ns, 3)),
         ("field = \"t\", unit = \"ms\", clock = \"unix\"", "t", |ns, _| (ns / MS).to_string()),
         ("field = \"t\", unit = \"us\", clock = \"unix\"", "t", |ns, _| (ns / 1000).to_string()),
@@ -126,7 +126,7 @@ fn a_date_is_the_same_in_every_notation() {
             format!("2024;5;10;{}", clock_face(day + 19_800 * S).join(";"))
         }),
     ];
-    for (time, header, write) in ways {
+    for (time, header, write) in formats {
         let loaded = load_by(time, header, (0..ROWS).map(|i| write(BEGIN + STEP * i, OF_DAY + STEP * i)));
         let (clock, found) = stamps(&loaded);
         let example = write(BEGIN, OF_DAY);
@@ -153,7 +153,7 @@ fn a_time_without_a_day_continues_over_midnight_without_a_date() {
     const WRAP: &[&str] = &["stamp-wrap"];
     // The sixtieth row is the first of the next day; new year's day of the last two.
     let begin = DAY - 60 * STEP;
-    let ways: &[(&str, i64, &[&str], Write)] = &[
+    let formats: &[(&str, i64, &[&str], Write)] = &[
         ("text = \"time-of-day\"", begin, WRAP, |_, ns| clock_face(ns).join(":")),
         ("text = \"time-of-day\"", begin, WRAP, |_, ns| clock_face(ns).concat()),
         // As a number, without leading zeros.
@@ -173,7 +173,7 @@ fn a_time_without_a_day_continues_over_midnight_without_a_date() {
             format!("{:03}:{}", if ns < DAY { 366 } else { 1 }, clock_face(ns).join(":"))
         }),
     ];
-    for (time, first, told, write) in ways {
+    for (time, first, reported, write) in formats {
         let time = format!("field = \"t\", {time}");
         let loaded = load_by(&time, "t", (0..ROWS).map(|i| write(0, begin + STEP * i)));
         let (clock, found) = stamps(&loaded);
@@ -181,7 +181,7 @@ fn a_time_without_a_day_continues_over_midnight_without_a_date() {
         assert_eq!((clock, loaded.flight.utc.is_none()), (Clock::Elapsed, true), "{example}");
         let off = found.iter().zip(truth(*first)).map(|(found, truth)| found.abs_diff(truth)).max();
         assert!(found.len() == ROWS as usize && off <= Some(50), "{example}: {off:?} ns, {:?}", codes(&loaded));
-        assert_eq!(codes(&loaded), *told, "{example}");
+        assert_eq!(codes(&loaded), *reported, "{example}");
     }
 }
 

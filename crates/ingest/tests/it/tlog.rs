@@ -116,8 +116,9 @@ fn damage_in_a_log_with_an_unset_clock_costs_only_its_own_record() {
 
 #[test]
 fn serial_output_before_a_stream_costs_no_frames() {
-    let bare = |i: u64| tlog_frame(NOON_US, 30, 39, &[&(i as u32).to_le_bytes()[..], &[1; 24]].concat())[8..].to_vec();
-    let stream: Vec<u8> = (0..300).flat_map(bare).collect();
+    let without_timestamps =
+        |i: u64| tlog_frame(NOON_US, 30, 39, &[&(i as u32).to_le_bytes()[..], &[1; 24]].concat())[8..].to_vec();
+    let stream: Vec<u8> = (0..300).flat_map(without_timestamps).collect();
     for front in [100, 4096, 5740] {
         let text = b"nsh> booting the vehicle\r\n".repeat(front / 26 + 1);
         let log = read_bytes(READER, &[&text[..front], b"\r\n", &stream].concat()).unwrap();
@@ -415,7 +416,7 @@ fn message_times_are_utc_or_boot_time_by_size_and_the_topic_says_which() {
         let (_folder, path) = file("log.tlog", &[boot.frames(), (0..50).flat_map(gps).collect()].concat());
         load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap()
     };
-    for (from_us, clock, told) in [(NOON_US, Clock::Unix, true), (5_000_000, Clock::Boot, false)] {
+    for (from_us, clock, reported) in [(NOON_US, Clock::Unix, true), (5_000_000, Clock::Boot, false)] {
         let loaded = load_from(from_us);
         let timeline = loaded.flight.channels["position.gps"].series.timeline();
         assert_eq!((timeline.clock(), timeline.stamps().len()), (clock, 50));
@@ -425,7 +426,7 @@ fn message_times_are_utc_or_boot_time_by_size_and_the_topic_says_which() {
             let utc = loaded.flight.unix(timeline.clock(), timeline.first().unwrap());
             assert_eq!(utc.unwrap().0, NOON_US as i64 * 1000, "{channel}");
         }
-        assert_eq!(count_of(&loaded, "date-inferred") > 0, told, "{:?}", loaded.flight.notices);
+        assert_eq!(count_of(&loaded, "date-inferred") > 0, reported, "{:?}", loaded.flight.notices);
     }
 }
 
@@ -442,7 +443,7 @@ fn no_flipped_bit_in_a_receive_time_moves_a_timestamp_far_silently() {
             let mut bytes = frames.clone();
             bytes[starts[record] + bit / 8] ^= 0x80 >> (bit % 8);
             let log = read_bytes(READER, &bytes).unwrap();
-            let told = log
+            let reported = log
                 .notices
                 .iter()
                 .any(|n| n.code == "unreliable-stamps" && n.count == 1 && n.severity == Severity::Loss);
@@ -452,7 +453,7 @@ fn no_flipped_bit_in_a_receive_time_moves_a_timestamp_far_silently() {
             // At the ends of a log, less than a day counts as a gap.
             let most = if record == 0 || record == last { 86_400 } else { 2 };
             assert!(off < most * 1_000_000_000, "{record}, {bit}: {off} ns");
-            assert!(!told || off <= 110_000_000, "{record}, {bit}: {off} ns");
+            assert!(!reported || off <= 110_000_000, "{record}, {bit}: {off} ns");
         }
     }
     // In the middle, the error is limited by the neighbours.
@@ -463,14 +464,14 @@ fn no_flipped_bit_in_a_receive_time_moves_a_timestamp_far_silently() {
 }
 
 /// The frames without their leading timestamps.
-fn bare(bytes: &[u8]) -> Vec<u8> {
+fn without_timestamps(bytes: &[u8]) -> Vec<u8> {
     boundaries(bytes).windows(2).flat_map(|pair| &bytes[pair[0] + 8..pair[1]]).copied().collect()
 }
 
 #[test]
 fn a_stream_without_receive_times_is_detected_and_has_the_same_messages() {
     let stamped = seed(Container::Tlog);
-    let bytes = bare(&stamped);
+    let bytes = without_timestamps(&stamped);
     // The first vehicle received is named by its heartbeat.
     let (whole, log) = (read_bytes(READER, &stamped).unwrap(), read_bytes(READER, &bytes).unwrap());
     assert_balanced(&log, bytes.len());
@@ -481,8 +482,8 @@ fn a_stream_without_receive_times_is_detected_and_has_the_same_messages() {
     };
     assert_eq!(log.tables, without_log_time(&whole));
     assert_eq!((log.health.bytes.damaged, log.health.messages), (0, whole.health.messages));
-    let told = log.notices.iter().find(|n| n.code == "stamp-kind").unwrap();
-    assert_eq!((told.severity, told.count), (Severity::Warning, whole.health.messages));
+    let reported = log.notices.iter().find(|n| n.code == "stamp-kind").unwrap();
+    assert_eq!((reported.severity, reported.count), (Severity::Warning, whole.health.messages));
     assert!(log.health.topics.iter().all(|topic| topic.stamps.is_empty()));
     // Starts inside a frame, after the autopilot's boot text, and with another file extension.
     let (cut, printed) = (bytes[5..].to_vec(), b"\nInit ArduCopter V4.7.0-dev\nBooting 0/0\n".to_vec());
@@ -505,13 +506,13 @@ fn a_stream_without_receive_times_is_detected_and_has_the_same_messages() {
 #[test]
 fn a_stream_without_receive_times_uses_boot_time_dated_by_system_time() {
     let boot = Boot { from_ms: 50_000, at_ms: 0, utc: TRUE };
-    let load_bare = |frames: &[u8]| {
-        let (_folder, path) = file("log.tlog.raw", &bare(frames));
+    let load_without_timestamps = |frames: &[u8]| {
+        let (_folder, path) = file("log.tlog.raw", &without_timestamps(frames));
         let loaded = load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap();
         assert_ledger(&loaded);
         loaded
     };
-    let loaded = load_bare(&boot.frames());
+    let loaded = load_without_timestamps(&boot.frames());
     assert!(off_ms(&loaded, &[boot]).iter().all(|off| *off == 0.0));
     assert!(!lossy(&loaded));
 }
@@ -520,7 +521,7 @@ fn a_stream_without_receive_times_uses_boot_time_dated_by_system_time() {
 fn in_a_stream_without_receive_times_only_the_first_boot_is_bound() {
     let boots =
         [50_000, 3000].map(|from_ms| Boot { from_ms, at_ms: if from_ms == 3000 { 40_000 } else { 0 }, utc: TRUE });
-    let of = |boots: &[Boot]| bare(&boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
+    let of = |boots: &[Boot]| without_timestamps(&boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
     let loaded_of = |bytes: &[u8]| {
         let (_folder, path) = file("log.tlog.raw", bytes);
         let loaded = load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap();
@@ -559,8 +560,8 @@ const STREAM: &str = "MAVLink stream";
 #[test]
 fn a_stream_without_receive_times_is_detected_wherever_it_starts() {
     let frames: Vec<Vec<u8>> =
-        (0..40).map(|i| bare(&tlog_frame(NOON_US, 0, 50, &[i, 0, 0, 0, 1, 3, 0, 4, 3]))).collect();
-    let own = bare(&tlog_frame(NOON_US, 54_321, 77, &[1; 20]));
+        (0..40).map(|i| without_timestamps(&tlog_frame(NOON_US, 0, 50, &[i, 0, 0, 0, 1, 3, 0, 4, 3]))).collect();
+    let own = without_timestamps(&tlog_frame(NOON_US, 54_321, 77, &[1; 20]));
     let mut lost = frames.clone();
     lost[2].pop();
     let second = [&frames[..1], std::slice::from_ref(&own), &frames[1..]].concat();
@@ -584,7 +585,7 @@ fn a_stream_without_receive_times_is_detected_wherever_it_starts() {
 
 #[test]
 fn a_few_mavlink_frames_do_not_turn_another_log_into_mavlink() {
-    let frames = bare(&tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(3);
+    let frames = without_timestamps(&tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(3);
     let sentence = |i: usize| {
         let text = format!("GPRMC,12{:02}{:02}.00,A,4724.0{i:03},N,00830.0000,E,10.0,45.0,211126,,,A", i / 60, i % 60);
         let sum = text.bytes().fold(0, |sum, byte| sum ^ byte);
@@ -592,8 +593,8 @@ fn a_few_mavlink_frames_do_not_turn_another_log_into_mavlink() {
     };
     let ubx = |i: usize| crate::wire::ubx_frame(1, 7, &[i as u8; 92]);
     let among = |record: &dyn Fn(usize) -> Vec<u8>| -> Vec<u8> {
-        let (before, behind) = ((0..20).flat_map(record), (20..200).flat_map(record));
-        before.chain(frames.iter().copied()).chain(behind).collect()
+        let (before, after) = ((0..20).flat_map(record), (20..200).flat_map(record));
+        before.chain(frames.iter().copied()).chain(after).collect()
     };
     assert_eq!(kind("log.bin", &among(&sentence)), Some(LogKind::Nmea));
     assert_eq!(kind("log.bin", &among(&ubx)[70..]), Some(LogKind::Ubx));
@@ -608,7 +609,7 @@ fn tunnel(time_us: u64, inner: &[u8]) -> Vec<u8> {
 
 #[test]
 fn frames_inside_undefined_frames_are_not_a_stream_and_are_not_read() {
-    let inner = bare(&tlog_frame_from([9, 1], 0, NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(7);
+    let inner = without_timestamps(&tlog_frame_from([9, 1], 0, NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(7);
     let frame = |i: u64| tlog_frame(NOON_US + i, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]);
     let bytes: Vec<u8> = (0..20).flat_map(|i| [frame(i), tunnel(NOON_US + i, &inner)].concat()).collect();
     assert_eq!(read_as("MAVLink telemetry", &bytes), (40, 0));
@@ -618,34 +619,35 @@ fn frames_inside_undefined_frames_are_not_a_stream_and_are_not_read() {
     assert_eq!(read_as("MAVLink telemetry", &bytes[5..]), (39, (first - 5) as u64));
     // It is the only one, with nothing after it.
     assert_eq!(read_as("MAVLink telemetry", &bytes[..first + second]), (2, 0));
-    assert_eq!(read_as(STREAM, &bare(&bytes)), (40, 0));
+    assert_eq!(read_as(STREAM, &without_timestamps(&bytes)), (40, 0));
 }
 
 #[test]
 fn bytes_that_only_look_like_a_frame_swallow_no_frames() {
-    for is_bare in [false, true] {
-        let plain = |frame: Vec<u8>| if is_bare { bare(&frame) } else { frame };
+    for has_no_timestamps in [false, true] {
+        let plain = |frame: Vec<u8>| if has_no_timestamps { without_timestamps(&frame) } else { frame };
         let heartbeat = plain(tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]));
-        let position = |told: [u8; 2]| plain(tlog_frame(NOON_US, 32, 185, &[&[7; 16][..], &told, &[7; 10]].concat()));
+        let position =
+            |checksum: [u8; 2]| plain(tlog_frame(NOON_US, 32, 185, &[&[7; 16][..], &checksum, &[7; 10]].concat()));
         // The checksum that completes this false frame is inside the fifth one.
         let until = position([0; 2]).len() - 2 - 12;
         let swallowed = [heartbeat.repeat(4), position([0; 2])[..until].to_vec()].concat();
         let like = plain(tlog_frame(NOON_US, 3_351_057, 99, &swallowed));
-        let (begin, told) = (&like[..like.len() - 2 - swallowed.len()], &like[like.len() - 2..]);
-        let behind = [heartbeat.repeat(4), position([told[0], told[1]])].concat();
-        let bytes = [&heartbeat.repeat(4), begin, &behind, &heartbeat].concat();
+        let (begin, checksum) = (&like[..like.len() - 2 - swallowed.len()], &like[like.len() - 2..]);
+        let after = [heartbeat.repeat(4), position([checksum[0], checksum[1]])].concat();
+        let bytes = [&heartbeat.repeat(4), begin, &after, &heartbeat].concat();
         assert!(bytes.windows(like.len()).any(|window| window == like));
         let log = read_bytes(READER, &bytes).unwrap();
-        assert_eq!((log.health.messages, log.health.bytes.damaged), (10, begin.len() as u64), "{is_bare}");
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (10, begin.len() as u64), "{has_no_timestamps}");
         assert!(log.health.damage[0].reason.contains("3351057"), "{:?}", log.health.damage);
     }
 }
 
 #[test]
 fn an_undefined_frame_ending_inside_an_intact_one_swallows_no_frames() {
-    for is_bare in [false, true] {
-        let plain = |frame: Vec<u8>| if is_bare { bare(&frame) } else { frame };
-        let front = if is_bare { 0 } else { 8 };
+    for has_no_timestamps in [false, true] {
+        let plain = |frame: Vec<u8>| if has_no_timestamps { without_timestamps(&frame) } else { frame };
+        let front = if has_no_timestamps { 0 } else { 8 };
         let heartbeat = plain(tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]));
         // A wrong length leads to the end of the second frame after it, whose checksum fits some layout.
         let mut swallowed = 0;
@@ -655,20 +657,24 @@ fn an_undefined_frame_ending_inside_an_intact_one_swallows_no_frames() {
             let (from, to) = (front + 1, lie.len() + 2 * heartbeat.len() - 2);
             let bytes = [heartbeat.repeat(4), lie.clone(), heartbeat.repeat(20)].concat();
             let body = &bytes[4 * heartbeat.len()..];
-            let told = u16::from_le_bytes([body[to], body[to + 1]]);
-            let fits = |extra| crate::wire::crc16(&[&body[from..to], &[extra]].concat()) == told;
+            let checksum = u16::from_le_bytes([body[to], body[to + 1]]);
+            let fits = |extra| crate::wire::crc16(&[&body[from..to], &[extra]].concat()) == checksum;
             swallowed += u32::from((0..=u8::MAX).any(fits));
             let log = read_bytes(READER, &bytes).unwrap();
-            assert_eq!((log.health.messages, log.health.bytes.damaged), (24, lie.len() as u64), "{is_bare} {i}");
+            assert_eq!(
+                (log.health.messages, log.health.bytes.damaged),
+                (24, lie.len() as u64),
+                "{has_no_timestamps} {i}"
+            );
         }
-        assert!(swallowed > 0, "{is_bare}");
+        assert!(swallowed > 0, "{has_no_timestamps}");
     }
 }
 
 #[test]
 fn damage_in_a_stream_without_receive_times_costs_only_what_it_hits() {
     let stamped = seed(Container::Tlog);
-    let bytes = bare(&stamped);
+    let bytes = without_timestamps(&stamped);
     let ends: Vec<usize> = boundaries(&stamped).iter().enumerate().map(|(record, at)| at - 8 * record).collect();
     // Shorter ones are too short to detect.
     check_cuts(READER, &bytes, ends[3]..bytes.len(), &ends, |length| ends.contains(&length));
@@ -689,9 +695,9 @@ fn undefined_messages_are_reported_by_id_and_cost_nothing_else() {
     let own = |number: u32| tlog_frame(NOON_US, number, number as u8, &[1, 2, 3]);
     let bytes = [of_pymavlink(), own(54_321), own(54_320), own(54_321), of_pymavlink()].concat();
     let log = read_bytes(READER, &bytes).unwrap();
-    let told = log.notices.iter().find(|n| n.code == "unknown-record").unwrap();
-    assert_eq!(told.count, 3);
-    assert!(told.text.ends_with(": numbers 54320 (1), 54321 (2)"), "{}", told.text);
+    let reported = log.notices.iter().find(|n| n.code == "unknown-record").unwrap();
+    assert_eq!(reported.count, 3);
+    assert!(reported.text.ends_with(": numbers 54320 (1), 54321 (2)"), "{}", reported.text);
     assert_eq!((log.health.messages, log.health.bytes.damaged, log.health.bytes.skipped), (13, 0, 3 * (8 + 12 + 3)));
     // A damaged frame does not cost the next one, although no checksum confirms it.
     let mut damaged = tlog_frame(NOON_US, 0, 50, &[7; 9]);
@@ -733,9 +739,9 @@ fn frames_with_unknown_flags_are_dropped_and_are_not_damage() {
     let log = read_bytes(READER, &bytes).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (10, 0), "{:?}", log.health.damage);
     assert_eq!(log.health.bytes.skipped as usize, 2 * drafted.len() + other.len());
-    let told = log.notices.iter().find(|n| n.code == "unknown-record").unwrap();
-    assert_eq!((told.severity, told.count), (Severity::Loss, 3));
-    assert!(told.text.contains("message 76 with flags 0x06"), "{}", told.text);
+    let reported = log.notices.iter().find(|n| n.code == "unknown-record").unwrap();
+    assert_eq!((reported.severity, reported.count), (Severity::Loss, 3));
+    assert!(reported.text.contains("message 76 with flags 0x06"), "{}", reported.text);
     // Nothing but these frames is not a log, and not damage.
     let error = read_bytes(READER, &[drafted, other].concat()).unwrap_err().to_string();
     assert!(

@@ -95,8 +95,8 @@ fn position_and_velocity_of_one_solution_are_bound_by_name_and_unit() {
     assert_eq!(gps_of_unix(Stamp(1_795_262_382_000_000_000)), position.timeline().first());
 }
 
-/// NAV-POSLLH and NAV-VELNED of ten epochs, the sixth of which is the first of GPS week 2446, and behind each what `told` says.
-fn around_sunday(told: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
+/// NAV-POSLLH and NAV-VELNED of ten epochs, the sixth of which is the first of GPS week 2446, each followed by `extra` frames.
+fn around_sunday(extra: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
     let epoch = |n: u32| {
         let itow_ms = (604_799_000 + 200 * n) % 604_800_000;
         let front = itow_ms.to_le_bytes();
@@ -104,7 +104,7 @@ fn around_sunday(told: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
         let velocity = [123, 4, 5, 126, 124, 300_000, 30, 1].map(i32::to_le_bytes).concat();
         let frames =
             [(2, place), (0x12, velocity)].map(|(number, rest)| ubx_frame(1, number, &[&front[..], &rest].concat()));
-        [frames.concat(), told(n, itow_ms)].concat()
+        [frames.concat(), extra(n, itow_ms)].concat()
     };
     (0..10).flat_map(epoch).collect()
 }
@@ -394,8 +394,8 @@ fn time_marks_before_the_first_pulse_use_its_time_system() {
     // Ten marks, five of them before the pulse: weeks of GPS, of BeiDou and of GLONASS (unknown).
     for (week, reference, first, used) in [(2445, 0, 0, 10), (1089, 2, 14, 10), (2445, 1, 0, 0)] {
         let marks = (0..10).flat_map(|second| {
-            let told = if second == 5 { pulse(week, reference) } else { vec![] };
-            [told, mark(week, second)].concat()
+            let pulse_frame = if second == 5 { pulse(week, reference) } else { vec![] };
+            [pulse_frame, mark(week, second)].concat()
         });
         let loaded = load_ubx(&marks.collect::<Vec<u8>>());
         assert_eq!(count_of(&loaded, "undated"), if used == 0 { 11 } else { 0 }, "{:?}", loaded.flight.notices);
@@ -540,9 +540,9 @@ fn a_clock_that_does_not_jump_when_dated_was_right_before() {
         )
     };
     // A fix without a valid date until another message has the week; and a log without any.
-    for (told_at, clock) in [(49, Clock::Gps), (1000, Clock::Elapsed)] {
+    for (time_gps_at, clock) in [(49, Clock::Gps), (1000, Clock::Elapsed)] {
         let epoch = |n: u32| {
-            [place(n), pvt(n, itow_ms(n), [0, 3, 1]), if n == told_at { time_gps(n) } else { vec![] }].concat()
+            [place(n), pvt(n, itow_ms(n), [0, 3, 1]), if n == time_gps_at { time_gps(n) } else { vec![] }].concat()
         };
         let loaded = load_ubx(&(0..200).flat_map(epoch).collect::<Vec<u8>>());
         for channel in ["position.gps", "position.posllh"] {

@@ -391,8 +391,8 @@ fn a_log_cut_anywhere_gives_the_rows_before_the_cut_and_reports_it() {
                 let expected = ends.iter().filter(|&&end| end <= cut).count();
                 let data = (0..expected.saturating_sub(1)).filter(|&i| bytes[ends[i] + 2] == b'D').count();
                 assert_eq!(log.health.messages, data as u64, "cut at {cut}");
-                let told = loses(&log) || log.health.bytes.tail_cut > 0;
-                assert_eq!(told, !ends.contains(&cut), "cut at {cut}");
+                let reported = loses(&log) || log.health.bytes.tail_cut > 0;
+                assert_eq!(reported, !ends.contains(&cut), "cut at {cut}");
             }
             Err(IngestError::Unusable { .. } | IngestError::NotALog { .. }) => {
                 assert!(!ends[1..].contains(&cut), "cut at {cut} between two messages");

@@ -409,10 +409,13 @@ fn concatenated_packed_parts_are_read_up_to_the_damage() {
             };
             let (least, most) = (200 * hurt as u64, 200 * (hurt as u64 + 1));
             assert!((least..=most).contains(&loaded.health.messages), "{name} {hurt}: {}", loaded.health.messages);
-            let told: Vec<&flight::Notice> = loaded.flight.notices.iter().filter(|n| n.code == "corrupt").collect();
-            assert!(lossy(&loaded) && told.len() == 1, "{name} {hurt}: {told:?}");
+            let reported: Vec<&flight::Notice> = loaded.flight.notices.iter().filter(|n| n.code == "corrupt").collect();
+            assert!(lossy(&loaded) && reported.len() == 1, "{name} {hurt}: {reported:?}");
             let left = zeros[hurt + 1..].concat().len() as u64;
-            assert!(told[0].text.contains("nothing beyond") && told[0].count > left, "{name} {hurt}: {told:?}");
+            assert!(
+                reported[0].text.contains("nothing beyond") && reported[0].count > left,
+                "{name} {hurt}: {reported:?}"
+            );
         }
     }
 }

@@ -74,8 +74,12 @@ fn a_log_without_a_stated_length_cut_in_its_last_record_lost_nothing() {
         assert!(bytes.tail_cut > 0 && bytes.damaged == 0, "{container:?}: {bytes:?}");
         assert_eq!(bytes.sum(), bytes.size, "{container:?}");
         assert!(!loaded.flight.notices.any_loss(), "{container:?}: {:?}", loaded.health.damage);
-        let told: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "tail-cut").collect();
-        assert_eq!((told.len(), told[0].severity, told[0].count), (1, Severity::Info, bytes.tail_cut), "{container:?}");
+        let reported: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "tail-cut").collect();
+        assert_eq!(
+            (reported.len(), reported[0].severity, reported[0].count),
+            (1, Severity::Info, bytes.tail_cut),
+            "{container:?}"
+        );
     }
 }
 

@@ -1,4 +1,4 @@
-//! Rows of one topic into columns.
+//! Collects the rows of one topic in columns.
 
 use super::fields::{Cell, Decimal, EXACT, Row};
 use super::lines::Extent;
@@ -7,48 +7,48 @@ use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use crate::texts::Texts;
 use flight::{Code, Notices, Severity, TopicHealth};
 
-/// If more than one in this many cells of a numeric column are not numbers, it is reported as a loss.
+/// If more than one in this many cells of a numeric column is not a number, the cells are reported as a loss.
 const TOLERATED: u64 = 100;
 
-/// Lines of non-numeric cells that are remembered per column.
+/// The most lines of non-numeric cells that are remembered per column.
 const LISTED_BAD: usize = 100;
 
-/// Seconds since 1970 or 1980 are larger than this, and a float of them is not exact to the nanosecond.
+/// Seconds since 1970 or 1980 are larger than this. A float of them is not exact to the nanosecond.
 const LARGE: f64 = 1e8;
 
 /// One topic while its rows are read.
 #[derive(Debug, Default)]
 pub(super) struct Topic {
     pub(super) info: TopicInfo,
-    /// Columns of the header.
+    /// The column names of the header.
     pub(super) names: Vec<String>,
-    /// The cells of its units line.
+    /// The cells of the units line.
     pub(super) units: Vec<String>,
-    /// Number of fields per row.
+    /// The number of fields per row.
     pub(super) width: usize,
     /// Decimal separator.
     pub(super) decimal: Decimal,
-    /// The rows are below another header: the meaning of their fields is unknown.
-    pub(super) is_lost: bool,
+    /// Whether the rows are below another header: the meaning of their fields is unknown.
+    pub(super) is_below_other_header: bool,
     /// Whether a wanted field exists.
     pub(super) decoded: bool,
-    /// Intact rows.
+    /// The number of intact rows.
     pub(super) rows: u64,
-    /// Rows with a right checksum.
+    /// The number of rows with a correct checksum.
     pub(super) vouched: u64,
     payload_bytes: u64,
     /// Why nothing is decoded although something was wanted.
     reason: String,
-    columns: Vec<Building>,
+    columns: Vec<ColumnBuilder>,
     lines: Places,
-    unended: Option<u64>,
+    unended_line: Option<u64>,
 }
 
 /// One column while its cells are read.
 #[derive(Debug)]
-struct Building {
+struct ColumnBuilder {
     path: String,
-    /// Index among the columns of the header.
+    /// The index among the columns of the header.
     index: usize,
     cells: Cells,
     rows: usize,
@@ -65,13 +65,13 @@ struct Building {
 #[derive(Debug, Default)]
 pub(super) struct Part {
     rows: Topic,
-    /// Type of each column of the topic when these rows were begun.
+    /// The type of each column of the topic before these rows.
     began: Vec<Kind>,
 }
 
-/// Where every column is wanted, a numeric one may hold one broken cell, and one more per this many numbers.
+/// Where every column is wanted, a numeric column may hold one broken cell, and one more per this many numbers.
 const NUMBERS_PER_BROKEN: u64 = 1000;
-/// At its end it must hold this many numbers per broken cell, otherwise it is a text column.
+/// At the end of the log it must hold this many numbers per broken cell, otherwise it is a text column.
 const LEAST_NUMBERS: u64 = 10;
 
 /// How the next cell of a column is interpreted.
@@ -82,20 +82,21 @@ enum Kind {
     Text,
 }
 
-/// Integers until the first cell that is not one: timestamps of 19 digits stay exact.
+/// The cells of a column: integers until the first cell that is not an integer, so that timestamps of 19 digits stay
+/// exact.
 #[derive(Debug)]
 enum Cells {
     Integers(Integers),
     Floats(Vec<f64>),
     Text(Texts),
-    /// For [`Selection::All`]: numbers until the first cell that is not one.
+    /// For [`Selection::All`]: numbers until there are too many cells that are not numbers, and the cells as written.
     Undecided(Box<Cells>, Written),
 }
 
 #[derive(Debug, Default)]
 struct Integers {
     values: Vec<i64>,
-    /// Whether one of them exceeds what a double can hold.
+    /// Whether one of them is too large for a double to hold exactly.
     long: bool,
 }
 
@@ -105,14 +106,14 @@ impl Integers {
         self.values.push(value);
     }
 
-    /// In place of the integers: a column is not held twice.
+    /// The values as floats, in the memory of the integers: a column is not held twice.
     fn into_floats(self) -> Vec<f64> {
         self.values.into_iter().map(|i| i as f64).collect()
     }
 }
 
-/// Cells as written in the log: first those that are integers in the usual form ([`plain_integer`]), of which
-/// it is enough to know how many, then the others.
+/// Cells as written in the log. The first cells are integers in the usual form ([`plain_integer`]), and only their
+/// number is kept. The texts of the others follow.
 #[derive(Debug, Default)]
 struct Written {
     integers: usize,
@@ -134,7 +135,7 @@ impl Written {
     }
 }
 
-/// An integer cell that formatting reproduces exactly, and that a double can hold.
+/// The value of an integer cell that formatting reproduces exactly, and that a double can hold.
 #[inline]
 fn plain_integer(cell: &[u8]) -> Option<i64> {
     let (negative, digits) = cell.strip_prefix(b"-").map_or((false, cell), |rest| (true, rest));
@@ -152,13 +153,13 @@ fn plain_integer(cell: &[u8]) -> Option<i64> {
 impl Topic {
     pub(super) fn new(info: TopicInfo, names: Vec<String>, selection: &Selection) -> Topic {
         let index_of = |path: &str| names.iter().position(|n| n == path);
-        let columns: Vec<Building> = match selection {
+        let columns: Vec<ColumnBuilder> = match selection {
             Selection::Skip => vec![],
             Selection::All | Selection::Raw => {
-                names.iter().enumerate().map(|(i, n)| Building::new(n, i, Cells::undecided())).collect()
+                names.iter().enumerate().map(|(i, n)| ColumnBuilder::new(n, i, Cells::undecided())).collect()
             }
             Selection::Fields(requests) => {
-                requests.iter().filter_map(|r| Some(Building::asked(r, index_of(&r.path)?))).collect()
+                requests.iter().filter_map(|r| Some(ColumnBuilder::requested(r, index_of(&r.path)?))).collect()
             }
         };
         let nothing = columns.is_empty() && *selection != Selection::Skip;
@@ -169,7 +170,8 @@ impl Topic {
 
     /// Keeps a column as text even if numbers are requested.
     pub(super) fn keep_text(&mut self, path: &str) {
-        let undecided = |column: &&mut Building| column.path == path && matches!(column.cells, Cells::Undecided(..));
+        let undecided =
+            |column: &&mut ColumnBuilder| column.path == path && matches!(column.cells, Cells::Undecided(..));
         self.columns.iter_mut().filter(undecided).for_each(|column| column.cells = Cells::Text(Texts::default()));
     }
 
@@ -178,40 +180,40 @@ impl Topic {
         fields == self.width || (fields == self.width + 1 && last_is_empty())
     }
 
-    /// Which fields of a row are wanted.
+    /// The indices of the wanted fields of a row.
     pub(super) fn places(&self) -> Vec<usize> {
         self.columns.iter().map(|column| column.index).collect()
     }
 
-    /// A row that is not wanted.
+    /// Counts a row.
     pub(super) fn count(&mut self, extent: Extent) {
         self.rows += 1;
         self.payload_bytes += extent.text as u64;
     }
 
-    /// A row with its fields, of which the first `skip` are not columns.
+    /// Adds a row. Its first `skip` fields are not columns.
     pub(super) fn push(&mut self, row: Row<'_>, skip: usize, line: u64, extent: Extent) {
         self.lines.push(self.rows as usize, line);
         self.count(extent);
         if !extent.ended {
-            self.unended = Some(line);
+            self.unended_line = Some(line);
         }
         let last = row.len().saturating_sub(1);
         let decimal = self.decimal;
         for column in &mut self.columns {
             let place = column.index + skip;
-            // Without a line end the last value of the file may have lost digits.
+            // The last value of a file without a line end may have lost digits.
             let cell = if place != last || extent.ended { row.get(place) } else { b"" };
             column.push(cell, decimal, line);
         }
     }
 
-    /// Whether its rows may be added in parts.
-    pub(super) fn may_be_parted(&self) -> bool {
+    /// Whether other threads may parse its rows in parts.
+    pub(super) fn can_be_parsed_in_parts(&self) -> bool {
         self.decoded && self.columns.iter().all(|column| column.cells.kind().is_some())
     }
 
-    /// Adds the rows of a part; the first one is at line `first`. Returns whether it did: not if the previous cells
+    /// Adds the rows of a part; the first one is at line `first`. Returns `false` and adds nothing if previous cells
     /// have changed the type of a column.
     pub(super) fn append(&mut self, part: &mut Part, first: u64) -> bool {
         if !self.columns.iter().map(|column| column.cells.kind()).eq(part.began.iter().copied().map(Some)) {
@@ -230,9 +232,9 @@ impl Topic {
 
     /// Reports problems with the cells.
     pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
-        self.columns.iter_mut().for_each(Building::settle);
+        self.columns.iter_mut().for_each(ColumnBuilder::settle);
         self.drop_numbers_that_are_text();
-        if let Some(line) = self.unended {
+        if let Some(line) = self.unended_line {
             let text = "the last row has no line end: its last value may be cut and is not used";
             notices.push(Code::RejectedCell, format!("{file}, line {line}"), 1, text);
         }
@@ -262,13 +264,13 @@ impl Topic {
         }
     }
 
-    /// Columns of large decimals as they were written, where every column is wanted.
+    /// The columns of large decimals as written, where every column is wanted.
     pub(super) fn written(&self) -> Vec<(TopicInfo, Column)> {
         let columns = self.columns.iter().filter_map(|column| column.written());
         columns.map(|column| (self.info.clone(), column)).collect()
     }
 
-    /// Its header.
+    /// The header.
     pub(super) fn head(&self) -> TableHead {
         TableHead { topic: self.info.name.clone(), names: self.names.clone(), units: self.units.clone() }
     }
@@ -322,7 +324,7 @@ fn has_separators(cell: &str) -> bool {
     digits.contains(',') && digits.starts_with(|c: char| c.is_ascii_digit()) && digits.chars().all(plain)
 }
 
-/// The distinct texts.
+/// Whether each text is not empty.
 fn filled(texts: &Texts) -> Vec<bool> {
     texts.iter().map(|text| !text.is_empty()).collect()
 }
@@ -331,9 +333,9 @@ fn is_text(column: &Column) -> bool {
     matches!(column.data, ColumnData::Text(_))
 }
 
-impl Building {
-    fn new(path: &str, index: usize, cells: Cells) -> Building {
-        Building {
+impl ColumnBuilder {
+    fn new(path: &str, index: usize, cells: Cells) -> ColumnBuilder {
+        ColumnBuilder {
             path: path.to_owned(),
             index,
             cells,
@@ -347,9 +349,9 @@ impl Building {
         }
     }
 
-    /// A column for the cells that follow, with the room of one that was used.
-    fn successor(&self, used: Option<Building>) -> Building {
-        let mut next = used.unwrap_or_else(|| Building::new("", self.index, Cells::Text(Texts::default())));
+    /// An empty column of the same type for the cells that follow, with the memory of a used column.
+    fn successor(&self, used: Option<ColumnBuilder>) -> ColumnBuilder {
+        let mut next = used.unwrap_or_else(|| ColumnBuilder::new("", self.index, Cells::Text(Texts::default())));
         let room = std::mem::replace(&mut next.cells, Cells::Text(Texts::default()));
         let cells = match (self.cells.kind(), room) {
             (Some(Kind::Integer { long }), Cells::Integers(Integers { mut values, .. })) => {
@@ -369,11 +371,11 @@ impl Building {
             (Some(Kind::Text) | None, _) => Cells::Text(Texts::default()),
         };
         next.valid.clear();
-        Building { valid: next.valid, ..Building::new("", self.index, cells) }
+        ColumnBuilder { valid: next.valid, ..ColumnBuilder::new("", self.index, cells) }
     }
 
     /// Adds the cells of a part, which began with this column's current type.
-    fn append(&mut self, part: &mut Building, first: u64) {
+    fn append(&mut self, part: &mut ColumnBuilder, first: u64) {
         if !part.valid.is_empty() && self.valid.is_empty() {
             self.valid.resize(self.rows, true);
         }
@@ -393,12 +395,12 @@ impl Building {
         self.cells.append(&mut part.cells);
     }
 
-    fn asked(request: &FieldRequest, index: usize) -> Building {
+    fn requested(request: &FieldRequest, index: usize) -> ColumnBuilder {
         let cells = match request.kind {
             ValueKind::Number => Cells::Integers(Integers::default()),
             ValueKind::Text => Cells::Text(Texts::default()),
         };
-        Building::new(&request.path, index, cells)
+        ColumnBuilder::new(&request.path, index, cells)
     }
 
     #[inline]
@@ -430,7 +432,7 @@ impl Building {
         }
     }
 
-    /// A non-numeric cell in a column that is numeric so far. A few such cells are broken numbers; with more, it is
+    /// Adds a non-numeric cell to a column that is numeric so far. A few such cells are broken numbers; with more, it is
     /// a text column.
     #[cold]
     fn push_word(&mut self, cell: &[u8], line: u64) -> bool {
@@ -448,21 +450,21 @@ impl Building {
     fn take_as_text(&mut self) {
         let Cells::Undecided(numbers, written) = &self.cells else { return };
         let texts = written.texts(numbers);
-        // What looked like a word for a missing value was a word among others.
+        // In a text column `N/A` is a word like any other.
         self.valid = Some(filled(&texts)).filter(|valid| valid.contains(&false)).unwrap_or_default();
         self.cells = Cells::Text(texts);
         (self.bad, self.bad_example) = (0, String::new());
         self.bad_lines.clear();
     }
 
-    /// A short column with few numbers is a text column.
+    /// Decides at the end of the log whether a column has enough numbers to be numeric.
     fn settle(&mut self) {
         if self.bad * LEAST_NUMBERS > self.filled {
             self.take_as_text();
         }
     }
 
-    /// A cell that is not a number of the column's kind.
+    /// Adds a cell that is not a number of the column's type.
     #[cold]
     fn push_odd(&mut self, value: Cell, cell: &[u8], line: u64) -> bool {
         let value = self.cells.fitting(value);
@@ -497,7 +499,7 @@ impl Building {
                 self.bad_example,
                 lines.join(", ")
             );
-            // Where no cell is a number, the column was meant as something else, unless thousands are set apart.
+            // A column without any number was not meant as numbers, unless it has thousands separators.
             let numbers = self.filled > 0 || has_separators(&self.bad_example);
             let lost = numbers && self.bad * TOLERATED > self.rows as u64;
             let severity = if lost { Severity::Loss } else { Severity::Warning };
@@ -528,7 +530,7 @@ impl Building {
             && self.filled == 0
             && self.rows > 0
         {
-            // Words for nothing alone may be what the column is about.
+            // A column with only words for missing values may be a text column.
             let texts = written.texts(numbers);
             if texts.iter().any(|text| decimal.number(text.as_bytes()) == Cell::Missing) {
                 let valid = Some(filled(&texts)).filter(|valid| valid.contains(&false));
@@ -545,7 +547,7 @@ impl Cells {
         Cells::Undecided(Box::new(Cells::Integers(Integers::default())), Written::default())
     }
 
-    /// `None` if it depends on the previous cells in other ways.
+    /// The type of the column. `None` if the next cell depends on more than that.
     fn kind(&self) -> Option<Kind> {
         match self {
             Cells::Integers(held) => Some(Kind::Integer { long: held.long }),
@@ -555,7 +557,7 @@ impl Cells {
         }
     }
 
-    /// Takes those that follow, which began as these are now: integers may have become floats since.
+    /// Appends cells that began with the type that these have now. They may have changed from integers to floats.
     fn append(&mut self, part: &mut Cells) {
         if let (Cells::Integers(held), Cells::Floats(_)) = (&mut *self, &*part) {
             *self = Cells::Floats(std::mem::take(held).into_floats());
@@ -571,8 +573,8 @@ impl Cells {
         }
     }
 
-    /// A number as the column can hold it. One broken cell must not round the stamps of 19 digits in all others: among
-    /// integers too long for a float, a number that is none of them is bad.
+    /// A number as the column can hold it. Among integers too long for a float, a number that is not an integer is bad:
+    /// one broken cell must not round the 19-digit timestamps in all others.
     fn fitting(&self, value: Cell) -> Cell {
         match (self, value) {
             (Cells::Integers(integers), Cell::Float(float)) if integers.long => {
@@ -656,7 +658,7 @@ mod tests {
     fn a_long_integer_is_not_searched_for_again_at_every_cell() {
         // If searched for each time, these would be 1e11 steps.
         const CELLS: usize = 300_000;
-        let mut column = Building::new("t", 0, Cells::Integers(Integers::default()));
+        let mut column = ColumnBuilder::new("t", 0, Cells::Integers(Integers::default()));
         let cells = std::iter::repeat_n(&b"1"[..], CELLS).chain([&b"1700000000123456789"[..]]);
         for (line, cell) in cells.chain(std::iter::repeat_n(&b"1e300"[..], CELLS)).enumerate() {
             column.push(cell, Decimal::Point, line as u64);
@@ -676,7 +678,7 @@ mod tests {
         for (plain, odd) in
             [(&plain[..0], &odd[..]), (&plain[..3], &odd), (&plain, &odd), (&plain, &odd[1..]), (&plain, &[])]
         {
-            let mut column = Building::new("t", 0, Cells::undecided());
+            let mut column = ColumnBuilder::new("t", 0, Cells::undecided());
             let cells: Vec<&str> = plain.iter().chain(odd).chain(&["x", "y", "3"]).copied().collect();
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Comma, line));
             let ColumnData::Text(texts) = column.finish(Decimal::Comma).data else { panic!("a column of numbers") };
@@ -687,7 +689,7 @@ mod tests {
     #[test]
     fn a_few_broken_cells_are_counted_and_more_make_a_text_column() {
         let column = |cells: &[&str]| {
-            let mut column = Building::new("t", 0, Cells::undecided());
+            let mut column = ColumnBuilder::new("t", 0, Cells::undecided());
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Point, line));
             column.settle();
             column

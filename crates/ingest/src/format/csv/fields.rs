@@ -3,10 +3,10 @@
 use super::formula::restored;
 use std::borrow::Cow;
 
-/// Beyond this a double cannot hold every integer.
+/// The largest integer up to which a double holds every integer.
 pub(super) const EXACT: u64 = 1 << 53;
 
-/// Represents a delimiter that is any run of spaces and TABs.
+/// Stands for a delimiter that is any run of spaces and TABs.
 pub(super) const BLANKS: u8 = b' ';
 
 /// The fields of one record, unquoted and without padding.
@@ -22,7 +22,7 @@ impl<'t> Row<'t> {
         Row { text, spans }
     }
 
-    /// Number of fields.
+    /// The number of fields.
     #[inline]
     pub(super) fn len(self) -> usize {
         self.spans.len()
@@ -44,13 +44,12 @@ pub(super) struct Fields {
     quoted: Option<Quoted>,
 }
 
-/// Splits records with quotes by the rules of the `csv` crate's core. It takes longer to create than a record to
-/// read.
+/// Splits records with quotes by the rules of `csv_core`. Creating one takes longer than reading a record.
 #[derive(Debug)]
 struct Quoted {
     delimiter: u8,
     core: Box<csv_core::Reader>,
-    /// Where the fields of a record end.
+    /// The ends of the fields of a record.
     ends: Vec<usize>,
 }
 
@@ -114,7 +113,7 @@ impl Fields {
             self.spans.push((from, at));
             from = at + 1;
         };
-        // In a row of a few numbers a search takes longer than checking each byte.
+        // In a short row a search takes longer than checking each byte.
         if record.len() < 32 {
             record.iter().enumerate().filter(|(_, byte)| **byte == delimiter).for_each(|(at, _)| end(at));
         } else {
@@ -147,7 +146,7 @@ impl Fields {
         quoted.split(record, &mut self.text, &mut self.spans);
     }
 
-    /// How many.
+    /// The number of fields.
     pub(super) fn len(&self) -> usize {
         self.spans.len()
     }
@@ -157,12 +156,12 @@ impl Fields {
         self.row().get(index)
     }
 
-    /// Of all of them.
+    /// The fields as a row.
     pub(super) fn row(&self) -> Row<'_> {
         Row::new(&self.text, &self.spans)
     }
 
-    /// All of them as text.
+    /// All fields as text.
     pub(super) fn texts(&self) -> Vec<String> {
         (0..self.len()).map(|i| text_of(self.get(i)).into_owned()).collect()
     }
@@ -181,7 +180,7 @@ pub(super) fn text_of(cell: &[u8]) -> Cow<'_, str> {
 pub(super) enum Decimal {
     #[default]
     Point,
-    /// A point is then not part of a number: it would separate thousands.
+    /// A point is not part of a number then, because it would separate thousands.
     Comma,
 }
 
@@ -202,8 +201,8 @@ impl Decimal {
         }
     }
 
-    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`, where numbers have a point too. An
-    /// apostrophe that kept it from being a formula is taken away.
+    /// A cell as text. A decimal comma becomes a point, as in numbers: `17:27:44,3` becomes `17:27:44.3`. An apostrophe
+    /// that [`inert`](super::inert) added is removed.
     pub(super) fn text(self, cell: &[u8]) -> Cow<'_, str> {
         let text = text_of(cell);
         if cell.first() == Some(&b'\'') {
@@ -242,7 +241,7 @@ fn number_with_point(cell: &[u8], at: usize) -> Cell {
     number(space)
 }
 
-/// Possible meanings of a cell of digits and commas.
+/// The possible meanings of a cell of digits and commas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CommaCell {
     /// `1,25`: only decimals.
@@ -384,13 +383,13 @@ fn digits(mut number: u64, mut text: &[u8]) -> (u64, &[u8]) {
     (number, text)
 }
 
-/// The number that eight digits are, the first one in the lowest byte: first the bytes are joined two by two, then the
-/// pairs, then the fours (D. Lemire, "Quickly parsing eight digits", 2018).
+/// The value of eight digits, the first one in the lowest byte. Bytes are joined to pairs, pairs to fours, and fours to
+/// the number (D. Lemire, "Quickly parsing eight digits", 2018).
 #[inline]
 fn eight_digits(text: u64) -> Option<u64> {
     const ZEROS: u64 = 0x3030_3030_3030_3030;
     const HIGH: u64 = 0xf0f0_f0f0_f0f0_f0f0;
-    // Those above nine would reach over into the high half of their byte.
+    // Bytes above '9' would carry into the high half.
     if (text & HIGH) != ZEROS || ((text + 0x0606_0606_0606_0606) & HIGH) != ZEROS {
         return None;
     }
@@ -402,9 +401,9 @@ fn eight_digits(text: u64) -> Option<u64> {
     Some(low.wrapping_add(high) >> 32)
 }
 
-/// The double nearest to `number` / 10^`tens`. Where both are doubles it is that of their division (Clinger, PLDI
-/// 1990); else the integer quotient has at least eleven bits more than a double, of which the lowest stands for
-/// whatever remains.
+/// The double nearest to `number` / 10^`tens`. If a double holds both exactly, one division gives it (Clinger, PLDI
+/// 1990). Otherwise the integer quotient has at least eleven bits more than a double, and its lowest bit is set if there
+/// is a remainder.
 #[inline]
 fn quotient(number: u64, tens: usize) -> Option<f64> {
     #[rustfmt::skip]
@@ -420,7 +419,7 @@ fn quotient(number: u64, tens: usize) -> Option<f64> {
     let shift = u64::BITS + number.leading_zeros();
     let (dividend, divisor) = (u128::from(number) << shift, u128::from(divisor));
     let remains = u128::from(dividend % divisor != 0);
-    // A power of two, of which the exponent is all.
+    // A power of two: only the exponent bits.
     let scale = f64::from_bits(u64::from(1023 - shift) << 52);
     Some(((dividend / divisor) | remains) as f64 * scale)
 }

@@ -8,18 +8,18 @@ use crate::error::IngestError;
 use crate::reader::ReadContext;
 use std::sync::atomic::AtomicBool;
 
-/// Records that are examined.
+/// The number of records that are examined.
 const SAMPLE: usize = 64;
-/// In order of preference if two fit equally well.
+/// Delimiters, in order of preference if two fit equally well.
 const DELIMITERS: [u8; 5] = [b',', b';', b'\t', b'|', BLANKS];
-/// Words that name tables in the first lines of a tagged file; with more they are values.
+/// The most table names in the first lines of a tagged file. More different words are values.
 const MOST_TAGS: usize = 16;
-/// This few rows of bare numbers prove nothing.
-const FEWEST_BARE: usize = 4;
+/// The fewest rows without a header that show a table.
+const FEWEST_ROWS: usize = 4;
 
-/// Ends the preamble of a LabVIEW measurement file, which has one of the file and one of each segment.
+/// The end of a preamble of a LabVIEW measurement file. The file has one preamble, and each segment has one.
 const END_OF_PREAMBLE: &[u8] = b"***End_of_Header***";
-/// The last name in the header of such a segment, whose rows need not have that column.
+/// The last name in the header of such a segment. Its rows may lack that column.
 const REMARKS: &str = "Comment";
 
 /// How a text file is laid out.
@@ -29,9 +29,9 @@ pub(super) enum Layout {
     Table(TableLayout),
     /// FlySight 2: several tables, each row named.
     FlySight2,
-    /// NovAtel ASCII: a message in each line, named, with a checksum.
+    /// NovAtel ASCII: a named message with a checksum in each line.
     Novatel,
-    /// Comma delimited without a header; the second field of each row names its table, whose width is its own.
+    /// Comma delimited without a header. The second field of each row names its table, and each table has its own width.
     Tagged,
 }
 
@@ -50,20 +50,20 @@ pub(super) struct TableLayout {
     pub(super) header_line: Option<u64>,
     /// Line of the units, if there is one.
     pub(super) units_line: Option<u64>,
-    /// Rows begin at this line.
+    /// The line of the first row.
     pub(super) first_row_line: u64,
-    /// First line and number of rows of another table before the header.
+    /// The first line and the number of rows of another table before the header.
     pub(super) other_rows: Option<(u64, u64)>,
-    /// There is a header, a row with a number, and all examined rows have the same number of fields.
+    /// Whether there are a header and a row with a number, and all examined rows have the same number of fields.
     pub(super) regular: bool,
     /// Which columns are numeric in most of the examined rows.
     pub(super) numbers: Vec<bool>,
-    /// There is no header, all examined rows have the same number of fields, and every cell is a number.
-    pub(super) bare: bool,
+    /// Whether there is no header, all examined rows have the same number of fields, and every cell is a number.
+    pub(super) only_numbers: bool,
 }
 
 impl TableLayout {
-    /// In words, for the health of the log.
+    /// A description for the health of the log.
     pub(super) fn describe(&self) -> String {
         let delimiter = match self.delimiter {
             b'\t' => "TAB".to_owned(),
@@ -115,8 +115,8 @@ impl Sampled {
 }
 
 impl Sampled {
-    /// Whether a row below the header has the units of the columns in words, as `sec` and `degrees`: where all rows
-    /// after it have numbers it has text. No such text begins as dates and times do.
+    /// Whether a row below the header has the units of the columns in words, as `sec` and `degrees`: it has text in
+    /// columns where all later rows have numbers. No such text begins with a digit, as dates and times do.
     fn describes(&self, data: &[&Sampled], width: usize, decimal: Decimal) -> bool {
         let whole: Vec<&&Sampled> = data.iter().filter(|r| r.fields.len() == width).collect();
         let number = |cell: &String| decimal.number(cell.as_bytes());
@@ -126,7 +126,7 @@ impl Sampled {
             whole.iter().all(|r| r.fields.get(column).is_some_and(fits))
         };
         let numbers = |column: usize| all(column, &is_number);
-        // If there are gaps, a row of words may be an event: units are present in several columns, and only there.
+        // If columns have gaps, a row of words may be an event. Units are in several such columns, and only there.
         let gappy = |column: usize| {
             let filled = whole.iter().filter_map(|r| r.fields.get(column)).any(is_number);
             filled && all(column, &|cell| is_number(cell) || is_none(cell))
@@ -134,9 +134,9 @@ impl Sampled {
         let is_word = |cell: &String| decimal.number(cell.as_bytes()) == Cell::Bad;
         let of_numbers = || self.fields.iter().enumerate().filter(|(column, _)| numbers(*column));
         let of_gappy = || {
-            let (over, beside): (Vec<_>, Vec<_>) =
+            let (over, others): (Vec<_>, Vec<_>) =
                 self.fields.iter().enumerate().partition(|(column, _)| gappy(*column));
-            over.iter().filter(|(_, cell)| is_word(cell)).count() > 1 && beside.iter().all(|(_, cell)| is_none(cell))
+            over.iter().filter(|(_, cell)| is_word(cell)).count() > 1 && others.iter().all(|(_, cell)| is_none(cell))
         };
         self.fields.len() == width
             && whole.len() > 1
@@ -164,7 +164,7 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
     if novatel::looks_like(head) {
         return Ok(Layout::Novatel);
     }
-    // These bytes are read again by the reader, which reports them and hears a wish to stop.
+    // The reader reads these bytes again. It counts them and can be cancelled.
     let never = AtomicBool::new(false);
     let quiet = ReadContext { limits: context.limits, cancel: &never, on_bytes: &|_| () };
     let mut best: Option<(Rank, TableLayout)> = None;
@@ -188,7 +188,7 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
             }
         }
     }
-    best.filter(|(_, layout)| layout.delimiter != BLANKS || layout.regular || layout.bare)
+    best.filter(|(_, layout)| layout.delimiter != BLANKS || layout.regular || layout.only_numbers)
         .map(|(_, layout)| Layout::Table(layout))
         .ok_or_else(|| {
             "no table: no delimiter (comma, semicolon, TAB, bar or blanks) gives most of the first lines the same number of \
@@ -197,14 +197,14 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
         })
 }
 
-/// Whether the layout is regular, the records that agree with it, its width: the larger is the better.
+/// Whether the layout is regular, the number of records that agree with it, and its width. The larger is the better.
 type Rank = (bool, usize, usize);
 
-/// A timestamp and one of a few words before the values of every row, and a width for each word. No header, so that it
-/// is the word that identifies a row.
+/// Whether every row begins with a timestamp and one of a few words, and rows with the same word have the same width.
+/// There is no header: the word names the table of the row.
 fn is_tagged(sample: &[Sampled]) -> bool {
     let mut widths: Vec<(&str, usize)> = vec![];
-    let mut odd = 0;
+    let mut irregular = 0;
     for row in sample {
         let [stamp, word, _, ..] = row.fields.as_slice() else { return false };
         let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_';
@@ -214,12 +214,12 @@ fn is_tagged(sample: &[Sampled]) -> bool {
             return false;
         }
         match widths.iter().find(|(known, _)| known == word) {
-            Some((_, width)) => odd += usize::from(*width != row.fields.len()),
+            Some((_, width)) => irregular += usize::from(*width != row.fields.len()),
             None => widths.push((word, row.fields.len())),
         }
     }
-    // A corrupt row here and there changes nothing.
-    8 * odd <= sample.len() && widths.len() <= MOST_TAGS && sample.len() >= FEWEST_BARE
+    // A few corrupt rows are tolerated.
+    8 * irregular <= sample.len() && widths.len() <= MOST_TAGS && sample.len() >= FEWEST_ROWS
 }
 
 fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<Sampled>, IngestError> {
@@ -231,7 +231,7 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
     {
         let text = lines.text(extent).trim_ascii();
         let comment = comment_mark(text);
-        // A record without its line end may be truncated anywhere, so it shows nothing of the layout.
+        // A record without a line end may be truncated anywhere, and is not used.
         if text.starts_with(END_OF_PREAMBLE) {
             sampled.clear();
         } else if !text.is_empty() && extent.ended && !(lines.number == 1 && is_hint(text)) {
@@ -300,12 +300,12 @@ impl<'s> Rows<'s> {
         let width = self.width;
         let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
         let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
-        // A remark above the header does not describe its columns, unless it has units.
+        // A remark above the header without units is the last choice.
         let is_below = |c: &Sampled| header.is_some_and(|h| h.comment || c.line > h.line);
         let no_row = |c: &&Sampled| !c.has_number(self.decimal);
-        let says = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
+        let fits = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
         let comments = || comments.iter().copied();
-        let units = units.or_else(|| comments().rfind(says));
+        let units = units.or_else(|| comments().rfind(fits));
         let units = units.or_else(|| {
             let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
             // The header may be repeated between the rows, followed by the units.
@@ -330,8 +330,8 @@ impl<'s> Rows<'s> {
     }
 
     /// Whether a column is numeric in the rows after a line. Other headers may be among them.
-    fn is_of_numbers(&self, column: usize, behind: u64) -> bool {
-        let rows = self.all.iter().filter(|r| r.line > behind);
+    fn is_of_numbers(&self, column: usize, line: u64) -> bool {
+        let rows = self.all.iter().filter(|r| r.line > line);
         let cells = rows.filter_map(|r| r.fields.get(column)).map(|cell| self.decimal.number(cell.as_bytes()));
         let (mut numbers, mut bad) = (0, 0);
         for cell in cells {
@@ -370,8 +370,8 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     let looked_at = || rows.all.iter().filter(|r| r.line > last_before);
     let regular =
         header.is_some() && looked_at().all(|r| r.fields.len() == width) && looked_at().any(|r| r.has_number(decimal));
-    let bare = header.is_none()
-        && rows.all.len() >= FEWEST_BARE
+    let only_numbers = header.is_none()
+        && rows.all.len() >= FEWEST_ROWS
         && rows.all.iter().all(|r| r.fields.len() == width && r.is_all_numbers(decimal));
     let layout = TableLayout {
         delimiter,
@@ -384,23 +384,23 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
         first_row_line: if header.is_none() { 1 } else { last_before + 1 },
         other_rows: header.and_then(|h| other_rows(rows.all.iter().take_while(|r| r.line < h.line), decimal)),
         regular,
-        bare,
+        only_numbers,
     };
     Some((agree, layout))
 }
 
-/// First line and number of the rows that stand there before a header and are no mere remarks: at least three cells,
-/// most of them numbers.
+/// The first line and the number of rows before a header that are not remarks: they have at least three cells, half of
+/// them numbers or more.
 fn other_rows<'s>(rows: impl Iterator<Item = &'s &'s Sampled>, decimal: Decimal) -> Option<(u64, u64)> {
     let numbers = |row: &Sampled| {
         row.fields.iter().filter(|f| matches!(decimal.number(f.as_bytes()), Cell::Integer(_) | Cell::Float(_))).count()
     };
     let rows: Vec<&Sampled> =
         rows.copied().filter(|r| r.fields.len() >= 3 && 2 * numbers(r) >= r.fields.len()).collect();
-    (rows.len() >= FEWEST_BARE).then(|| Some((rows.first()?.line, rows.len() as u64)))?
+    (rows.len() >= FEWEST_ROWS).then(|| Some((rows.first()?.line, rows.len() as u64)))?
 }
 
-/// The most frequent number of fields, the larger where two are as frequent, and how often it occurs.
+/// The most frequent number of fields, the larger of two that are equally frequent, and how often it occurs.
 fn common_width(rows: &[&Sampled]) -> Option<(usize, usize)> {
     let count = |width: usize| rows.iter().filter(|r| r.fields.len() == width).count();
     rows.iter().map(|r| r.fields.len()).max_by_key(|&width| (count(width), width)).map(|width| (width, count(width)))

@@ -1,54 +1,54 @@
-//! Cuts a text file into lines and quoted records without losing count of a byte.
+//! Splits a text file into lines and quoted records, and accounts for every byte.
 
-use super::ahead::{Rules, Source};
 use super::columns::Topic;
+use super::read_ahead::{AheadReader, Rules};
 use crate::error::IngestError;
-use crate::format::crew::Crew;
+use crate::format::workers::Workers;
 use crate::reader::ReadContext;
 use logscan::MOST_ZEROS;
 use memchr::{memchr, memchr2, memrchr};
 use std::io::Read;
 
-/// CRs in a row that still belong to one line end.
+/// The most consecutive CRs of one line end.
 const MOST_RETURNS: usize = 8;
-/// At most this many longest lines may be searched in vain for the end of a quoted record, and this many bytes
-/// for each byte of the file. Beyond that quotes no longer reach over line ends: text made for it
-/// would have every line searched through to the limit.
+/// Limits the bytes that are searched in vain for the end of a quoted record: to this many times the longest line, and
+/// this many bytes for each byte of the file. Beyond that, quoted fields no longer span lines. Without this limit a
+/// hostile file could cause a search up to the longest line for each of its lines.
 const VAIN: u64 = 16;
 
 /// A reader of lines with bounded memory. Line ends are LF, CR, CR LF and CR CR LF, mixed at will.
 pub(super) struct Lines<'a, R> {
-    source: Source<R>,
+    source: AheadReader<R>,
     context: &'a ReadContext<'a>,
     file: &'a str,
     buffer: Vec<u8>,
     start: usize,
-    /// From here on the buffer has no quote, and no zero byte: rows need not be searched one by one.
+    /// The ends of the parts of the buffer with quotes and with zero bytes. Rows after them need no search.
     quotes_end: usize,
     zeros_end: usize,
-    /// Up to here the buffer has whole lines, if it has an LF.
+    /// The end of the whole lines in the buffer.
     lines_end: usize,
     ended: bool,
-    /// Bytes searched in vain for the end of quoted records.
+    /// The number of bytes searched in vain for the end of quoted records.
     searched_in_vain: u64,
-    /// Bytes before the current line.
+    /// The offset of the current line in the file, bytes.
     pub(super) offset: u64,
-    /// Number of the current line, from 1.
+    /// The number of the current line, from 1.
     pub(super) number: u64,
 }
 
 /// One record that is complete in the buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Extent {
-    /// Bytes of the record without its line end.
+    /// The length of the record without its line end, bytes.
     pub(super) text: usize,
-    /// Bytes with the line end.
+    /// The length with the line end, bytes.
     pub(super) whole: usize,
-    /// Lines that it spans: more than one when a quoted field holds line ends.
+    /// The number of lines of the record: more than one if a quoted field holds line ends.
     pub(super) lines: u64,
     /// Whether a line end follows; only the last record of a file may lack it.
     pub(super) ended: bool,
-    /// Quotes do not match, so the line is a record of its own.
+    /// Whether quotes do not match. The line is then a separate record.
     pub(super) broken: bool,
 }
 
@@ -66,7 +66,7 @@ pub(super) enum Next {
 impl<'a, R: Read> Lines<'a, R> {
     pub(super) fn new(input: R, file: &'a str, context: &'a ReadContext<'a>) -> Lines<'a, R> {
         Lines {
-            source: Source::new(input),
+            source: AheadReader::new(input),
             context,
             file,
             buffer: vec![],
@@ -81,14 +81,13 @@ impl<'a, R: Read> Lines<'a, R> {
         }
     }
 
-    /// At this place of the file.
+    /// Sets the position in the file.
     pub(super) fn from(mut self, offset: u64) -> Self {
         (self.offset, self.source.at) = (offset, offset);
         self
     }
 
-    /// Finds the next record. With a delimiter, a quoted field may span lines; without one every
-    /// line is a record of its own.
+    /// Finds the next record. With a delimiter, a quoted field may span lines; without one every line is a record.
     pub(super) fn next(&mut self, delimiter: Option<u8>) -> Result<Next, IngestError> {
         loop {
             let limit = self.context.limits.line_bytes;
@@ -109,12 +108,12 @@ impl<'a, R: Read> Lines<'a, R> {
         }
     }
 
-    /// Bytes needed to decide whether a record is too long.
+    /// The number of bytes needed to decide whether a record is too long.
     fn reach(&self) -> usize {
         self.context.limits.line_bytes + MOST_RETURNS + 1
     }
 
-    /// The same number of following bytes: the result for a record does not depend on how much was read at once.
+    /// At most [`Lines::reach`] of the next bytes, so that the result does not depend on how much was read at once.
     fn within_reach(&self) -> &[u8] {
         let rest = self.rest();
         rest.get(..self.reach()).unwrap_or(rest)
@@ -141,8 +140,7 @@ impl<'a, R: Read> Lines<'a, R> {
         plain.then(|| self.buffer.get(self.start..self.lines_end)).flatten().unwrap_or_default()
     }
 
-    /// The first line of a record over several lines that did not end: a quote that was not meant to
-    /// open a field has swallowed the others.
+    /// The first line of a record over several lines that is not a row: a stray quote joined the others to it.
     pub(super) fn first_line_of(&mut self, record: Extent) -> Extent {
         if record.lines == 1 {
             return record;
@@ -163,14 +161,14 @@ impl<'a, R: Read> Lines<'a, R> {
         self.number += extent.lines;
     }
 
-    /// Moves past a line that is too long to be taken into memory. Says how long it is, and whether the search for its
-    /// end was given up: a sparse file has nothing but zeros.
+    /// Moves past a line that is too long for memory. Returns its length, and whether the search for its end was given
+    /// up, as in a sparse file of only zeros.
     pub(super) fn pass_too_long(&mut self) -> Result<(u64, bool), IngestError> {
         let (from, mut zeros) = (self.offset, 0);
         loop {
             let rest = self.rest();
             let found = find_line(rest, self.ended).map(|e| e.whole);
-            // A CR that is held last may be followed by the LF that it belongs to.
+            // An LF may follow a CR at the end of the buffer and belong to it.
             let step = found.or_else(|| memchr(b'\r', rest)).unwrap_or(rest.len());
             let passed = rest.get(..step).unwrap_or_default();
             let others = |byte: &u8| *byte != 0;
@@ -187,8 +185,8 @@ impl<'a, R: Read> Lines<'a, R> {
         }
     }
 
-    /// Leaves the next rows of `topic` to other threads. Only where the buffer holds whole lines.
-    pub(super) fn read_ahead(&mut self, crew: &Crew, topic: &Topic, rules: &Rules) -> Result<(), IngestError> {
+    /// Lets other threads parse the next rows of `topic`, if the buffer holds whole lines.
+    pub(super) fn read_ahead(&mut self, workers: &Workers, topic: &Topic, rules: &Rules) -> Result<(), IngestError> {
         if self.source.is_empty() {
             if self.ended || self.lines_end <= self.start {
                 return Ok(());
@@ -198,12 +196,12 @@ impl<'a, R: Read> Lines<'a, R> {
             self.zeros_end = self.zeros_end.min(self.lines_end);
         }
         let offset = self.source.at;
-        let got = self.source.read_ahead(crew, topic, rules).map_err(|source| self.failed(offset, source))?;
+        let got = self.source.read_ahead(workers, topic, rules).map_err(|source| self.failed(offset, source))?;
         Ok(self.context.advance(got)?)
     }
 
-    /// Takes rows of `topic` that others have read: those that come next, if the buffer is used up. `None` if nothing
-    /// was read early.
+    /// Takes the next rows of `topic` that other threads have parsed. `None` if the buffer is not used up, or nothing was
+    /// read ahead.
     pub(super) fn take_rows(&mut self, topic: &mut Topic, rules: &Rules) -> Result<Option<Extent>, IngestError> {
         if !self.rest().is_empty() {
             return Ok(None);
@@ -215,25 +213,25 @@ impl<'a, R: Read> Lines<'a, R> {
         let taken = is_wanted && topic.append(&mut piece.part, self.number);
         let extent = if taken { piece.extent } else { Extent::default() };
         std::mem::swap(&mut self.buffer, &mut piece.bytes);
-        self.source.keep(piece);
+        self.source.recycle(piece);
         (self.start, self.quotes_end, self.zeros_end, self.lines_end) = (0, 0, 0, 0);
         self.pass(extent);
         if self.start < self.buffer.len() {
-            self.look_at(0);
+            self.scan(0);
         }
         Ok(Some(extent))
     }
 
     #[cfg(test)]
-    pub(super) fn finish_what_is_ahead(&self) {
-        self.source.finish();
+    pub(super) fn finish_read_ahead(&self) {
+        self.source.run_all();
     }
 
     fn rest(&self) -> &[u8] {
         self.buffer.get(self.start..).unwrap_or_default()
     }
 
-    /// A record that does not end within the limit: an unclosed quote falls back to its first line.
+    /// Handles a record that does not end within the limit. Of a record with an unclosed quote the first line is returned.
     fn oversized(&mut self, delimiter: Option<u8>) -> Next {
         match delimiter.and_then(|_| find_line(self.within_reach(), false)) {
             Some(line) if line.text <= self.context.limits.line_bytes => self.unclosed(line),
@@ -268,12 +266,12 @@ impl<'a, R: Read> Lines<'a, R> {
         let offset = self.source.at;
         let got = self.source.more(&mut self.buffer).map_err(|source| self.failed(offset, source))?;
         self.ended = self.buffer.len() == held;
-        self.look_at(held);
+        self.scan(held);
         Ok(self.context.advance(got)?)
     }
 
     /// Examines what the buffer holds from `held` on.
-    fn look_at(&mut self, held: usize) {
+    fn scan(&mut self, held: usize) {
         let new = self.buffer.get(held..).unwrap_or_default();
         self.quotes_end = memrchr(b'"', new).map_or(self.quotes_end, |at| held + at + 1);
         self.zeros_end = memrchr(0, new).map_or(self.zeros_end, |at| held + at + 1);
@@ -285,14 +283,14 @@ impl<'a, R: Read> Lines<'a, R> {
     }
 }
 
-/// The first record of `data`, if its end is certain. `ended` says that nothing follows `data`.
-/// Comments have no quotes, and without a delimiter no line has.
+/// The first record of `data`, if its end is certain. `ended`: nothing follows `data`. Quotes have no meaning in comments,
+/// and without a delimiter in no line.
 fn find(data: &[u8], delimiter: Option<u8>, several_lines: bool, ended: bool) -> Option<Extent> {
     let line = find_line(data, ended)?;
     let text = data.get(..line.text)?;
     match delimiter {
         Some(delimiter) if memchr(b'"', text).is_some() && comment_mark(text.trim_ascii_start()) == 0 => {
-            // A line on its own ends where it ends.
+            // A record of one line ends with its line.
             let (data, ended) = if several_lines { (data, ended) } else { (data.get(..line.whole)?, true) };
             match find_quoted(data, delimiter, ended) {
                 Some(Quoted::Ends(extent)) => Some(extent),

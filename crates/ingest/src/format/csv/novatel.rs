@@ -21,17 +21,17 @@ const FIELDS: &[(&str, &[&str])] = &[
     ("INSATT", INSATT),
     ("INSATTS", INSATT),
 ];
-/// Fields of a status.
+/// The names of status fields.
 const STATUS: &[&str] = &["sol_status", "ins_status", "status"];
-/// The reader's own column after those of messages with a status: 1 if it is that of a solution, else 0.
+/// A derived column after those of messages with a status: 1 if the status is that of a solution, else 0.
 const SOLVED: &str = "solution_ok";
-/// What messages say with a solution: their solution status, or that of the inertial one. Others tell of an alignment
-/// that goes on, of too few satellites, of a filter that has not converged.
+/// The status of messages with a solution: their solution status, or the status of the inertial solution. Others report
+/// an alignment in progress, too few satellites, or a filter that has not converged.
 const SOLUTIONS: &[&str] = &[
     "SOL_COMPUTED",
     "INS_SOLUTION_GOOD",
     "INS_ALIGNMENT_COMPLETE",
-    // Good, but the azimuth is not sure, or the satellites were not believed; the last is the former name of the
+    // Good, but the azimuth is uncertain, or the satellite position was rejected. The last is the former name of the
     // second.
     "INS_HIGH_VARIANCE",
     "INS_SOLUTION_FREE",
@@ -96,9 +96,9 @@ pub(super) fn looks_like(head: &[u8]) -> bool {
 /// A message: its name without the `A`, and its header and fields with commas between.
 pub(super) struct Message<'l> {
     pub(super) name: &'l str,
-    /// Week, seconds of the week, then the fields, then whether they are a solution if they say so.
+    /// Week, seconds of the week, then the fields, then [`SOLVED`] if they have a status.
     pub(super) row: String,
-    /// Fields after the header.
+    /// The number of fields after the header.
     width: usize,
 }
 
@@ -131,12 +131,12 @@ pub(super) fn parse(line: &[u8]) -> Result<Message<'_>, &'static str> {
     Ok(Message { name, row, width: split.len() })
 }
 
-/// The names of its fields, as far as they are known.
+/// The known names of the fields of a message.
 fn known_fields(name: &str) -> &'static [&'static str] {
     FIELDS.iter().find(|(known, _)| *known == name).map_or(&[], |(_, fields)| fields)
 }
 
-/// The polynomial of the usual CRC-32, without its first and last inversion.
+/// CRC-32 with the usual polynomial, without the initial and final inversion.
 fn checksum(body: &[u8]) -> u32 {
     let mut crc = crc32fast::Hasher::new_with_initial(u32::MAX);
     crc.update(body);

@@ -1,14 +1,14 @@
 //! One table in a file: a header, perhaps a units line, and rows below. The header may be repeated between the rows.
 
-use super::ahead::Rules;
 use super::columns::Topic;
-use super::header::{Changes, Header};
+use super::header::{Header, HeaderFindings};
 use super::layout::TableLayout;
 use super::lines::{Extent, comment_mark};
-use super::plain::Cutter;
-use super::{Between, Books, EXTRAS, Open, bare, fields, remark_of, unmarked, without_bom};
+use super::plain::RowSplitter;
+use super::read_ahead::Rules;
+use super::{Accounting, EXTRAS, Open, RowOrHeader, fields, remark_of, trimmed_header, unmarked, without_bom};
 use crate::error::IngestError;
-use crate::format::crew::Crew;
+use crate::format::workers::Workers;
 use flight::{Code, Notices, Severity};
 use std::sync::Arc;
 
@@ -19,20 +19,20 @@ pub(super) struct OneTable<'t> {
     header: Arc<Header>,
     /// How plain rows are read; `None` while rows are examined one by one.
     rules: Option<Rules>,
-    /// Rules made so far.
-    made: u64,
-    /// Longest line, bytes.
+    /// The number of rules made so far.
+    rules_made: u64,
+    /// The length limit of a line, bytes.
     longest: usize,
-    changes: Changes,
+    findings: HeaderFindings,
     /// Whether the header is a comment.
     is_marked: bool,
     /// The line of units.
     units: Vec<u8>,
     /// Whether the previous line repeats a header.
-    behind_header: bool,
-    /// Lines before the header.
+    after_header: bool,
+    /// The number of lines before the header.
     preamble: u64,
-    /// Repeated headers.
+    /// The number of repeated headers.
     repeated: u64,
 }
 
@@ -43,12 +43,12 @@ impl<'t> OneTable<'t> {
             topic,
             header: Arc::default(),
             rules: None,
-            made: 0,
+            rules_made: 0,
             longest,
-            changes: Changes::default(),
+            findings: HeaderFindings::default(),
             is_marked: false,
             units: vec![],
-            behind_header: false,
+            after_header: false,
             preamble: 0,
             repeated: 0,
         };
@@ -59,25 +59,25 @@ impl<'t> OneTable<'t> {
     /// Reads all lines of the file.
     pub(super) fn read(
         &mut self,
-        books: &mut Books,
+        accounting: &mut Accounting,
         open: &mut Open<'_>,
-        crew: Option<&Crew>,
+        workers: Option<&Workers>,
     ) -> Result<(), IngestError> {
         loop {
             if let Some(rules) = self.rules.as_mut().filter(|_| open.lines.number >= self.layout.first_row_line) {
                 let line = open.lines.number;
-                books.plain_rows(open, &mut self.topic, rules, crew)?;
-                self.behind_header &= open.lines.number == line;
+                accounting.plain_rows(open, &mut self.topic, rules, workers)?;
+                self.after_header &= open.lines.number == line;
             }
-            let Some((extent, line)) = books.next_record(open, self.layout.delimiter)? else { return Ok(()) };
+            let Some((extent, line)) = accounting.next_record(open, self.layout.delimiter)? else { return Ok(()) };
             self.head(open, extent, line);
-            self.line(books, open, extent, line);
+            self.line(accounting, open, extent, line);
         }
     }
 
-    /// What was noticed of the whole table.
-    pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
-        self.changes.tell(file, notices);
+    /// Reports what was found in the whole table.
+    pub(super) fn report(&self, file: &str, notices: &mut Notices) {
+        self.findings.report(file, notices);
         if let Some((first, rows)) = self.layout.other_rows {
             let text = format!("rows of another table come before this one, from line {first} on: they are not read");
             notices.push(Code::IrregularTable.at(Severity::Loss), file, rows, text);
@@ -98,11 +98,11 @@ impl<'t> OneTable<'t> {
     fn renew_rules(&mut self) {
         // Rows below another header are skipped one by one.
         let topic = &self.topic;
-        let plain = topic.decoded && self.layout.delimiter != fields::BLANKS && !topic.is_lost;
-        self.made += 1;
+        let plain = topic.decoded && self.layout.delimiter != fields::BLANKS && !topic.is_below_other_header;
+        self.rules_made += 1;
         self.rules = plain.then(|| Rules {
-            number: self.made,
-            cutter: Cutter::new(self.layout.delimiter, topic.width, &topic.places(), &self.header),
+            number: self.rules_made,
+            splitter: RowSplitter::new(self.layout.delimiter, topic.width, &topic.places(), &self.header),
             header: Arc::clone(&self.header),
             longest: self.longest,
         });
@@ -119,7 +119,8 @@ impl<'t> OneTable<'t> {
             let names = if mark > 0 { unmarked(without_bom(whole.trim_ascii_start())) } else { without_bom(whole) };
             open.fields.split(names, delimiter);
             let numbers = self.layout.numbers.clone();
-            self.header = Arc::new(Header::new(bare(open.lines.text(extent)), &open.fields, delimiter, numbers));
+            self.header =
+                Arc::new(Header::new(trimmed_header(open.lines.text(extent)), &open.fields, delimiter, numbers));
             self.renew_rules();
             self.is_marked = mark > 0;
         }
@@ -132,61 +133,61 @@ impl<'t> OneTable<'t> {
             self.topic.units = open.fields.texts();
         }
         if line < self.layout.first_row_line && !self.units.is_empty() {
-            // Nobody else has the header before the first row.
+            // Before the first row no rules of other threads share the header.
             drop(self.rules.take());
             let begin = self.units.split(|b| *b == delimiter).next().unwrap_or_default().trim_ascii();
-            Arc::get_mut(&mut self.header).into_iter().for_each(|header| header.has_units(begin));
+            Arc::get_mut(&mut self.header).into_iter().for_each(|header| header.set_units(begin));
             self.renew_rules();
         }
     }
 
-    /// Decides what a line is: a row, another header, the header repeated, or something else.
-    fn line(&mut self, books: &mut Books, open: &mut Open<'_>, extent: Extent, line: u64) {
+    /// Reads a line: a row, another header, the header repeated, or something else.
+    fn line(&mut self, accounting: &mut Accounting, open: &mut Open<'_>, extent: Extent, line: u64) {
         let text = trimmed(open, extent);
         let is_comment = comment_mark(text) > 0;
         let is_plain = !text.is_empty() && !is_comment;
         let is_row = line >= self.layout.first_row_line;
-        let again = is_row && self.header.is(bare(open.lines.text(extent)));
-        let again_units = is_row && self.behind_header && !self.units.is_empty() && text == self.units;
-        self.behind_header = again;
-        if is_comment && is_row && !again {
-            if self.is_marked && matches!(self.other_header(books, open, extent), Between::Header) {
+        let is_repeated = is_row && self.header.is(trimmed_header(open.lines.text(extent)));
+        let is_repeated_units = is_row && self.after_header && !self.units.is_empty() && text == self.units;
+        self.after_header = is_repeated;
+        if is_comment && is_row && !is_repeated {
+            if self.is_marked && matches!(self.other_header(accounting, open, extent), RowOrHeader::Header) {
                 return;
             }
             open.fields.split(without_bom(open.lines.text(extent).trim_ascii()), self.layout.delimiter);
             if !self.is_marked && self.header.is_like_row(&open.fields) {
-                self.changes.remark(line);
+                self.findings.count_remark(line);
             }
-            books.structure(open, extent);
-        } else if !is_plain || again || again_units || !is_row {
+            accounting.structure(open, extent);
+        } else if !is_plain || is_repeated || is_repeated_units || !is_row {
             if !is_row {
-                self.before_rows(books, open, extent, line, is_plain);
+                self.before_rows(accounting, open, extent, line, is_plain);
             }
-            if again {
+            if is_repeated {
                 self.repeated += 1;
-                self.topic.is_lost = false;
+                self.topic.is_below_other_header = false;
                 self.renew_rules();
             }
-            books.structure(open, extent);
-        } else if let Between::Row { is_split } = self.other_header(books, open, extent) {
-            books.row(open, extent, &mut self.topic, 0, self.layout.delimiter, is_split);
+            accounting.structure(open, extent);
+        } else if let RowOrHeader::Row { is_split } = self.other_header(accounting, open, extent) {
+            accounting.row(open, extent, &mut self.topic, 0, self.layout.delimiter, is_split);
         }
     }
 
     /// Checks whether the line is another header.
-    fn other_header(&mut self, books: &mut Books, open: &mut Open<'_>, extent: Extent) -> Between {
-        let between = books.other_header(open, extent, &mut self.topic, &self.header, &mut self.changes);
-        if matches!(between, Between::Header) {
+    fn other_header(&mut self, accounting: &mut Accounting, open: &mut Open<'_>, extent: Extent) -> RowOrHeader {
+        let between = accounting.other_header(open, extent, &mut self.topic, &self.header, &mut self.findings);
+        if matches!(between, RowOrHeader::Header) {
             self.renew_rules();
-            self.behind_header = true;
+            self.after_header = true;
         }
         between
     }
 
     /// Keeps a remark before the rows, and counts what is neither a remark nor a header.
-    fn before_rows(&mut self, books: &mut Books, open: &Open<'_>, extent: Extent, line: u64, is_plain: bool) {
-        let remark = remark_of(trimmed(open, extent)).filter(|_| books.health.extras.len() < EXTRAS);
-        books.health.extras.extend(remark);
+    fn before_rows(&mut self, accounting: &mut Accounting, open: &Open<'_>, extent: Extent, line: u64, is_plain: bool) {
+        let remark = remark_of(trimmed(open, extent)).filter(|_| accounting.health.extras.len() < EXTRAS);
+        accounting.health.extras.extend(remark);
         let is_head = [self.layout.header_line, self.layout.units_line].contains(&Some(line));
         self.preamble += u64::from(is_plain && !is_head);
     }

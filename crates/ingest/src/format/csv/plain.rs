@@ -1,5 +1,5 @@
-//! Rows of plain text, block by block: without quotes and zero bytes, one search finds the ends of fields
-//! and lines alike.
+//! Splits rows of plain text, block by block. Without quotes and zero bytes, one search finds the ends of fields and of
+//! lines.
 
 use super::fields::Row;
 use super::header::Header;
@@ -9,38 +9,38 @@ use wide::u8x16;
 /// Bytes searched in one step: a bit for each byte.
 const STEP: usize = u64::BITS as usize;
 
-/// How the rows of a table are cut, with room for it. Made once for a header: lines may be many and short, and columns
-/// many.
+/// Splits the rows of a table. Made once for a header, with reusable memory, because there may be many short lines and
+/// many columns.
 #[derive(Clone, Default)]
-pub(super) struct Cutter {
+pub(super) struct RowSplitter {
     delimiter: u8,
-    /// Fields of a row.
+    /// The number of fields of a row.
     width: usize,
-    /// Fields that are examined: the wanted ones, and those that show whether it is a row.
+    /// The fields that are examined: the wanted ones, and those that show whether a line is a row.
     looked_at: Vec<usize>,
-    /// The delimiters around these, by number.
+    /// The numbers of the delimiters around these fields.
     needed: Vec<usize>,
     delimiters: Vec<usize>,
     spans: Vec<(usize, usize)>,
 }
 
-impl Cutter {
-    pub(super) fn new(delimiter: u8, width: usize, wanted: &[usize], header: &Header) -> Cutter {
-        let telling = [Some(0), Some(width.saturating_sub(1)), header.telling()];
+impl RowSplitter {
+    pub(super) fn new(delimiter: u8, width: usize, wanted: &[usize], header: &Header) -> RowSplitter {
+        let first_number = [Some(0), Some(width.saturating_sub(1)), header.first_number()];
         let mut looked_at: Vec<usize> =
-            wanted.iter().copied().chain(telling.into_iter().flatten()).filter(|&field| field < width).collect();
+            wanted.iter().copied().chain(first_number.into_iter().flatten()).filter(|&field| field < width).collect();
         looked_at.sort_unstable();
         looked_at.dedup();
-        // A field is between the delimiter of its own number and the previous one.
+        // Field n is between delimiters n - 1 and n.
         let around = |&field: &usize| [field.checked_sub(1), Some(field)];
         let mut needed: Vec<usize> = looked_at.iter().flat_map(around).flatten().collect();
         needed.dedup();
-        Cutter { delimiter, width, looked_at, needed, delimiters: vec![0; width], spans: vec![(0, 0); width] }
+        RowSplitter { delimiter, width, looked_at, needed, delimiters: vec![0; width], spans: vec![(0, 0); width] }
     }
 
-    /// Takes the rows that a block of whole lines begins with, up to the first line that may be something else: a
-    /// longer one than `longest`, or the header again. All of them as one extent. Of a row only the wanted fields are
-    /// there.
+    /// Takes the rows that a block of whole lines begins with, up to the first line that may be something else: the
+    /// header again, or a line longer than `longest`. Returns one extent for all of them. Rows have only the examined
+    /// fields.
     pub(super) fn rows(
         &mut self,
         block: &[u8],
@@ -63,7 +63,7 @@ impl Cutter {
             if fields != self.width {
                 break;
             }
-            self.place(line, end);
+            self.locate(line, end);
             let (row, text) = (Row::new(block, &self.spans), end - line);
             if text > longest || !is_row(row, header) {
                 break;
@@ -74,8 +74,8 @@ impl Cutter {
         Extent { text: line, whole: line, lines, ended: true, broken: false }
     }
 
-    /// Positions of the fields in the row with this start and end.
-    fn place(&mut self, line: usize, end: usize) {
+    /// Finds the positions of the examined fields in the row with this start and end.
+    fn locate(&mut self, line: usize, end: usize) {
         let delimiter = |number: usize| self.delimiters.get(number).copied();
         for &field in &self.looked_at {
             let from = field.checked_sub(1).and_then(delimiter).map_or(line, |at| at + 1);
@@ -90,22 +90,22 @@ impl Cutter {
 fn is_row(row: Row<'_>, header: &Header) -> bool {
     let cell = row.get(0);
     let last = row.get(row.len().saturating_sub(1));
-    let telling = header.telling().map_or(&b""[..], |column| row.get(column));
-    !(cell.is_empty() || comment_mark(cell) > 0 || header.may_be(cell, last, telling))
+    let first_number = header.first_number().map_or(&b""[..], |column| row.get(column));
+    !(cell.is_empty() || comment_mark(cell) > 0 || header.may_be_header(cell, last, first_number))
 }
 
 /// A search for delimiters and line ends from one end of a block to the other.
 struct Search<'b> {
     block: &'b [u8],
     delimiter: u8x16,
-    /// Where the step begins.
+    /// The start of the current step.
     step: usize,
-    /// Those of the step that are left.
+    /// The delimiters of the step that are left, as bits.
     delimiters: u64,
     ends: u64,
 }
 
-/// Fields of a line, and where it ends.
+/// The number of fields of a line, and where it ends.
 struct Line {
     fields: usize,
     end: usize,
@@ -118,17 +118,18 @@ impl Search<'_> {
         Search { block, delimiter, step: 0, delimiters, ends }
     }
 
-    /// The next line that has an end; where its delimiters of the `needed` numbers, which ascend, are.
+    /// Finds the next line that has an end, and writes the positions of its `needed` delimiters to `places`. The needed
+    /// numbers ascend.
     #[inline]
     fn line(&mut self, needed: &[usize], places: &mut [usize]) -> Option<Line> {
         let all = needed.len() + 1 >= places.len();
         let mut needed = needed.iter().copied().peekable();
         let mut passed = 0;
         loop {
-            // All bits, if the line does not end here.
+            // All bits are set if the line does not end in this step.
             let before_end = (self.ends & self.ends.wrapping_neg()).wrapping_sub(1);
             let mut left = self.delimiters & before_end;
-            let behind = passed + left.count_ones() as usize;
+            let found = passed + left.count_ones() as usize;
             let mut number = passed;
             while all && left != 0 {
                 if let Some(place) = places.get_mut(number) {
@@ -137,7 +138,7 @@ impl Search<'_> {
                 left &= left.wrapping_sub(1);
                 number += 1;
             }
-            while !all && let Some(wanted) = needed.next_if(|&wanted| wanted < behind) {
+            while !all && let Some(wanted) = needed.next_if(|&wanted| wanted < found) {
                 for _ in number..wanted {
                     left &= left.wrapping_sub(1);
                 }
@@ -146,7 +147,7 @@ impl Search<'_> {
                     *place = self.step + left.trailing_zeros() as usize;
                 }
             }
-            passed = behind;
+            passed = found;
             self.delimiters &= !before_end;
             if self.ends != 0 {
                 let end = self.step + self.ends.trailing_zeros() as usize;
@@ -201,8 +202,8 @@ mod tests {
     fn taken(text: &str, header: &str) -> (Vec<Vec<String>>, usize) {
         let mut all = vec![];
         let header = header_of(header);
-        let mut cutter = Cutter::new(b',', 3, &[0, 1, 2], &header);
-        let extent = cutter.rows(text.as_bytes(), &header, 200, |row, extent| {
+        let mut splitter = RowSplitter::new(b',', 3, &[0, 1, 2], &header);
+        let extent = splitter.rows(text.as_bytes(), &header, 200, |row, extent| {
             all.push((0..row.len()).map(|i| String::from_utf8_lossy(row.get(i)).into_owned()).collect());
             assert!((1..=2).contains(&(extent.whole - extent.text)));
         });
@@ -230,9 +231,9 @@ mod tests {
         let every: Vec<usize> = (0..90).collect();
         for wanted in [&[][..], &[0], &[89], &[88], &[3, 4, 5], &[63, 64, 65], &[1, 40, 89], &[7, 95], &every] {
             let header = header_of("t");
-            let mut cutter = Cutter::new(b',', 90, wanted, &header);
+            let mut splitter = RowSplitter::new(b',', 90, wanted, &header);
             let mut lines = text.lines();
-            let all = cutter.rows(text.as_bytes(), &header, 1000, |row, _| {
+            let all = splitter.rows(text.as_bytes(), &header, 1000, |row, _| {
                 let fields: Vec<&str> = lines.next().unwrap().split(',').collect();
                 assert_eq!(row.len(), 90);
                 for &field in wanted {

@@ -1,6 +1,6 @@
 //! Receivers and lever arms from the parameters of ArduPilot (3.2 to 4.7) and PX4 (1.8 to 1.17).
 
-use super::{Parameters, Receivers, note_baud, note_rate, note_text, numbered, told, versions::tell_ardupilot};
+use super::{Parameters, Receivers, known, note_baud, note_rate, note_text, numbered, versions::tell_ardupilot};
 use flight::{LeverArm, ReceiverIdentity};
 
 /// ArduPilot's parameter names for one receiver, since 4.6 and before.
@@ -68,7 +68,7 @@ pub(in crate::format) fn of_ardupilot(parameters: &Parameters<'_>, texts: &[Stri
             note_baud(receiver, Some(baud), &source);
         }
     }
-    told(receivers)
+    known(receivers)
 }
 
 /// Baud rates of the serial ports on which ArduPilot expects a receiver, in its order: the first receiver has the
@@ -145,7 +145,7 @@ pub(in crate::format) fn of_px4(parameters: &Parameters<'_>, receivers: &mut Vec
         let protocol = PROTOCOLS.iter().find(|(known, _)| Some(*known) == stated).map(|(_, protocol)| *protocol);
         note_text(receiver, "protocol", protocol, &name);
     }
-    *receivers = told(all);
+    *receivers = known(all);
 }
 
 /// Position parameters: the sensor, and the parts of the name before and after the axis.
@@ -210,9 +210,9 @@ mod tests {
                 ("SERIAL4_BAUD", 38.0),
             ]);
             let receivers = of_ardupilot(&|name| all.get(name).copied(), &[]);
-            let told: Vec<_> =
+            let known: Vec<_> =
                 receivers.iter().map(|r| (r.number, r.protocol.as_deref().unwrap(), r.rate_hz, r.baud)).collect();
-            assert_eq!(told, [(1, "UBX", Some(8.0), Some(230_400)), (2, "DroneCAN", None, None)]);
+            assert_eq!(known, [(1, "UBX", Some(8.0), Some(230_400)), (2, "DroneCAN", None, None)]);
             assert_eq!(receivers[0].sources["baud"], "SERIAL3_BAUD");
         }
     }

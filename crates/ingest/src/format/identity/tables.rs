@@ -54,18 +54,18 @@ mod tests {
         of_table_head(&remarks).into_iter().map(|r| [r.model, r.firmware, r.serial]).collect()
     }
 
-    fn told(texts: [&str; 3]) -> Vec<[Option<String>; 3]> {
+    fn receiver_facts(texts: [&str; 3]) -> Vec<[Option<String>; 3]> {
         vec![texts.map(|text| (!text.is_empty()).then(|| text.to_owned()))]
     }
 
     #[test]
     fn the_receiver_is_read_from_the_remarks_of_each_manufacturer() {
         let flysight = ["FIRMWARE_VER = v2024.05.25", "DEVICE_ID = 003e0038484e501420353131", "SESSION_ID = 3e10"];
-        assert_eq!(facts(&flysight), told(["FlySight 2", "v2024.05.25", "003e0038484e501420353131"]));
+        assert_eq!(facts(&flysight), receiver_facts(["FlySight 2", "v2024.05.25", "003e0038484e501420353131"]));
         let garmin = "airframe_info =  log_version=\"1.03\", unit_software_part_number=\"006-B1177-C1\", \
                       unit_software_version=\"21.50.5\", system_id=\"25B289D04\", mode=NORMAL, ";
-        assert_eq!(facts(&[garmin]), told(["Garmin 006-B1177-C1", "21.50.5", "25B289D04"]));
-        assert_eq!(facts(&["Device ID = 0380", "Firmware Version = 1.2.3"]), told(["", "1.2.3", "0380"]));
+        assert_eq!(facts(&[garmin]), receiver_facts(["Garmin 006-B1177-C1", "21.50.5", "25B289D04"]));
+        assert_eq!(facts(&["Device ID = 0380", "Firmware Version = 1.2.3"]), receiver_facts(["", "1.2.3", "0380"]));
         assert_eq!(facts(&["Start time = 12:00", "Pilot = A B"]), Vec::<[Option<String>; 3]>::new());
     }
 }

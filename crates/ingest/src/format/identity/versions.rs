@@ -58,11 +58,11 @@ pub(in crate::format) fn tell_px4_versions(receivers: &mut [ReceiverIdentity], l
         ("u-blox module:", "model", "u-blox "),
         ("u-blox protocol version:", "protocol", "UBX, version "),
     ] {
-        let mut told: Vec<&str> =
+        let mut texts: Vec<&str> =
             lines.iter().filter_map(|line| line.split_once(key)).map(|(_, rest)| rest.trim()).collect();
-        told.sort_unstable();
-        told.dedup();
-        let [only] = told[..] else { continue };
+        texts.sort_unstable();
+        texts.dedup();
+        let [only] = texts[..] else { continue };
         let is_ublox =
             |receiver: &&mut ReceiverIdentity| receiver.model.as_ref().is_none_or(|m| m.starts_with("u-blox"));
         for receiver in receivers.iter_mut().filter(is_ublox) {
@@ -130,20 +130,20 @@ mod tests {
 
     #[test]
     fn a_version_message_names_module_firmware_and_protocol() {
-        let told =
+        let texts =
             ["SW ROM CORE 3.01 (107888)", "HW 00080000", "FWVER=SPG 3.01", "PROTVER=18.00", "MOD=NEO-M8N-0", "GPS;GLO"];
-        let receiver = of_version(&lines(&told), "MON-VER", "UBX").unwrap();
+        let receiver = of_version(&lines(&texts), "MON-VER", "UBX").unwrap();
         let facts = [&receiver.model, &receiver.firmware, &receiver.protocol].map(|fact| fact.as_deref().unwrap_or(""));
         assert_eq!(facts, ["NEO-M8N-0", "SPG 3.01", "UBX, version 18.00"]);
         assert_eq!(receiver.sources["model"], "MON-VER");
         // A receiver of 2012, from its NMEA texts.
-        let told = [
+        let texts = [
             "u-blox ag - www.u-blox.com",
             "HW  UBX-G70xx   00070000",
             "ROM CORE 1.00 (59842) Jun 27 2012",
             "PROTVER 14.00",
         ];
-        let receiver = of_version(&lines(&told), "GPTXT", "NMEA").unwrap();
+        let receiver = of_version(&lines(&texts), "GPTXT", "NMEA").unwrap();
         let facts = [&receiver.model, &receiver.firmware, &receiver.protocol].map(|fact| fact.as_deref().unwrap_or(""));
         assert_eq!(facts, ["u-blox 7", "ROM CORE 1.00 (59842) Jun 27 2012", "NMEA, version 14.00"]);
         assert_eq!(of_version(&lines(&["ANTSTATUS=OK", "LLC FFFFFFFF"]), "GPTXT", "NMEA"), None);
@@ -161,12 +161,12 @@ mod tests {
         ] {
             tell_ardupilot(text, &mut receivers);
         }
-        let told: Vec<_> = receivers
+        let found: Vec<_> = receivers
             .values()
             .map(|r| (r.number, r.model.as_deref().unwrap(), r.firmware.as_deref(), r.baud, r.protocol.as_deref()))
             .collect();
         assert_eq!(
-            told,
+            found,
             [
                 (1, "u-blox 6", Some("7.03 (45970)"), Some(115_200), Some("UBX")),
                 (2, "DroneCAN1-125", None, None, Some("DroneCAN"))

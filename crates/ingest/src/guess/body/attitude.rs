@@ -1,11 +1,11 @@
 //! Roll, pitch and yaw: infers the unit from what is stated, from the range, or from whether yaw follows the course.
 
-use super::{Body, CONFIRMS, DECIDES, Of, unit};
+use super::{Body, CONFIRMS, DECIDES, TimedTriple, unit};
 use crate::bind::from_euler;
 use crate::guess::Found;
-use crate::guess::decide::{self, Motion, Vertical};
-use crate::guess::motion::Trace;
-use crate::guess::sets::Source;
+use crate::guess::column_groups::TableColumns;
+use crate::guess::compare::{self, Motion, Vertical};
+use crate::guess::windows::Trace;
 use crate::map::AttitudeFrame;
 use flight::{Clock, Unit};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -27,16 +27,16 @@ pub(super) struct Flown {
 }
 
 /// The bound velocity, with its units and axes.
-pub(super) fn flown(sources: &[Source<'_>], motion: &Found<'_, Motion>) -> Option<Flown> {
+pub(super) fn flown(sources: &[TableColumns<'_>], motion: &Found<'_, Motion>) -> Option<Flown> {
     let source = sources.iter().find(|source| source.table.topic.name == motion.topic)?;
-    let Motion { set, unit, angle, third, swapped, is_west, .. } = &motion.what;
-    let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
+    let Motion { group, unit, angle, third, swapped, is_west, .. } = &motion.what;
+    let columns = [Some(&group.first), Some(&group.second), group.third.as_ref()];
     let down = third.and_then(|(unit, side)| match side {
         Vertical::Down => Some((unit, 1.0)),
         Vertical::Up => Some((unit, -1.0)),
         Vertical::LeftOut => None,
     });
-    let trace = decide::trace(source.table, &motion.timing.times_s, columns, |[a, b, c]| {
+    let trace = compare::trace(source.table, &motion.timing.times_s, columns, |[a, b, c]| {
         let down = down.map_or(0.0, |(unit, sign)| sign * unit.to_si(c));
         let (first, second) = (unit.to_si(a), unit.to_si(b));
         match angle {
@@ -50,45 +50,46 @@ pub(super) fn flown(sources: &[Source<'_>], motion: &Found<'_, Motion>) -> Optio
     Some(Flown { clock: motion.timing.clock, trace, has_down: down.is_some() })
 }
 
-/// The possible senses and zeros of yaw.
+/// A sense and a zero of yaw.
 #[derive(Clone, Copy)]
-struct Count {
-    /// As named in a map; empty if a map has no word for it.
+struct YawSense {
+    /// As named in a map; empty if maps have no frame for it.
     frame: &'static str,
     /// Yaw clockwise from north, from the yaw of the columns, rad.
     clockwise: fn(f64) -> f64,
     words: &'static str,
 }
 
-const COUNTS: [Count; 4] = [
-    Count { frame: "frd-ned", clockwise: |yaw| yaw, words: "clockwise from north" },
-    Count { frame: "flu-enu", clockwise: |yaw| FRAC_PI_2 - yaw, words: "anticlockwise from east" },
-    Count { frame: "", clockwise: |yaw| -yaw, words: "anticlockwise from north" },
-    Count { frame: "", clockwise: |yaw| FRAC_PI_2 + yaw, words: "clockwise from east" },
+const YAW_SENSES: [YawSense; 4] = [
+    YawSense { frame: "frd-ned", clockwise: |yaw| yaw, words: "clockwise from north" },
+    YawSense { frame: "flu-enu", clockwise: |yaw| FRAC_PI_2 - yaw, words: "anticlockwise from east" },
+    YawSense { frame: "", clockwise: |yaw| -yaw, words: "anticlockwise from north" },
+    YawSense { frame: "", clockwise: |yaw| FRAC_PI_2 + yaw, words: "clockwise from east" },
 ];
 
-/// A way to read the angles.
+/// A possible reading of the angles.
 #[derive(Clone, Copy)]
-struct Way {
+struct Reading {
     unit: Unit,
-    count: Count,
+    sense: YawSense,
 }
 
 /// The unit and the frame of three angles.
-pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String> {
+pub(super) fn decide(of: &TimedTriple<'_>, flown: Option<&Flown>) -> Result<Body, String> {
     let (units, why_unit) = units(of)?;
     let flown = flown.filter(|flown| flown.clock == of.timing.clock);
-    let ways: Vec<Way> = units.iter().flat_map(|unit| COUNTS.map(|count| Way { unit: *unit, count })).collect();
+    let readings: Vec<Reading> =
+        units.iter().flat_map(|unit| YAW_SENSES.map(|sense| Reading { unit: *unit, sense })).collect();
     let body = |unit, frame, why| Body {
-        set: of.set.clone(),
+        group: of.group.clone(),
         quantity: "attitude",
         roles: ["roll", "pitch", "yaw"],
         unit,
         frame,
         why,
     };
-    let Some((best, way)) = followed(of, &ways, flown)? else {
-        not_off(of, &ways, flown)?;
+    let Some((best, reading)) = reading_by_course(of, &readings, flown)? else {
+        check_no_offset(of, &readings, flown)?;
         return match units.as_slice() {
             [unit] => Ok(body(*unit, "frd-ned", vec![why_unit, UNCONFIRMED.to_owned()])),
             _ => Err("nothing shows whether they are in degrees or radians".to_owned()),
@@ -96,42 +97,47 @@ pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String>
     };
     let course = format!(
         "{} follows the course of the velocity to {best:.3} if it counts {}",
-        of.set.columns[2].path, way.count.words
+        of.group.columns[2].path, reading.sense.words
     );
-    let pitch = pitch_side(of, way, flown)?;
-    let why_unit = if units.len() > 1 { format!("{}, as the course says", way.unit) } else { why_unit };
-    Ok(body(way.unit, way.count.frame, vec![why_unit, course, pitch]))
+    let pitch = pitch_side(of, reading, flown)?;
+    let why_unit = if units.len() > 1 { format!("{}, as the course says", reading.unit) } else { why_unit };
+    Ok(body(reading.unit, reading.sense.frame, vec![why_unit, course, pitch]))
 }
 
-/// The way in which yaw follows the course of the velocity, with the agreement; `None` if it does not follow it.
+/// The reading in which yaw follows the course of the velocity, with the agreement; `None` if there is none.
 ///
 /// # Errors
-/// If two ways fit equally, or a map has no word for the best one.
-fn followed(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<Option<(f64, Way)>, String> {
-    let score = |way: &Way| Some((agreement(&of.trace(way.unit), flown?, way.count.clockwise)?, *way));
-    let mut scored: Vec<(f64, Way)> = ways.iter().filter_map(score).collect();
+/// If two readings fit equally, or maps have no frame for the best one.
+fn reading_by_course(
+    of: &TimedTriple<'_>,
+    readings: &[Reading],
+    flown: Option<&Flown>,
+) -> Result<Option<(f64, Reading)>, String> {
+    let score =
+        |reading: &Reading| Some((agreement(&of.trace(reading.unit), flown?, reading.sense.clockwise)?, *reading));
+    let mut scored: Vec<(f64, Reading)> = readings.iter().filter_map(score).collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let Some((best, way)) = scored.first().copied().filter(|(best, _)| *best >= CONFIRMS) else { return Ok(None) };
+    let Some((best, reading)) = scored.first().copied().filter(|(best, _)| *best >= CONFIRMS) else { return Ok(None) };
     if let Some((_, other)) = scored.iter().skip(1).find(|(other, _)| best - other < DECIDES) {
-        return match other.unit == way.unit {
+        return match other.unit == reading.unit {
             true => Err(format!(
                 "the path is too straight to decide whether yaw counts {} or {}",
-                way.count.words, other.count.words
+                reading.sense.words, other.sense.words
             )),
-            false => Err(format!("they may be in {} or in {}", way.unit, other.unit)),
+            false => Err(format!("they may be in {} or in {}", reading.unit, other.unit)),
         };
     }
-    if way.count.frame.is_empty() {
-        return Err(format!("yaw counts {}, for which a channel map has no frame", way.count.words));
+    if reading.sense.frame.is_empty() {
+        return Err(format!("yaw counts {}, for which a channel map has no frame", reading.sense.words));
     }
-    Ok(Some((best, way)))
+    Ok(Some((best, reading)))
 }
 
 const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from north, with the nose up and the right side down, by \
                            the names alone";
 
 /// Possible units of the angles, with the reason.
-fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
+fn units(of: &TimedTriple<'_>) -> Result<(Vec<Unit>, String), String> {
     if let Some(stated) = of.stated()? {
         let most = stated.to_si(of.largest());
         return match most <= TAU + 1e-3 {
@@ -171,18 +177,18 @@ fn agreement(angles: &Trace<3>, flown: &Flown, clockwise: fn(f64) -> f64) -> Opt
 ///
 /// # Errors
 /// If it is, with the angle.
-fn not_off(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<(), String> {
+fn check_no_offset(of: &TimedTriple<'_>, readings: &[Reading], flown: Option<&Flown>) -> Result<(), String> {
     let Some(flown) = flown else { return Ok(()) };
-    for way in ways {
-        let angles = of.trace(way.unit);
-        let off = off_course(&angles, flown, way.count.clockwise);
+    for reading in readings {
+        let angles = of.trace(reading.unit);
+        let off = off_course(&angles, flown, reading.sense.clockwise);
         let course: Vec<f64> = flown.trace.values.iter().map(|[north, east, _]| east.atan2(*north)).collect();
         let ([cos, sin], [a, b]) = (mean(&off), mean(&course));
         if off.len() >= FEWEST && cos.hypot(sin) >= STEADY && a.hypot(b) <= CONFIRMS {
             let degrees = sin.atan2(cos).to_degrees();
             return Err(format!(
                 "{} stays {degrees:.0} degrees off the course of the velocity, if it counts {}",
-                of.set.columns[2].path, way.count.words
+                of.group.columns[2].path, reading.sense.words
             ));
         }
     }
@@ -190,23 +196,23 @@ fn not_off(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<(), Strin
 }
 
 /// Checks that pitch has the sign of the frame when the vehicle climbs.
-fn pitch_side(of: &Of<'_>, way: Way, flown: Option<&Flown>) -> Result<String, String> {
-    let path = &of.set.columns[1].path;
-    let unknown = || format!("the sign of {path} and {} is by their names alone", of.set.columns[0].path);
+fn pitch_side(of: &TimedTriple<'_>, reading: Reading, flown: Option<&Flown>) -> Result<String, String> {
+    let path = &of.group.columns[1].path;
+    let unknown = || format!("the sign of {path} and {} is by their names alone", of.group.columns[0].path);
     let Some(flown) = flown.filter(|flown| flown.has_down) else { return Ok(unknown()) };
-    let angles = of.trace(way.unit);
+    let angles = of.trace(reading.unit);
     let pairs = angles.times_s.iter().zip(&angles.values).filter_map(|(t, [_, pitch, _])| {
         let [north, east, down] = flown.trace.at(*t, HOLE_S)?;
         let speed = north.hypot(east);
         (speed >= SLOWEST).then(|| (*pitch, (-down).atan2(speed)))
     });
     let follows = correlation(&pairs.collect::<Vec<_>>());
-    let expected = if way.count.frame == "flu-enu" { -1.0 } else { 1.0 };
+    let expected = if reading.sense.frame == "flu-enu" { -1.0 } else { 1.0 };
     match follows * expected {
         agreed if agreed >= 0.5 => Ok(format!("{path} follows the climb to {:.2}", follows.abs())),
         agreed if agreed <= -0.5 => Err(format!(
             "{path} counts the other way than the frame {} that yaw follows: when the vehicle climbs it goes {}",
-            way.count.frame,
+            reading.sense.frame,
             if follows < 0.0 { "down" } else { "up" }
         )),
         _ => Ok(unknown()),
@@ -223,15 +229,15 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
 }
 
 /// A decided attitude: the rotation from forward, right, down to north, east, down over time.
-pub(super) struct Turns {
+pub(super) struct Rotation {
     pub(super) clock: Clock,
     /// Name of the yaw column.
     pub(super) path: String,
     pub(super) quaternions: Trace<4>,
 }
 
-impl Turns {
-    pub(super) fn new(of: &Of<'_>, body: &Body) -> Turns {
+impl Rotation {
+    pub(super) fn new(of: &TimedTriple<'_>, body: &Body) -> Rotation {
         let frame = if body.frame == "flu-enu" { AttitudeFrame::FluEnu } else { AttitudeFrame::FrdNed };
         let angles = of.trace(body.unit);
         let mut last = [0.0; 4];
@@ -242,6 +248,10 @@ impl Turns {
             last = if same < 0.0 { q.map(|v| -v) } else { q };
             (*t, last)
         });
-        Turns { clock: of.timing.clock, path: of.set.columns[2].path.clone(), quaternions: Trace::new(rows.collect()) }
+        Rotation {
+            clock: of.timing.clock,
+            path: of.group.columns[2].path.clone(),
+            quaternions: Trace::new(rows.collect()),
+        }
     }
 }

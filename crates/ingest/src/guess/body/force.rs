@@ -1,8 +1,8 @@
 //! Specific forces: infers the unit from a magnitude near 1 g, and the axes from the direction of gravity.
 
-use super::attitude::Turns;
-use super::{Body, Of, unit};
-use crate::guess::motion::Trace;
+use super::attitude::Rotation;
+use super::{Body, TimedTriple, unit};
+use crate::guess::windows::Trace;
 use flight::Unit;
 
 /// What an accelerometer at rest measures, m/s^2.
@@ -19,20 +19,20 @@ const LEAST_TILT: f64 = 0.03;
 const FEWEST: usize = 20;
 
 /// The unit and the frame of three forces.
-pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
+pub(super) fn decide(of: &TimedTriple<'_>, rotation: Option<&Rotation>) -> Result<Body, String> {
     let (unit, g) = unit_by_gravity(of)?;
     let magnitude = format!("the median of their magnitude is {g:.2} g if they are in {unit}");
     let trace = of.trace(unit);
-    let (frame, why) = match turns.map(|turns| by_attitude(&trace, turns)) {
+    let (frame, why) = match rotation.map(|rotation| by_attitude(&trace, rotation)) {
         Some(Some(found)) => found?,
-        Some(None) | None => by_mean(&trace, &of.set.columns[2].path)?,
+        Some(None) | None => by_mean(&trace, &of.group.columns[2].path)?,
     };
-    let (set, why) = (of.set.clone(), vec![magnitude, why]);
-    Ok(Body { set, quantity: "specific-force", roles: ["x", "y", "z"], unit, frame, why })
+    let (group, why) = (of.group.clone(), vec![magnitude, why]);
+    Ok(Body { group, quantity: "specific-force", roles: ["x", "y", "z"], unit, frame, why })
 }
 
 /// The unit in which the median magnitude is near 1 g, and that median in g.
-fn unit_by_gravity(of: &Of<'_>) -> Result<(Unit, f64), String> {
+fn unit_by_gravity(of: &TimedTriple<'_>) -> Result<(Unit, f64), String> {
     let si = unit("m/s^2")?;
     let mut magnitudes: Vec<f64> =
         of.trace(si).values.iter().map(|v| v.iter().map(|v| v * v).sum::<f64>().sqrt() / si.to_si(1.0)).collect();
@@ -56,16 +56,16 @@ fn unit_by_gravity(of: &Of<'_>) -> Result<(Unit, f64), String> {
 
 /// Infers the axes from what gravity alone would give in the attitude of each row; `None` if too few rows have one. A
 /// coordinated turn has nothing along y, whatever gravity does there: x and z decide.
-fn by_attitude(forces: &Trace<3>, turns: &Turns) -> Option<Result<(&'static str, String), String>> {
+fn by_attitude(forces: &Trace<3>, rotation: &Rotation) -> Option<Result<(&'static str, String), String>> {
     let pairs = forces.times_s.iter().zip(&forces.values).filter_map(|(t, force)| {
-        let [w, x, y, z] = turns.quaternions.at(*t, HOLE_S)?;
+        let [w, x, y, z] = rotation.quaternions.at(*t, HOLE_S)?;
         // Against gravity, along forward and down.
         let up = [2.0 * (x * z - w * y), 1.0 - 2.0 * (x * x + y * y)].map(|v| -GRAVITY * v);
         Some(([force[0], force[2]], up))
     });
     let pairs: Vec<([f64; 2], [f64; 2])> = pairs.collect();
     (pairs.len() >= FEWEST).then(|| {
-        let path = &turns.path;
+        let path = &rotation.path;
         let (forward, tilt) = agreement(&pairs, 0);
         let (down, _) = agreement(&pairs, 1);
         if down.abs() < LEAST {

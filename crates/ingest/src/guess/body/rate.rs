@@ -1,8 +1,8 @@
 //! Angular rates: infers the unit and the axes from the rotation of an attitude.
 
-use super::attitude::Turns;
-use super::{Body, CONFIRMS, Of, unit};
-use crate::guess::motion::Trace;
+use super::attitude::Rotation;
+use super::{Body, CONFIRMS, TimedTriple, unit};
+use crate::guess::windows::Trace;
 use flight::Unit;
 
 /// Rotations are compared over windows of this length, s.
@@ -21,14 +21,15 @@ const NEAR: f64 = 0.3;
 const FASTEST: f64 = 100.0;
 
 /// The unit and the frame of three rates.
-pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
+pub(super) fn decide(of: &TimedTriple<'_>, rotation: Option<&Rotation>) -> Result<Body, String> {
     let stated = of.stated()?;
     let (deg, rad) = (unit("deg/s")?, unit("rad/s")?);
     let body = |unit, frame, why| {
-        let set = of.set.clone();
-        Ok(Body { set, quantity: "angular-rate", roles: ["x", "y", "z"], unit, frame, why })
+        let group = of.group.clone();
+        Ok(Body { group, quantity: "angular-rate", roles: ["x", "y", "z"], unit, frame, why })
     };
-    let Some((compared, turns)) = turns.and_then(|turns| Some((compare(&of.trace(rad), turns)?, turns))) else {
+    let Some((compared, rotation)) = rotation.and_then(|rotation| Some((compare(&of.trace(rad), rotation)?, rotation)))
+    else {
         let (unit, why) = match stated {
             Some(stated) => (stated, format!("the table states {stated}")),
             None if of.largest() > FASTEST => (deg, "their range is that of deg/s".to_owned()),
@@ -38,14 +39,17 @@ pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String>
     };
     if compared.agreement < CONFIRMS {
         let agreement = compared.agreement;
-        return Err(format!("they do not say how {} and its neighbours change (agreement {agreement:.2})", turns.path));
+        return Err(format!(
+            "they do not say how {} and its neighbours change (agreement {agreement:.2})",
+            rotation.path
+        ));
     }
     let unit = unit_by_scale(compared.scale, stated, [deg, rad])?;
     let why = format!(
         "{} windows of {WINDOW_S} s: they agree with the turns of {} to {:.3}, and are {:.3} times as fast in rad/s ({unit} would be \
          {:.3})",
         compared.windows,
-        turns.path,
+        rotation.path,
         compared.agreement,
         compared.scale,
         1.0 / unit.to_si(1.0)
@@ -74,9 +78,9 @@ struct Compared {
 }
 
 /// Compares rates with rotations, for the delay and the frame that fit best.
-fn compare(rates: &Trace<3>, turns: &Turns) -> Option<Compared> {
+fn compare(rates: &Trace<3>, rotation: &Rotation) -> Option<Compared> {
     let all = DELAYS_S.iter().flat_map(|late_s| {
-        let pairs = windows(rates, turns, *late_s);
+        let pairs = windows(rates, rotation, *late_s);
         [("frd", [1.0, 1.0, 1.0]), ("flu", [1.0, -1.0, -1.0])].map(|(frame, signs)| of_frame(&pairs, frame, signs))
     });
     all.flatten().max_by(|a, b| a.agreement.total_cmp(&b.agreement))
@@ -101,9 +105,9 @@ fn of_frame(pairs: &[([f64; 3], [f64; 3])], frame: &'static str, signs: [f64; 3]
 }
 
 /// Mean rates of windows and how fast a late attitude rotated in them, about forward, right and down.
-fn windows(rates: &Trace<3>, turns: &Turns, late_s: f64) -> Vec<([f64; 3], [f64; 3])> {
+fn windows(rates: &Trace<3>, rotation: &Rotation, late_s: f64) -> Vec<([f64; 3], [f64; 3])> {
     let integral = rates.clone().integral(HOLE_S);
-    let attitude = &turns.quaternions;
+    let attitude = &rotation.quaternions;
     let mut pairs = vec![];
     let mut begin = 0;
     for (end, t) in attitude.times_s.iter().enumerate() {

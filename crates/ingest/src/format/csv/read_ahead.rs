@@ -1,37 +1,37 @@
-//! The bytes of a table, and its next plain rows, which idle threads split and parse before the walk reaches them.
+//! Reads the bytes of a table. Idle threads split and parse its next plain rows before the reader reaches them.
 
 use super::columns::{Part, Topic};
 use super::fields::Row;
 use super::header::Header;
 use super::lines::Extent;
-use super::plain::Cutter;
-use crate::format::crew::{Crew, Order, Outcome};
+use super::plain::RowSplitter;
+use crate::format::workers::{Job, Outcome, Workers};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::sync::Arc;
 
-/// Bytes read at once.
+/// Bytes of one read.
 const STEP: usize = 256 << 10;
 
-/// A file that is read from start to end, with what was read ahead.
-pub(super) struct Source<R> {
+/// A file that is read from start to end, and the lines that were read ahead.
+pub(super) struct AheadReader<R> {
     input: R,
     /// Position of the input in the file.
     pub(super) at: u64,
     ended: bool,
     /// Whole lines, in the order of the file.
-    pieces: VecDeque<Arc<Order<Piece>>>,
-    /// The bytes after them: a line without its end.
+    pieces: VecDeque<Arc<Job<Piece>>>,
+    /// The bytes after these lines: a line without its end.
     tail: Vec<u8>,
     spare: Vec<Piece>,
 }
 
-/// Whole lines, and the rows at their start.
+/// Whole lines, and the rows that they begin with.
 #[derive(Default)]
 pub(super) struct Piece {
     pub(super) bytes: Vec<u8>,
     pub(super) part: Part,
-    /// Columns of the rows; empty if no thread has parsed them.
+    /// The extent of the parsed rows; empty if no thread has parsed them.
     pub(super) extent: Extent,
     pub(super) rules: Rules,
 }
@@ -39,9 +39,9 @@ pub(super) struct Piece {
 /// How rows are split.
 #[derive(Clone, Default)]
 pub(super) struct Rules {
-    /// Number of these rules within the file, from 1.
+    /// The number of these rules within the file, from 1.
     pub(super) number: u64,
-    pub(super) cutter: Cutter,
+    pub(super) splitter: RowSplitter,
     pub(super) header: Arc<Header>,
     pub(super) longest: usize,
 }
@@ -49,7 +49,7 @@ pub(super) struct Rules {
 impl Rules {
     /// The rows at the start of a block of whole lines, without quotes and zero bytes.
     pub(super) fn rows(&mut self, block: &[u8], take: impl FnMut(Row<'_>, Extent)) -> Extent {
-        self.cutter.rows(block, &self.header, self.longest, take)
+        self.splitter.rows(block, &self.header, self.longest, take)
     }
 }
 
@@ -65,17 +65,17 @@ impl Piece {
     }
 }
 
-impl<R: Read> Source<R> {
-    pub(super) fn new(input: R) -> Source<R> {
-        Source { input, at: 0, ended: false, pieces: VecDeque::new(), tail: vec![], spare: vec![] }
+impl<R: Read> AheadReader<R> {
+    pub(super) fn new(input: R) -> AheadReader<R> {
+        AheadReader { input, at: 0, ended: false, pieces: VecDeque::new(), tail: vec![], spare: vec![] }
     }
 
-    /// Whether everything that was read has been handed out.
+    /// Whether all bytes that were read have been taken.
     pub(super) fn is_empty(&self) -> bool {
         self.pieces.is_empty() && self.tail.is_empty()
     }
 
-    /// Appends the next bytes to `buffer`. Returns how many of them were read now.
+    /// Appends the next bytes to `buffer`. Returns the number of bytes read by this call.
     pub(super) fn more(&mut self, buffer: &mut Vec<u8>) -> std::io::Result<u64> {
         if let Some(mut piece) = self.take()? {
             if buffer.is_empty() {
@@ -97,17 +97,17 @@ impl<R: Read> Source<R> {
         Ok(got)
     }
 
-    /// The content of `buffer` from `end` on, the start of a line, is returned with the next read.
+    /// Puts the content of `buffer` from `end` on, the start of a line, back for the next read.
     pub(super) fn put_back(&mut self, buffer: &mut Vec<u8>, end: usize) {
         self.tail.extend_from_slice(buffer.get(end..).unwrap_or_default());
         buffer.truncate(end);
     }
 
-    /// Reads ahead as long as the crew has time, and leaves the rows of `topic` to it. Returns the number of bytes
-    /// read.
-    pub(super) fn read_ahead(&mut self, crew: &Crew, topic: &Topic, rules: &Rules) -> std::io::Result<u64> {
+    /// Reads ahead as long as the workers have capacity, and lets them parse the rows of `topic`. Returns the number of
+    /// bytes read.
+    pub(super) fn read_ahead(&mut self, workers: &Workers, topic: &Topic, rules: &Rules) -> std::io::Result<u64> {
         let mut all = 0;
-        while !self.ended && crew.has_time(self.pieces.len()) && self.tail.len() < STEP {
+        while !self.ended && workers.has_capacity(self.pieces.len()) && self.tail.len() < STEP {
             let mut piece = self.spare.pop().unwrap_or_default();
             if piece.rules.number != rules.number {
                 piece.rules = rules.clone();
@@ -126,7 +126,7 @@ impl<R: Read> Source<R> {
             }
             piece.bytes.truncate(end);
             piece.part.renew(topic);
-            self.pieces.push_back(crew.begin(piece, Piece::read));
+            self.pieces.push_back(workers.begin(piece, Piece::read));
         }
         Ok(all)
     }
@@ -134,42 +134,42 @@ impl<R: Read> Source<R> {
     /// The next whole lines that were read ahead, with their rows.
     pub(super) fn next_piece(&mut self) -> std::io::Result<Option<Piece>> {
         // While a thread parses them, more lines can be read.
-        while self.pieces.front().is_some_and(|order| order.is_under_way())
-            && self.pieces.iter().skip(1).any(|order| order.carry_out(Piece::read))
+        while self.pieces.front().is_some_and(|job| job.is_running())
+            && self.pieces.iter().skip(1).any(|job| job.run(Piece::read))
         {}
         self.take()
     }
 
     fn take(&mut self) -> std::io::Result<Option<Piece>> {
-        let Some(order) = self.pieces.pop_front() else { return Ok(None) };
-        match order.wait() {
+        let Some(job) = self.pieces.pop_front() else { return Ok(None) };
+        match job.wait() {
             Some(Outcome::Done(piece)) => Ok(Some(piece)),
             Some(Outcome::Open(mut piece) | Outcome::Failed(mut piece)) => {
                 piece.extent = Extent::default();
                 Ok(Some(piece))
             }
-            // It is asked for once.
+            // Cannot happen: each job is taken once.
             None => Err(std::io::Error::other("what was read early is lost")),
         }
     }
 
-    /// Acts as if the other threads were that fast.
+    /// Runs all jobs, as if the other threads had been fast enough.
     #[cfg(test)]
-    pub(super) fn finish(&self) {
-        for order in &self.pieces {
-            order.carry_out(Piece::read);
+    pub(super) fn run_all(&self) {
+        for job in &self.pieces {
+            job.run(Piece::read);
         }
     }
 
-    /// For other lines.
-    pub(super) fn keep(&mut self, piece: Piece) {
+    /// Keeps the memory of a piece for other lines.
+    pub(super) fn recycle(&mut self, piece: Piece) {
         self.spare.push(piece);
     }
 }
 
-impl<R> Drop for Source<R> {
+impl<R> Drop for AheadReader<R> {
     fn drop(&mut self) {
-        self.pieces.drain(..).for_each(|order| drop(order.revoke()));
+        self.pieces.drain(..).for_each(|job| drop(job.withdraw()));
     }
 }
 
@@ -202,12 +202,12 @@ mod tests {
         let mut fields = Fields::default();
         fields.split(HEADER.as_bytes(), b',');
         let header = Arc::new(Header::new(HEADER.as_bytes(), &fields, b',', vec![]));
-        Rules { number, cutter: Cutter::new(b',', 3, &topic.places(), &header), header, longest: 1 << 20 }
+        Rules { number, splitter: RowSplitter::new(b',', 3, &topic.places(), &header), header, longest: 1 << 20 }
     }
 
-    /// The table read by one thread, or by two of which the other is so fast that all is ready; and how many rows it
-    /// parsed.
-    fn read(text: &str, crew: Option<&Crew>, change: u64) -> (Table, u64, u64) {
+    /// Reads the table with one thread, or with two where the other one has finished all its jobs. Returns the table, the
+    /// line number at its end, and the number of rows that the other thread parsed.
+    fn read(text: &str, workers: Option<&Workers>, change: u64) -> (Table, u64, u64) {
         let cancel = AtomicBool::new(false);
         let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
         let mut lines = Lines::new(text.as_bytes(), "t.csv", &context);
@@ -215,10 +215,10 @@ mod tests {
         let mut rules = rules(1, &topic);
         while lines.next(None).unwrap() != Next::End {
             loop {
-                if let Some(crew) = crew.filter(|_| topic.rows > 0) {
-                    lines.read_ahead(crew, &topic, &rules).unwrap();
+                if let Some(workers) = workers.filter(|_| topic.rows > 0) {
+                    lines.read_ahead(workers, &topic, &rules).unwrap();
                     rules.number += change;
-                    lines.finish_what_is_ahead();
+                    lines.finish_read_ahead();
                 }
                 let mut line = lines.number;
                 let held = rules.rows(lines.plain_block(), |row, extent| {
@@ -238,17 +238,17 @@ mod tests {
     fn rows_parsed_by_other_threads_are_the_rows_of_the_file() {
         let all = 200_000;
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
-            let crew = Crew::at_hand().unwrap();
+            let workers = Workers::available().unwrap();
             for (first_float, first_long) in [(all, all), (0, all), (1000, 0), (90_000, 90_000), (150_000, 3)] {
                 let text = rows(all, first_float, first_long);
                 let (one, lines, none) = read(&text, None, 0);
                 assert_eq!((one.rows, none), (all, 0));
-                let (two, lines_of_two, taken) = read(&text, Some(&crew), 0);
+                let (two, lines_of_two, taken) = read(&text, Some(&workers), 0);
                 assert_eq!((lines, lines_of_two), (all as u64 + 1, lines));
                 assert!(one == two, "{first_float}, {first_long}");
                 // All but the first block, and a few where a column changed its type.
                 assert!(taken > all as u64 / 2, "{first_float}, {first_long}: {taken}");
-                let (other, _, taken) = read(&text, Some(&crew), 1);
+                let (other, _, taken) = read(&text, Some(&workers), 1);
                 assert!(other == one && taken == 0, "{taken}");
             }
         });

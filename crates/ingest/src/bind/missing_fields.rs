@@ -16,15 +16,15 @@ pub(super) fn check(best: &Trial<'_>, log: &Log) -> Result<(), String> {
     if best.map.shipped {
         return Ok(());
     }
-    let told = |rule| Some((rule, missing(rule, best, log)?));
-    let mut missing: Vec<(&ChannelRule, String)> = wanted(best.map, log).filter_map(told).collect();
+    let with_fields = |rule| Some((rule, missing(rule, best, log)?));
+    let mut missing: Vec<(&ChannelRule, String)> = wanted(best.map, log).filter_map(with_fields).collect();
     if !missing.is_empty() {
         let shipped = MapLibrary::shipped().map_err(|e| e.to_string())?;
         let copied =
             |rule: &ChannelRule| shipped.iter().flat_map(|map| &map.rules).any(|known| known.has_names_of(rule));
         missing.retain(|(rule, _)| !copied(rule));
     }
-    let missing: Vec<String> = missing.into_iter().map(|(_, told)| told).collect();
+    let missing: Vec<String> = missing.into_iter().map(|(_, fields)| fields).collect();
     match missing.as_slice() {
         [] => Ok(()),
         missing => Err(format!(
@@ -64,12 +64,14 @@ fn missing(rule: &ChannelRule, best: &Trial<'_>, log: &Log) -> Option<String> {
     let table = bound.map(|plan| plan.table).or_else(closest)?;
     let lacks = |paths: &[&str]| !paths.is_empty() && !paths.iter().any(|path| has(table, log, path));
     let parts = rule.parts.iter().map(|part| part.fields.iter().map(|f| f.path.as_str()).collect::<Vec<_>>());
-    let mut lacking: Vec<String> = parts.filter(|paths| lacks(paths)).map(|paths| told(&paths, table, log)).collect();
+    let mut lacking: Vec<String> = parts.filter(|paths| lacks(paths)).map(|paths| listed(&paths, table, log)).collect();
     if bound.is_none() {
         let times: Vec<String> = rule.time_fields();
         let times: Vec<&str> = times.iter().map(String::as_str).collect();
         lacking.extend(
-            Some(times).filter(|times| lacks(times) && !rule.may_be_timed_by_container()).map(|t| told(&t, table, log)),
+            Some(times)
+                .filter(|times| lacks(times) && !rule.may_be_timed_by_container())
+                .map(|t| listed(&t, table, log)),
         );
     }
     (!lacking.is_empty()).then(|| format!("{}: topic {} has no {}", rule.name, table.topic.name, lacking.join(", no ")))
@@ -87,7 +89,7 @@ fn has_of(rule: &ChannelRule, table: &Table, log: &Log) -> usize {
 }
 
 /// At most three names, and the nearest name to the first one that the table has.
-fn told(paths: &[&str], table: &Table, log: &Log) -> String {
+fn listed(paths: &[&str], table: &Table, log: &Log) -> String {
     let names: Vec<String> = paths.iter().take(3).map(|path| format!("{path:?}")).collect();
     let there = log.head(&table.topic.name).into_iter().flat_map(|head| head.names.iter().map(String::as_str));
     let near = paths.first().and_then(|first| nearest(first, there));

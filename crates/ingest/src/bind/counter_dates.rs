@@ -38,14 +38,14 @@ fn date_rows(dates: &mut [Option<i64>], counts: &[Option<i64>]) -> u64 {
     let usual = *begins.select_nth_unstable(middle).1;
     let mut dated: Vec<Option<(i64, i64)>> = dates.iter().zip(counts).map(|(d, c)| d.zip(*c)).collect();
     dated.iter_mut().for_each(|pair| *pair = pair.filter(|(date, count)| (date - count).abs_diff(usual) <= FAR_NS));
-    let behind = nearest(dated.iter().rev());
+    let after = nearest(dated.iter().rev());
     let before = nearest(dated.iter());
     let mut moved = 0;
     for (row, (date, count)) in dates.iter_mut().zip(counts).enumerate() {
         let (Some(count), None) = (*count, dated.get(row).copied().flatten()) else { continue };
         let at = |of: &[Option<(i64, i64)>], row: usize| of.get(row).copied().flatten();
         let from = at(&before, row).filter(|(_, known)| *known <= count);
-        let from = from.or_else(|| at(&behind, dated.len() - 1 - row).filter(|(_, known)| *known >= count));
+        let from = from.or_else(|| at(&after, dated.len() - 1 - row).filter(|(_, known)| *known >= count));
         if let Some((known_date, known)) = from {
             *date = Some(known_date + (count - known));
             moved += 1;

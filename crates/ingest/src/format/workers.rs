@@ -1,29 +1,29 @@
-//! Idle threads, and work that the walk through a log leaves to them.
+//! Work that the reader of a log gives to idle threads.
 //!
-//! Their work does not change what is read, and the walk never waits for a thread that is busy elsewhere: it does work
-//! that no thread has begun itself. In a campaign the threads are those of its pool, which all have flights of their
-//! own until the last ones; elsewhere one pool serves all logs of the process. With one thread nothing is done ahead.
+//! The result does not depend on the threads. The reader never waits for a thread that is busy elsewhere: it does a job
+//! itself if no thread has started it. In a campaign the threads are those of its pool, and they are idle only during
+//! the last flights. Elsewhere one pool serves all logs of the process. With one thread no work is given away.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Most threads that work for one file: its walk could not keep up with more.
+/// The most threads that work for one file: the reader could not keep up with more.
 const MOST_THREADS: usize = 4;
 
-/// The threads that work for one walk.
-pub(crate) struct Crew {
-    /// The pool of the process; `None` for that of the thread that walks.
+/// The threads that work for one reader.
+pub(crate) struct Workers {
+    /// The pool of the process; `None` for the pool of the reader's own thread.
     shared: Option<&'static rayon::ThreadPool>,
-    /// Most items that are in progress or ready.
+    /// The most jobs that are in progress or ready.
     most: usize,
-    /// Items handed over that no thread has begun, including ones that are no longer wanted.
+    /// The number of jobs handed over that no thread has started, including ones that are no longer wanted.
     handed_over: Arc<AtomicUsize>,
 }
 
-impl Crew {
+impl Workers {
     /// `None` if there is only one thread, or threads cannot be started.
-    pub(crate) fn at_hand() -> Option<Crew> {
+    pub(crate) fn available() -> Option<Workers> {
         static SHARED: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
         let start = || rayon::ThreadPoolBuilder::new().num_threads(shared_threads()).build().ok();
         let shared = match rayon::current_thread_index() {
@@ -33,36 +33,32 @@ impl Crew {
         };
         let threads = shared.map_or_else(rayon::current_num_threads, rayon::ThreadPool::current_num_threads);
         let most = threads.min(MOST_THREADS) + 1;
-        (threads > 1).then(|| Crew { shared, most, handed_over: Arc::default() })
+        (threads > 1).then(|| Workers { shared, most, handed_over: Arc::default() })
     }
 
-    /// Whether another item may be begun in addition to `begun`.
-    pub(crate) fn has_time(&self, begun: usize) -> bool {
+    /// Whether another job may be handed over in addition to `begun` ones.
+    pub(crate) fn has_capacity(&self, begun: usize) -> bool {
         begun < self.most && self.handed_over.load(Ordering::Relaxed) < self.most
     }
 
-    /// Gives `work` on `item` to an idle thread.
-    pub(crate) fn begin<T: Send + 'static>(
-        &self,
-        item: T,
-        work: impl FnOnce(&mut T) + Send + 'static,
-    ) -> Arc<Order<T>> {
-        let order = Arc::new(Order::new(item));
-        let (theirs, handed_over) = (Arc::clone(&order), Arc::clone(&self.handed_over));
+    /// Hands over `work` on `item` to an idle thread.
+    pub(crate) fn begin<T: Send + 'static>(&self, item: T, work: impl FnOnce(&mut T) + Send + 'static) -> Arc<Job<T>> {
+        let job = Arc::new(Job::new(item));
+        let (shared_job, handed_over) = (Arc::clone(&job), Arc::clone(&self.handed_over));
         handed_over.fetch_add(1, Ordering::Relaxed);
         let task = move || {
             handed_over.fetch_sub(1, Ordering::Relaxed);
-            theirs.carry_out(work);
+            shared_job.run(work);
         };
         match self.shared {
             Some(pool) => pool.spawn(task),
             None => rayon::spawn(task),
         }
-        order
+        job
     }
 }
 
-/// The number of cores, or fewer if rayon's own variable says so.
+/// The number of cores, or fewer if `RAYON_NUM_THREADS` is lower.
 fn shared_threads() -> usize {
     let cores = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
     let asked =
@@ -70,31 +66,31 @@ fn shared_threads() -> usize {
     asked.map_or(cores, |asked| cores.min(asked))
 }
 
-/// Work that a thread may begin.
-pub(crate) struct Order<T> {
+/// Work that a thread may start.
+pub(crate) struct Job<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
 }
 
 enum State<T> {
-    TakenUp,
-    Is(Outcome<T>),
-    /// Given back to the walk.
+    Running,
+    Idle(Outcome<T>),
+    /// Returned to the reader.
     Gone,
 }
 
-/// State of a piece of work.
+/// The state of a job that no thread is working on.
 pub(crate) enum Outcome<T> {
-    /// No thread has begun it.
+    /// No thread has started it.
     Open(T),
     Done(T),
-    /// The thread panicked. The walk panics again when it does the same work.
+    /// The thread panicked. The reader panics as well when it does the same work.
     Failed(T),
 }
 
-impl<T> Order<T> {
-    fn new(item: T) -> Order<T> {
-        Order { state: Mutex::new(State::Is(Outcome::Open(item))), changed: Condvar::new() }
+impl<T> Job<T> {
+    fn new(item: T) -> Job<T> {
+        Job { state: Mutex::new(State::Idle(Outcome::Open(item))), changed: Condvar::new() }
     }
 
     fn state(&self) -> MutexGuard<'_, State<T>> {
@@ -102,10 +98,10 @@ impl<T> Order<T> {
     }
 
     /// Does the work if it is still open. Returns whether it did.
-    pub(crate) fn carry_out(&self, work: impl FnOnce(&mut T)) -> bool {
+    pub(crate) fn run(&self, work: impl FnOnce(&mut T)) -> bool {
         let mut state = self.state();
-        let mut item = match std::mem::replace(&mut *state, State::TakenUp) {
-            State::Is(Outcome::Open(item)) => item,
+        let mut item = match std::mem::replace(&mut *state, State::Running) {
+            State::Idle(Outcome::Open(item)) => item,
             other => {
                 *state = other;
                 return false;
@@ -113,33 +109,33 @@ impl<T> Order<T> {
         };
         drop(state);
         let worked = catch_unwind(AssertUnwindSafe(|| work(&mut item)));
-        *self.state() = State::Is(if worked.is_ok() { Outcome::Done(item) } else { Outcome::Failed(item) });
+        *self.state() = State::Idle(if worked.is_ok() { Outcome::Done(item) } else { Outcome::Failed(item) });
         self.changed.notify_one();
         true
     }
 
     /// Whether a thread is working on it.
-    pub(crate) fn is_under_way(&self) -> bool {
-        matches!(*self.state(), State::TakenUp)
+    pub(crate) fn is_running(&self) -> bool {
+        matches!(*self.state(), State::Running)
     }
 
-    /// The result, as soon as it is available; work that has not begun is withdrawn.
+    /// Waits for the result. A job that no thread has started is withdrawn.
     pub(crate) fn wait(&self) -> Option<Outcome<T>> {
-        let is_under_way = |state: &mut State<T>| matches!(state, State::TakenUp);
-        let mut state = self.changed.wait_while(self.state(), is_under_way).unwrap_or_else(PoisonError::into_inner);
+        let is_running = |state: &mut State<T>| matches!(state, State::Running);
+        let mut state = self.changed.wait_while(self.state(), is_running).unwrap_or_else(PoisonError::into_inner);
         match std::mem::replace(&mut *state, State::Gone) {
-            State::Is(outcome) => Some(outcome),
-            State::TakenUp | State::Gone => None,
+            State::Idle(outcome) => Some(outcome),
+            State::Running | State::Gone => None,
         }
     }
 
     /// Withdraws the work. `None` if a thread is working on it.
-    pub(crate) fn revoke(&self) -> Option<Outcome<T>> {
+    pub(crate) fn withdraw(&self) -> Option<Outcome<T>> {
         let mut state = self.state();
         match std::mem::replace(&mut *state, State::Gone) {
-            State::Is(outcome) => Some(outcome),
-            State::TakenUp => {
-                *state = State::TakenUp;
+            State::Idle(outcome) => Some(outcome),
+            State::Running => {
+                *state = State::Running;
                 None
             }
             State::Gone => None,
@@ -153,17 +149,17 @@ mod tests {
 
     #[test]
     fn work_that_has_not_begun_is_withdrawn_and_never_done() {
-        let order = Order::new(7);
-        assert!(matches!(order.wait(), Some(Outcome::Open(item)) if item == 7));
-        assert!(!order.carry_out(|_| panic!("begun all the same")));
-        assert!(order.wait().is_none() && order.revoke().is_none());
+        let job = Job::new(7);
+        assert!(matches!(job.wait(), Some(Outcome::Open(item)) if item == 7));
+        assert!(!job.run(|_| panic!("begun all the same")));
+        assert!(job.wait().is_none() && job.withdraw().is_none());
     }
 
     #[test]
     fn a_thread_that_panics_returns_its_work() {
-        let order = Order::new(7);
-        assert!(order.carry_out(|_| panic!("this is meant to be seen: a test of failure")));
-        assert!(matches!(order.wait(), Some(Outcome::Failed(item)) if item == 7));
+        let job = Job::new(7);
+        assert!(job.run(|_| panic!("this is meant to be seen: a test of failure")));
+        assert!(matches!(job.wait(), Some(Outcome::Failed(item)) if item == 7));
     }
 
     #[test]
@@ -177,13 +173,13 @@ mod tests {
                 may_end.recv().unwrap_err();
             });
             has_begun.recv().unwrap();
-            let crew = Crew::at_hand().unwrap();
+            let workers = Workers::available().unwrap();
             let mut handed_over = 0;
-            while crew.has_time(0) {
-                assert!(crew.begin((), |()| ()).revoke().is_some());
+            while workers.has_capacity(0) {
+                assert!(workers.begin((), |()| ()).withdraw().is_some());
                 handed_over += 1;
             }
-            assert_eq!((handed_over, crew.has_time(3)), (3, false));
+            assert_eq!((handed_over, workers.has_capacity(3)), (3, false));
             drop(end);
         });
     }
@@ -191,6 +187,6 @@ mod tests {
     #[test]
     fn one_thread_does_nothing_ahead() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert!(pool.install(Crew::at_hand).is_none());
+        assert!(pool.install(Workers::available).is_none());
     }
 }

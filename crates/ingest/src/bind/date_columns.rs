@@ -1,7 +1,7 @@
 //! Timestamps from a date column and a time-of-day column.
 
-use super::daytime::{DAY_NS, TimesOfDay};
 use super::repair::Repair;
+use super::time_of_day::{DAY_NS, TimesOfDay};
 use crate::civil::{DateOrder, DayOfYear, plain_date, says_zone, unix_ns};
 use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};
@@ -79,7 +79,11 @@ fn date_in(order: Option<DateOrder>, text: &str) -> Option<Date> {
 
 /// A timestamp for each row, ns since 1970; `None` if the table has no such columns, or the order of its dates is
 /// unknown.
-pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
+pub(super) fn stamps_of_dates(
+    source: &TimeSource,
+    table: &Table,
+    repairs: &mut Vec<Repair>,
+) -> Option<Vec<Option<i64>>> {
     let civil = Civil::of(source, table)?;
     let order = civil.order(table.rows).ok()?;
     let (mut stamps, mut days) = (Vec::with_capacity(table.rows), Vec::with_capacity(table.rows));
@@ -137,7 +141,7 @@ pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
         let mut texts = (0..table.rows).filter_map(|row| column.text(row));
         texts.find(|text| !text.trim().is_empty()).map(|text| format!("{}: {:.40}", column.path, text.trim()))
     };
-    let said = match source {
+    let cells = match source {
         TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {
             first(texts(table, field)?)?
         }
@@ -147,7 +151,7 @@ pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
         }
         _ => return None,
     };
-    (!said.is_empty()).then(|| format!("not understood is {said}"))
+    (!cells.is_empty()).then(|| format!("not understood is {cells}"))
 }
 
 /// Why there are no timestamps although the table has the columns.

@@ -23,7 +23,7 @@ impl<'a> TimesOfDay<'a> {
     pub(super) fn of(table: &'a Table, field: &str) -> Option<TimesOfDay<'a>> {
         let column = texts(table, field).or_else(|| numbers(table, field))?;
         let (mut all, mut wrong, mut long) = (0, 0, false);
-        for text in (0..table.rows).filter_map(|row| said(column, row)).filter(|text| is_compact(text)) {
+        for text in (0..table.rows).filter_map(|row| cell_text(column, row)).filter(|text| is_compact(text)) {
             let fits = with_colons(&text).is_some();
             (all, wrong) = (all + 1, wrong + usize::from(!fits));
             long |= fits && text.bytes().take_while(u8::is_ascii_digit).count() >= 5;
@@ -33,7 +33,7 @@ impl<'a> TimesOfDay<'a> {
 
     /// The time of a row, with colons.
     pub(super) fn at(self, row: usize) -> Option<String> {
-        let text = said(self.column, row)?;
+        let text = cell_text(self.column, row)?;
         if is_compact(&text) {
             return with_colons(&text).filter(|_| self.compact);
         }
@@ -41,7 +41,7 @@ impl<'a> TimesOfDay<'a> {
     }
 }
 
-fn said(column: &Column, row: usize) -> Option<String> {
+fn cell_text(column: &Column, row: usize) -> Option<String> {
     let number = || column.number(row).map(|number| number.to_string());
     column.text(row).map(|text| text.trim().to_owned()).or_else(number).filter(|text| !text.is_empty())
 }
@@ -72,8 +72,8 @@ pub(super) fn days_of_year(
     let zone_ns = zone_ns(zone);
     let east_ns = |day: &DayOfYear| day.east_ns.unwrap_or(zone_ns);
     let known = || days.iter().flatten();
-    let (said, all) = (known().filter(|day| day.year.is_some()).count(), known().count());
-    if 2 * said > all || all == 0 {
+    let (with_year, all) = (known().filter(|day| day.year.is_some()).count(), known().count());
+    if 2 * with_year > all || all == 0 {
         let stamp = |day: &DayOfYear| unix_ns(day)?.checked_sub(east_ns(day));
         return Some((Clock::Unix, days.iter().map(|day| day.as_ref().and_then(stamp)).collect()));
     }

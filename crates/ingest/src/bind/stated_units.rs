@@ -19,12 +19,12 @@ pub(super) fn as_written<'a>(found: Found<'a>, head: Option<&'a TableHead>) -> R
     let text = head.unit_of(path);
     match read(text, map.dimension()) {
         Written::Unit(unit) if unit == map || is_fraction(map, unit) => Ok(found),
-        Written::Unit(unit) => Ok(Found { unit, said: Some((text, map)), ..found }),
+        Written::Unit(unit) => Ok(Found { unit, stated_unit: Some((text, map)), ..found }),
         Written::Other(other) if other.dimension() != map.dimension() && !is_of_name(head, path, text) => {
             Err(format!("the table states {path} in {other}, and the channel map takes it for {map}"))
         }
         // Brackets in a name may hold anything.
-        Written::Unknown if !is_of_name(head, path, text) => Ok(Found { said: Some((text, map)), ..found }),
+        Written::Unknown if !is_of_name(head, path, text) => Ok(Found { stated_unit: Some((text, map)), ..found }),
         Written::Blank | Written::Other(_) | Written::Unknown => Ok(found),
     }
 }
@@ -70,7 +70,7 @@ const SAME_SCALE: f64 = 1e-5;
 /// know better. Pure numbers are not reported: loggers have no common word for them.
 pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Notices) {
     for found in plan.columns.iter().flatten() {
-        let Some((text, map)) = found.said else { continue };
+        let Some((text, map)) = found.stated_unit else { continue };
         let (name, path) = (&plan.rule.name, &found.column.path);
         let (what, text) = if found.unit == map {
             let text = format!(

@@ -25,7 +25,7 @@ struct Pair {
 }
 
 /// Timestamps on the clock since boot for the rows of a table; `None` if no message near any of them states a time.
-pub(super) fn placed(kind: StampKind, rules: &[TieRule], log: &Log, table: &Table) -> Option<Stamps> {
+pub(super) fn by_receive_time(kind: StampKind, rules: &[TieRule], log: &Log, table: &Table) -> Option<Stamps> {
     let logged = table.logged_ns.as_ref()?;
     let (mut pairs, mut topics) = (vec![], vec![]);
     for rule in rules.iter().filter(|rule| rule.clock == Clock::Boot && matches!(rule.utc, TimeSource::ContainerLogged))
@@ -51,7 +51,15 @@ pub(super) fn placed(kind: StampKind, rules: &[TieRule], log: &Log, table: &Tabl
     let repairs = vec![Repair { what: Code::StampKind.into(), count: wide.len() as u64, text: text.into() }];
     let nanos = rows.into_iter().map(|row| row.map(|(boot, _)| boot)).collect::<Vec<_>>();
     let label = TimeSource::LoggedOnBoot.label();
-    Some(Stamps { kind, clock: Clock::Boot, label, nanos: Rc::new(nanos.into()), repairs, counts: vec![], turn: None })
+    Some(Stamps {
+        kind,
+        clock: Clock::Boot,
+        label,
+        nanos: Rc::new(nanos.into()),
+        repairs,
+        counters: vec![],
+        wrapped_at: None,
+    })
 }
 
 /// The vehicle, component and run of a topic: `@2` of `ATTITUDE@2`.

@@ -1,8 +1,7 @@
-//! Tables without a header: finds the columns that move like a position and a velocity. Meaningless names get roles
-//! that the motion has to prove.
+//! Tables without a header or with meaningless names: finds the columns that move like a position and a velocity.
 
+use super::column_groups::{Position, TableColumns, Velocity};
 use super::names::{Axis, Named, Role};
-use super::sets::{Position, Source, Velocity};
 use super::times::{Timing, timings};
 use crate::reader::TableHead;
 use crate::table::{Table, numbers};
@@ -16,7 +15,7 @@ const MOST_TRAVELLED: f64 = 20.0;
 const MOST_TIMES: usize = 4;
 
 /// Whether no column has a name.
-pub(super) fn is_bare(head: &TableHead) -> bool {
+pub(super) fn is_headerless(head: &TableHead) -> bool {
     let is_numbered = |(i, name): (usize, &String)| *name == format!("column_{}", i + 1);
     may_be_tried(head) && head.names.iter().enumerate().all(is_numbered)
 }
@@ -32,7 +31,7 @@ pub(super) fn named(path: &str, role: Role) -> Named {
 
 /// All neighbours that may be a latitude and a longitude, and all that may be horizontal velocities: once for each
 /// possible time column.
-pub(super) fn sources<'l>(head: &TableHead, table: &'l Table) -> Vec<Source<'l>> {
+pub(super) fn sources<'l>(head: &TableHead, table: &'l Table) -> Vec<TableColumns<'l>> {
     let times = head.names.iter().filter_map(|path| {
         let found = timings(table, &[named(path, Role::Time)]);
         (!found.is_empty()).then_some((path, found))
@@ -40,7 +39,7 @@ pub(super) fn sources<'l>(head: &TableHead, table: &'l Table) -> Vec<Source<'l>>
     times.take(MOST_TIMES).map(|(time, timings)| source(head, table, time, timings)).collect()
 }
 
-fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Timing>) -> Source<'l> {
+fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Timing>) -> TableColumns<'l> {
     let columns: Vec<&String> = head.names.iter().filter(|path| *path != time && varies(table, path)).collect();
     let follow = |at: usize| columns.get(at).copied();
     let pairs = || columns.windows(2).enumerate().filter_map(|(at, pair)| Some((at, *pair.first()?, *pair.get(1)?)));
@@ -64,7 +63,7 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
     });
     let velocities = velocities.collect();
     let (attitudes, rates, forces) = (vec![], vec![], vec![]);
-    Source { table, timings, unread_time: None, odd_time: None, positions, velocities, attitudes, rates, forces }
+    TableColumns { table, timings, unread_time: None, odd_time: None, positions, velocities, attitudes, rates, forces }
 }
 
 fn range(table: &Table, path: &str) -> Option<(f64, f64)> {

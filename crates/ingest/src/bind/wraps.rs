@@ -1,12 +1,12 @@
 //! Counters of several topics that wrap around together, where one topic shows it and another only starts afterwards.
 
 use super::repair::Repair;
-use super::stamps::{Count, Stamps};
+use super::stamps::{Counter, Stamps};
 use crate::time::TOLERATED;
 use flight::{Clock, Code};
 use std::rc::Rc;
 
-/// A topic belongs where at least this percentage of it lies within the time of the others.
+/// A topic fits a number of wraps if at least this percentage of its time lies within that of the others.
 const WITHIN: i128 = 90;
 
 const SHIFTED: &str = "the counter wrapped around before this topic started, as the other topics show: its timestamps are shifted accordingly";
@@ -38,8 +38,8 @@ impl Span {
         Span { first: self.first.min(other.first), last: self.last.max(other.last) }
     }
 
-    fn behind(self, turns: i128, range: i128) -> Span {
-        Span { first: self.first + turns * range, last: self.last + turns * range }
+    fn shifted(self, wraps: i128, range: i128) -> Span {
+        Span { first: self.first + wraps * range, last: self.last + wraps * range }
     }
 
     fn is_within(self, other: Span) -> bool {
@@ -52,42 +52,43 @@ impl Span {
 /// the same unit and limit are shifted.
 pub(super) fn align<'s>(topics: impl Iterator<Item = &'s mut Stamps>) {
     let mut topics: Vec<&mut Stamps> = topics.collect();
-    let mut turned: Vec<(Clock, Count, Span)> = vec![];
+    let mut wrapped: Vec<(Clock, Counter, Span)> = vec![];
     for stamps in &topics {
-        let Some((count, span)) = stamps.turn.zip(Span::of(stamps.nanos.given())) else { continue };
-        match turned.iter_mut().find(|(clock, known, _)| (*clock, *known) == (stamps.clock, count)) {
+        let Some((counter, span)) = stamps.wrapped_at.zip(Span::of(stamps.nanos.given())) else { continue };
+        match wrapped.iter_mut().find(|(clock, known, _)| (*clock, *known) == (stamps.clock, counter)) {
             Some((_, _, all)) => *all = all.and(span),
-            None => turned.push((stamps.clock, count, span)),
+            None => wrapped.push((stamps.clock, counter, span)),
         }
     }
-    for stamps in topics.iter_mut().filter(|stamps| stamps.turn.is_none()) {
-        let same = |(clock, count, _): &&(Clock, Count, Span)| *clock == stamps.clock && stamps.counts.contains(count);
-        if let Some((_, count, all)) = turned.iter().find(same) {
-            put_into_turn(stamps, count.range, *all);
+    for stamps in topics.iter_mut().filter(|stamps| stamps.wrapped_at.is_none()) {
+        let same =
+            |(clock, counter, _): &&(Clock, Counter, Span)| *clock == stamps.clock && stamps.counters.contains(counter);
+        if let Some((_, counter, all)) = wrapped.iter().find(same) {
+            shift_by_wraps(stamps, counter.range, *all);
         }
     }
 }
 
-fn put_into_turn(stamps: &mut Stamps, range: i64, all: Span) {
-    let counts = |stamp: &i64| (0..range).contains(stamp);
+fn shift_by_wraps(stamps: &mut Stamps, range: i64, all: Span) {
+    let in_range = |stamp: &i64| (0..range).contains(stamp);
     let given = stamps.nanos.given().count();
-    let count = stamps.nanos.given().filter(counts).count();
-    let Some(own) = Span::of(stamps.nanos.given().filter(counts)) else { return };
+    let count = stamps.nanos.given().filter(in_range).count();
+    let Some(own) = Span::of(stamps.nanos.given().filter(in_range)) else { return };
     if TOLERATED * (given - count) > given {
         return;
     }
     let wide = i128::from(range);
-    // Before the first of these turns the timestamps end before the others begin; after the last they begin after the
-    // others end.
+    // With fewer wraps than `first` the timestamps end before the others begin. With more than `last` they begin after
+    // the others end.
     let (first, last) = ((all.first - own.last).div_euclid(wide).max(0), (all.last - own.first).div_euclid(wide));
-    let mut fitting = (first..=last).filter(|turns| own.behind(*turns, wide).is_within(all));
+    let mut fitting = (first..=last).filter(|wraps| own.shifted(*wraps, wide).is_within(all));
     let text = match (fitting.next(), fitting.next()) {
         (None, _) | (Some(0), None) => return,
-        (Some(turns), None) => {
-            let behind = |stamp: i64| i64::try_from(i128::from(stamp) + turns * wide).ok();
+        (Some(wraps), None) => {
+            let shifted = |stamp: i64| i64::try_from(i128::from(stamp) + wraps * wide).ok();
             Rc::make_mut(&mut stamps.nanos).change(|nanos| {
-                let counted = nanos.iter_mut().filter(|stamp| stamp.is_some_and(|stamp| counts(&stamp)));
-                counted.for_each(|stamp| *stamp = stamp.and_then(behind));
+                let counts = nanos.iter_mut().filter(|stamp| stamp.is_some_and(|stamp| in_range(&stamp)));
+                counts.for_each(|stamp| *stamp = stamp.and_then(shifted));
             });
             SHIFTED
         }

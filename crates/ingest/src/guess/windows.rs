@@ -1,5 +1,5 @@
-//! Tests whether a position moves as a velocity says: compares displacements with the integral of the velocity over the
-//! same windows, searching for the delay between them.
+//! Tests whether a velocity agrees with the motion of a position: compares displacements with the integral of the
+//! velocity over the same windows, and searches for the delay between them.
 
 /// Range of delays tried, s: a position is rarely early.
 const EARLIEST_S: f64 = -1.0;
@@ -8,7 +8,7 @@ const TRIED: usize = 100;
 /// The shortest window, s.
 const WINDOW_S: f64 = 1.0;
 const MOST_WINDOWS: usize = 2000;
-/// Fewer windows are not evaluated.
+/// The fewest windows that are evaluated.
 pub(super) const FEWEST_WINDOWS: usize = 10;
 /// The shortest displacement in a window that counts as motion, m.
 const LEAST_MOTION_M: f64 = 0.2;
@@ -71,10 +71,10 @@ impl<const N: usize> Trace<N> {
     /// The values at a time, interpolated linearly between the rows before and after it; `None` across more than
     /// `hole_s`.
     pub(super) fn at(&self, time_s: f64, hole_s: f64) -> Option<[f64; N]> {
-        let behind = self.times_s.partition_point(|t| *t <= time_s);
-        let before = behind.checked_sub(1)?;
-        let (t, a) = (self.times_s.get(before)?, self.values.get(before)?);
-        let (u, b) = (self.times_s.get(behind)?, self.values.get(behind)?);
+        let next = self.times_s.partition_point(|t| *t <= time_s);
+        let previous = next.checked_sub(1)?;
+        let (t, a) = (self.times_s.get(previous)?, self.values.get(previous)?);
+        let (u, b) = (self.times_s.get(next)?, self.values.get(next)?);
         let share = (time_s - t) / (u - t);
         let mut values = *a;
         values.iter_mut().zip(b).for_each(|(a, b)| *a += share * (b - *a));
@@ -97,10 +97,10 @@ pub(super) struct Integral<const N: usize> {
 impl<const N: usize> Integral<N> {
     /// The integral up to a time, and the number of holes before it.
     pub(super) fn of(&self, time_s: f64) -> Option<([f64; N], u32)> {
-        let behind = self.times_s.partition_point(|t| *t <= time_s);
-        let before = behind.checked_sub(1)?;
-        let (t, (a, holes)) = (self.times_s.get(before)?, self.at.get(before)?);
-        let (u, (b, _)) = (self.times_s.get(behind)?, self.at.get(behind)?);
+        let next = self.times_s.partition_point(|t| *t <= time_s);
+        let previous = next.checked_sub(1)?;
+        let (t, (a, holes)) = (self.times_s.get(previous)?, self.at.get(previous)?);
+        let (u, (b, _)) = (self.times_s.get(next)?, self.at.get(next)?);
         let share = (time_s - t) / (u - t);
         let mut values = *a;
         values.iter_mut().zip(b).for_each(|(a, b)| *a += share * (b - *a));
@@ -118,7 +118,7 @@ pub(super) struct Windows {
     pub(super) length_s: f64,
 }
 
-/// How well velocities, with axes assigned in one of the possible ways, give displacements.
+/// How well velocities give displacements for one assignment of the axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Match {
     /// Which column is north, and which is east.
@@ -139,7 +139,7 @@ impl Windows {
         let integral = velocity.integral(hole_s);
         let step_s = position.median_step_s()?;
         let length_s = WINDOW_S.max(step_s);
-        let pairs = without_leaps(&position, pairs(&position, length_s));
+        let pairs = without_jumps(&position, pairs(&position, length_s));
         let mut best: Option<(f64, Windows)> = None;
         for i in 0..=TRIED {
             let late_s = EARLIEST_S + (LATEST_S - EARLIEST_S) * i as f64 / TRIED as f64;
@@ -211,15 +211,15 @@ fn pairs(position: &Trace<3>, length_s: f64) -> Vec<(usize, usize)> {
 }
 
 /// Drops windows that are far longer than nearly all others: a few wrong fixes must not decide.
-fn without_leaps(position: &Trace<3>, mut pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
-    let way_m = |(first, last): &(usize, usize)| match (position.values.get(*first), position.values.get(*last)) {
+fn without_jumps(position: &Trace<3>, mut pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
+    let distance_m = |(first, last): &(usize, usize)| match (position.values.get(*first), position.values.get(*last)) {
         (Some(a), Some(b)) => (b[0] - a[0]).hypot(b[1] - a[1]),
         _ => 0.0,
     };
-    let mut ways_m: Vec<f64> = pairs.iter().map(way_m).collect();
-    ways_m.sort_by(f64::total_cmp);
-    if let Some(&long_m) = ways_m.get(ways_m.len() * 99 / 100) {
-        pairs.retain(|pair| way_m(pair) <= 5.0 * long_m);
+    let mut distances_m: Vec<f64> = pairs.iter().map(distance_m).collect();
+    distances_m.sort_by(f64::total_cmp);
+    if let Some(&long_m) = distances_m.get(distances_m.len() * 99 / 100) {
+        pairs.retain(|pair| distance_m(pair) <= 5.0 * long_m);
     }
     pairs
 }

@@ -5,8 +5,8 @@ use super::times::{Timing, timings};
 use crate::reader::{Log, TableHead};
 use crate::table::{Table, numbers};
 
-/// A table with the roles from its names and the ways to read its time.
-pub(super) struct Source<'l> {
+/// A table with the roles from its column names and the possible readings of its time.
+pub(super) struct TableColumns<'l> {
     pub(super) table: &'l Table,
     pub(super) timings: Vec<Timing>,
     /// The first column named like a time, and its first cell, if it cannot be read.
@@ -61,16 +61,16 @@ pub(super) struct Velocity {
 }
 
 /// Whether names give the north and east axes.
-pub(super) fn says_axes(first: &Named) -> bool {
+pub(super) fn names_axes(first: &Named) -> bool {
     matches!(first.role, Role::Position(Axis::North) | Role::Velocity(Axis::North))
 }
 
 /// All tables in which something was found.
-pub(super) fn sources(log: &Log) -> Vec<Source<'_>> {
+pub(super) fn sources(log: &Log) -> Vec<TableColumns<'_>> {
     log.tables.iter().filter_map(|table| source(log, table)).collect()
 }
 
-/// The columns whose names give a role, and which hold a value.
+/// The columns that hold a value and have a name that gives a role.
 fn filled(head: &TableHead, table: &Table) -> Vec<Named> {
     let named: Vec<Named> = head.names.iter().filter_map(|path| super::names::named(head, path)).collect();
     let holds = |column: &&Named| {
@@ -80,7 +80,7 @@ fn filled(head: &TableHead, table: &Table) -> Vec<Named> {
     named.iter().filter(holds).cloned().collect()
 }
 
-fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
+fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
     let head = log.head(&table.topic.name)?;
     let named = filled(head, table);
     let mut labels: Vec<&str> = vec![];
@@ -91,15 +91,15 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
     }
     let positions = labels.iter().flat_map(|label| positions(&named, label)).collect();
     let velocities = labels.iter().flat_map(|label| velocities(&named, label)).collect();
-    let odd = super::times::odd(table, &named);
-    let odd_time = odd.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
+    let with_unknown_unit = super::times::with_unknown_unit(table, &named);
+    let odd_time = with_unknown_unit.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
     let is_named = named.iter().any(|column| column.role == Role::Time);
     let timings = if is_named { timings(table, &named) } else { super::times::by_rise(table, &head.names, &named) };
-    let unread_time = if timings.is_empty() { super::times::unread(table, &named) } else { None };
+    let unread_time = if timings.is_empty() { super::times::unreadable(table, &named) } else { None };
     let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
     let attitudes = triples(ATTITUDE);
     let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
-    Some(Source { table, timings, unread_time, odd_time, positions, velocities, attitudes, rates, forces })
+    Some(TableColumns { table, timings, unread_time, odd_time, positions, velocities, attitudes, rates, forces })
 }
 
 const ATTITUDE: [Role; 3] = [Role::Roll, Role::Pitch, Role::Yaw];

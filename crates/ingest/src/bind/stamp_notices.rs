@@ -1,11 +1,11 @@
-//! Notices about the timestamps of a topic: one each, however many channels share them.
+//! Notices about the timestamps of a topic. Channels that share timestamps share the notice.
 
 use super::order::Reason;
 use super::trial::Plan;
 use flight::{ChannelHealth, Code, Graded, Notices, Severity, StampOffset};
 
 /// One notice, and the channels that it is about.
-struct Told<'p> {
+struct StampNotice<'p> {
     what: Graded,
     topic: &'p str,
     count: u64,
@@ -16,32 +16,32 @@ struct Told<'p> {
 
 /// Reports corrected and substituted timestamps of the plans.
 pub(super) fn note_stamps(plans: &[Plan<'_>], notices: &mut Notices) {
-    let mut told: Vec<Told<'_>> = vec![];
-    for said in plans.iter().flat_map(of_plan) {
-        let same =
-            |known: &&mut Told<'_>| (known.what, known.topic, &known.text) == (said.what, said.topic, &said.text);
-        match told.iter_mut().find(same) {
+    let mut all: Vec<StampNotice<'_>> = vec![];
+    for notice in plans.iter().flat_map(of_plan) {
+        let same = |known: &&mut StampNotice<'_>| {
+            (known.what, known.topic, &known.text) == (notice.what, notice.topic, &notice.text)
+        };
+        match all.iter_mut().find(same) {
             Some(known) => known.channels += 1,
-            None => told.push(said),
+            None => all.push(notice),
         }
     }
-    for told in told {
-        let text = format!("{}: {}", which(told.first, told.channels), told.text);
-        notices.push(told.what, told.topic, told.count, text);
+    for StampNotice { what, topic, count, text, first, channels } in all {
+        notices.push(what, topic, count, format!("{}: {text}", which(first, channels)));
     }
 }
 
-fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<Told<'p>> {
-    let said = |what, count, text| {
+fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<StampNotice<'p>> {
+    let notice = |what, count, text| {
         let (topic, first) = (plan.table.topic.name.as_str(), plan.rule.name.as_str());
-        Told { what, topic, count, text, first, channels: 1 }
+        StampNotice { what, topic, count, text, first, channels: 1 }
     };
     let rows = plan.table.rows as u64;
-    let remarks = plan.remarks.iter().map(|remark| said(Code::StampKind.at(Severity::Warning), rows, remark.clone()));
+    let remarks = plan.remarks.iter().map(|remark| notice(Code::StampKind.at(Severity::Warning), rows, remark.clone()));
     let repairs = plan.stamps.iter().flat_map(|stamps| {
         stamps.repairs.iter().map(move |repair| {
             let text = format!("{} stamps in {}: {}", stamps.kind, stamps.label, repair.text);
-            said(repair.what, repair.count, text)
+            notice(repair.what, repair.count, text)
         })
     });
     remarks.chain(repairs).collect()
@@ -54,7 +54,7 @@ pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut N
     let is_same =
         |a: &StampOffset, b: &StampOffset| (a.of, a.against) == (b.of, b.against) && (days(a) - days(b)).abs() < 1.0;
     for (at, (health, o)) in apart.iter().enumerate() {
-        if apart.iter().take(at).any(|(_, told)| is_same(told, o)) {
+        if apart.iter().take(at).any(|(_, earlier)| is_same(earlier, o)) {
             continue;
         }
         let same = || apart.iter().filter(|(_, other)| is_same(other, o));
@@ -80,7 +80,7 @@ pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices
     };
     for (at, (health, step_s)) in coarse.iter().enumerate() {
         let same = |other: &&(ChannelHealth, f64)| other.0.source.topic == health.source.topic;
-        if coarse.iter().take(at).any(|told| same(&told)) {
+        if coarse.iter().take(at).any(|earlier| same(&earlier)) {
             continue;
         }
         let count = shared(health);

@@ -1,27 +1,27 @@
-//! Non-numeric information in tables of known devices: the zone or the device in column names, and status
-//! words. It becomes names that channel maps know, and columns of the reader's own.
+//! Non-numeric information in tables of known devices: the zone or the device in column names, and status words. The
+//! reader turns it into names that channel maps have, and into derived columns.
 
 use crate::reader::{FieldRequest, Selection, ValueKind};
 use crate::table::{Column, ColumnData, Table, texts};
 use flight::{Code, Notices};
 
-/// 1 where the receiver of an inertial system has a position, else 0.
+/// A derived column: 1 where the receiver of an inertial system has a position, else 0.
 const FIX: &str = "fix_ok";
-/// The offset of its dates and times from UTC, `+hh:mm`.
+/// A derived column: the offset of the dates and times from UTC, `+hh:mm`.
 const OFFSET: &str = "utc_offset";
-/// `UTC_Year` where `UTC_Valid` shows that UTC is known.
+/// A derived column: `UTC_Year` where `UTC_Valid` shows that UTC is known.
 const YEAR: &str = "utc_year";
 
 /// Modes of an OxTS receiver without a position: none, searching, Doppler alone (at once, from two kinds of its raw
 /// data, or afterwards), no data, blanked, not known (OxTS' ROS 2 driver, `GNSS_POS_MODE` and `nav_sat_status`).
 const OXTS_WITHOUT_FIX: [i64; 10] = [0, 1, 2, 10, 11, 12, 19, 20, 25, 36];
-/// Its column, as NAVsuite's versions call it.
+/// The column of the mode, as the versions of NAVsuite name it.
 const OXTS_MODES: [&str; 3] = ["GpsPosMode", "GPS position mode", "GNSS position mode"];
 /// Bit of Xsens' status word: the receiver has a fix (MT Low Level Communication Protocol, `StatusWord`).
 const XSENS_FIX: i64 = 1 << 2;
-/// What MT Manager exports in several columns at once. Where it is told to write a zero for what a sample does not
-/// have, all of them are zero: the column's name says whether they are not. A velocity of zero is one where there is a
-/// position.
+/// Derived columns that show whether a sample has a quantity, and its columns in an export of MT Manager. MT Manager can
+/// be set to write zeros for a quantity that a sample lacks: a quantity is present if one of its columns is not zero. A
+/// velocity of zero is present where there is a position.
 const XSENS_GIVEN: [(&str, [&str; 3]); 7] = [
     ("position_given", ["Latitude", "Longitude", "Altitude"]),
     ("velocity_given", ["Vel_X", "Vel_Y", "Vel_Z"]),
@@ -33,23 +33,23 @@ const XSENS_GIVEN: [(&str, [&str; 3]); 7] = [
 ];
 /// Xsens' position, and the column that shows whether there is one.
 const XSENS_POSITION: [&str; 3] = XSENS_GIVEN[0].1;
-/// Xsens' status word. As a number it would lose the leading zeros that show its base.
+/// Xsens' status word, read as text. A number would lose the leading zeros that show its base.
 const XSENS_WORD: &str = "StatusWord";
 /// Bits of Xsens' `UTC_Valid`: the date, the time of day, and the leap seconds are known.
 const XSENS_UTC: i64 = 0b111;
 
-/// A table's names as maps know them, and its columns of the reader's own.
+/// A table's names as channel maps have them, and its derived columns.
 #[derive(Debug, Default)]
-pub(super) struct Meaning {
+pub(super) struct DeviceColumns {
     pub(super) names: Vec<String>,
-    /// What is to be reported about the names.
-    pub(super) told: Option<String>,
-    own: Vec<Own>,
+    /// A notice about the names.
+    pub(super) notice: Option<String>,
+    derived: Vec<DerivedColumn>,
 }
 
-/// A column of the reader's own, and its source.
+/// A column that the reader derives, and its source.
 #[derive(Debug)]
-enum Own {
+enum DerivedColumn {
     /// The same text in every row.
     Offset(String),
     Mode(String),
@@ -58,37 +58,38 @@ enum Own {
     Given(&'static str, [&'static str; 3]),
 }
 
-impl Meaning {
-    pub(super) fn of(names: &[String]) -> Meaning {
-        let (names, told) = of_one_device(names);
+impl DeviceColumns {
+    pub(super) fn of(names: &[String]) -> DeviceColumns {
+        let (names, notice) = of_one_device(names);
         let (names, offset) = without_zone(names);
         let has = |name: &str| names.iter().any(|n| n == name);
         let mode = names.iter().find(|name| OXTS_MODES.contains(&without_unit(name)));
         let xsens = has("SampleTimeFine");
-        let own = [
-            offset.map(Own::Offset),
-            mode.cloned().map(Own::Mode),
-            (xsens && has(XSENS_WORD)).then_some(Own::Status),
-            (xsens && has("UTC_Year")).then_some(Own::Year),
+        let derived = [
+            offset.map(DerivedColumn::Offset),
+            mode.cloned().map(DerivedColumn::Mode),
+            (xsens && has(XSENS_WORD)).then_some(DerivedColumn::Status),
+            (xsens && has("UTC_Year")).then_some(DerivedColumn::Year),
         ];
         let given = XSENS_GIVEN.iter().filter(|(_, columns)| xsens && columns.iter().all(|column| has(column)));
-        let given = given.map(|(path, columns)| Own::Given(path, *columns));
-        let mut own: Vec<Own> = own.into_iter().flatten().chain(given).filter(|own| !has(own.path())).collect();
-        own.dedup_by_key(|own| own.path());
-        Meaning { names, told, own }
+        let given = given.map(|(path, columns)| DerivedColumn::Given(path, *columns));
+        let mut derived: Vec<DerivedColumn> =
+            derived.into_iter().flatten().chain(given).filter(|derived| !has(derived.path())).collect();
+        derived.dedup_by_key(|derived| derived.path());
+        DeviceColumns { names, notice, derived }
     }
 
-    /// A column that is to be kept as written, whatever else is wanted.
+    /// A column that must be kept as written.
     pub(super) fn kept_as_text(&self) -> Option<&'static str> {
-        self.own.iter().any(|own| matches!(own, Own::Status)).then_some(XSENS_WORD)
+        self.derived.iter().any(|derived| matches!(derived, DerivedColumn::Status)).then_some(XSENS_WORD)
     }
 
-    /// The selection with the columns that its own ones are worked out of.
+    /// The selection, extended by the sources of the wanted derived columns.
     pub(super) fn sources(&self, wanted: &Selection) -> Selection {
         let Selection::Fields(fields) = wanted else { return wanted.clone() };
-        let asked = self.own.iter().filter(|own| fields.iter().any(|f| f.path == own.path()));
+        let asked = self.derived.iter().filter(|derived| fields.iter().any(|f| f.path == derived.path()));
         let mut all = fields.clone();
-        for source in asked.flat_map(Own::sources) {
+        for source in asked.flat_map(DerivedColumn::sources) {
             if !all.contains(&source) {
                 all.push(source);
             }
@@ -96,16 +97,16 @@ impl Meaning {
         Selection::Fields(all)
     }
 
-    /// Adds the wanted columns of the reader's own, and leaves out those that only they needed.
-    pub(super) fn complete(&self, table: &mut Table, wanted: &Selection, notices: &mut Notices) {
-        if self.own.is_empty() {
+    /// Adds the wanted derived columns, and removes columns that only they needed.
+    pub(super) fn add_derived(&self, table: &mut Table, wanted: &Selection, notices: &mut Notices) {
+        if self.derived.is_empty() {
             return;
         }
         let made: Vec<Column> = self
-            .own
+            .derived
             .iter()
-            .filter(|own| is_wanted(wanted, own.path()))
-            .filter_map(|own| own.column(table, notices))
+            .filter(|derived| is_wanted(wanted, derived.path()))
+            .filter_map(|derived| derived.column(table, notices))
             .collect();
         if let Selection::Fields(fields) = wanted {
             let kind = |column: &Column| match column.data {
@@ -127,25 +128,25 @@ fn is_wanted(wanted: &Selection, path: &str) -> bool {
     }
 }
 
-impl Own {
+impl DerivedColumn {
     fn path(&self) -> &'static str {
         match self {
-            Own::Offset(_) => OFFSET,
-            Own::Mode(_) | Own::Status => FIX,
-            Own::Year => YEAR,
-            Own::Given(path, _) => path,
+            DerivedColumn::Offset(_) => OFFSET,
+            DerivedColumn::Mode(_) | DerivedColumn::Status => FIX,
+            DerivedColumn::Year => YEAR,
+            DerivedColumn::Given(path, _) => path,
         }
     }
 
     fn sources(&self) -> Vec<FieldRequest> {
         let of = |path: &str, kind| FieldRequest { path: path.to_owned(), kind };
         match self {
-            // Any column will do: a table without columns would not be read.
-            Own::Offset(_) => vec![of("Date", ValueKind::Text)],
-            Own::Mode(name) => vec![of(name, ValueKind::Text)],
-            Own::Status => vec![of(XSENS_WORD, ValueKind::Text)],
-            Own::Year => vec![of("UTC_Year", ValueKind::Number), of("UTC_Valid", ValueKind::Number)],
-            Own::Given(_, columns) => {
+            // Any column would do: a table without wanted columns is not read.
+            DerivedColumn::Offset(_) => vec![of("Date", ValueKind::Text)],
+            DerivedColumn::Mode(name) => vec![of(name, ValueKind::Text)],
+            DerivedColumn::Status => vec![of(XSENS_WORD, ValueKind::Text)],
+            DerivedColumn::Year => vec![of("UTC_Year", ValueKind::Number), of("UTC_Valid", ValueKind::Number)],
+            DerivedColumn::Given(_, columns) => {
                 columns.iter().chain(&XSENS_POSITION).map(|column| of(column, ValueKind::Number)).collect()
             }
         }
@@ -153,28 +154,29 @@ impl Own {
 
     fn column(&self, table: &Table, notices: &mut Notices) -> Option<Column> {
         match self {
-            Own::Offset(offset) => Some(Column {
+            DerivedColumn::Offset(offset) => Some(Column {
                 path: OFFSET.into(),
                 data: ColumnData::Text(std::iter::repeat_n(offset, table.rows).collect()),
                 valid: None,
             }),
-            Own::Mode(name) => {
+            DerivedColumn::Mode(name) => {
                 let column = table.column(name)?;
-                let words: Vec<Option<String>> = (0..table.rows).map(|row| said(column, row)).collect();
+                let words: Vec<Option<String>> = (0..table.rows).map(|row| cell_text(column, row)).collect();
                 let has_fix = |mode: i64| i64::from(!OXTS_WITHOUT_FIX.contains(&mode));
                 fixes(column, &words, |text| mode_of(text).map(has_fix), table, notices)
             }
-            Own::Status => {
+            DerivedColumn::Status => {
                 let column = texts(table, XSENS_WORD)?;
-                // A measuring device sets some bit: all zeros mean that there is no word.
+                // A device that measures sets some bit: all zeros mean that there is no status word.
                 let is_word = |word: &String| word.bytes().any(|digit| digit != b'0');
-                let words: Vec<Option<String>> = (0..table.rows).map(|row| said(column, row).filter(is_word)).collect();
+                let words: Vec<Option<String>> =
+                    (0..table.rows).map(|row| cell_text(column, row).filter(is_word)).collect();
                 let radix = radix_of(words.iter().flatten().map(String::as_str));
                 let has_fix = |word: i64| i64::from(word & XSENS_FIX != 0);
                 fixes(column, &words, |text| word_of(text, radix?).map(has_fix), table, notices)
             }
-            Own::Year => Some(year(table, notices)),
-            Own::Given(path, columns) => given(path, columns, table),
+            DerivedColumn::Year => Some(year(table, notices)),
+            DerivedColumn::Given(path, columns) => given(path, columns, table),
         }
     }
 }
@@ -186,13 +188,13 @@ fn given(path: &str, columns: &[&str; 3], table: &Table) -> Option<Column> {
     let is_there = |values: &[f64]| values.iter().any(|value| *value != 0.0);
     let place =
         |row| -> Vec<f64> { XSENS_POSITION.iter().filter_map(|column| table.column(column)?.number(row)).collect() };
-    let stands = |row| path.starts_with("velocity") && is_there(&place(row));
-    let given = |row| Some(i64::from(is_there(&values(row)?) || stands(row)));
+    let is_at_rest = |row| path.starts_with("velocity") && is_there(&place(row));
+    let given = |row| Some(i64::from(is_there(&values(row)?) || is_at_rest(row)));
     Some(of_integers(path, &(0..table.rows).map(given).collect::<Vec<_>>()))
 }
 
-/// Content of a row.
-fn said(column: &Column, row: usize) -> Option<String> {
+/// The trimmed text of a row.
+fn cell_text(column: &Column, row: usize) -> Option<String> {
     let number = || column.integer(row).map(|number| number.to_string());
     column.text(row).map(|text| text.trim().to_owned()).or_else(number).filter(|text| !text.is_empty())
 }
@@ -253,7 +255,7 @@ fn radix_of<'t>(words: impl Iterator<Item = &'t str>) -> Option<u32> {
     } else if any(|word| word.bytes().any(|b| b.is_ascii_alphabetic()) || (word.len() > 1 && word.starts_with('0'))) {
         Some(16)
     } else {
-        // Eight digits are as many as a word has in hexadecimal.
+        // Eight decimal digits may also be a hexadecimal word.
         any(|word| word.len() != 8).then_some(10)
     }
 }
@@ -277,13 +279,13 @@ fn of_one_device(names: &[String]) -> (Vec<String>, Option<String>) {
         return (names.to_vec(), None);
     };
     let others = names.iter().any(|name| split(name).is_some() && !name.starts_with(device));
-    let told = others.then(|| format!("the table has the columns of several devices: those of {device} are taken"));
+    let notice = others.then(|| format!("the table has the columns of several devices: those of {device} are taken"));
     let taken = |plain: &str| names.iter().any(|name| name == plain);
     let plain = |name: &String| match name.strip_prefix(device) {
         Some(plain) if !plain.is_empty() && !taken(plain) => plain.to_owned(),
         _ => name.clone(),
     };
-    (names.iter().map(plain).collect(), told)
+    (names.iter().map(plain).collect(), notice)
 }
 
 /// NAVgraph puts the zone into the names of two columns, `Date (UTC+1,00)` and `Time (UTC+1,00)`: they become `Date`
@@ -305,8 +307,8 @@ fn without_zone(names: Vec<String>) -> (Vec<String>, Option<String>) {
     (names.into_iter().map(plain).collect(), Some(offset))
 }
 
-/// `+1,00` or `-9.50` as `+01:00` and `-09:30`. Zones are whole quarters of an hour, which tells hundredths from
-/// minutes.
+/// `+1,00` or `-9.50` as `+01:00` and `-09:30`. Zones are whole quarters of an hour, which distinguishes hundredths
+/// from minutes.
 fn offset_of(zone: &str) -> Option<String> {
     let sign = zone.chars().next().filter(|sign| matches!(sign, '+' | '-'))?;
     let (hours, rest) = zone.get(1..)?.split_once(['.', ',', ':'])?;

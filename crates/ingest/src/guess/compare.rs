@@ -1,23 +1,24 @@
 //! Infers units, axes and signs of a position and a velocity from the motion.
 
-use super::motion::{Match, Trace, Windows};
+use super::column_groups::{Position, Velocity, names_axes};
 use super::names::{Axis, Named, Role};
-use super::sets::{Position, Velocity, says_axes};
 use super::times::Timing;
+use super::windows::{Match, Trace, Windows};
 use crate::table::{Column, Table, numbers};
 use flight::{Dimension, Geodetic, LocalFrame, Unit};
 
-/// With less agreement, position and velocity do not belong together.
+/// The least agreement of a position and a velocity of one vehicle.
 const LEAST_AGREEMENT: f64 = 0.9;
-/// Below this a difference in agreement counts as zero; above, it decides.
+/// A smaller difference in agreement counts as zero.
 const SAME: f64 = 0.02;
+/// A larger difference in agreement decides.
 const DECIDES: f64 = 0.05;
 /// A unit is right if the measured scale is this near, as a logarithm.
 const NEAR: f64 = 0.15;
-/// Heights move too little for a higher limit.
+/// The least agreement of a height and a vertical velocity. Heights move too little for a higher limit.
 const LEAST_VERTICAL: f64 = 0.8;
-/// Of a longer table this many rows are compared, in this many contiguous stretches: each lasts minutes, and windows
-/// last seconds.
+/// The most rows that are compared. Of a longer table [`STRETCHES`] contiguous stretches are compared: each lasts
+/// minutes, and windows last seconds.
 const MOST_ROWS: usize = 1 << 19;
 const STRETCHES: usize = 32;
 /// The latitude of a pole, rad.
@@ -35,7 +36,7 @@ pub(super) enum Vertical {
 /// A position with its units.
 #[derive(Debug, Clone)]
 pub(super) struct Place {
-    pub(super) set: Position,
+    pub(super) group: Position,
     pub(super) unit: Unit,
     pub(super) third: Option<(Unit, Vertical)>,
     /// The second column is north, and the first one east.
@@ -48,7 +49,7 @@ pub(super) struct Place {
 /// A velocity with its units and axes.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
-    pub(super) set: Velocity,
+    pub(super) group: Velocity,
     pub(super) unit: Unit,
     /// For a track.
     pub(super) angle: Option<Unit>,
@@ -71,12 +72,12 @@ fn compared_rows(rows: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The values of some columns over the time of a table, each row converted by `turn`.
+/// The values of some columns over the time of a table, each row converted by `convert`.
 pub(super) fn trace<const N: usize>(
     table: &Table,
     times_s: &[f64],
     columns: [Option<&Named>; N],
-    turn: impl Fn([f64; N]) -> [f64; N],
+    convert: impl Fn([f64; N]) -> [f64; N],
 ) -> Trace<N> {
     let columns = columns.map(|column| column.and_then(|c| numbers(table, &c.path)));
     let row = |row: usize| {
@@ -87,7 +88,7 @@ pub(super) fn trace<const N: usize>(
                 *value = column.number(row)?;
             }
         }
-        Some((time_s, turn(values)))
+        Some((time_s, convert(values)))
     };
     Trace::new(compared_rows(times_s.len()).filter_map(row).collect())
 }
@@ -105,9 +106,9 @@ pub(super) fn largest(table: &Table, column: &Named) -> f64 {
 const EARTH_CENTRED_M: std::ops::Range<f64> = 6.33e6..6.5e6;
 
 /// Whether three lengths are earth-centred coordinates: their distance from the origin is the Earth's radius.
-pub(super) fn is_earth_centred(table: &Table, set: &Position) -> bool {
+pub(super) fn is_earth_centred(table: &Table, group: &Position) -> bool {
     let columns =
-        [Some(&set.first), Some(&set.second), set.third.as_ref()].map(|c| Some((c?, numbers(table, &c?.path)?)));
+        [Some(&group.first), Some(&group.second), group.third.as_ref()].map(|c| Some((c?, numbers(table, &c?.path)?)));
     let [Some(x), Some(y), Some(z)] = columns else { return false };
     let length = |row: usize, (column, values): (&Named, &Column)| {
         let value = values.number(row)?;
@@ -115,23 +116,23 @@ pub(super) fn is_earth_centred(table: &Table, set: &Position) -> bool {
     };
     let distance = |row: usize| Some(length(row, x)?.hypot(length(row, y)?).hypot(length(row, z)?));
     let mut distances = (0..table.rows).filter_map(distance).filter(|distance| *distance > 0.0).peekable();
-    !set.is_geodetic && distances.peek().is_some() && distances.all(|distance| EARTH_CENTRED_M.contains(&distance))
+    !group.is_geodetic && distances.peek().is_some() && distances.all(|distance| EARTH_CENTRED_M.contains(&distance))
 }
 
 /// Possible units of a position: the stated one, or those that its range allows, with the reason; none for
 /// earth-centred coordinates, which have no north axis.
-pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String)> {
-    if is_earth_centred(table, set) {
+pub(super) fn units_of_place(table: &Table, group: &Position) -> Vec<(Unit, String)> {
+    if is_earth_centred(table, group) {
         return vec![];
     }
-    let stated = set.first.unit.or(set.second.unit);
+    let stated = group.first.unit.or(group.second.unit);
     if let Some(stated) = stated {
         return vec![(stated, format!("the table states {stated}"))];
     }
-    if !set.is_geodetic {
+    if !group.is_geodetic {
         return unit("m").map(|m| (m, "taken as metres".to_owned())).into_iter().collect();
     }
-    let (latitude, longitude) = (largest(table, &set.first), largest(table, &set.second));
+    let (latitude, longitude) = (largest(table, &group.first), largest(table, &group.second));
     let fits = |symbol: &str| {
         let unit = unit(symbol)?;
         (unit.to_si(latitude) <= MOST_LATITUDE && unit.to_si(longitude) <= 2.0 * std::f64::consts::PI + 1e-9)
@@ -148,16 +149,16 @@ pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String
 }
 
 /// The reason for a position without a unit: it is earth-centred, or its values fit no unit of angle.
-pub(super) fn without_unit(table: &Table, set: &Position) -> String {
-    if !set.is_geodetic {
-        let [x, y] = [&set.first.path, &set.second.path];
-        let z = set.third.as_ref().map_or("", |z| &z.path);
+pub(super) fn without_unit(table: &Table, group: &Position) -> String {
+    if !group.is_geodetic {
+        let [x, y] = [&group.first.path, &group.second.path];
+        let z = group.third.as_ref().map_or("", |z| &z.path);
         return format!(
             "{x}, {y} and {z} are earth-centred coordinates; a channel map reads them as x, y and z with frame = \"ecef\", see \
              `flightlag maps --example`"
         );
     }
-    let [latitude, longitude] = [&set.first, &set.second].map(|column| (&column.path, largest(table, column)));
+    let [latitude, longitude] = [&group.first, &group.second].map(|column| (&column.path, largest(table, column)));
     format!(
         "the values of {} reach {}, those of {} {}: neither degrees nor radians nor 1e-7 degrees (missing values as -9999, or \
          degrees and minutes as 4807.038, are not read from a table)",
@@ -166,11 +167,11 @@ pub(super) fn without_unit(table: &Table, set: &Position) -> String {
 }
 
 /// A position in metres north, east, up from its first row; lengths in the order of the columns.
-fn metres(table: &Table, timing: &Timing, set: &Position, angle: Unit) -> Trace<3> {
-    let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
-    let third = set.third.as_ref().and_then(|c| c.unit);
+fn metres(table: &Table, timing: &Timing, group: &Position, angle: Unit) -> Trace<3> {
+    let columns = [Some(&group.first), Some(&group.second), group.third.as_ref()];
+    let third = group.third.as_ref().and_then(|c| c.unit);
     let height = |value: f64| third.map_or(value, |unit| unit.to_si(value));
-    if !set.is_geodetic {
+    if !group.is_geodetic {
         return trace(table, &timing.times_s, columns, |[a, b, c]| [angle.to_si(a), angle.to_si(b), height(c)]);
     }
     let mut degrees: Trace<3> =
@@ -188,8 +189,8 @@ fn metres(table: &Table, timing: &Timing, set: &Position, angle: Unit) -> Trace<
 }
 
 /// A velocity as logged: along the axes of its columns, with the track in `angle`.
-fn speeds(table: &Table, timing: &Timing, set: &Velocity, angle: Option<Unit>) -> Trace<3> {
-    let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
+fn speeds(table: &Table, timing: &Timing, group: &Velocity, angle: Option<Unit>) -> Trace<3> {
+    let columns = [Some(&group.first), Some(&group.second), group.third.as_ref()];
     trace(table, &timing.times_s, columns, |[a, b, c]| match angle {
         Some(angle) => [a * angle.to_si(b).cos(), a * angle.to_si(b).sin(), c],
         None => [a, b, c],
@@ -197,31 +198,31 @@ fn speeds(table: &Table, timing: &Timing, set: &Velocity, angle: Option<Unit>) -
 }
 
 /// A table, its time, and some of its columns.
-pub(super) struct Of<'a, S> {
+pub(super) struct Timed<'a, S> {
     pub(super) table: &'a Table,
     pub(super) timing: &'a Timing,
-    pub(super) set: &'a S,
+    pub(super) group: &'a S,
 }
 
-impl<S> Clone for Of<'_, S> {
+impl<S> Clone for Timed<'_, S> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<S> Copy for Of<'_, S> {}
+impl<S> Copy for Timed<'_, S> {}
 
-/// Finds the units, axes and signs with which the position moves as the velocity says.
+/// Finds the units, axes and signs with which the velocity agrees with the motion of the position.
 ///
 /// # Errors
 /// Why there are none, or more than one.
-pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Result<(Place, Motion), String> {
+pub(super) fn decide(place: Timed<'_, Position>, motion: Timed<'_, Velocity>) -> Result<(Place, Motion), String> {
     let mut found: Vec<(Place, Motion)> = vec![];
-    let mut why_not = without_unit(place.table, place.set);
-    for (angle, why) in units_of_place(place.table, place.set) {
-        for track in tracks(motion.table, motion.set) {
-            let speeds = speeds(motion.table, motion.timing, motion.set, track);
-            let metres = metres(place.table, place.timing, place.set, angle);
+    let mut why_not = without_unit(place.table, place.group);
+    for (angle, why) in units_of_place(place.table, place.group) {
+        for track in tracks(motion.table, motion.group) {
+            let speeds = speeds(motion.table, motion.timing, motion.group, track);
+            let metres = metres(place.table, place.timing, place.group, angle);
             match Windows::new(metres, speeds) {
                 None => why_not = "too little moves to compare them".into(),
                 Some(windows) => match fit(place, motion, &windows, (angle, &why), track) {
@@ -235,7 +236,7 @@ pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Resul
     match found.as_slice() {
         [] => Err(why_not),
         [(a, best), (b, other), ..] if best.agreement - other.agreement < SAME && a.unit != b.unit => {
-            Err(format!("{} may be in {} or in {}", place.set.first.path, a.unit, b.unit))
+            Err(format!("{} may be in {} or in {}", place.group.first.path, a.unit, b.unit))
         }
         _ => found.into_iter().next().ok_or(why_not),
     }
@@ -250,27 +251,27 @@ pub(super) fn is_contradiction(why: &str) -> bool {
 }
 
 /// Possible units of a track; one `None` for a velocity along axes.
-fn tracks(table: &Table, set: &Velocity) -> Vec<Option<Unit>> {
-    if !set.is_polar {
+fn tracks(table: &Table, group: &Velocity) -> Vec<Option<Unit>> {
+    if !group.is_polar {
         return vec![None];
     }
-    let guessed = if largest(table, &set.second) > 2.0 * std::f64::consts::PI + 1e-6 { "deg" } else { "rad" };
-    vec![set.second.unit.or_else(|| unit(guessed))]
+    let guessed = if largest(table, &group.second) > 2.0 * std::f64::consts::PI + 1e-6 { "deg" } else { "rad" };
+    vec![group.second.unit.or_else(|| unit(guessed))]
 }
 
 fn fit(
-    place: Of<'_, Position>,
-    motion: Of<'_, Velocity>,
+    place: Timed<'_, Position>,
+    motion: Timed<'_, Velocity>,
     windows: &Windows,
     (angle, why): (Unit, &str),
     track: Option<Unit>,
 ) -> Result<(Place, Motion), String> {
-    let found = axes(place.set, motion.set, windows)?;
-    let (first, second) = (&motion.set.first, &motion.set.second);
+    let found = axes(place.group, motion.group, windows)?;
+    let (first, second) = (&motion.group.first, &motion.group.second);
     let speed = unit_of_speed(motion, found.scale)?;
-    let (height, vertical, notes) = verticals(place, motion.set, windows, (angle, speed));
-    let is_unnamed = !place.set.is_geodetic && !says_axes(&place.set.first);
-    let mut whys = vec![evidence(windows, &place.set.first.path, &found, speed)];
+    let (height, vertical, notes) = verticals(place, motion.group, windows, (angle, speed));
+    let is_unnamed = !place.group.is_geodetic && !names_axes(&place.group.first);
+    let mut whys = vec![evidence(windows, &place.group.first.path, &found, speed)];
     if is_unnamed {
         whys.push("nothing says where x points: it is called north, which changes no delay".into());
     }
@@ -280,15 +281,15 @@ fn fit(
     whys.extend(notes);
     let place_unit_why = if why.starts_with("tried") { format!("{angle}, as the motion says") } else { why.to_owned() };
     // Where the velocity names its axes, they decide those of an unnamed position.
-    let of_place = is_unnamed && says_axes(first);
+    let of_place = is_unnamed && names_axes(first);
     if of_place && found.signs[1] < 0.0 {
         return Err(format!(
             "{} and {} count the other way than {} and {}",
-            place.set.first.path, place.set.second.path, first.path, second.path
+            place.group.first.path, place.group.second.path, first.path, second.path
         ));
     }
     let place = Place {
-        set: place.set.clone(),
+        group: place.group.clone(),
         unit: angle,
         third: height,
         swapped: of_place && found.swapped,
@@ -296,7 +297,7 @@ fn fit(
         why: vec![place_unit_why],
     };
     let motion = Motion {
-        set: motion.set.clone(),
+        group: motion.group.clone(),
         unit: speed,
         angle: track,
         third: vertical,
@@ -333,9 +334,9 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
         return Err(format!("{a} and {b} do not say how {} moves {AGREEMENT}{agreement:.2})", place.first.path));
     }
     let named = motion.is_polar
-        || says_axes(&motion.first) == says_axes(&place.first)
-        || (place.is_geodetic && says_axes(&motion.first));
-    let same_names = named && !(place.is_geodetic && !says_axes(&motion.first) && !motion.is_polar);
+        || names_axes(&motion.first) == names_axes(&place.first)
+        || (place.is_geodetic && names_axes(&motion.first));
+    let same_names = named && !(place.is_geodetic && !names_axes(&motion.first) && !motion.is_polar);
     if same_names && plain.agreement >= best.agreement - SAME {
         return Ok(plain);
     }
@@ -374,11 +375,11 @@ fn described(found: Match) -> String {
     }
 }
 
-/// The unit whose scale is measured, if no other unit is nearly as close.
-fn unit_of_speed(motion: Of<'_, Velocity>, scale: f64) -> Result<Unit, String> {
-    let (first, second) = (&motion.set.first, &motion.set.second);
+/// The unit with the measured scale, if no other unit is nearly as close.
+fn unit_of_speed(motion: Timed<'_, Velocity>, scale: f64) -> Result<Unit, String> {
+    let (first, second) = (&motion.group.first, &motion.group.second);
     let distance = |unit: Unit| (scale * unit.to_si(1.0)).ln().abs();
-    let stated = first.unit.or(second.unit.filter(|_| !motion.set.is_polar));
+    let stated = first.unit.or(second.unit.filter(|_| !motion.group.is_polar));
     if let Some(stated) = stated {
         if distance(stated) <= NEAR {
             return Ok(stated);
@@ -419,14 +420,14 @@ pub(super) fn side(named: &Named) -> Option<Vertical> {
 /// Units and signs of heights and vertical velocities, from the motion or else from the names; with the notices.
 #[expect(clippy::type_complexity, reason = "two verticals and their notes")]
 fn verticals(
-    of: Of<'_, Position>,
+    of: Timed<'_, Position>,
     motion: &Velocity,
     windows: &Windows,
     (angle, speed): (Unit, Unit),
 ) -> (Option<(Unit, Vertical)>, Option<(Unit, Vertical)>, Vec<String>) {
     let mut notes = vec![];
     let measured = windows.vertical().filter(|(agreement, _)| agreement.abs() >= LEAST_VERTICAL);
-    let (height, third) = (of.set.third.as_ref(), motion.third.as_ref());
+    let (height, third) = (of.group.third.as_ref(), motion.third.as_ref());
     let third_unit = third.map(|t| t.unit.unwrap_or(speed));
     let (height_unit, why) = match (height, third_unit.zip(third), measured) {
         (Some(h), Some((of_third, t)), Some((_, scale))) => measured_height(of.table, h, (t, of_third), scale, angle),
@@ -434,7 +435,7 @@ fn verticals(
         (None, ..) => (None, None),
     };
     notes.extend(why);
-    // A `z` of an unknown frame has the direction shown by a vertical velocity whose own direction is named.
+    // The direction of a `z` in an unknown frame follows from a vertical velocity with a named direction.
     let by_third = || Some((side(third?)? == Vertical::Up) == (measured?.0 > 0.0));
     let height_up = height.and_then(side).map(|side| side == Vertical::Up).or_else(by_third);
     let place_side = height.map(|_| match (height_unit, height_up) {
@@ -448,7 +449,7 @@ fn verticals(
     (height, third_unit.zip(counts), notes)
 }
 
-/// Direction in which a vertical velocity counts: shown by a height whose direction is known, otherwise by its name.
+/// The positive direction of a vertical velocity: shown by a height with a known direction, otherwise by its name.
 fn direction(
     third: &Named,
     height: Option<(&Named, bool)>,
@@ -470,7 +471,7 @@ fn direction(
     }
 }
 
-/// How the reason of an assumed unit ends.
+/// The end of the reason for an assumed unit.
 pub(super) const UNSHOWN: &str = "which nothing shows";
 /// Units in which heights are logged.
 const OF_HEIGHTS: [&str; 4] = ["m", "ft", "mm", "cm"];
