@@ -1,6 +1,7 @@
 //! Binds columns to channels: which map fits, which rows count, and in which order.
 
 mod attitude;
+mod bound_rows;
 mod clocks;
 mod conditions;
 mod counter_dates;
@@ -9,12 +10,12 @@ mod ecef;
 mod indexed_plan;
 mod missing_fields;
 mod order;
+mod plan;
 mod receive_times;
 mod repair;
 mod restarts;
-mod rows;
+mod stamp_columns;
 mod stamp_notices;
-mod stamps;
 mod stated_units;
 mod time_of_day;
 mod times;
@@ -24,18 +25,19 @@ mod wraps;
 pub(crate) use self::attitude::from_euler;
 pub use self::times::{RowTimes, TableTimes, row_times};
 
+use self::bound_rows::{StepBack, bind_rows, take_rows};
 use self::indexed_plan::IndexedPlan;
+use self::plan::Plan;
 use self::restarts::Joined;
-use self::rows::{StepBack, bind_rows, take_rows};
-use self::stamps::{Tied, tie_of};
-use self::trial::{Plan, Trial};
+use self::stamp_columns::{Tied, tie_of};
+use self::trial::Trial;
 use crate::error::IngestError;
 use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, TimeSource};
 use crate::reader::Log;
 use crate::table::Table;
 use crate::time::set_back_for;
 use crate::values::Values;
-use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices, Quantity, Severity, StampKind};
+use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices, Severity, StampKind};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -133,7 +135,7 @@ fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
 
 /// The clock and the timestamps, ns, that one source gives to the rows of a table.
 pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Values<i64>)> {
-    let stamps = stamps::read_stamps(StampKind::Logged, source, table, || None)?;
+    let stamps = stamp_columns::read_stamps(StampKind::Logged, source, table, || None)?;
     Some((stamps.clock, Rc::unwrap_or_clone(stamps.nanos)))
 }
 
@@ -279,9 +281,4 @@ fn topics_of(log: &Log) -> String {
     let more = topics.len().saturating_sub(LISTED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     if list.is_empty() { "the log holds no topic".into() } else { format!("the log holds {}{more}", list.join(", ")) }
-}
-
-/// Whether the map binds any channel of the wanted quantities.
-fn binds(plans: &[Plan<'_>], wanted: &[Quantity]) -> bool {
-    plans.iter().any(|p| wanted.contains(&p.rule.quantity))
 }

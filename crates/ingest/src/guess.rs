@@ -5,45 +5,31 @@ mod body;
 mod by_motion;
 mod column_groups;
 mod compare;
+mod found;
 mod names;
 mod orientations;
-mod times;
+mod time_columns;
 mod windows;
 mod write;
 
+pub(crate) use self::found::Guess;
 pub(crate) use self::orientations::orientations;
 
-use self::column_groups::{Position, TableColumns, Velocity, has_body, may_hold, names_axes, sources};
+use self::column_groups::{Position, TableColumns, Velocity, has_body, may_hold, names_axes, odd_unit, sources};
 use self::compare::{
     Motion, Place, Timed, Vertical, decide, is_contradiction, plausible_height, side, units_of_place, without_unit,
 };
+use self::found::Found;
 use self::names::{Named, Role};
-use self::times::Timing;
+use self::time_columns::Timing;
 use self::write::GuessedChannels;
 use crate::reader::{FieldRequest, Log, Select, Selection, TableHead, ValueKind};
 use crate::table::{Table, TopicInfo};
 use flight::{Clock, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Channel names for columns without a source in their name, in a table that also has GPS columns. They come from
-/// another source, usually a faster one.
-pub(crate) const PLAIN: [&str; 2] = ["position.plain", "velocity.plain"];
-
 /// Part of the message for a table without a time column.
 pub(crate) const NO_TIME: &str = "is a time that goes on";
-
-/// A guessed map.
-#[derive(Debug)]
-pub(crate) struct Guess {
-    /// The map as a file, with the reasons as comments.
-    pub(crate) text: String,
-    /// The columns of each channel, in one line.
-    pub(crate) summary: String,
-    /// The number of channels.
-    pub(crate) channels: u64,
-    /// Whether there are both a position and a velocity.
-    pub(crate) both: bool,
-}
 
 /// The fields to read for a guess from tables with these headers; `None` if no name matches.
 pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
@@ -82,7 +68,7 @@ pub(crate) fn wanted_by_motion(heads: &[TableHead]) -> Option<Wanted> {
 }
 
 fn every_column(head: &TableHead) -> Vec<FieldRequest> {
-    let all: Vec<Named> = head.names.iter().map(|path| by_motion::named(path, Role::Time)).collect();
+    let all: Vec<Named> = head.names.iter().map(|path| Named::with_role(path, Role::Time)).collect();
     requests(&all)
 }
 
@@ -120,24 +106,6 @@ fn requests(named: &[Named]) -> Vec<FieldRequest> {
     all.sort();
     all.dedup();
     all
-}
-
-/// A column name quoted for TOML.
-fn quoted(name: &str) -> String {
-    toml::Value::from(name).to_string()
-}
-
-/// An item with its table and time.
-struct Found<'l, T> {
-    topic: &'l str,
-    timing: Timing,
-    what: T,
-}
-
-impl<'l, T> Found<'l, T> {
-    fn of(source: &TableColumns<'l>, timing: &Timing, what: T) -> Found<'l, T> {
-        Found { topic: &source.table.topic.name, timing: timing.clone(), what }
-    }
 }
 
 /// Guesses the map for the tables of a log that was read with [`wanted`].
@@ -308,27 +276,6 @@ fn without_time(source: &TableColumns<'_>) -> String {
         ),
         None => format!("{known}no column of {} {NO_TIME}", source.table.topic.name),
     }
-}
-
-/// The message for a table that states an unknown unit. Such a table is not read in another unit.
-fn odd_unit(sources: &[TableColumns<'_>]) -> Option<String> {
-    if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
-        return Some(format!(
-            "the table states the time {path} in {unit:?}, which is not a unit of time that flightlag knows"
-        ));
-    }
-    let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
-    let of_velocities = sources.iter().flat_map(|s| &s.velocities).map(|v| (&v.first, &v.second, &v.third));
-    of_positions.chain(of_velocities).find_map(|(first, second, third)| {
-        let columns = [Some(first), Some(second), third.as_ref()];
-        columns.into_iter().flatten().find_map(|column| {
-            let unit = column.odd_unit.as_ref()?;
-            Some(format!(
-                "the table states {} in {unit:?}, which is not a unit of it that flightlag knows",
-                column.path
-            ))
-        })
-    })
 }
 
 type Pair<'l> = (Found<'l, Place>, Found<'l, Motion>);

@@ -105,6 +105,10 @@ pub(crate) struct Source {
     pub(crate) above: Option<HeightAbove>,
 }
 
+/// Channel names for columns without a source in their name, in a table that also has GPS columns. They come from
+/// another source, usually a faster one.
+pub(crate) const PLAIN: [&str; 2] = ["position.plain", "velocity.plain"];
+
 /// Quantities that only a bench measures, in addition to position and velocity.
 pub(crate) const BENCH_ALONE: &[Quantity] = &[
     Quantity::Height,
@@ -508,7 +512,7 @@ impl MapLibrary {
 
     /// Names of the channels that a flight can have by these maps, or by a guess if none fits.
     pub fn channel_names(&self) -> impl Iterator<Item = &str> {
-        self.iter().flat_map(ChannelMap::channel_names).chain(crate::guess::PLAIN)
+        self.iter().flat_map(ChannelMap::channel_names).chain(PLAIN)
     }
 
     /// Adds a map, or replaces the one of the same name.

@@ -2,8 +2,8 @@
 //! is made: a flight takes as much memory as its columns, and memory must not hold both at once.
 
 use super::conditions::{Condition, Values};
-use super::stamps::Stamps;
-use super::trial::{Found, Plan};
+use super::plan::{Found, Plan};
+use super::stamp_columns::Stamps;
 use crate::map::{ChannelMap, ChannelRule};
 use crate::map_schema::HeightAbove;
 use crate::reader::Log;

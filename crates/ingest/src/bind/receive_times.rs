@@ -5,7 +5,7 @@
 //! so that a slowly changing latency cancels. The error is at most `b - a`.
 
 use super::repair::Repair;
-use super::stamps::{Stamps, read_stamps};
+use super::stamp_columns::{Stamps, read_stamps};
 use crate::map::{TieRule, TimeSource};
 use crate::reader::Log;
 use crate::stamps::distribution;

@@ -4,8 +4,8 @@
 //! Each session is dated separately, and its timestamps are moved onto the clock of the first: the sessions are then as
 //! far apart as their dates, and nothing changes within a session. A session that cannot be dated is lost.
 
-use super::stamps::{NO_UTC_BEFORE_NS, Stamps, Tied, pairs_of};
-use super::trial::Plan;
+use super::plan::Plan;
+use super::stamp_columns::{NO_UTC_BEFORE_NS, Stamps, Tied, pairs_of};
 use crate::map::{TieRule, TimeSource};
 use crate::reader::{Log, Restart};
 use crate::table::Table;

@@ -1,7 +1,7 @@
 //! Notices about the timestamps of a topic. Channels that share timestamps share the notice.
 
 use super::order::Reason;
-use super::trial::Plan;
+use super::plan::Plan;
 use flight::{ChannelHealth, Code, Graded, Notices, Severity, StampOffset};
 
 /// One notice, and the channels that it is about.

@@ -1,7 +1,7 @@
 //! Compares the units of the map with those that the log itself states.
 
-use super::stamps::Stamps;
-use super::trial::{Found, Plan};
+use super::plan::{Found, Plan};
+use super::stamp_columns::Stamps;
 use crate::map::{ChannelRule, TimeSource};
 use crate::reader::{StatedUnit, TableHead};
 use crate::written_unit::{Written, in_brackets, read};

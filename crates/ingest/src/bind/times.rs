@@ -1,9 +1,10 @@
 //! The time of each row of a table as far as the log itself states it: for tables whose rows have no log time, or one
 //! by a clock that restarted.
 
+use super::plan::Plan;
 use super::restarts::{self, Joined};
-use super::stamps::{NO_UTC_BEFORE_NS, Stamps, tie_of};
-use super::trial::{Plan, Trial, stamps_of};
+use super::stamp_columns::{NO_UTC_BEFORE_NS, Stamps, tie_of};
+use super::trial::{Trial, stamps_of};
 use super::wraps;
 use crate::error::IngestError;
 use crate::map::{ChannelMap, ChannelRule, MapLibrary};

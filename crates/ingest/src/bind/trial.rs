@@ -1,16 +1,15 @@
 //! Tries a channel map on a log: which tables and columns its rules find.
 
-use super::binds;
-use super::conditions::{Condition, conditions};
+use super::conditions::conditions;
 use super::date_columns::{example, unclear};
+use super::plan::{Found, Plan, binds};
 use super::receive_times::by_receive_time;
-use super::stamps::{Stamps, is_constant, read_stamps, written_at};
+use super::stamp_columns::{Stamps, is_constant, read_stamps, written_at};
 use super::stated_units;
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
-use crate::map_schema::HeightAbove;
 use crate::reader::Log;
-use crate::table::{Column, Table, numbers};
-use flight::{Quantity, StampKind, Unit};
+use crate::table::{Table, numbers};
+use flight::{Quantity, StampKind};
 
 /// What a map finds in a log.
 pub(super) struct Trial<'a> {
@@ -43,34 +42,6 @@ pub(super) struct Rank {
     channels: usize,
     /// Topics with the exact name come before topics below a namespace.
     nearness: std::cmp::Reverse<usize>,
-}
-
-/// A rule with the columns that it found.
-pub(super) struct Plan<'a> {
-    pub(super) rule: &'a ChannelRule,
-    pub(super) table: &'a Table,
-    /// [`Closeness::distance`] of the table's name.
-    pub(super) distance: u8,
-    /// As [`ChannelRule::parts`]; `None` where the log lacks the field.
-    pub(super) columns: Vec<Option<Found<'a>>>,
-    /// The timestamps by kind, the timeline's kind first.
-    pub(super) stamps: Vec<Stamps>,
-    /// The assumptions made to find them.
-    pub(super) remarks: Vec<String>,
-    pub(super) conditions: Vec<Condition<'a>>,
-}
-
-/// A part of a channel in the log.
-#[derive(Clone, Copy)]
-pub(super) struct Found<'a> {
-    pub(super) column: &'a Column,
-    pub(super) unit: Unit,
-    /// For a height: what it is above.
-    pub(super) above: Option<HeightAbove>,
-    /// A preferred column that is zero throughout.
-    pub(super) passed_over: Option<&'a Column>,
-    /// The unit that the table states and the map's unit, where they differ or the stated one is unknown.
-    pub(super) stated_unit: Option<(&'a str, Unit)>,
 }
 
 enum Miss {

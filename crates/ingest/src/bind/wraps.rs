@@ -1,7 +1,7 @@
 //! Counters of several topics that wrap around together, where one topic shows it and another only starts afterwards.
 
 use super::repair::Repair;
-use super::stamps::{Counter, Stamps};
+use super::stamp_columns::{Counter, Stamps};
 use crate::time::TOLERATED;
 use flight::{Clock, Code};
 use std::rc::Rc;

@@ -8,16 +8,13 @@ mod bag_records;
 mod connections;
 mod index;
 
-use self::bag_record::{Kind, Record};
-use self::bag_records::{LONGEST, Records, WRONG_START};
+use self::bag_record::{Kind, LONGEST, MAGIC, Record};
+use self::bag_records::{Records, WRONG_START};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, ReadContext, Select};
 use logscan::{LogFile, scan};
 use std::path::PathBuf;
-
-/// The first line of a bag.
-const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 
 /// Reads one ROS 1 bag, or several that make up one flight.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {

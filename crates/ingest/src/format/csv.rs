@@ -2,6 +2,7 @@
 
 mod columns;
 mod device_columns;
+mod extent;
 mod fields;
 mod formula;
 mod header;
@@ -16,11 +17,13 @@ pub use self::formula::inert;
 
 use self::columns::Topic;
 use self::device_columns::DeviceColumns;
+use self::extent::Extent;
 use self::fields::Fields;
 use self::header::{Header, HeaderFindings};
 use self::layout::{Layout, TableLayout};
-use self::lines::{Extent, Lines, Next, comment_mark};
+use self::lines::{Lines, Next};
 use self::one_table::OneTable;
+use self::plain::comment_mark;
 use self::read_ahead::Rules;
 use crate::error::{IngestError, file_name};
 use crate::format::identity::{GARMIN, of_table_head};

@@ -24,9 +24,9 @@ mod mavlink_vehicle;
 mod tlog_session;
 
 pub(crate) use self::framing::looks_like;
-use self::framing::{Framing, TIME};
-use self::mavlink_frame::{Frame, LONGEST, MAGIC, NoFrame};
-use self::tlog_session::{MOST_TOPICS, NO_FRAME, Session};
+use self::framing::{Framing, NO_FRAME, TIME};
+use self::mavlink_frame::{Frame, LONGEST, MAGIC, NoFrame, Sender};
+use self::tlog_session::{MOST_TOPICS, Session};
 use crate::bytes::is_plain;
 use crate::error::IngestError;
 use crate::format::Reading;
@@ -68,26 +68,6 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
         super::forget_log_times(&mut log);
     }
     Ok(log)
-}
-
-/// Sender of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-struct Sender {
-    system: u8,
-    component: u8,
-}
-
-impl Sender {
-    fn of(frame: &Frame<'_>) -> Sender {
-        Sender { system: frame.system, component: frame.component }
-    }
-}
-
-impl Default for Sender {
-    /// An autopilot with default system and component IDs.
-    fn default() -> Sender {
-        Sender { system: 1, component: 1 }
-    }
 }
 
 /// The autopilot with the lowest system ID among those with a heartbeat near the start of the log.

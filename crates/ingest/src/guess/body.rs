@@ -1,16 +1,17 @@
 //! Attitudes, angular rates and specific forces: infers units and axes by comparing them with each other and with the
 //! velocity. A reading that these contradict or cannot decide is rejected.
 
-mod attitude;
+mod body_attitude;
 mod force;
 mod rate;
 
-use self::attitude::Rotation;
+use self::body_attitude::Rotation;
 use super::column_groups::{TableColumns, Triple};
+use super::compare;
 use super::compare::Motion;
-use super::times::Timing;
+use super::found::Found;
+use super::time_columns::Timing;
 use super::windows::Trace;
-use super::{Found, compare};
 use crate::table::Table;
 use flight::Unit;
 
@@ -82,13 +83,13 @@ pub(super) fn bodies<'l>(
     times: &[(&str, &Timing)],
 ) -> (Vec<Found<'l, Body>>, Vec<String>) {
     let mut bodies = Bodies::default();
-    let flown = motions.iter().find_map(|motion| attitude::flown(sources, motion));
+    let flown = motions.iter().find_map(|motion| body_attitude::flown(sources, motion));
     let mut rotations: Vec<Rotation> = vec![];
     let timed = || sources.iter().filter_map(|source| Some((source, timing_of(source, times)?)));
     for (source, timing) in timed() {
         for group in &source.attitudes {
             let of = TimedTriple { table: source.table, timing, group };
-            let decided = attitude::decide(&of, flown.as_ref());
+            let decided = body_attitude::decide(&of, flown.as_ref());
             rotations.extend(decided.as_ref().ok().map(|body| Rotation::new(&of, body)));
             bodies.keep(source, &of, decided);
         }

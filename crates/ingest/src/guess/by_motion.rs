@@ -2,7 +2,7 @@
 
 use super::column_groups::{Position, TableColumns, Velocity};
 use super::names::{Axis, Named, Role};
-use super::times::{Timing, timings};
+use super::time_columns::{Timing, timings};
 use crate::reader::TableHead;
 use crate::table::{Table, numbers};
 
@@ -25,15 +25,11 @@ pub(super) fn may_be_tried(head: &TableHead) -> bool {
     !head.names.is_empty() && head.names.len() <= MOST_COLUMNS
 }
 
-pub(super) fn named(path: &str, role: Role) -> Named {
-    Named { path: path.to_owned(), role, source: String::new(), unit: None, odd_unit: None, words: vec![] }
-}
-
 /// All neighbours that may be a latitude and a longitude, and all that may be horizontal velocities: once for each
 /// possible time column.
 pub(super) fn sources<'l>(head: &TableHead, table: &'l Table) -> Vec<TableColumns<'l>> {
     let times = head.names.iter().filter_map(|path| {
-        let found = timings(table, &[named(path, Role::Time)]);
+        let found = timings(table, &[Named::with_role(path, Role::Time)]);
         (!found.is_empty()).then_some((path, found))
     });
     times.take(MOST_TIMES).map(|(time, timings)| source(head, table, time, timings)).collect()
@@ -46,9 +42,9 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
     let position = |at: usize, latitude: &String, longitude: &String| Position {
         source: String::new(),
         is_geodetic: true,
-        first: named(latitude, Role::Latitude),
-        second: named(longitude, Role::Longitude),
-        third: follow(at + 2).map(|path| named(path, Role::Height)),
+        first: Named::with_role(latitude, Role::Latitude),
+        second: Named::with_role(longitude, Role::Longitude),
+        third: follow(at + 2).map(|path| Named::with_role(path, Role::Height)),
     };
     let either_way = pairs().flat_map(|(at, a, b)| [(at, a, b), (at, b, a)]);
     let places = either_way.filter(|(_, latitude, longitude)| may_be_place(table, latitude, longitude));
@@ -57,9 +53,9 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
     let velocities = pairs().filter(|(_, a, b)| !is_place(a) && !is_place(b)).map(|(at, a, b)| Velocity {
         source: String::new(),
         is_polar: false,
-        first: named(a, Role::Velocity(Axis::X)),
-        second: named(b, Role::Velocity(Axis::Y)),
-        third: follow(at + 2).map(|path| named(path, Role::Velocity(Axis::Z))),
+        first: Named::with_role(a, Role::Velocity(Axis::X)),
+        second: Named::with_role(b, Role::Velocity(Axis::Y)),
+        third: follow(at + 2).map(|path| Named::with_role(path, Role::Velocity(Axis::Z))),
     });
     let velocities = velocities.collect();
     let (attitudes, rates, forces) = (vec![], vec![], vec![]);

@@ -1,7 +1,7 @@
 //! Columns that belong together: the axes of a position, or of a velocity.
 
 use super::names::{Axis, Named, Role};
-use super::times::{Timing, timings};
+use super::time_columns::{Timing, timings};
 use crate::reader::{Log, TableHead};
 use crate::table::{Table, numbers};
 
@@ -91,11 +91,12 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
     }
     let positions = labels.iter().flat_map(|label| positions(&named, label)).collect();
     let velocities = labels.iter().flat_map(|label| velocities(&named, label)).collect();
-    let with_unknown_unit = super::times::with_unknown_unit(table, &named);
+    let with_unknown_unit = super::time_columns::with_unknown_unit(table, &named);
     let odd_time = with_unknown_unit.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
     let is_named = named.iter().any(|column| column.role == Role::Time);
-    let timings = if is_named { timings(table, &named) } else { super::times::by_rise(table, &head.names, &named) };
-    let unread_time = if timings.is_empty() { super::times::unreadable(table, &named) } else { None };
+    let timings =
+        if is_named { timings(table, &named) } else { super::time_columns::by_rise(table, &head.names, &named) };
+    let unread_time = if timings.is_empty() { super::time_columns::unreadable(table, &named) } else { None };
     let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
     let attitudes = triples(ATTITUDE);
     let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
@@ -177,4 +178,25 @@ fn axes(of: impl Fn(Axis) -> Option<Named>) -> Option<(Named, Named, Option<Name
         return Some((north, east, of(Axis::Down).or_else(|| of(Axis::Up)).or_else(|| of(Axis::Z))));
     }
     pair(Axis::X, Axis::Y).map(|(x, y)| (x, y, of(Axis::Z)))
+}
+
+/// The message for a table that states an unknown unit. Such a table is not read in another unit.
+pub(super) fn odd_unit(sources: &[TableColumns<'_>]) -> Option<String> {
+    if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
+        return Some(format!(
+            "the table states the time {path} in {unit:?}, which is not a unit of time that flightlag knows"
+        ));
+    }
+    let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
+    let of_velocities = sources.iter().flat_map(|s| &s.velocities).map(|v| (&v.first, &v.second, &v.third));
+    of_positions.chain(of_velocities).find_map(|(first, second, third)| {
+        let columns = [Some(first), Some(second), third.as_ref()];
+        columns.into_iter().flatten().find_map(|column| {
+            let unit = column.odd_unit.as_ref()?;
+            Some(format!(
+                "the table states {} in {unit:?}, which is not a unit of it that flightlag knows",
+                column.path
+            ))
+        })
+    })
 }

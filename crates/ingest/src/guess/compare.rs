@@ -2,7 +2,7 @@
 
 use super::column_groups::{Position, Velocity, names_axes};
 use super::names::{Axis, Named, Role};
-use super::times::Timing;
+use super::time_columns::Timing;
 use super::windows::{Match, Trace, Windows};
 use crate::table::{Column, Table, numbers};
 use flight::{Dimension, Geodetic, LocalFrame, Unit};

@@ -226,6 +226,13 @@ fn fused(word: &str, fronts: &[&str]) -> Option<Axis> {
     fronts.iter().find_map(|front| axis_of(word.strip_prefix(front)?))
 }
 
+impl Named {
+    /// A column whose role is known otherwise than by its name.
+    pub(super) fn with_role(path: &str, role: Role) -> Named {
+        Named { path: path.to_owned(), role, source: String::new(), unit: None, odd_unit: None, words: vec![] }
+    }
+}
+
 /// The role of a column by its name; `None` if it has no wanted role.
 pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
     let front = crate::written_unit::in_brackets(path)
@@ -472,6 +479,11 @@ fn in_frame(axis: Axis, words: &[String]) -> Axis {
         (Axis::Z, false, true) => Axis::Up,
         _ => axis,
     }
+}
+
+/// A column name quoted for TOML.
+pub(super) fn quoted(name: &str) -> String {
+    toml::Value::from(name).to_string()
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! A table with only a position or a velocity, as the second file of a flight: the possible directions of its axes. The
 //! motion of the first file has to decide between them.
 
+use super::column_groups::odd_unit;
 use super::column_groups::{Position, TableColumns, Velocity, names_axes, sources};
 use super::compare::{Motion, Place, Vertical, plausible_height, side, unit};
-use super::times::Timing;
+use super::found::{Found, Guess};
+use super::time_columns::Timing;
 use super::write::{GuessedChannels, map};
-use super::{Found, Guess, odd_unit};
 use crate::reader::Log;
 
 /// Whether the second column is north, and whether the other one is positive to the west.

@@ -2,7 +2,8 @@
 
 use super::body::Body;
 use super::compare::{Motion, Place, UNSHOWN, Vertical};
-use super::{Found, Guess, quoted};
+use super::found::{Found, Guess};
+use super::names::quoted;
 use flight::Unit;
 use std::fmt::Write;
 

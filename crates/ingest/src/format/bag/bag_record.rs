@@ -10,6 +10,12 @@ const CHUNK: u8 = 5;
 const CHUNK_INFO: u8 = 6;
 const CONNECTION: u8 = 7;
 
+/// The first line of a bag.
+pub(super) const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+
+/// Records up to this length are read in place, bytes.
+pub(super) const LONGEST: usize = 5 << 10;
+
 /// Longest header accepted, bytes.
 pub(super) const LONGEST_HEADER: u32 = 4 << 10;
 

@@ -3,8 +3,7 @@
 //! The header of an uncompressed chunk is treated as a record: the content is records like any other. Only the
 //! compressors add checksums, so a record is accepted if it has the fields of its kind and another follows.
 
-use super::MAGIC;
-use super::bag_record::{Kind, LONGEST_HEADER, Record};
+use super::bag_record::{Kind, LONGEST, LONGEST_HEADER, MAGIC, Record};
 use super::connections::Connections;
 use super::index::{Index, IndexReader};
 use crate::bytes::Bytes;
@@ -19,8 +18,6 @@ use std::borrow::Cow;
 
 /// Reported for a file that does not start as a bag does.
 pub(super) const WRONG_START: &str = "the line that begins the file is wrong";
-/// Records up to this length are read in place, bytes.
-pub(super) const LONGEST: usize = 5 << 10;
 /// Bytes read together with a compressed chunk, to examine what follows.
 const AHEAD: u64 = LONGEST as u64 + 64;
 /// The shortest header contains only its type: a length, and `op=` with a byte.

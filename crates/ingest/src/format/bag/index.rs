@@ -1,8 +1,6 @@
 //! The index at the end of a bag: connections, chunk offsets and message counts.
 
-use super::MAGIC;
-use super::bag_record::{Kind, Record};
-use super::bag_records::LONGEST;
+use super::bag_record::{Kind, LONGEST, MAGIC, Record};
 use super::connections::Connections;
 use crate::bytes::Bytes;
 use crate::format::compare_count;

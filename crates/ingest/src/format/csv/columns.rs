@@ -1,7 +1,7 @@
 //! Collects the rows of one topic in columns.
 
+use super::extent::Extent;
 use super::fields::{Cell, Decimal, EXACT, Row};
-use super::lines::Extent;
 use crate::reader::{FieldRequest, Selection, TableHead, ValueKind};
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use crate::texts::Texts;

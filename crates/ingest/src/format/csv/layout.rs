@@ -2,8 +2,9 @@
 
 use super::fields::{BLANKS, Cell, CommaCell, Decimal, Fields, comma_cell};
 use super::formula::restored;
-use super::lines::{Lines, Next, comment_mark};
+use super::lines::{Lines, Next};
 use super::novatel;
+use super::plain::comment_mark;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
 use std::sync::atomic::AtomicBool;

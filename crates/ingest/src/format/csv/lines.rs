@@ -1,6 +1,8 @@
 //! Splits a text file into lines and quoted records, and accounts for every byte.
 
 use super::columns::Topic;
+use super::extent::Extent;
+use super::plain::comment_mark;
 use super::read_ahead::{AheadReader, Rules};
 use crate::error::IngestError;
 use crate::format::workers::Workers;
@@ -35,21 +37,6 @@ pub(super) struct Lines<'a, R> {
     pub(super) offset: u64,
     /// The number of the current line, from 1.
     pub(super) number: u64,
-}
-
-/// One record that is complete in the buffer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Extent {
-    /// The length of the record without its line end, bytes.
-    pub(super) text: usize,
-    /// The length with the line end, bytes.
-    pub(super) whole: usize,
-    /// The number of lines of the record: more than one if a quoted field holds line ends.
-    pub(super) lines: u64,
-    /// Whether a line end follows; only the last record of a file may lack it.
-    pub(super) ended: bool,
-    /// Whether quotes do not match. The line is then a separate record.
-    pub(super) broken: bool,
 }
 
 /// The next item in the file.
@@ -366,15 +353,6 @@ enum Place {
     /// After a quote that closes the field, or is the first of two.
     Closed,
     Padding,
-}
-
-/// Length of the mark that makes a line a comment, `#` or `//`; 0 if there is none.
-pub(super) fn comment_mark(line: &[u8]) -> usize {
-    match line {
-        [b'#', ..] => 1,
-        [b'/', b'/', ..] => 2,
-        _ => 0,
-    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! One table in a file: a header, perhaps a units line, and rows below. The header may be repeated between the rows.
 
 use super::columns::Topic;
+use super::extent::Extent;
 use super::header::{Header, HeaderFindings};
 use super::layout::TableLayout;
-use super::lines::{Extent, comment_mark};
 use super::plain::RowSplitter;
+use super::plain::comment_mark;
 use super::read_ahead::Rules;
 use super::{Accounting, EXTRAS, Open, RowOrHeader, fields, remark_of, trimmed_header, unmarked, without_bom};
 use crate::error::IngestError;

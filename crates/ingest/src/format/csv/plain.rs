@@ -1,9 +1,9 @@
 //! Splits rows of plain text, block by block. Without quotes and zero bytes, one search finds the ends of fields and of
 //! lines.
 
+use super::extent::Extent;
 use super::fields::Row;
 use super::header::Header;
-use super::lines::{Extent, comment_mark};
 use wide::u8x16;
 
 /// Bytes searched in one step: a bit for each byte.
@@ -186,6 +186,15 @@ fn marks(step: &[u8; STEP], delimiter: u8x16) -> (u64, u64) {
         ends |= u64::from((bytes.simd_eq(lf) | bytes.simd_eq(cr)).to_bitmask()) << (LANES * part);
     }
     (delimiters, ends)
+}
+
+/// Length of the mark that makes a line a comment, `#` or `//`; 0 if there is none.
+pub(super) fn comment_mark(line: &[u8]) -> usize {
+    match line {
+        [b'#', ..] => 1,
+        [b'/', b'/', ..] => 2,
+        _ => 0,
+    }
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Reads the bytes of a table. Idle threads split and parse its next plain rows before the reader reaches them.
 
 use super::columns::{Part, Topic};
+use super::extent::Extent;
 use super::fields::Row;
 use super::header::Header;
-use super::lines::Extent;
 use super::plain::RowSplitter;
 use crate::format::workers::{Job, Outcome, Workers};
 use std::collections::VecDeque;

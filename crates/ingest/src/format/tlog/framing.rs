@@ -2,10 +2,12 @@
 
 use super::clock::PLAUSIBLE_US;
 use super::mavlink_frame::{Frame, MAGIC};
-use super::tlog_session::NO_FRAME;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
 use logscan::LogFile;
+
+/// Reported where no frame begins.
+pub(super) const NO_FRAME: &str = "bytes that are not a frame of MAVLink";
 
 /// Bytes of the time before a frame.
 pub(super) const TIME: usize = 8;

@@ -146,6 +146,26 @@ impl<'b> Frame<'b> {
     }
 }
 
+/// Sender of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct Sender {
+    pub(super) system: u8,
+    pub(super) component: u8,
+}
+
+impl Sender {
+    pub(super) fn of(frame: &Frame<'_>) -> Sender {
+        Sender { system: frame.system, component: frame.component }
+    }
+}
+
+impl Default for Sender {
+    /// An autopilot with default system and component IDs.
+    fn default() -> Sender {
+        Sender { system: 1, component: 1 }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,10 +1,9 @@
 //! Accounting for each frame.
 
-use super::Sender;
 use super::clock::{BootClock, ReceiveClock};
 use super::definition::{Definition, Definitions};
-use super::framing::{Framing, next_time, time_us};
-use super::mavlink_frame::Frame;
+use super::framing::{Framing, NO_FRAME, next_time, time_us};
+use super::mavlink_frame::{Frame, Sender};
 use super::mavlink_vehicle::Vehicle;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
@@ -18,9 +17,6 @@ use std::collections::{BTreeMap, HashMap};
 
 /// Topics in one log: a hundred vehicles with a hundred messages each need fewer.
 pub(super) const MOST_TOPICS: usize = 8192;
-
-/// Reported where no frame begins.
-pub(super) const NO_FRAME: &str = "bytes that are not a frame of MAVLink";
 
 /// Why a frame is rejected.
 pub(super) fn fault(frame: &Frame<'_>) -> Cow<'static, str> {

@@ -1,6 +1,6 @@
 //! Specific forces: infers the unit from a magnitude near 1 g, and the axes from the direction of gravity.
 
-use super::attitude::Rotation;
+use super::body_attitude::Rotation;
 use super::{Body, TimedTriple, unit};
 use crate::guess::windows::Trace;
 use flight::Unit;

@@ -1,6 +1,6 @@
 //! Angular rates: infers the unit and the axes from the rotation of an attitude.
 
-use super::attitude::Rotation;
+use super::body_attitude::Rotation;
 use super::{Body, CONFIRMS, TimedTriple, unit};
 use crate::guess::windows::Trace;
 use flight::Unit;

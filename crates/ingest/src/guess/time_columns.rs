@@ -50,7 +50,11 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
     if let Some(date) = date {
         let times = of_role(Role::Time).filter(|c| c.path != date.path);
         let both = times.filter_map(|time| {
-            let entry = format!("{{ date = {}, time = {} }}", super::quoted(&date.path), super::quoted(&time.path));
+            let entry = format!(
+                "{{ date = {}, time = {} }}",
+                super::names::quoted(&date.path),
+                super::names::quoted(&time.path)
+            );
             let label = format!("{} and {}", date.path, time.path);
             timing(table, (entry, label), "measured", "a column of dates and one of times".into(), true)
         });
@@ -102,7 +106,7 @@ fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
     let most = (0..table.rows).filter_map(|row| values.number(row)).fold(0.0, f64::max);
     let unit = time.unit.map_or(if most > 604_800.0 { "ms" } else { "s" }, Unit::symbol);
     let label = format!("{} and {} [{unit}], clock gps", week.path, time.path);
-    let (week, field) = (super::quoted(&week.path), super::quoted(&time.path));
+    let (week, field) = (super::names::quoted(&week.path), super::names::quoted(&time.path));
     timing(
         table,
         (format!("{{ week = {week}, field = {field}, unit = \"{unit}\" }}"), label),
@@ -124,7 +128,7 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
 
 /// The possible readings of a column of numbers with this median value and this median step.
 fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<Timing> {
-    let field = super::quoted(&column.path);
+    let field = super::names::quoted(&column.path);
     let gps = column.words.iter().any(|word| word.contains("gps"));
     let of_unit = |(unit, scale): (&str, f64), why: &str, is_certain: bool| {
         let clock = match UNIX_S.contains(&(middle * scale)) {
@@ -164,7 +168,7 @@ fn is_hours_minutes_seconds(table: &Table, column: &Named) -> bool {
 }
 
 fn of_text(table: &Table, column: &Named, texts: &[&str]) -> Option<Timing> {
-    let field = super::quoted(&column.path);
+    let field = super::names::quoted(&column.path);
     texts.iter().find_map(|text| {
         let why = format!("its text is {text}");
         let label = format!("{} as {text}", column.path);
@@ -246,7 +250,7 @@ pub(super) fn by_rise(table: &Table, names: &[String], taken: &[Named]) -> Vec<T
     let is_free = |path: &&String| !taken.iter().any(|column| column.path == **path);
     let rising = names.iter().filter(is_free).filter(|path| numbers(table, path).is_none() || rises(table, path));
     let readings =
-        rising.map(|path| of_column(table, &super::by_motion::named(path, Role::Time))).filter(|all| !all.is_empty());
+        rising.map(|path| of_column(table, &Named::with_role(path, Role::Time))).filter(|all| !all.is_empty());
     readings.take(MOST_RISING).flatten().map(unnamed).collect()
 }
 

@@ -2,9 +2,9 @@
 
 use super::{Body, CONFIRMS, DECIDES, TimedTriple, unit};
 use crate::bind::from_euler;
-use crate::guess::Found;
 use crate::guess::column_groups::TableColumns;
 use crate::guess::compare::{self, Motion, Vertical};
+use crate::guess::found::Found;
 use crate::guess::windows::Trace;
 use crate::map::AttitudeFrame;
 use flight::{Clock, Unit};

@@ -1,0 +1,30 @@
+//! A guessed map, and the items that it is made of.
+
+use super::column_groups::TableColumns;
+use super::time_columns::Timing;
+
+/// A guessed map.
+#[derive(Debug)]
+pub(crate) struct Guess {
+    /// The map as a file, with the reasons as comments.
+    pub(crate) text: String,
+    /// The columns of each channel, in one line.
+    pub(crate) summary: String,
+    /// The number of channels.
+    pub(crate) channels: u64,
+    /// Whether there are both a position and a velocity.
+    pub(crate) both: bool,
+}
+
+/// An item with its table and time.
+pub(super) struct Found<'l, T> {
+    pub(super) topic: &'l str,
+    pub(super) timing: Timing,
+    pub(super) what: T,
+}
+
+impl<'l, T> Found<'l, T> {
+    pub(super) fn of(source: &TableColumns<'l>, timing: &Timing, what: T) -> Found<'l, T> {
+        Found { topic: &source.table.topic.name, timing: timing.clone(), what }
+    }
+}
