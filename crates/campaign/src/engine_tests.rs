@@ -3,7 +3,7 @@
 mod cluster;
 pub(crate) mod faults;
 mod reported;
-mod store;
+mod store_tests;
 
 use crate::config::Pipeline;
 use crate::event::Event;
