@@ -68,7 +68,7 @@ fn next(state: &mut u64) -> u64 {
 }
 
 fn flight_record(page: &Path) -> FlightRecord {
-    serde_json::from_slice(&campaign::record_beside(page).unwrap().unwrap()).unwrap()
+    serde_json::from_slice(&campaign::record_of_page(page).unwrap().unwrap()).unwrap()
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn records_are_small_and_figure_points_are_stored_once() {
         assert_eq!(files.keys().filter(|path| path.ends_with(once)).count(), 1, "{once}");
     }
     let page = out.join(&campaign.record("report").flights[0].page);
-    let bytes = campaign::record_beside(&page).unwrap().unwrap();
+    let bytes = campaign::record_of_page(&page).unwrap().unwrap();
     assert!(bytes.len() <= 64_000, "{} bytes", bytes.len());
     let record = flight_record(&page);
     assert!(record.replay.unwrap().axes.iter().all(|axis| axis.position_m.iter().all(|c| c.t_s.is_empty())));

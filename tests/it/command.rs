@@ -309,7 +309,7 @@ impl Judging {
 
     fn record(&self) -> serde_json::Value {
         let page = self.folder.path().join("out/flights/flight-0001.mcap/index.html");
-        serde_json::from_slice(&campaign::record_beside(&page).unwrap().unwrap()).unwrap()
+        serde_json::from_slice(&campaign::record_of_page(&page).unwrap().unwrap()).unwrap()
     }
 }
 

@@ -68,7 +68,7 @@ impl Report {
         let campaign = self.campaign();
         let row = campaign.flights.iter().find(|row| row.flight.contains(words)).unwrap();
         let page = self.path(&row.page);
-        let record = campaign::record_beside(&page).unwrap().unwrap();
+        let record = campaign::record_of_page(&page).unwrap().unwrap();
         (page, serde_json::from_slice(&record).unwrap())
     }
 

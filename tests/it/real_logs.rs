@@ -53,7 +53,7 @@ impl Report {
 
     fn record(&self, flight: &str) -> FlightRecord {
         let page = self.out.path().join(&self.row(flight).page);
-        serde_json::from_slice(&campaign::record_beside(&page).unwrap().unwrap()).unwrap()
+        serde_json::from_slice(&campaign::record_of_page(&page).unwrap().unwrap()).unwrap()
     }
 }
 

@@ -183,7 +183,7 @@ fn a_campaign_uses_the_reference_file_of_each_flight() {
     let record = || {
         let found = fs::read_dir(folder.path().join("out/flights")).unwrap().flatten();
         let page = found.map(|e| e.path().join("index.html")).find(|p| p.to_string_lossy().contains("one")).unwrap();
-        serde_json::from_slice::<serde_json::Value>(&campaign::record_beside(&page).unwrap().unwrap()).unwrap()
+        serde_json::from_slice::<serde_json::Value>(&campaign::record_of_page(&page).unwrap().unwrap()).unwrap()
     };
     let before = record();
     assert_eq!(before["lateness"]["reference_file"]["clock"]["clock"], "same");

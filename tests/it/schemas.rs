@@ -43,7 +43,7 @@ fn json(path: &Path) -> Value {
 
 /// The record in the folder of a flight that has one.
 fn flight_record(folder: &Path) -> Option<Value> {
-    let json = campaign::record_beside(&folder.join("index.html")).unwrap()?;
+    let json = campaign::record_of_page(&folder.join("index.html")).unwrap()?;
     Some(serde_json::from_slice(&json).unwrap())
 }
 

@@ -61,7 +61,7 @@ impl Case {
             settle: None,
         };
         run(&order, &RunContext { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
-        let json = crate::record_beside(&self.path("out").join("flights/f.mcap/index.html")).unwrap().unwrap();
+        let json = crate::record_of_page(&self.path("out").join("flights/f.mcap/index.html")).unwrap().unwrap();
         let flight = serde_json::from_slice(&json).unwrap();
         (crate::read_report(&self.path("out")).unwrap().unwrap(), flight, why.into_inner().unwrap())
     }

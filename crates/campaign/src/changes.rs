@@ -45,7 +45,7 @@ pub(crate) fn changes(
     let groups = now.groups.iter().filter_map(|group| {
         let is_same = |g: &&record::GroupLateness| g.group.key == group.group.key && g.against == group.against;
         let one = |groups: &[record::GroupLateness]| groups.iter().filter(is_same).count() == 1;
-        // The parts of a split group have no names of their own.
+        // The parts of a split group have no own names.
         let was = before.groups.iter().find(is_same).filter(|_| one(&before.groups) && one(&now.groups))?;
         moved(&group.group.name, was.lateness_s?, group.lateness_s?)
     });

@@ -1079,12 +1079,14 @@ impl Checker<'_> {
         default: &[&str],
     ) -> Result<Vec<String>, Refused> {
         let Some(list) = written else { return Ok(default.iter().map(|&s| s.to_owned()).collect()) };
-        let is_odd =
+        let is_invalid =
             |name: &&String| name.strip_prefix(quantity).and_then(|n| n.strip_prefix('.')).is_none_or(str::is_empty);
-        match list.get_ref().iter().find(is_odd) {
-            Some(odd) => {
-                let what =
-                    format!("channel `{odd}` is not a {quantity}; names are `{quantity}.source`, as `{}`", default[0]);
+        match list.get_ref().iter().find(is_invalid) {
+            Some(invalid) => {
+                let what = format!(
+                    "channel `{invalid}` is not a {quantity}; names are `{quantity}.source`, as `{}`",
+                    default[0]
+                );
                 Err(self.fault(&list, what))
             }
             None => Ok(list.into_inner()),
@@ -1230,12 +1232,12 @@ mod tests {
             "{SMALL}[channels]\nposition = [\"position.gsp\"]\nvelocity = [\"velocity.gspp\"]\n[replay]\ncompensators = [\"exact-fri\"]\n"
         );
         let text = parse(&text).unwrap_err().to_string();
-        for said in [
+        for expected in [
             "binds \"position.gsp\"; did you mean \"position.",
             "binds \"velocity.gspp\"; did you mean",
             "did you mean \"exact-fir\"?",
         ] {
-            assert!(text.contains(said), "{said}: {text}");
+            assert!(text.contains(expected), "{expected}: {text}");
         }
         assert!(text.lines().all(|line| line.starts_with("settings/p.toml:")), "{text}");
     }
@@ -1499,9 +1501,9 @@ mod tests {
 
     #[test]
     fn stating_the_implied_source_changes_nothing_and_another_source_does() {
-        let said = SMALL.replace("[delay]\n", "[delay]\nfrom = \"fixed\"\n");
-        assert_eq!(parse(&said).unwrap().as_used(), parse(SMALL).unwrap().as_used());
-        let flight = parse(&said.replace("fixed", "flight")).unwrap().as_used();
+        let explicit = SMALL.replace("[delay]\n", "[delay]\nfrom = \"fixed\"\n");
+        assert_eq!(parse(&explicit).unwrap().as_used(), parse(SMALL).unwrap().as_used());
+        let flight = parse(&explicit.replace("fixed", "flight")).unwrap().as_used();
         assert_ne!(flight.blake3, parse(SMALL).unwrap().as_used().blake3);
         assert_eq!(parse(&flight.toml).unwrap().as_used(), flight, "a resolved pipeline resolves to itself");
     }

@@ -227,11 +227,11 @@ impl Criterion {
 
     /// The limit as in the file: `≤ 150 ms`.
     fn limit_text(&self) -> String {
-        let bare = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let unquoted = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         match (&self.written.at_most, &self.written.at_least, &self.written.between) {
-            (Some(most), ..) => format!("≤ {}", bare(most)),
-            (_, Some(least), _) => format!("≥ {}", bare(least)),
-            (.., Some([low, high])) => format!("{} to {}", bare(low), bare(high)),
+            (Some(most), ..) => format!("≤ {}", unquoted(most)),
+            (_, Some(least), _) => format!("≥ {}", unquoted(least)),
+            (.., Some([low, high])) => format!("{} to {}", unquoted(low), unquoted(high)),
             _ => String::new(),
         }
     }

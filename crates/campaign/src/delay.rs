@@ -34,7 +34,7 @@ pub(crate) struct FixedDelay {
     pub(crate) source: String,
 }
 
-/// A flight whose delay is needed: the replayed channels, and what is known about them.
+/// A flight that needs a delay: the replayed channels, and what is known about them.
 pub(crate) struct Case<'a> {
     pub(crate) flight: &'a Flight,
     pub(crate) binding: &'a Binding,

@@ -110,7 +110,7 @@ struct Ran {
 }
 
 impl Ran {
-    /// Flights whose log was read in any stage, with the reasons.
+    /// Flights with a log that was read in any stage, with the reasons.
     fn started(&self) -> BTreeMap<String, Vec<Why>> {
         [Stage::Measure, Stage::Replay].into_iter().flat_map(|stage| self.started_to(stage)).collect()
     }

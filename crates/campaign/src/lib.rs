@@ -87,7 +87,7 @@ pub use line::{DelayLine, LineAlarm, LineSetting};
 pub use manifest::{Manifest, Stage, Why};
 pub use plan::{EMPTY_FOLDER, Order, RunContext, STILL_WRITTEN};
 pub use reduce::{Verdict, reduce};
-pub use results::record_beside;
+pub use results::record_of_page;
 pub use rows::read_report;
 pub use run::{plan_shards, run};
 pub use s3::is_in_bucket;

@@ -152,8 +152,8 @@ mod tests {
         assert!(!is_minor(&[(Code::IndexDiffers, "a.bag")], 0, 0.2), "of which topic they were is not known");
         let weighed = weighed(&[camera], 0, 0.2);
         assert!(weighed.iter().any(|n| n.code == "minor-loss" && n.severity == Severity::Warning), "{weighed:?}");
-        let said: Vec<String> = weighed.iter().map(|n| n.text.clone()).collect();
-        assert!(said.iter().any(|text| text.ends_with("touches no result: no result uses camera")), "{said:?}");
+        let texts: Vec<String> = weighed.iter().map(|n| n.text.clone()).collect();
+        assert!(texts.iter().any(|text| text.ends_with("touches no result: no result uses camera")), "{texts:?}");
     }
 
     #[test]
@@ -161,8 +161,8 @@ mod tests {
         let mut notices = Notices::new();
         assert_eq!(alarm(&notices, &LogHealth::default()), None);
         notices.push(Code::Undecodable, "topic gps", 3, "messages that cannot be decoded");
-        let said = alarm(&notices, &LogHealth::default()).unwrap();
-        assert_eq!((said.gravity, said.code.as_str()), (record::Gravity::Red, "log-damaged"));
-        assert_eq!(said.text, "topic gps: messages that cannot be decoded");
+        let found = alarm(&notices, &LogHealth::default()).unwrap();
+        assert_eq!((found.gravity, found.code.as_str()), (record::Gravity::Red, "log-damaged"));
+        assert_eq!(found.text, "topic gps: messages that cannot be decoded");
     }
 }

@@ -239,7 +239,7 @@ impl fmt::Display for Why {
 }
 
 impl Planned {
-    /// A flight of which only the name is known.
+    /// A flight with only a name.
     pub(crate) fn unread(flight: String) -> Planned {
         Planned {
             flight,
@@ -441,7 +441,7 @@ impl Manifest {
         self.shards = shards;
     }
 
-    /// The stage whose work is assigned; `None` if nothing is left to do.
+    /// The stage of the assigned work; `None` if nothing is left to do.
     #[must_use]
     pub fn stage(&self) -> Option<Stage> {
         self.flights.iter().filter_map(|f| f.stage).min()
@@ -498,7 +498,7 @@ impl Manifest {
         Ok(Store::open(folder)?.write(name, &text, Keep::Synced).map(drop)?)
     }
 
-    /// Removes plans whose tasks have ended.
+    /// Removes plans older than [`PLAN_LIFE`]: their tasks have ended.
     pub(crate) fn remove_old(store: &Store) -> Result<(), CampaignError> {
         let is_old = |name: &&String| store.age(name).is_some_and(|age| age >= PLAN_LIFE);
         let plans = store.list(PLANS).into_iter().filter(|name| name.ends_with(".json"));

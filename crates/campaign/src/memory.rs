@@ -135,9 +135,9 @@ impl Memory {
         self.files.get(path).map(|known| known.blake3.as_str())
     }
 
-    /// Adds the hash of a file whose metadata was taken before reading.
+    /// Adds the hash of a file. Its metadata was taken before reading.
     pub(crate) fn learn(&mut self, path: &str, stamp: &FileStamp, blake3: &str) {
-        // A path with bytes that are not text cannot be distinguished from another one.
+        // A path with bytes that are not text cannot be distinguished from other such paths.
         if path.contains(char::REPLACEMENT_CHARACTER) || stamp.is_too_fresh(SystemTime::now()) {
             self.files.remove(path);
             return;

@@ -72,14 +72,14 @@ mod tests {
             "stamps": null, "offsets": [], "held": null,
         }]);
         let wanted = ["position.gps".to_owned(), "position.gnss".to_owned()];
-        let said = |channels| no_position(&Flight::default(), &binding(channels), &wanted);
+        let words = |channels| no_position(&Flight::default(), &binding(channels), &wanted);
         assert_eq!(
-            said(gps),
+            words(gps),
             "no position: position.gps is bound to GPS (Lat, Lng), and none of its 310 rows is a fix that can be used: Status is \
              below 3 (310). No other channel is there"
         );
         assert_eq!(
-            said(serde_json::json!([])),
+            words(serde_json::json!([])),
             "no position channel: the pipeline asks for position.gps, position.gnss, and the log has none of them. No other \
              channel is there"
         );
@@ -100,13 +100,13 @@ mod tests {
                 series,
             }
         };
-        let said = |values| {
+        let words = |values| {
             let mut flight = Flight::default();
             flight.channels.insert("fix.gps".to_owned(), channel(values));
             no_position(&flight, &binding(serde_json::json!([])), &["position.gps".to_owned()])
         };
-        let none = said(vec![0.0; 3]);
+        let none = words(vec![0.0; 3]);
         assert!(none.starts_with("no position: the receiver never had a fix: fix.gps is 0 in all 3 rows"), "{none}");
-        assert!(said(vec![0.0, 1.0]).starts_with("no position channel"));
+        assert!(words(vec![0.0, 1.0]).starts_with("no position channel"));
     }
 }

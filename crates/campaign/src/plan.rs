@@ -176,7 +176,7 @@ impl Planner<'_> {
         }
     }
 
-    /// Removes flights whose files were modified less than `settle` ago from the list, and reports them. A flight with
+    /// Removes flights with files modified less than `settle` ago from the list, and reports them. A flight with
     /// a result keeps it, unread: the files of such flights are returned. A modification time later than now by more
     /// than `settle` is a wrong clock, not a recent write.
     fn leave_unsettled(&self, found: &mut Found, settle: Duration) -> Result<BTreeSet<PathBuf>, CampaignError> {
@@ -251,7 +251,7 @@ pub(crate) fn why_no_logs<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -
     }
 }
 
-/// Whether to retry flights whose last attempt ended in trouble.
+/// Whether to retry flights after an attempt that ended in trouble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Retry {
     /// Retry them.

@@ -309,7 +309,7 @@ struct Reduced {
     same_row: bool,
     /// The page, if made now.
     page: Option<PageState>,
-    /// Files of the result behind the page, if made now.
+    /// The files of the result that the page shows, if it was made now.
     files: Option<Files>,
 }
 
@@ -384,7 +384,7 @@ impl Reducer<'_> {
         answers.into_iter().map(|a| a.unwrap_or(Err(CampaignError::Cancelled))).collect()
     }
 
-    /// A line whose page is up to date. Its row is too, or is made from the record.
+    /// A line with an up-to-date page. Its row is too, or is made from the record.
     fn kept(&self, line: &Line<'_>, has_row: bool) -> Result<Option<Reduced>, CampaignError> {
         let mut rows = self.rows.lock().unwrap_or_else(|e| e.into_inner());
         let row = if has_row { rows.remove(&line.planned.flight) } else { None };

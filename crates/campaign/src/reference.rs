@@ -164,7 +164,7 @@ impl ReferenceRule {
     }
 }
 
-/// The only file whose name matches, except those of the flight.
+/// The only file with a matching name, except those of the flight.
 fn only_match(pattern: &Path, own: &[PathBuf]) -> Result<PathBuf, String> {
     let name = pattern.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let folder = pattern.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));

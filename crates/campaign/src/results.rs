@@ -142,7 +142,7 @@ impl Writer<'_> {
             let first = ResultFiles::of(self.store, &self.list.key);
             let is_whole = |first: ResultFiles| first == self.list || first.is_whole(self.store, Check::Full);
             if !first.is_some_and(is_whole) {
-                // A list of another writer whose files are gone or changed; those of this writer exist.
+                // Another writer's list names files that are gone or changed. The files of this writer exist.
                 self.store.write(&files, &list, Keep::Synced)?;
             }
         }
@@ -346,7 +346,7 @@ pub(crate) fn for_page(record: &FlightRecord) -> (Vec<u8>, Option<Vec<u8>>) {
 ///
 /// # Errors
 /// A file cannot be read, is not a gzip file, or the lists do not belong to the record.
-pub fn record_beside(page: &Path) -> io::Result<Option<Vec<u8>>> {
+pub fn record_of_page(page: &Path) -> io::Result<Option<Vec<u8>>> {
     let read = |base: &str| match std::fs::read(page.with_file_name(base)) {
         Ok(bytes) => gunzip(&bytes, MOST_BYTES).map(Some),
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),

@@ -203,8 +203,8 @@ impl Store {
         if inside && !name.is_empty() {
             return Ok(self.root.join(relative));
         }
-        let odd = io::Error::new(io::ErrorKind::InvalidInput, "it is not below the output folder");
-        Err(failed(relative, "use this name", odd))
+        let error = io::Error::new(io::ErrorKind::InvalidInput, "it is not below the output folder");
+        Err(failed(relative, "use this name", error))
     }
 
     /// Writes a file atomically.

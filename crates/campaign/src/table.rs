@@ -171,7 +171,7 @@ impl<T> Columns<'_, T> {
     }
 
     /// A column in which empty text is an absent cell.
-    fn said(&self, name: &str, of: &dyn Fn(&T) -> &str) -> SheetColumn {
+    fn optional_text(&self, name: &str, of: &dyn Fn(&T) -> &str) -> SheetColumn {
         self.text(name, &|item| Some(of(item).to_owned()).filter(|text| !text.is_empty()))
     }
 
@@ -190,27 +190,27 @@ fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
     let of = Columns(lines);
     let alarms = |line: &DelayLine| line.alarms.iter().map(|a| a.code.as_str()).collect::<Vec<_>>().join(" ");
     vec![
-        of.said("flight", &|l| &l.flight),
-        of.said("group", &|l| &l.group),
-        of.said("kind", &|l| &l.kind),
+        of.optional_text("flight", &|l| &l.flight),
+        of.optional_text("group", &|l| &l.group),
+        of.optional_text("kind", &|l| &l.kind),
         of.number("lateness_s", &|l| l.lateness_s),
         of.number("lateness_u_s", &|l| l.lateness_u_s),
         of.number("lateness_low_s", &|l| l.lateness_low_s),
         of.number("lateness_high_s", &|l| l.lateness_high_s),
-        of.said("datum", &|l| &l.datum),
+        of.optional_text("datum", &|l| &l.datum),
         of.number("position_minus_velocity_s", &|l| l.position_minus_velocity_s),
         of.number("removed_s", &|l| l.removed_s),
-        of.said("removed_from", &|l| &l.removed_from),
-        of.said("effect", &|l| &l.effect),
+        of.optional_text("removed_from", &|l| &l.removed_from),
+        of.optional_text("effect", &|l| &l.effect),
         of.number("error_raw_m", &|l| l.error_raw_m),
         of.number("error_compensated_m", &|l| l.error_compensated_m),
         of.text("alarms", &|l| Some(alarms(l)).filter(|a| !a.is_empty())),
-        of.said("data", &|l| &l.data),
+        of.optional_text("data", &|l| &l.data),
         of.number("position_minus_velocity_u_s", &|l| l.position_minus_velocity_u_s),
         of.number("error_raw_u_m", &|l| l.error_raw_u_m),
         of.number("error_compensated_u_m", &|l| l.error_compensated_u_m),
-        of.said("answer", &|l| &l.words),
-        of.said("effect_words", &|l| &l.effect_words),
+        of.optional_text("answer", &|l| &l.words),
+        of.optional_text("effect_words", &|l| &l.effect_words),
     ]
 }
 

@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             flight.channels.remove("position.truth");
         }
         let mut times = vec![];
-        let mut said = String::new();
+        let mut summary = String::new();
         for _ in 0..15 {
             let start = Instant::now();
             let (found, _) = measure_delays(&flight, &FlightDelaySettings::default());
@@ -49,10 +49,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 }
                 Finding::CannotTell(reason) => reason.clone(),
             };
-            said = found.pairs.iter().map(of).collect::<Vec<_>>().join("; ");
+            summary = found.pairs.iter().map(of).collect::<Vec<_>>().join("; ");
         }
         times.sort_by(f64::total_cmp);
-        println!("{name}: least {:.1} ms, median {:.1} ms; {said}", times[0], times[7]);
+        println!("{name}: least {:.1} ms, median {:.1} ms; {summary}", times[0], times[7]);
     }
     Ok(())
 }

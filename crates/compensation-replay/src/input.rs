@@ -132,7 +132,7 @@ impl Input {
         let most = settings.most_samples;
         let out = Averaged::new((velocity, velocity_name), most, "the replay", notices);
         let averaged = out.each();
-        let velocity_local = turned(velocity, position, origin, frame.as_ref(), out);
+        let velocity_local = rotated(velocity, position, origin, frame.as_ref(), out);
         let fixes = replayed_fixes((position, position_name), &velocity_local.t, origin, most, notices);
         let place = (origin, frame.as_ref());
         let out = Averaged::none(fixes.len());
@@ -383,7 +383,7 @@ pub(crate) fn local(
 /// North and east velocity, rotated from the aircraft's own north-east-down (at its newest fix) into the axes of the
 /// origin, so that its integral is a difference of local positions. The fix is late by Td, which rotates the velocity
 /// wrongly by v Td tan(latitude)/R: 1.7 mm of position at 200 m/s, 60° and 0.4 s.
-fn turned(
+fn rotated(
     velocity: &Channel,
     position: &Channel,
     origin: Stamp,

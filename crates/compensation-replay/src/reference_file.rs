@@ -18,7 +18,7 @@ pub const REFERENCE_VELOCITY: &str = "velocity.reference";
 const GRID_HZ: f64 = 5.0;
 /// Offsets closer than this to the best are the same one, s.
 const SAME_OFFSET_S: f64 = 5.0;
-/// Velocities whose correlation is below this are from different flights.
+/// Velocities with a lower correlation are from different flights.
 const LEAST_CORRELATION: f64 = 0.7;
 /// Least ratio of the unexplained part at the second best offset to that at the best.
 const RIVAL_RATIO: f64 = 1.5;

@@ -60,7 +60,7 @@ const MOST_HZ: f64 = 1e4;
 
 /// The track of the flight whose page is in this folder: its record names the result with the track.
 fn track_in(folder: &Path) -> Option<PathBuf> {
-    let json = campaign::record_beside(&folder.join("index.html")).ok()??;
+    let json = campaign::record_of_page(&folder.join("index.html")).ok()??;
     let record: serde_json::Value = serde_json::from_slice(&json).ok()?;
     let key = record.get("key")?.as_str()?;
     let key = key.bytes().all(|byte| byte.is_ascii_hexdigit()).then_some(key)?;

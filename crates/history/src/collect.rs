@@ -101,7 +101,7 @@ fn record_part(report: &Path, flight: &FlightRow) -> Result<Option<RecordPart>, 
     let page = report.join(&flight.page);
     let damaged = |what: String| HistoryError::Report { path: page.clone(), what };
     let Some(json) =
-        campaign::record_beside(&page).map_err(|e| damaged(format!("has a record that cannot be read: {e}")))?
+        campaign::record_of_page(&page).map_err(|e| damaged(format!("has a record that cannot be read: {e}")))?
     else {
         return Ok(None);
     };

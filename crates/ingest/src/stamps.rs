@@ -62,8 +62,8 @@ impl StampStats {
         StampStats::with(Steps::Held { steps: vec![], most: HELD_STEPS })
     }
 
-    /// Counts, ends and jumps only: no distribution, rate or gaps. For logs with too many topics to describe each
-    /// would take too much memory.
+    /// Counts, ends and jumps only: no distribution, rate or gaps. For logs with many topics, where full
+    /// descriptions would take too much memory.
     #[must_use]
     pub fn counts_only() -> StampStats {
         StampStats::with(Steps::Ignored)

@@ -34,8 +34,8 @@ pub(super) fn of(
         alarms.pair(measured, out, over_time.is_some_and(|o| o.kind.varies()));
     }
     alarms.0.sort();
-    let mut said = BTreeSet::new();
-    alarms.0.retain(|alarm| said.insert(alarm.text.clone()));
+    let mut texts = BTreeSet::new();
+    alarms.0.retain(|alarm| texts.insert(alarm.text.clone()));
     alarms.0
 }
 
@@ -227,8 +227,8 @@ pub(super) mod tests {
             (DelayKind::Wanders, "delay-wanders"),
         ];
         for (kind, code) in kinds {
-            let said = of_over_time(&over_time(kind));
-            assert_eq!((codes(&said), said[0].gravity), (vec![code], record::Gravity::Red));
+            let alarms = of_over_time(&over_time(kind));
+            assert_eq!((codes(&alarms), alarms[0].gravity), (vec![code], record::Gravity::Red));
         }
         for kind in
             [DelayKind::Constant, DelayKind::Early, DelayKind::OnTime, DelayKind::NotTested, DelayKind::CannotTell]
@@ -273,16 +273,16 @@ pub(super) mod tests {
             }))
             .unwrap()
         };
-        let said = |verdict, datum| {
+        let alarms = |verdict, datum| {
             let out = FlightLateness { verdict: Some(verdict), datum, ..crate::answer::unknown("f") };
             of(&out, Some(&network), None, None)
         };
         let none = NetworkDatum::None;
-        assert_eq!(codes(&said(NetworkVerdict::Undecided, none)), ["pairs-disagree"]);
-        assert_eq!(codes(&said(NetworkVerdict::Scattered, none)), ["pairs-disagree"]);
-        assert_eq!(codes(&said(NetworkVerdict::Named, none)), ["channel-lies"]);
-        assert_eq!(codes(&said(NetworkVerdict::Unchecked, NetworkDatum::Refused)), ["datum-refused"]);
-        assert_eq!(said(NetworkVerdict::Unchecked, none), []);
+        assert_eq!(codes(&alarms(NetworkVerdict::Undecided, none)), ["pairs-disagree"]);
+        assert_eq!(codes(&alarms(NetworkVerdict::Scattered, none)), ["pairs-disagree"]);
+        assert_eq!(codes(&alarms(NetworkVerdict::Named, none)), ["channel-lies"]);
+        assert_eq!(codes(&alarms(NetworkVerdict::Unchecked, NetworkDatum::Refused)), ["datum-refused"]);
+        assert_eq!(alarms(NetworkVerdict::Unchecked, none), []);
         let apart = record::Estimate { value: 18.0, standard_uncertainty: None };
         let out = FlightLateness { position_minus_velocity_s: Some(apart), ..crate::answer::unknown("f") };
         assert_eq!(codes(&of(&out, None, None, None)), ["other-time-scale"]);
@@ -296,8 +296,8 @@ pub(super) mod tests {
             "rival_s": null, "pieces": [], "over_time": [], "homogeneity": null, "alarm": null, "splits": [], "injections": [],
         }))
         .unwrap();
-        let said = |fit: &MeasuredDelay| of(&crate::answer::unknown("f"), None, Some(fit), None);
-        assert_eq!(said(&fit), [], "as many are held back by chance");
+        let alarms = |fit: &MeasuredDelay| of(&crate::answer::unknown("f"), None, Some(fit), None);
+        assert_eq!(alarms(&fit), [], "as many are held back by chance");
         let estimate = json!({ "value": 0.1, "standard_uncertainty": 0.01 });
         let homogeneity = json!({
             "chi2": 40.0, "degrees_of_freedom": 9, "p": 1e-5,
@@ -310,6 +310,9 @@ pub(super) mod tests {
             alarms: vec!["the noise is not white".into()],
             ..fit
         };
-        assert_eq!(codes(&said(&doubtful)), ["two-delays-fit", "delay-doubtful", "outliers", "delay-windows-scatter"]);
+        assert_eq!(
+            codes(&alarms(&doubtful)),
+            ["two-delays-fit", "delay-doubtful", "outliers", "delay-windows-scatter"]
+        );
     }
 }

@@ -79,9 +79,9 @@ fn another_receiver_with_a_different_delay_is_reported() {
         let own = FlightLateness { lateness, ..late(0.2, Some("velocity.gps")) };
         receivers_in_words(&FlightLateness { other_receivers: other_receivers(&own, &network), ..own })
     };
-    let said = others("position.gps-2", 0.45);
-    assert!(said.starts_with(". Another position of this log, position.gps-2, is 450"), "{said}");
-    assert!(said.ends_with("ms later than velocity.gps"), "{said}");
+    let words = others("position.gps-2", 0.45);
+    assert!(words.starts_with(". Another position of this log, position.gps-2, is 450"), "{words}");
+    assert!(words.ends_with("ms later than velocity.gps"), "{words}");
     assert_eq!(others("position.gps-2", 0.201), "");
     assert_eq!(others("position.ekf", 0.01), "");
     assert_eq!(others("position.truth", 0.0), "");
@@ -115,8 +115,8 @@ fn contradictions_are_among_the_alarms_of_the_terminal_and_of_json() {
         replayed: true,
         duplicate_of: None,
     });
-    let said: Vec<(&str, &str)> = line.alarms.iter().map(|a| (a.gravity.as_str(), a.code.as_str())).collect();
-    assert_eq!(said, [("red", "delay-steps"), ("amber", "delay-contradicted")]);
+    let alarms: Vec<(&str, &str)> = line.alarms.iter().map(|a| (a.gravity.as_str(), a.code.as_str())).collect();
+    assert_eq!(alarms, [("red", "delay-steps"), ("amber", "delay-contradicted")]);
 }
 
 /// Two receivers in one group: their mean suits neither, and each gets its own setting.
@@ -174,17 +174,18 @@ fn numbers_against_two_velocities_have_no_common_mean() {
     ];
     let named: Vec<(&str, &FlightLateness)> = flights.iter().map(|(name, l)| (*name, l)).collect();
     let decided = crate::decide::over(&named, &Pipeline::shipped_default().unwrap());
-    let said: Vec<(&str, u64)> = decided.groups.iter().map(|g| (g.words.as_str(), g.flights)).collect();
-    assert_eq!(said.len(), 2, "{said:?}");
-    assert!(said[0].0.contains("later than velocity.ekf (2 of 2 flights)") && said[0].1 == 2, "{said:?}");
-    assert!(said[1].0.contains("earlier than velocity.gps (1 of 1 flight)") && said[1].1 == 1, "{said:?}");
+    let groups: Vec<(&str, u64)> = decided.groups.iter().map(|g| (g.words.as_str(), g.flights)).collect();
+    assert_eq!(groups.len(), 2, "{groups:?}");
+    assert!(groups[0].0.contains("later than velocity.ekf (2 of 2 flights)") && groups[0].1 == 2, "{groups:?}");
+    assert!(groups[1].0.contains("earlier than velocity.gps (1 of 1 flight)") && groups[1].1 == 1, "{groups:?}");
 }
 
 #[test]
 fn a_companion_file_is_reported_as_such_without_a_delay_alarm() {
-    let said = super::companion("k", "a log of the ground station".into()).lateness.alarms;
-    let said: Vec<(Gravity, &str, &str)> = said.iter().map(|a| (a.gravity, a.code.as_str(), a.text.as_str())).collect();
-    assert_eq!(said, [(Gravity::Grey, "companion", "a log of the ground station")]);
+    let alarms = super::companion("k", "a log of the ground station".into()).lateness.alarms;
+    let alarms: Vec<(Gravity, &str, &str)> =
+        alarms.iter().map(|a| (a.gravity, a.code.as_str(), a.text.as_str())).collect();
+    assert_eq!(alarms, [(Gravity::Grey, "companion", "a log of the ground station")]);
 }
 
 #[test]

@@ -64,11 +64,11 @@ impl Writer<'_> {
     }
 
     /// Writes the card, with the notices of its making as comments at its end.
-    fn card(&mut self, card: &SensorCard, notices: &Notices, besides: Option<&Path>) -> Result<PathBuf, CampaignError> {
+    fn card(&mut self, card: &SensorCard, notices: &Notices, copy: Option<&Path>) -> Result<PathBuf, CampaignError> {
         let text = card_text(card) + &remarks(notices);
         let name = card_name(card);
         self.put(name.clone(), text.as_bytes(), Keep::Synced)?;
-        if let Some(path) = besides {
+        if let Some(path) = copy {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let base = path.file_name().and_then(|n| n.to_str());
             let base = base.ok_or_else(|| CampaignError::Asked(format!("{}: is not a file name", path.display())))?;
@@ -101,7 +101,7 @@ impl Writer<'_> {
             .filter_map(|notice| notice.text.split_once(": "))
             .map(|(channel, why)| WithoutMean { channel, why })
             .collect();
-        let said = |notice: &Notice| match notice.place.as_str() {
+        let line_of = |notice: &Notice| match notice.place.as_str() {
             "" => notice.text.clone(),
             place => format!("{place}: {}", notice.text),
         };
@@ -112,7 +112,7 @@ impl Writer<'_> {
                 && !is_without_mean(notice)
                 && !of_card.iter().any(|code| notice.code == *code)
         };
-        let remarks: Vec<String> = notices.iter().filter(is_remark).map(said).collect();
+        let remarks: Vec<String> = notices.iter().filter(is_remark).map(line_of).collect();
         let page = CardPage {
             card: card.unwrap_or(&empty),
             card_file: card_file.as_deref(),
@@ -140,7 +140,7 @@ impl Writer<'_> {
     }
 }
 
-/// Notices about channels on whose delay the records disagree.
+/// Notices about channels with a delay on which the records disagree.
 pub(super) fn without_mean(notices: &Notices) -> impl Iterator<Item = &Notice> {
     notices.iter().filter(|notice| is_without_mean(notice))
 }

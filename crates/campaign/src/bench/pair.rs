@@ -109,7 +109,7 @@ fn in_folder(logs: &[ReadLog], members: &[Log]) -> Vec<Swing> {
     let Sorted { both, encoders, sensors, broken } = Sorted::of(logs, members);
     let namer = Namer { logs };
     let mut made: Vec<MadeOf> = both.into_iter().map(MadeOf::One).collect();
-    // An encoder's log whose only companion is unreadable is part of the same failure.
+    // An encoder's log with only an unreadable companion is part of the same failure.
     if let ([], [(log, reason)], [one]) =
         (made.as_slice(), broken.as_slice(), [&encoders[..], &sensors[..]].concat().as_slice())
     {

@@ -199,7 +199,7 @@ fn two_records_give_the_simulated_delay_and_the_same_bytes_on_any_threads() {
     assert!(a.contains_key("index.html") && a.contains_key("records/pair/record.json"), "{:?}", a.keys());
 }
 
-/// A bar of 1.3 m whose rig file says 1.2 m: the velocity shows it.
+/// A bar of 1.3 m with a rig file that states 1.2 m: the velocity shows it.
 #[test]
 fn a_rig_contradicted_by_the_data_affects_the_card_and_the_exit_code() {
     let folder = bench();

@@ -102,7 +102,7 @@ pub struct MetricEntry {
 
 /// A metric with an uncertainty.
 const UNSURE: bool = true;
-/// A metric without an uncertainty of its own.
+/// A metric that has no uncertainty.
 const PLAIN: bool = false;
 
 /// Every metric, as `flightlag criteria` lists them.

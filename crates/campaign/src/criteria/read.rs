@@ -241,8 +241,8 @@ impl Checker<'_> {
     fn applies_to(&self, written: &Spanned<AppliesTable>) -> Result<AppliesTo, Refused> {
         let AppliesTable { flights, maps, channels, reference, duration_at_least } = written.get_ref();
         if let Some(channels) = channels {
-            let odd = channels.get_ref().iter().filter(|name| !name.contains('*'));
-            odd.into_iter().try_for_each(|name| self.is_channel(channels, name))?;
+            let exact = channels.get_ref().iter().filter(|name| !name.contains('*'));
+            exact.into_iter().try_for_each(|name| self.is_channel(channels, name))?;
         }
         if let Some(reference) = reference.as_ref().filter(|r| !r.get_ref()) {
             return Err(self.fault(reference, "applies_to.reference is true or left out"));

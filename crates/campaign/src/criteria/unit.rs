@@ -46,7 +46,7 @@ impl Dimension {
         self.rows().iter().map(|row| row.0)
     }
 
-    fn is_bare(self) -> bool {
+    fn has_no_unit(self) -> bool {
         matches!(self, Dimension::Count | Dimension::Ratio)
     }
 
@@ -108,7 +108,7 @@ fn wrong_unit(text: &str, unit: &str, dimension: Dimension) -> String {
     let wanted = dimension.wanted();
     match unit {
         "" => format!("{text} has no unit: write {wanted}"),
-        _ if dimension.is_bare() => format!("\"{text}\": this metric has no unit `{unit}`: write {wanted}"),
+        _ if dimension.has_no_unit() => format!("\"{text}\": this metric has no unit `{unit}`: write {wanted}"),
         _ => format!("\"{text}\": `{unit}` is not a unit of this metric: write {wanted}"),
     }
 }

@@ -9,7 +9,7 @@ use jiff::civil::Date;
 use jiff::tz::TimeZone;
 use record::{CardChannel, CardUse, Estimate, SensorCard, TimeBasis, Verdict};
 
-/// A flight whose update rate differs from the bench by more than this share has another configuration.
+/// The largest relative difference of the update rates of flight and bench with one configuration.
 const RATE_TOLERANCE: f64 = 0.2;
 
 /// The delay of a flight from the best of these cards, or why there is none to remove.

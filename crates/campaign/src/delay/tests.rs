@@ -78,7 +78,7 @@ fn channel(quantity: Quantity, kind: StampKind, clock: Clock, first: i64, rows: 
     }
 }
 
-/// A flight of ten seconds whose position is updated at 4 Hz.
+/// A flight of ten seconds with a position updated at 4 Hz.
 struct Flown {
     flight: Flight,
     binding: Binding,
@@ -332,7 +332,7 @@ fn the_replayed_pair_is_found_by_its_kind_and_both_names() {
     assert!(measured_pair(&delays, "position.ekf", "velocity.ekf").found().is_none());
 }
 
-/// The decision for the usual flight, whose pair shows 0.4 s and may have an alarm.
+/// The decision for the usual flight. Its pair shows 0.4 s and may have an alarm.
 fn decided_with(source: DelaySource, contradicted: Option<&str>, alarm: Option<&str>) -> Decided {
     let flown = usual();
     let pick = |name: &'static str| (name, &flown.flight.channels[name]);

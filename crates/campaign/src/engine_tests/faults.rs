@@ -33,7 +33,7 @@ struct Fault {
     /// System error number.
     error: i32,
     done: Mutex<usize>,
-    /// Files whose content may not be on the disk yet.
+    /// Files with content that may not be on the disk yet.
     unsynced: Mutex<BTreeSet<PathBuf>>,
 }
 

@@ -113,8 +113,8 @@ fn the_remark_names_the_files_that_changed() {
         let text = |e: &Event| if let Event::Remark { text } = e { Some(text.clone()) } else { None };
         ran.events.iter().filter_map(text).collect::<Vec<_>>().join("; ")
     };
-    let said = remarks(&bench.run());
-    assert!(said.contains("flights/b.csv/index.html") && !said.contains("more"), "{said}");
+    let text = remarks(&bench.run());
+    assert!(text.contains("flights/b.csv/index.html") && !text.contains("more"), "{text}");
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn another_title_or_limit_rewrites_pages_without_analysis() {
     for page in ["index.html", "flights/b.csv/index.html"] {
         assert!(fs::read_to_string(bench.out().join(page)).unwrap().contains("Spring campaign"), "{page}");
     }
-    let record = crate::record_beside(&bench.out().join("flights/b.csv/index.html")).unwrap().unwrap();
+    let record = crate::record_of_page(&bench.out().join("flights/b.csv/index.html")).unwrap().unwrap();
     assert!(String::from_utf8(record).unwrap().contains("Spring campaign"));
     assert!(bench.run().verdict().nothing_changed);
 }

@@ -146,7 +146,7 @@ pub fn duplicates<Id: AsRef<str>>(flights: &[(Id, Option<FlightContent>)]) -> Ve
     found
 }
 
-/// Whether a flight is part of the other. Copies with holes have some stretches of their own, across the holes.
+/// Whether a flight is part of the other. Copies with holes also have some different stretches, across the holes.
 fn is_part(part: &FlightContent, whole: &FlightContent) -> bool {
     shared_content(part, whole) >= 0.5
 }

@@ -28,7 +28,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A connection that was idle for this long is not reused: the server may have closed it.
 const IDLE: &str = "10s";
-/// Retries of a conditional write whose answer is lost, after [`PAUSE`].
+/// Retries of a conditional write after a lost answer, after [`PAUSE`].
 const MORE_ATTEMPTS: u32 = 2;
 const PAUSE: Duration = Duration::from_secs(1);
 
@@ -175,7 +175,7 @@ impl Bucket {
             match runtime()?.block_on(work).map_err(|error| (io_error(&error), error)) {
                 Ok(answer) => return answer.e_tag.map(Some).ok_or_else(no_tag),
                 Err((_, Error::AlreadyExists { .. } | Error::Precondition { .. })) => return self.own(name, bytes),
-                // The library sends a conditional write only once, because it cannot know whether an existing object is
+                // The library sends a conditional write only once, because it cannot find out whether an existing object is
                 // its own.
                 Err((error, _)) if left > 0 && may_heal(&error) => std::thread::sleep(PAUSE),
                 Err((error, _)) => return Err(error),

@@ -5,7 +5,7 @@
 //!
 //! - the list that completes a result (`files.json`) only if it does not exist: the first writer wins;
 //! - the notes on the last run (`state.json`) only over those that this run has read;
-//! - the lock (`lock/bucket.rs`) only if it does not exist, or over one whose owner is gone.
+//! - the lock (`lock/bucket.rs`) only if it does not exist, or over one of an owner that is gone.
 //!
 //! Pages, tables and parts of a result are written without a condition: the writer holds the lock, or writes the same
 //! bytes. A writer that has lost the lock, or could not renew it, stops writing.

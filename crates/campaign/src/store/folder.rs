@@ -111,7 +111,7 @@ impl Storage for Folder {
         let placed = self.place(&temporary, &path, keep, fill);
         placed.map(Some).map_err(|error| {
             let _ = fs::remove_file(&temporary);
-            // Users know the file by its final name.
+            // Errors name the file as users know it: by its final name.
             StoreError { path, ..error }
         })
     }

@@ -27,7 +27,7 @@ pub trait VelocityFilter: Debug + Clone + Send {
 
 /// A [`VelocityFilter`] as a [`Compensator`]: `x_est = newest position + displacement at the newest velocity`.
 ///
-/// Between samples the output is held, as in a loop that runs on each sample. The filter does not know the age of a
+/// Between samples the output is held, as in a loop that runs on each sample. The filter has no input for the age of a
 /// held position, so the delay added by holding remains (design note 5.7), unless the given delay includes it.
 #[derive(Debug, Clone)]
 pub struct Filtered<F> {

@@ -210,7 +210,7 @@ mod tests {
     use flight::Delay;
     use simulate::{FlightSettings, SensorSettings, simulate};
 
-    /// A flight whose position is 0.3 s late and from which 0.4 s are removed.
+    /// A flight with a position 0.3 s late, from which 0.4 s are removed.
     fn played() -> record::LeadCurves {
         let settings = FlightSettings {
             duration_s: 90.0,

@@ -76,11 +76,12 @@ fn flown(seed: u64) -> (Horizontal, Horizontal, BodyAxes) {
         let measured: [f64; 3] = std::array::from_fn(|axis| {
             (0..3).map(|k| true_axes[k][axis] * ned[k]).sum::<f64>() + bias[axis] + random.normal(0.1)
         });
-        let turned = horizontal(roll + random.normal(0.004), 0.05 + random.normal(0.004), yaw[i] + random.normal(0.01));
+        let rotated =
+            horizontal(roll + random.normal(0.004), 0.05 + random.normal(0.004), yaw[i] + random.normal(0.01));
         force.t.push(t);
         for axis in AXES {
-            force.axes[axis].push((0..3).map(|k| turned[axis][k] * measured[k]).sum());
-            (0..3).for_each(|k| body[k][axis].push(turned[axis][k]));
+            force.axes[axis].push((0..3).map(|k| rotated[axis][k] * measured[k]).sum());
+            (0..3).for_each(|k| body[k][axis].push(rotated[axis][k]));
         }
     }
     (late(&velocity, &mut random), force, body)

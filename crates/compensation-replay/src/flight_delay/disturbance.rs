@@ -2,7 +2,7 @@
 
 /// Number of samples on each side that predict where a sample should be.
 const NEIGHBOURS: usize = 5;
-/// Number of samples whose scatter a sample is compared with.
+/// The number of samples with which a sample is compared: their scatter is the reference.
 const STRETCH: usize = 200;
 /// Least size of a glitch or reset in local robust deviations. A Student's t with 3 degrees of freedom, which fixes
 /// among buildings resemble, exceeds it in one sample of 5000.

@@ -3,7 +3,7 @@
 use super::pieces::{Names, Piece, Stretch};
 use crate::horizontal::{AXES, Horizontal};
 
-/// Channels whose displacements disagree by more than this share do not belong together.
+/// The largest relative difference of the displacements of two channels of one vehicle.
 const MOST_UNEXPLAINED: f64 = 0.5;
 /// A different unit or other axes are suggested if they leave at most this share.
 const EXPLAINED: f64 = 0.2;

@@ -118,7 +118,7 @@ fn second_of(
             let out = averaged(notices);
             (located((second, name), second.updates(), axes, out, notices), None)
         }
-        Second::Velocity(_) => (turned(second, channel_of(flight, &pair.first)?, axes, averaged(notices)), None),
+        Second::Velocity(_) => (in_frame_axes(second, channel_of(flight, &pair.first)?, axes, averaged(notices)), None),
         Second::Acceleration { attitude, .. } => {
             let out = Averaged::new((second, name), most, "the delay", notices);
             let (force, body) = rotated(second, channel_of(flight, attitude)?, axes.origin, out);
@@ -201,7 +201,7 @@ fn located(
 
 /// A velocity in the axes of the frame, so that its integral is a difference of local positions. It is rotated at the
 /// newest fix of `position` that is part of the flight.
-fn turned(velocity: &Channel, position: &Channel, axes: &Axes<'_>, mut out: Averaged<2>) -> Horizontal {
+fn in_frame_axes(velocity: &Channel, position: &Channel, axes: &Axes<'_>, mut out: Averaged<2>) -> Horizontal {
     let frame = axes.frame.filter(|_| position.quantity == Quantity::PositionGeodetic);
     let place = |row: usize| (position.series.timeline().stamps()[row], geodetic(position, row));
     let is_of_flight = |frame: &LocalFrame, place| frame.to_ned(place).iter().all(|x| x.abs() <= FARTHEST_M);

@@ -118,7 +118,7 @@ fn delay_of(
     let known =
         Known { flight, pair, names, prepared: &prepared, compared: &compared, stretches: &stretches, settings };
     let measured = known.measured(coarse, look, notices, finding)?;
-    Ok(if pair.reversed { turned_round(measured) } else { measured })
+    Ok(if pair.reversed { reversed(measured) } else { measured })
 }
 
 /// The second channel, prepared for the comparison with the first.
@@ -462,7 +462,7 @@ fn piece((piece, fits): (&Piece, &[ComponentFit])) -> DelayPiece {
 }
 
 /// The finding of the reversed fit: all delays change sign.
-fn turned_round(mut m: MeasuredDelay) -> MeasuredDelay {
+fn reversed(mut m: MeasuredDelay) -> MeasuredDelay {
     let turn = |e: &mut Estimate| e.value = -e.value;
     let turn_interval = |i: &mut [f64; 2]| *i = [-i[1], -i[0]];
     turn(&mut m.delay_s);

@@ -26,7 +26,7 @@ impl Second {
         }
     }
 
-    /// Its channels, starting with the one whose samples are used.
+    /// The channels. The samples of the first one are used.
     pub(crate) fn channels(&self) -> Vec<&str> {
         match self {
             Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => vec![name],

@@ -65,7 +65,7 @@ impl<'a> Updates<'a> {
         track.delay.seconds() + age
     }
 
-    /// Mean age of the fixes that a track does not know, s.
+    /// Mean age of the fixes that a track does not account for, s.
     pub(crate) fn unknown_age_s(&self, track: &Positions) -> f64 {
         if knows_age(track) || track.is_raw() || self.rows.is_empty() {
             return 0.0;
@@ -105,7 +105,7 @@ impl<'a> Updates<'a> {
     }
 }
 
-/// Whether a compensator knows the age of its fix, and carries it to the row.
+/// Whether a compensator accounts for the age of its fix, and carries it to the row.
 pub(crate) fn knows_age(track: &Positions) -> bool {
     match track.further {
         Some(CompensatorKind::Pade { .. } | CompensatorKind::ExactFir) => false,

@@ -13,7 +13,7 @@ const SEARCHED: usize = 2000;
 /// Blocks of the jackknife. On 400 circuits of 90 s with noise that wanders over 1 s, 95 % intervals held the truth 379
 /// times with ten blocks, 372 times with twenty: blocks must be long compared with the wander.
 const BLOCKS: usize = 10;
-/// A flight whose velocity is steadier than this cannot tell a delay from an offset (design note 4).
+/// A flight with a steadier velocity cannot distinguish a delay from an offset (design note 4).
 const LEAST_MOVING_SHARE: f64 = 0.05;
 /// A delay that is more uncertain is rejected, s.
 const WORST_SIGMA_S: f64 = 0.05;

@@ -237,7 +237,7 @@ fn a_logger_that_writes_whole_seconds_cannot_show_a_shorter_delay() {
 
 #[test]
 fn rows_on_a_regular_clock_are_not_rounded_and_digits_are_limited() {
-    let said = |irregular: bool| {
+    let notice = |irregular: bool| {
         let mut flight = circle(0.3, 60.0, 10.0, 10.0);
         for name in ["position.gps", "velocity.gps"] {
             let old = flight.channels.get_mut(name).unwrap();
@@ -253,7 +253,7 @@ fn rows_on_a_regular_clock_are_not_rounded_and_digits_are_limited() {
         let found = replay(&flight, &settings).unwrap();
         found.notices.iter().find(|n| n.code == "stamps-coarser-than-delay").unwrap().text.clone()
     };
-    let (regular, rounded) = (said(false), said(true));
+    let (regular, rounded) = (notice(false), notice(true));
     assert!(regular.contains("a regular clock") && !regular.contains("rounded"), "{regular}");
     assert!(rounded.contains("rounded to whole steps"), "{rounded}");
     assert!(regular.contains("A step of 0.1 s is no shorter than the delay of 0.050 s"), "{regular}");
@@ -371,9 +371,9 @@ fn a_very_long_record_is_averaged_and_its_errors_stay() {
     let flight = circle(0.4, 60.0, 100.0, 100.0);
     let all = replay(&flight, &settings()).unwrap();
     let averaged = replay(&flight, &Settings { most_samples: 2001, ..settings() }).unwrap();
-    let said: Vec<&str> =
+    let texts: Vec<&str> =
         averaged.notices.iter().filter(|n| n.code == "samples-left-out").map(|n| n.text.as_str()).collect();
-    let [velocity, fixes, reference] = said[..] else { panic!("{said:?}") };
+    let [velocity, fixes, reference] = texts[..] else { panic!("{texts:?}") };
     assert_eq!(velocity, "velocity.gps: 3 neighbouring samples are averaged for the replay, 6001 to 2000");
     assert_eq!(fixes, "position.gps: 2002 of 6001 fixes are replayed, the newest at each velocity sample");
     assert!(reference.starts_with("position.truth: 3 neighbouring samples"), "{reference}");

@@ -479,7 +479,7 @@ fn reshown(
     flight
 }
 
-/// Each fix waits in a queue for an exponential time with mean 80 ms: the mean delay is measured and reported as such.
+/// Each fix waits in a queue for an exponential time with mean 80 ms: the mean delay is measured and reported as the mean.
 #[test]
 fn the_mean_of_a_lopsided_lateness_is_measured() {
     const TRIALS: u64 = 20;
@@ -594,18 +594,18 @@ fn banked(late: f64, bias: [f64; 3], heading: &dyn Fn(f64) -> (f64, f64)) -> Fli
     flight.channels.insert("specific-force.imu".into(), channel(Quantity::SpecificForce, &force));
     let attitude = |k: usize| -> Vec<f64> {
         let (roll_sin, roll_cos) = 0.3_f64.sin_cos();
-        let turned = inertial.iter().map(|t| {
+        let rotated = inertial.iter().map(|t| {
             let (sin, cos) = (0.5 * heading(*t).0).sin_cos();
             [cos * roll_cos, cos * roll_sin, sin * roll_sin, sin * roll_cos][k]
         });
-        turned.collect()
+        rotated.collect()
     };
     let stamps = flight.channels["specific-force.imu"].series.timeline().clone();
-    let mut turned = flight.channels["specific-force.imu"].clone();
-    turned.quantity = Quantity::Attitude;
-    turned.present = vec![true; 4];
-    turned.series = Series::new(stamps, (0..4).map(attitude).collect()).unwrap();
-    flight.channels.insert("attitude.imu".into(), turned);
+    let mut rotated = flight.channels["specific-force.imu"].clone();
+    rotated.quantity = Quantity::Attitude;
+    rotated.present = vec![true; 4];
+    rotated.series = Series::new(stamps, (0..4).map(attitude).collect()).unwrap();
+    flight.channels.insert("attitude.imu".into(), rotated);
     flight
 }
 

@@ -330,7 +330,7 @@ fn errors_are_split_by_axis_direction_speed_and_frequency() {
         let bands = score.bands_rms_m.found().unwrap();
         assert_eq!(bands.len(), scores(&record).bands_hz.len());
         if name == "raw" {
-            // A late position lies behind on the track.
+            // A late position is further back on the track.
             assert!(score.along_m[0].value < -0.8 * score.rms_m.value, "{score:?}");
             let slowest = score.by_speed[0].unwrap().value;
             assert!(score.by_speed[2].unwrap().value > 1.1 * slowest, "{:?}", score.by_speed);

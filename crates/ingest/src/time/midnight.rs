@@ -23,7 +23,7 @@ pub(crate) fn redate_days(stamps: &mut [Option<i64>], days: &[Option<i64>]) -> u
     moved
 }
 
-/// How many days too early the date of each row, timestamp and date, is.
+/// The number of days by which the date of each row is too early. A row is a timestamp and its date.
 fn days_to_add_of(rows: &[(i64, i64)]) -> Vec<i64> {
     let close = |step: i64| (0..=CLOSE_NS).contains(&step);
     let (mut days_to_add, mut before) = (0, None);
