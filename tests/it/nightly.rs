@@ -155,7 +155,7 @@ fn a_flight_keeps_its_result_until_its_log_is_complete_or_emptied() {
     assert_eq!((touched["changes"]["compared"].as_u64(), names(&touched["changes"]["advice"])), (Some(4), vec![]));
     let left = &touched["left"][0];
     assert_eq!(left["path"], "flight-0001.mcap");
-    assert!(left["reason"].as_str().unwrap().ends_with("its result of the last run stays"), "{left}");
+    assert!(left["reason"].as_str().unwrap().ends_with("its result of the last run is kept"), "{left}");
 
     for log in [&logs[0], &binary_path] {
         fs::write(log, "").unwrap();

@@ -29,7 +29,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(crate) const PLAIN: [&str; 2] = ["position.plain", "velocity.plain"];
 
 /// Part of the reason for a table without a time.
-pub(crate) const NO_TIME: &str = "is a time that goes on";
+pub(crate) const NO_TIME: &str = "is a rising time";
 
 /// A guessed map.
 #[derive(Debug)]
@@ -92,12 +92,13 @@ pub(crate) fn has_bare(heads: &[TableHead]) -> bool {
 /// Why tables whose names match nothing are not bound, and what to do about it.
 pub(crate) fn nameless(heads: &[TableHead]) -> String {
     if has_bare(heads) {
-        return "the table has no header; `flightlag maps --suggest LOG` writes a channel map for it if its columns move as a \
-                position and a velocity do"
+        return "the table has no header; `flightlag maps --suggest LOG` writes a channel map if its columns move \
+            like a position and a velocity"
             .to_owned();
     }
-    "no columns are named like a time and a position or a velocity; `flightlag maps --suggest LOG` writes a channel map if \
-     the columns move as a position and a velocity do; else name them in a map, for which `flightlag maps --example` is a start"
+    "no columns are named like a time and a position or a velocity; `flightlag maps --suggest LOG` writes a channel \
+     map if the columns move like a position and a velocity. Otherwise name them in a map; `flightlag maps \
+     --example` is a start"
         .to_owned()
 }
 
@@ -246,8 +247,8 @@ fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(
     bodies.retain(|body| !doubtful.contains(body.topic) || times.iter().any(|(topic, _)| *topic == body.topic));
     let tables: Vec<&str> = doubtful.into_iter().collect();
     Some(format!(
-        "the times of {} each count from their own first row, and nothing shows whether they began together: no delay between \
-         these tables is sure; log them with one clock",
+        "the times of {} each start at the first row of their table, and it is unknown whether these started \
+         together: no delay between these tables is certain; log them with one clock",
         tables.join(" and ")
     ))
 }
@@ -276,8 +277,8 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
             false => "no columns are named like a time and a position or a velocity",
         };
         return Err(format!(
-            "{what}, and no two neighbouring columns move as two others say; name the columns in a channel map, for which \
-             `flightlag maps --example` is a start"
+            "{what}, and no two neighbouring columns move according to two others; name the columns in a channel \
+             map; `flightlag maps --example` is a start"
         ));
     };
     // A neighbour is a height only if a vertical velocity proves it.
@@ -296,8 +297,8 @@ fn without_time(source: &Source<'_>) -> String {
     let known = if all.is_empty() { String::new() } else { format!("{} are recognised, but ", all.join(", ")) };
     match &source.unread_time {
         Some((column, cell)) => format!(
-            "{known}the time {column} of {} begins with {cell:?}, which cannot be read; what can be read is ISO 8601, h:mm:ss, \
-             the day of a year, or a number of s, ms, us or ns that rises",
+            "{known}the time {column} of {} begins with {cell:?}, which cannot be read; a time must be ISO 8601, \
+             h:mm:ss, the day of a year, or a rising number of s, ms, us or ns",
             source.table.topic.name
         ),
         None => format!("{known}no column of {} {NO_TIME}", source.table.topic.name),
@@ -308,7 +309,7 @@ fn without_time(source: &Source<'_>) -> String {
 fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
     if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
         return Some(format!(
-            "the table states the time {path} in {unit:?}, which is not a unit of time that flightlag knows"
+            "the table states the unit {unit:?} for the time {path}, which flightlag does not know as a unit of time"
         ));
     }
     let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
@@ -317,10 +318,7 @@ fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
         let columns = [Some(first), Some(second), third.as_ref()];
         columns.into_iter().flatten().find_map(|column| {
             let unit = column.odd_unit.as_ref()?;
-            Some(format!(
-                "the table states {} in {unit:?}, which is not a unit of it that flightlag knows",
-                column.path
-            ))
+            Some(format!("the table states {} in {unit:?}, which flightlag does not know as a unit of it", column.path))
         })
     })
 }
@@ -332,7 +330,7 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
     let mut order: Vec<(&Source<'_>, &Position)> =
         sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))).collect();
     order.sort_by_key(|(s, p)| (!std::ptr::eq(*s, of), !p.is_geodetic, p.source != velocity.source));
-    let mut why_not = "no position to compare them with".to_owned();
+    let mut why_not = "there is no position to compare them with".to_owned();
     let mut contradicts = false;
     let mut pairs: Vec<Pair<'l>> = vec![];
     for (source, position) in order {
@@ -368,7 +366,7 @@ fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velo
 fn no_common_time(source: &Source<'_>, of: &Source<'_>) -> String {
     match (of.timings.first(), source.timings.first()) {
         (Some(own), Some(other)) if own.clock != other.clock => format!(
-            "the times of {} and {} count different clocks: {} and {}",
+            "the times of {} and {} use different clocks: {} and {}",
             of.table.topic.name, source.table.topic.name, own.clock, other.clock
         ),
         (own, _) => {
@@ -406,7 +404,7 @@ fn with_times<'l>(
         1 => fits.pop().ok_or(why_not),
         _ => {
             let ways: Vec<String> = fits.iter().map(|(_, motion)| motion.timing.entry.clone()).collect();
-            Err(format!("the time may be {}: name its unit in its column", ways.join(" or ")))
+            Err(format!("the time may be {}: state its unit in the name of the column", ways.join(" or ")))
         }
     }
 }
@@ -420,7 +418,7 @@ fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
         return None;
     }
     let third = set.third.as_ref().and_then(|third| Some((third.unit?, side(third)?)));
-    let why = vec!["by its names and stated units alone: no position is there to compare it with".to_owned()];
+    let why = vec!["by names and stated units only: there is no position to compare it with".to_owned()];
     let what =
         Motion { set: set.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
     Some(Found::of(of, timing, what))
@@ -434,24 +432,24 @@ fn unchecked<'l>(
 ) -> Result<Found<'l, Place>, String> {
     let path = &set.first.path;
     if !set.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
-        return Err(format!("{path}: no velocity fits its motion, and its name says that it is not a plain position"));
+        return Err(format!("{path}: no velocity fits its motion, and by its name it is not a plain position"));
     }
     let same = motions.iter().find(|motion| motion.topic == of.table.topic.name).map(|motion| &motion.timing);
     let Some(timing) = same.or(of.timings.first().filter(|timing| timing.is_certain)) else {
-        return Err(format!("{path}: nothing says what the time of its table counts"));
+        return Err(format!("{path}: the unit or clock of the time of its table is unknown"));
     };
     let units: Vec<(Unit, String)> = units_of_place(of.table, set);
     let (unit, why) = match units.as_slice() {
         [one] => one,
         [] => return Err(without_unit(of.table, set)),
-        _ => return Err(format!("{path}: nothing shows whether it is in degrees or radians")),
+        _ => return Err(format!("{path}: may be in degrees or radians; nothing shows which")),
     };
     if !set.is_geodetic && (set.first.unit.is_none() || !says_axes(&set.first)) {
         return Err(format!(
-            "{path}: nothing shows what it counts and where it points; a channel map can say it, see `flightlag maps --example`"
+            "{path}: its unit and direction are unknown; state them in a channel map, see `flightlag maps --example`"
         ));
     }
-    let mut why = vec![why.clone(), "no velocity was found that moves as it does".to_owned()];
+    let mut why = vec![why.clone(), "no velocity was found that fits its motion".to_owned()];
     let third = set.third.as_ref().and_then(|third| unchecked_height(of.table, third, *unit, &mut why));
     let what = Place { set: set.clone(), unit: *unit, third, swapped: false, is_west: false, why };
     Ok(Found::of(of, timing, what))

@@ -102,7 +102,7 @@ fn repairs(log: &Log, said: &[Option<Stamps>]) -> Notices {
         for repair in &stamps.repairs {
             // Timestamps are aligned first with the channels and then with all tables, so that they may have it twice.
             let mut told = Notices::new();
-            let text = format!("stamps in {}: {}", stamps.label, repair.text);
+            let text = format!("timestamps in {}: {}", stamps.label, repair.text);
             told.push(repair.what, table.topic.name.as_str(), repair.count, text);
             notices.extend_unsaid(told);
         }

@@ -53,7 +53,7 @@ impl Of<'_> {
         let columns = || self.set.columns.iter();
         if let Some((column, odd)) = columns().find_map(|column| Some((column, column.odd_unit.as_ref()?))) {
             return Err(format!(
-                "the table states {} in {odd:?}, which is not a unit of it that flightlag knows",
+                "the table states {} in {odd:?}, which flightlag does not know as a unit of it",
                 column.path
             ));
         }

@@ -37,7 +37,7 @@ fn of_timing<'l>(source: &'l Source<'l>, timing: &Timing) -> Vec<All<'l>> {
     places.map(|what| alone(vec![Found::of(source, timing, what)], vec![])).collect()
 }
 
-const JUDGED: &str = "by its names; the motion of the first file decides the axes";
+const JUDGED: &str = "by its names; the motion in the first file decides the axes";
 
 fn motions(set: &Velocity) -> Vec<Motion> {
     let Some(speed) = set.first.unit.or(unit("m/s")) else { return vec![] };

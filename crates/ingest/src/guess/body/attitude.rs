@@ -91,15 +91,15 @@ pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String>
         not_off(of, &ways, flown)?;
         return match units.as_slice() {
             [unit] => Ok(body(*unit, "frd-ned", vec![why_unit, UNCONFIRMED.to_owned()])),
-            _ => Err("nothing shows whether they are in degrees or radians".to_owned()),
+            _ => Err("they may be in degrees or radians; nothing shows which".to_owned()),
         };
     };
     let course = format!(
-        "{} follows the course of the velocity to {best:.3} if it counts {}",
+        "{} agrees with the course of the velocity to {best:.3} if it counts {}",
         of.set.columns[2].path, way.count.words
     );
     let pitch = pitch_side(of, way, flown)?;
-    let why_unit = if units.len() > 1 { format!("{}, as the course says", way.unit) } else { why_unit };
+    let why_unit = if units.len() > 1 { format!("{}, according to the course", way.unit) } else { why_unit };
     Ok(body(way.unit, way.count.frame, vec![why_unit, course, pitch]))
 }
 
@@ -122,13 +122,13 @@ fn followed(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<Option<(
         };
     }
     if way.count.frame.is_empty() {
-        return Err(format!("yaw counts {}, for which a channel map has no frame", way.count.words));
+        return Err(format!("yaw counts {}, and channel maps have no frame for this", way.count.words));
     }
     Ok(Some((best, way)))
 }
 
-const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from north, with the nose up and the right side down, by \
-                           the names alone";
+const UNCONFIRMED: &str = "nothing confirms the yaw: by the names alone it is assumed clockwise from north, pitch \
+    positive nose up, roll positive right side down";
 
 /// Possible units of the angles, with the reason.
 fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
@@ -140,7 +140,7 @@ fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
         };
     }
     match of.largest() {
-        most if most > 361.0 => Err(format!("they reach {most:.0}, which is more than a circle in degrees")),
+        most if most > 361.0 => Err(format!("they reach {most:.0}, more than a full circle in degrees")),
         most if most > TAU + 1e-3 => Ok((vec![unit("deg")?], "their range is that of deg".to_owned())),
         _ => Ok((vec![unit("deg")?, unit("rad")?], "tried as deg and rad".to_owned())),
     }
@@ -192,7 +192,7 @@ fn not_off(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<(), Strin
 /// Checks that pitch has the sign of the frame when the vehicle climbs.
 fn pitch_side(of: &Of<'_>, way: Way, flown: Option<&Flown>) -> Result<String, String> {
     let path = &of.set.columns[1].path;
-    let unknown = || format!("the sign of {path} and {} is by their names alone", of.set.columns[0].path);
+    let unknown = || format!("the signs of {path} and {} are assumed from their names", of.set.columns[0].path);
     let Some(flown) = flown.filter(|flown| flown.has_down) else { return Ok(unknown()) };
     let angles = of.trace(way.unit);
     let pairs = angles.times_s.iter().zip(&angles.values).filter_map(|(t, [_, pitch, _])| {
@@ -205,7 +205,7 @@ fn pitch_side(of: &Of<'_>, way: Way, flown: Option<&Flown>) -> Result<String, St
     match follows * expected {
         agreed if agreed >= 0.5 => Ok(format!("{path} follows the climb to {:.2}", follows.abs())),
         agreed if agreed <= -0.5 => Err(format!(
-            "{path} counts the other way than the frame {} that yaw follows: when the vehicle climbs it goes {}",
+            "{path} has the opposite sign of the frame {} that yaw follows: in a climb it goes {}",
             way.count.frame,
             if follows < 0.0 { "down" } else { "up" }
         )),
