@@ -142,7 +142,7 @@ fn a_campaign_writes_its_delay_as_c_that_compiles_without_warnings() {
     let unknown = campaign(&[]);
     assert_eq!(unknown.status.code(), Some(1), "a lateness relative to the velocity cannot be compensated");
     let why = text(&unknown.stderr);
-    assert!(why.contains("no C was written: how late the position is must be known against the IMU"), "{why}");
+    assert!(why.contains("no C was written: the lateness of the position against the IMU"), "{why}");
     assert!(!folder.path().join("c").exists() && folder.path().join("out/index.html").exists());
 
     let known = campaign(&["--reference", "{stem}.pos"]);

@@ -336,7 +336,7 @@ pub(crate) fn clock_rule_name(rule: campaign::ClockRule) -> &'static str {
 fn delay_s(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(seconds) if seconds <= 0.0 => {
-            Err("must be from 0 to 30 s, and not 0: a compensator removes a positive delay".to_owned())
+            Err("must be above 0 and at most 30 s: a compensator removes a positive delay".to_owned())
         }
         _ => settings::seconds(text, 0.0, 30.0),
     }
@@ -519,7 +519,10 @@ pub(crate) struct TrendArguments {
 fn dimension() -> impl TypedValueParser<Value = Dimension> {
     let names = Dimension::ALL.map(|dimension| PossibleValue::new(dimension.name()).help(dimension.what()));
     PossibleValuesParser::new(names).try_map(|name| {
-        Dimension::ALL.into_iter().find(|dimension| dimension.name() == name).ok_or("not a dimension of a trend")
+        Dimension::ALL.into_iter().find(|dimension| dimension.name() == name).ok_or(
+            "not a property that separates \
+            charts",
+        )
     })
 }
 
