@@ -75,25 +75,25 @@ struct Written {
     /// The delay to remove. Default: the one measured from the flights themselves (`from = "network"`).
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenDelay>"))]
     delay: Option<Spanned<WrittenDelay>>,
-    /// How delays are measured.
+    /// Settings of the measurement of delays.
     #[serde(default)]
     measure: WrittenMeasure,
     /// The sensor of these flights, used to find its card.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenSensor>"))]
     sensor: Option<Spanned<WrittenSensor>>,
-    /// Which channels of a flight are used: the first of each list that the flight has.
+    /// Channels of a flight: the first of each list that the flight has is used.
     #[serde(default)]
     channels: WrittenChannels,
-    /// A second file of each flight, with a reference or a velocity.
+    /// Second file of each flight, with a reference or a velocity.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenReference>"))]
     reference: Option<Spanned<WrittenReference>>,
-    /// How the compensators run.
+    /// Settings of the compensators.
     #[serde(default)]
     replay: WrittenReplay,
-    /// Where channel maps come from.
+    /// Sources of channel maps.
     #[serde(default)]
     maps: WrittenMaps,
-    /// Criteria that flights are judged by.
+    /// Acceptance criteria of flights.
     criteria: Option<WrittenCriteria>,
 }
 
@@ -114,14 +114,14 @@ struct WrittenReference {
     /// extension, `*` matches anything: `{stem}.pos`, `{stem}_*.csv`.
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     file: Spanned<String>,
-    /// How its clock relates to that of the log: `auto` (two files with UTC or GPS time share a clock; for others the
-    /// offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
+    /// Relation of its clock to the clock of the log: `auto` (two files with UTC or GPS time share a clock; for others
+    /// the offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "WrittenClock"))]
     clock: ClockRule,
 }
 
-/// How the clock of a reference file relates to that of the log.
+/// Relation of the clock of a reference file to the clock of the log.
 #[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -140,7 +140,7 @@ struct WrittenMeasure {
     #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 2]>"))]
     search_s: Option<Spanned<[f64; 2]>>,
     /// Distance of the antenna ahead of the point where velocity is measured, m; negative is aft. It shifts the delay
-    /// by about -1/speed per metre. Default: from the log's parameters, else unknown.
+    /// by about -1/speed per metre. Default: from the parameters in the log, otherwise unknown.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -100.0, max = 100.0)))]
     antenna_ahead_m: Option<Spanned<f64>>,
     /// Standard uncertainty of the antenna position, m; it increases that of the delay. Default: 0.
@@ -152,11 +152,11 @@ struct WrittenMeasure {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenDelay {
-    /// Which delay is removed. Default: fixed with `position_s`, card with `card` or `cards`, else network. Fallback
-    /// for a flight without a delay of its own: the card if one is given, then `position_s`, else nothing is removed.
+    /// Delay to remove. Default: fixed with `position_s`, card with `card` or `cards`, otherwise network. Fallback for
+    /// a flight without its own delay: the card if one is given, then `position_s`; otherwise nothing is removed.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenFrom>"))]
     from: Option<Spanned<WrittenFrom>>,
-    /// How late position is against velocity, s; positive means late.
+    /// Lateness of position against velocity, s; positive means late.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 30.0)))]
     position_s: Option<Spanned<f64>>,
     /// With `position_s`: its standard uncertainty (k = 1), s; omit if unknown.
@@ -177,12 +177,12 @@ struct WrittenDelay {
     pin: Option<Spanned<Vec<Pin>>>,
 }
 
-/// Which delay is removed.
+/// Delay to remove.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 enum WrittenFrom {
-    /// How late the position is: the mean of the other flights of its group, else the flight's own delay network.
+    /// Lateness of the position: the mean of the other flights of its group, otherwise the flight's own delay network.
     Network,
     /// `position_s`.
     Fixed,
@@ -286,12 +286,12 @@ struct WrittenChannels {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenReplay {
-    /// What a compensator assumes before its first sample. Default: warm.
+    /// Assumption of a compensator before its first sample. Default: warm.
     start: Option<WrittenStart>,
-    /// Velocity gaps up to this long are bridged, s. Default: two delays, and at least 2.5 velocity intervals.
+    /// Longest velocity gap that is bridged, s. Default: two delays, and at least 2.5 velocity intervals.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0, max = 600.0)))]
     bridge_s: Option<Spanned<f64>>,
-    /// Flights whose ground speed stays below this are not replayed, m/s. Default: 0.5.
+    /// Minimum ground speed, m/s: flights that never exceed it are not replayed. Default: 0.5.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0)))]
     min_speed_mps: Option<Spanned<f64>>,
     /// Length of the zoom on the hardest manoeuvre, s. Default: 20.
@@ -312,7 +312,7 @@ struct WrittenReplay {
     compensators: Option<Vec<Spanned<String>>>,
 }
 
-/// What a compensator assumes before its first sample.
+/// Assumption of a compensator before its first sample.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -339,7 +339,7 @@ impl From<WrittenStart> for StartRule {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenMaps {
-    /// Folder with further channel maps, relative to this file.
+    /// Folder with more channel maps, relative to this file.
     folder: Option<PathBuf>,
     /// Name of the map for every flight; omit to select it by the content of each log.
     force: Option<String>,
@@ -587,7 +587,7 @@ impl Pipeline {
         blake3::hash(toml::to_string(&part).unwrap_or_default().as_bytes()).to_hex().to_string()
     }
 
-    /// How delays are measured.
+    /// Settings of the measurement of delays.
     pub(crate) fn measure_settings(&self) -> FlightDelaySettings {
         let ResolvedMeasure { search_s: [from, to], .. } = self.resolved.measure;
         FlightDelaySettings { search_s: (from, to), ..FlightDelaySettings::default() }

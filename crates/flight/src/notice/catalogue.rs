@@ -117,9 +117,8 @@ catalogue! {
                 "If the topic matters, compare the definition in the log with the software that wrote it. If the topic is unknown, look \
                  for damage before the messages: the record that announces it was probably lost.";
             UnknownRecord, "unknown-record", [Warning, Loss, Info],
-                "Records of an unknown type, message number or format version were skipped. It is a loss where no \
-                 checksum or neighbour confirms the bytes, or where the log states that older readers may misread \
-                 it.",
+                "Records of an unknown type, message number or format version were skipped. It is a loss where nothing \
+                 else confirms the bytes, or where the log states that what was read may be wrong.",
                 "Nothing, if you do not need them. If the log is newer than this release, update flightlag.";
             MapLacks, "map-lacks", [Warning],
                 "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2. \
